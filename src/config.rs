@@ -1,0 +1,450 @@
+//! The configuration file of the controller: TOML, units in the key names, unknown keys refused.
+//!
+//! Every key is documented here once. A value that parses but makes no sense is refused with the key, the value and
+//! the reason; nothing starts on a half-understood configuration.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::{Counts, MAX_MOTORS, Nanos};
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Name of the robot. A model that was calibrated on another robot is refused.
+    pub robot_id: String,
+    /// The control loop.
+    #[serde(default)]
+    pub control: ControlConfig,
+    /// Shared memory.
+    #[serde(default)]
+    pub ipc: IpcConfig,
+    /// What is asked of commands from other processes.
+    #[serde(default)]
+    pub command: CommandConfig,
+    /// Limits on the motion of every motor.
+    #[serde(default)]
+    pub limits: LimitConfig,
+    /// The serial ports, each with the axes behind it.
+    pub ports: Vec<PortConfig>,
+}
+
+/// The control loop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// Ticks per second, 100 to 4000.
+    pub rate_hz: u32,
+    /// How long before each tick to wake and spin, in microseconds, 0 to 500. 0 sleeps to the tick itself.
+    pub spin_us: u32,
+    /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10 less.
+    pub priority: u8,
+    /// The processor to pin the loop to. Absent: not pinned.
+    pub cpu: Option<usize>,
+    /// Lock all memory against paging.
+    pub lock_memory: bool,
+    /// The model file, relative to the folder of this file. Absent: motors can be moved by counts only, for calibration.
+    pub model: Option<PathBuf>,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self { rate_hz: 1000, spin_us: 100, priority: 80, cpu: None, lock_memory: true, model: None }
+    }
+}
+
+impl ControlConfig {
+    /// The length of a tick.
+    #[must_use]
+    pub fn period(&self) -> Nanos {
+        Nanos(1_000_000_000 / u64::from(self.rate_hz.max(1)))
+    }
+}
+
+/// Shared memory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct IpcConfig {
+    /// Name of the domain: controllers and clients meet only inside one. Letters, digits and `-`, at most 32.
+    pub domain: String,
+}
+
+impl Default for IpcConfig {
+    fn default() -> Self {
+        Self { domain: "i2ris".to_owned() }
+    }
+}
+
+/// What is asked of commands from other processes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CommandConfig {
+    /// Age at which a servo command that names no deadline is stale and the robot stops, in milliseconds, 2 to 1000.
+    pub deadline_ms: u64,
+    /// Silence after which the lease of a commander is free for others, in milliseconds.
+    pub lease_ms: u64,
+    /// The largest difference between two servo commands in a row, and between the first and the present pose, in
+    /// degrees.
+    pub step_deg: f64,
+    /// The same for commands in counts.
+    pub step_counts: i32,
+}
+
+impl Default for CommandConfig {
+    fn default() -> Self {
+        Self { deadline_ms: 50, lease_ms: 500, step_deg: 5.0, step_counts: 250 }
+    }
+}
+
+/// Limits on the motion of every motor. The reference is the previous set-point, not the measurement.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitConfig {
+    /// Velocity of the set-point, counts per second.
+    pub velocity_counts_s: f64,
+    /// Acceleration of the set-point while it follows a goal, counts per second squared.
+    pub acceleration_counts_s2: f64,
+    /// Deceleration when it must stop, counts per second squared. Large: a stop from full speed should end within two
+    /// ticks, which is still less than a count or two of travel.
+    pub stop_deceleration_counts_s2: f64,
+    /// Age of the newest position at which the loop stops the motion, in milliseconds.
+    pub feedback_stale_ms: u64,
+    /// Age of the newest position at which the loop goes to FAULT, in milliseconds.
+    pub feedback_lost_ms: u64,
+    /// Largest distance between set-point and encoder, in counts, before FAULT.
+    pub following_error_counts: i32,
+}
+
+impl Default for LimitConfig {
+    fn default() -> Self {
+        Self {
+            velocity_counts_s: 2000.0,
+            acceleration_counts_s2: 40_000.0,
+            stop_deceleration_counts_s2: 1_000_000.0,
+            feedback_stale_ms: 50,
+            feedback_lost_ms: 250,
+            following_error_counts: 300,
+        }
+    }
+}
+
+/// A serial port and the axes behind it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PortConfig {
+    /// The device file.
+    pub device: PathBuf,
+    /// Bits per second.
+    #[serde(default = "default_baud")]
+    pub baud: u32,
+    /// How long to wait for a reply, in milliseconds, 3 to 1000.
+    #[serde(default = "default_reply_timeout_ms")]
+    pub reply_timeout_ms: u64,
+    /// The axes, one drive each.
+    pub axes: Vec<AxisConfig>,
+}
+
+fn default_baud() -> u32 {
+    115_200
+}
+
+fn default_reply_timeout_ms() -> u64 {
+    20
+}
+
+/// One drive and its motor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisConfig {
+    /// Which motor of the model this drive turns, 0 or 1.
+    pub motor: usize,
+    /// CAN node id of the drive, 0 to 127; 0 is the drive that the port belongs to.
+    pub node_id: u8,
+    /// Serial number of the drive (object 0x1018:04), so that swapped cables are refused.
+    pub serial_number: u32,
+    /// Lowest position that the drive and the loop may be asked for, counts.
+    pub position_min_counts: Counts,
+    /// Highest position that the drive and the loop may be asked for, counts.
+    pub position_max_counts: Counts,
+    /// Output current limit of the drive (object 0x3001:02), mA.
+    #[serde(default = "default_current_limit_ma")]
+    pub current_limit_ma: u32,
+    /// Following error window of the drive (object 0x6065), counts.
+    #[serde(default = "default_following_error_counts")]
+    pub following_error_counts: u32,
+    /// Speed limit of the motor in the drive (objects 0x607F and 0x6080), rpm.
+    #[serde(default = "default_motor_speed_rpm")]
+    pub motor_speed_rpm: u32,
+    /// Quick-stop deceleration in the drive (object 0x6085), rpm per second.
+    #[serde(default = "default_quick_stop_rpm_s")]
+    pub quick_stop_rpm_s: u32,
+}
+
+fn default_current_limit_ma() -> u32 {
+    300
+}
+
+fn default_following_error_counts() -> u32 {
+    400
+}
+
+fn default_motor_speed_rpm() -> u32 {
+    3000
+}
+
+fn default_quick_stop_rpm_s() -> u32 {
+    10_000
+}
+
+/// Why a configuration is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file could not be read.
+    #[error("cannot read configuration {path}: {source}; name an existing file with --config")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not TOML, a wrong type, or a key that does not exist.
+    #[error("configuration {path} is not valid: {source}")]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, column and what was expected.
+        source: Box<toml::de::Error>,
+    },
+    /// A value out of its range.
+    #[error("configuration {path}: {key} = {value}: {reason}")]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// The key, with the tables that hold it.
+        key: String,
+        /// What stands there.
+        value: String,
+        /// What is wrong and what would be right.
+        reason: &'static str,
+    },
+}
+
+impl Config {
+    /// Reads and checks a file. The path of the model becomes relative to the folder of the file.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be read, is not TOML of this shape, or holds a value out of range.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let mut config = Self::parse(&text, path)?;
+        if let (Some(model), Some(folder)) = (&mut config.control.model, path.parent()) {
+            *model = folder.join(&*model);
+        }
+        Ok(config)
+    }
+
+    /// Parses and checks the text of a file; `path` is for messages only.
+    ///
+    /// # Errors
+    ///
+    /// When the text is not TOML of this shape or holds a value out of range.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text)
+            .map_err(|source| ConfigError::Parse { path: path.to_owned(), source: Box::new(source) })?;
+        config.check().map_err(|wrong| ConfigError::Value {
+            path: path.to_owned(),
+            key: wrong.key,
+            value: wrong.value,
+            reason: wrong.reason,
+        })?;
+        Ok(config)
+    }
+
+    /// The number of motors.
+    #[must_use]
+    pub fn motors(&self) -> usize {
+        self.axes().count()
+    }
+
+    /// All axes, in the order of the file.
+    pub fn axes(&self) -> impl Iterator<Item = &AxisConfig> {
+        self.ports.iter().flat_map(|port| &port.axes)
+    }
+
+    /// The axis that turns a motor.
+    #[must_use]
+    pub fn axis(&self, motor: usize) -> Option<&AxisConfig> {
+        self.axes().find(|axis| axis.motor == motor)
+    }
+
+    fn check(&self) -> Result<(), WrongValue> {
+        self.check_control()?;
+        self.check_command()?;
+        self.check_limits()?;
+        self.check_ports()
+    }
+
+    fn check_control(&self) -> Result<(), WrongValue> {
+        let control = &self.control;
+        require((100..=4000).contains(&control.rate_hz), "control.rate_hz", control.rate_hz, "must be 100 to 4000")?;
+        require(control.spin_us <= 500, "control.spin_us", control.spin_us, "must be 0 to 500")?;
+        require(control.priority <= 98, "control.priority", control.priority, "must be 0 to 98")?;
+        let domain = &self.ipc.domain;
+        let plain = domain.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+        require(
+            plain && (1..=32).contains(&domain.len()),
+            "ipc.domain",
+            domain,
+            "must be 1 to 32 letters, digits or `-`, because it names files",
+        )
+    }
+
+    fn check_command(&self) -> Result<(), WrongValue> {
+        let command = &self.command;
+        require(
+            (2..=1000).contains(&command.deadline_ms),
+            "command.deadline_ms",
+            command.deadline_ms,
+            "must be 2 to 1000: a robot that no one commands has to stop",
+        )?;
+        require(
+            (command.deadline_ms..=60_000).contains(&command.lease_ms),
+            "command.lease_ms",
+            command.lease_ms,
+            "must be between the deadline and 60000",
+        )?;
+        positive("command.step_deg", command.step_deg)?;
+        require(command.step_counts > 0, "command.step_counts", command.step_counts, "must be above 0")
+    }
+
+    fn check_limits(&self) -> Result<(), WrongValue> {
+        let limits = &self.limits;
+        positive("limits.velocity_counts_s", limits.velocity_counts_s)?;
+        positive("limits.acceleration_counts_s2", limits.acceleration_counts_s2)?;
+        positive("limits.stop_deceleration_counts_s2", limits.stop_deceleration_counts_s2)?;
+        require(
+            limits.stop_deceleration_counts_s2 >= limits.acceleration_counts_s2,
+            "limits.stop_deceleration_counts_s2",
+            limits.stop_deceleration_counts_s2,
+            "must not be below acceleration_counts_s2: a stop may not be weaker than a start",
+        )?;
+        require(limits.feedback_stale_ms > 0, "limits.feedback_stale_ms", limits.feedback_stale_ms, "must be above 0")?;
+        require(
+            limits.feedback_lost_ms > limits.feedback_stale_ms,
+            "limits.feedback_lost_ms",
+            limits.feedback_lost_ms,
+            "must be above feedback_stale_ms",
+        )?;
+        require(
+            limits.following_error_counts > 0,
+            "limits.following_error_counts",
+            limits.following_error_counts,
+            "must be above 0",
+        )
+    }
+
+    fn check_ports(&self) -> Result<(), WrongValue> {
+        let motors = self.motors();
+        require((1..=MAX_MOTORS).contains(&motors), "ports.axes", motors, "there must be 1 or 2 axes in all")?;
+        for (number, port) in self.ports.iter().enumerate() {
+            let key = |name: &str| format!("ports[{number}].{name}");
+            let timeout = port.reply_timeout_ms;
+            require((3..=1000).contains(&timeout), &key("reply_timeout_ms"), timeout, "must be 3 to 1000")?;
+            require((9600..=4_000_000).contains(&port.baud), &key("baud"), port.baud, "must be 9600 to 4000000")?;
+            let twice = self.ports[..number].iter().any(|other| other.device == port.device);
+            require(!twice, &key("device"), port.device.display(), "is named by another port already")?;
+        }
+        for axis in self.axes() {
+            self.check_axis(axis)?;
+        }
+        Ok(())
+    }
+
+    fn check_axis(&self, axis: &AxisConfig) -> Result<(), WrongValue> {
+        let key = |name: &str| format!("ports.axes[motor {}].{name}", axis.motor);
+        let (motors, twice) = (self.motors(), self.axes().filter(|other| other.motor == axis.motor).count() > 1);
+        require(axis.motor < motors, &key("motor"), axis.motor, "motors are numbered from 0 without gaps")?;
+        require(!twice, &key("motor"), axis.motor, "is turned by another axis already")?;
+        require(axis.node_id <= 127, &key("node_id"), axis.node_id, "must be 0 to 127")?;
+        require(
+            axis.position_min_counts < axis.position_max_counts,
+            &key("position_min_counts"),
+            axis.position_min_counts,
+            "must be below position_max_counts",
+        )?;
+        require(axis.current_limit_ma > 0, &key("current_limit_ma"), axis.current_limit_ma, "must be above 0")?;
+        require(axis.motor_speed_rpm > 0, &key("motor_speed_rpm"), axis.motor_speed_rpm, "must be above 0")?;
+        require(axis.quick_stop_rpm_s > 0, &key("quick_stop_rpm_s"), axis.quick_stop_rpm_s, "must be above 0")
+    }
+}
+
+/// A key whose value makes no sense.
+struct WrongValue {
+    key: String,
+    value: String,
+    reason: &'static str,
+}
+
+fn require(right: bool, key: &str, value: impl ToString, reason: &'static str) -> Result<(), WrongValue> {
+    if right { Ok(()) } else { Err(WrongValue { key: key.to_owned(), value: value.to_string(), reason }) }
+}
+
+/// TOML knows `nan` and `inf`, and serde lets them through.
+fn positive(key: &str, value: f64) -> Result<(), WrongValue> {
+    require(value.is_finite() && value > 0.0, key, value, "must be a finite number above 0")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AXIS: &str = r#"
+        robot_id = "test"
+        [[ports]]
+        device = "/dev/null"
+        [[ports.axes]]
+        motor = 0
+        node_id = 0
+        serial_number = 1
+        position_min_counts = -100
+        position_max_counts = 100
+    "#;
+
+    fn error(extra: &str) -> String {
+        Config::parse(&format!("{AXIS}\n{extra}"), Path::new("robot.toml")).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_short_file_gets_the_defaults() {
+        let config = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
+        assert_eq!(config.control, ControlConfig::default());
+        assert_eq!(config.motors(), 1);
+        assert_eq!(config.axis(0).unwrap().current_limit_ma, 300);
+    }
+
+    #[test]
+    fn an_unknown_key_is_named_with_its_line() {
+        let text = error("[control]\nrate_herz = 3");
+        assert!(text.contains("rate_herz") && text.contains("line 13") && text.contains("rate_hz"), "{text}");
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_named_with_the_reason() {
+        assert!(error("[control]\nrate_hz = 7").contains("control.rate_hz = 7: must be 100 to 4000"));
+        assert!(error("[limits]\nvelocity_counts_s = nan").contains("limits.velocity_counts_s = NaN"));
+        assert!(error("[command]\ndeadline_ms = 0").contains("command.deadline_ms"));
+    }
+
+    #[test]
+    fn two_axes_on_one_motor_are_refused() {
+        let text = error(
+            "[[ports]]\ndevice = \"/dev/zero\"\n[[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 2\n\
+             position_min_counts = 0\nposition_max_counts = 1",
+        );
+        assert!(text.contains("turned by another axis"), "{text}");
+    }
+}

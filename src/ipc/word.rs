@@ -1,0 +1,175 @@
+//! The numbers inside the payloads, as enums. A number that no enum knows is refused at the edge.
+
+use crate::drive::AxisPhase;
+
+/// Declares an enum with fixed numbers, the way back from a number, and a name for people.
+macro_rules! words {
+    ($(#[$meta:meta])* $name:ident { $($(#[$vmeta:meta])* $variant:ident = $number:literal, $text:literal;)* }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[repr(u32)]
+        pub enum $name {
+            $($(#[$vmeta])* $variant = $number,)*
+        }
+
+        impl $name {
+            /// Every value, in the order of the numbers.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
+
+            /// The value with this number.
+            #[must_use]
+            pub fn from_number(number: u32) -> Option<Self> {
+                Self::ALL.iter().copied().find(|value| *value as u32 == number)
+            }
+
+            /// The number that payloads carry.
+            #[must_use]
+            pub const fn number(self) -> u32 {
+                self as u32
+            }
+
+            /// What people read.
+            #[must_use]
+            pub const fn text(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)*
+                }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.text())
+            }
+        }
+    };
+}
+
+words! {
+    /// States of the robot (CRTK).
+    OperatingState {
+        /// Drives are off. The snake is limp within its friction.
+        Disabled = 0, "DISABLED";
+        /// Drives are on and servo commands are followed.
+        Enabled = 1, "ENABLED";
+        /// Drives are on and hold their position; servo commands are refused.
+        Paused = 2, "PAUSED";
+        /// Something failed. The robot holds or is off, whichever is possible. Latched until acknowledged.
+        Fault = 3, "FAULT";
+    }
+}
+
+words! {
+    /// Commands that change the state.
+    StateCommand {
+        /// DISABLED or acknowledged FAULT to ENABLED: targets preloaded, drives on. The robot holds.
+        Enable = 1, "enable";
+        /// Any state to DISABLED: decelerate, hold, power off in order.
+        Disable = 2, "disable";
+        /// ENABLED to PAUSED: decelerate and hold.
+        Pause = 3, "pause";
+        /// PAUSED to ENABLED: servo commands are taken again, from where the snake is.
+        Resume = 4, "resume";
+        /// Here is zero: homing method 37 on every drive. From DISABLED only.
+        Home = 5, "home";
+        /// Forget the zero. From DISABLED only.
+        Unhome = 6, "unhome";
+        /// A decaying stroke that wipes the hysteresis memory.
+        Condition = 7, "condition";
+        /// The operator has seen the fault: reset the drives, FAULT to DISABLED once the cause is gone.
+        Acknowledge = 8, "acknowledge";
+        /// Give the lease back.
+        Release = 9, "release";
+    }
+}
+
+words! {
+    /// Why a command is refused. Refused commands change nothing.
+    Refusal {
+        /// Not refused.
+        None = 0, "accepted";
+        /// A number that is not finite.
+        NotFinite = 1, "a value is not finite";
+        /// Older than its deadline when it was read.
+        Stale = 2, "stale: the command was older than its deadline when it arrived";
+        /// Too far from the command before, or from the present pose.
+        Step = 3, "step too large: commands may move only a little at a time";
+        /// Someone else commands.
+        Lease = 4, "another client holds the lease";
+        /// Not in state ENABLED.
+        NotEnabled = 5, "not enabled";
+        /// An axis does not know its zero.
+        NotHomed = 6, "not homed: an axis does not know its zero";
+        /// Angles were asked for, but no model is loaded.
+        NoModel = 7, "no model is loaded";
+        /// Wrong number of entries, or a number that no enum knows.
+        Malformed = 8, "malformed command";
+        /// Outside the position limits of an axis.
+        Range = 9, "outside the position limits";
+        /// The state does not allow this command.
+        State = 10, "not allowed in this state";
+        /// A former change of state is under way.
+        Busy = 11, "busy: a former command is being carried out";
+        /// The cause of the fault is still there.
+        CausePersists = 12, "the cause of the fault is still there";
+        /// Sequence number not above the one before.
+        Sequence = 13, "sequence number did not rise";
+        /// Known, but this controller cannot do it.
+        Unsupported = 14, "not supported by this controller";
+        /// Deadline longer than allowed, or stamp in the future.
+        Stamp = 15, "stamp in the future or deadline too long";
+        /// Drives are not ready: still starting, or lost.
+        DrivesNotReady = 16, "the drives are not ready";
+    }
+}
+
+words! {
+    /// What led to FAULT.
+    Fault {
+        /// No fault yet.
+        None = 0, "none";
+        /// A drive reports an error; see its error code.
+        Drive = 1, "a drive reports an error";
+        /// A drive does not answer.
+        Link = 2, "a drive does not answer";
+        /// Set-point and encoder are too far apart.
+        FollowingError = 3, "set-point and encoder are too far apart";
+        /// A drive left the enabled state by itself.
+        DriveState = 4, "a drive left the enabled state by itself";
+        /// A drive could not be brought to the demanded state in time.
+        DriveTimeout = 5, "a drive did not reach the demanded state in time";
+        /// Homing ended without a zero.
+        Homing = 6, "homing failed";
+        /// Internal: the model gave a value that is not finite.
+        Model = 7, "the model gave a value that is not finite";
+    }
+}
+
+/// The number of a drive phase in [`crate::ipc::payload::ActuatorState::phase`].
+#[must_use]
+pub const fn axis_phase(phase: AxisPhase) -> u8 {
+    match phase {
+        AxisPhase::Starting => 0,
+        AxisPhase::Disabled => 1,
+        AxisPhase::Enabling => 2,
+        AxisPhase::Enabled => 3,
+        AxisPhase::Homing => 4,
+        AxisPhase::QuickStopped => 5,
+        AxisPhase::Disabling => 6,
+        AxisPhase::Faulted => 7,
+        AxisPhase::Lost => 8,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_lead_back_to_their_words() {
+        for command in StateCommand::ALL {
+            assert_eq!(StateCommand::from_number(command.number()), Some(*command));
+        }
+        assert_eq!(StateCommand::from_number(99), None);
+    }
+}

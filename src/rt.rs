@@ -1,0 +1,1 @@
+//! Real-time scheduling: asking for it and reading back what was granted.

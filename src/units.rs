@@ -1,0 +1,119 @@
+//! Units that the type carries, and the sizes of the robot.
+//!
+//! Angles are `f64` radians in code and on shared memory, degrees in files and on screens; the name says which
+//! (`_rad`, `_deg`). Counts and times have types of their own because mixing them up moves a robot.
+
+use std::fmt;
+use std::ops::{Add, Sub};
+
+use serde::{Deserialize, Serialize};
+
+/// The most motors that one robot can have.
+pub const MAX_MOTORS: usize = 2;
+
+/// The most outputs that one model can have: pitch and yaw, or the tip position x, y, z.
+pub const MAX_OUTPUTS: usize = 3;
+
+/// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors are 0.
+pub type MotorVec = [f64; MAX_MOTORS];
+
+/// One value per output, in radians for angles. Entries beyond the model's number of outputs are 0.
+pub type OutputVec = [f64; MAX_OUTPUTS];
+
+/// Encoder position of one motor, in quadrature counts as the drive reports them (object 0x6064).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Counts(pub i32);
+
+impl Counts {
+    /// Rounds to the nearest count, halves away from zero. Not finite or out of the drive's range gives `None`: a
+    /// count never wraps.
+    #[must_use]
+    pub fn from_f64(counts: f64) -> Option<Self> {
+        let rounded = counts.round();
+        (rounded >= f64::from(i32::MIN) && rounded <= f64::from(i32::MAX)).then_some(Self(rounded as i32))
+    }
+
+    /// The same position as a real number of counts.
+    #[must_use]
+    pub fn as_f64(self) -> f64 {
+        f64::from(self.0)
+    }
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// An instant or a span on the monotonic clock, in nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Nanos(pub u64);
+
+impl Nanos {
+    /// Nothing, or the start of the clock.
+    pub const ZERO: Self = Self(0);
+
+    /// A span of whole milliseconds.
+    #[must_use]
+    pub const fn from_millis(milliseconds: u64) -> Self {
+        Self(milliseconds * 1_000_000)
+    }
+
+    /// A span of whole microseconds.
+    #[must_use]
+    pub const fn from_micros(microseconds: u64) -> Self {
+        Self(microseconds * 1_000)
+    }
+
+    /// The span since `earlier`, or zero if `earlier` is later: a stamp from another thread may be newer than `self`.
+    #[must_use]
+    pub const fn since(self, earlier: Self) -> Self {
+        Self(self.0.saturating_sub(earlier.0))
+    }
+
+    /// Seconds.
+    #[must_use]
+    pub fn as_seconds(self) -> f64 {
+        self.0 as f64 * 1e-9
+    }
+}
+
+impl Add for Nanos {
+    type Output = Self;
+
+    fn add(self, span: Self) -> Self {
+        Self(self.0.saturating_add(span.0))
+    }
+}
+
+impl Sub for Nanos {
+    type Output = Self;
+
+    fn sub(self, earlier: Self) -> Self {
+        self.since(earlier)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_round_to_the_nearest_and_never_wrap() {
+        assert_eq!(Counts::from_f64(-2.5), Some(Counts(-3)));
+        assert_eq!(Counts::from_f64(2.49), Some(Counts(2)));
+        assert_eq!(Counts::from_f64(2_147_483_647.0), Some(Counts(i32::MAX)));
+        assert_eq!(Counts::from_f64(2_147_483_648.0), None);
+        assert_eq!(Counts::from_f64(f64::NAN), None);
+        assert_eq!(Counts::from_f64(f64::NEG_INFINITY), None);
+    }
+
+    #[test]
+    fn a_span_is_never_negative() {
+        assert_eq!(Nanos(5).since(Nanos(9)), Nanos::ZERO);
+        assert_eq!(Nanos(9) - Nanos(5), Nanos(4));
+    }
+}

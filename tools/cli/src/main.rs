@@ -1,0 +1,2 @@
+//! The command line of i2ris.
+fn main() {}
