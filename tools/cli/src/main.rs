@@ -1,2 +1,57 @@
 //! The command line of i2ris.
-fn main() {}
+//!
+//! One file per subcommand: its arguments, and `run`. What they do lives in the libraries; here is what a person sees.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints")]
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+mod calibrate;
+mod command;
+mod demo;
+mod emulate;
+mod monitor;
+
+/// Whatever ends a subcommand: one sentence for a person.
+type Failure = Box<dyn std::error::Error>;
+
+/// Calibrate, emulate, command and watch the I2RIS snake robot.
+#[derive(Debug, Parser)]
+#[command(name = "i2ris", version, propagate_version = true, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Fit a model to a recording
+    #[command(subcommand)]
+    Calibrate(calibrate::Command),
+    /// Run two emulated drives with a snake behind them
+    Emulate(emulate::Arguments),
+    /// Command the robot
+    Command(command::Arguments),
+    /// Watch the robot
+    Monitor(monitor::Arguments),
+    /// Show the whole path on the emulator: calibrate, fit, follow, measure
+    Demo(demo::Arguments),
+}
+
+fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Calibrate(command) => calibrate::run(command),
+        Command::Emulate(arguments) => emulate::run(arguments),
+        Command::Command(arguments) => command::run(arguments),
+        Command::Monitor(arguments) => monitor::run(arguments),
+        Command::Demo(arguments) => demo::run(arguments),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
