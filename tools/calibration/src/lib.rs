@@ -1,1 +1,4 @@
 //! Calibration.
+pub mod em;
+pub mod progress;
+pub mod table;
