@@ -20,7 +20,7 @@
 //! | `linear` | affine least squares |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
 //! | `estimate` | what a model answers |
-//! | `hull`, `polygon` | convex region of motor space |
+//! | `hull`, `polygon`, `plane` | convex region of motor space, and the geometry for it |
 //! | `inverse` | damped Newton inside the hull |
 //! | `round_trip` | the proof that the inverse of a model leads back |
 
@@ -33,6 +33,7 @@ mod gmr;
 mod hull;
 mod inverse;
 mod linear;
+mod plane;
 mod polygon;
 mod regression;
 mod round_trip;
