@@ -178,15 +178,18 @@ impl Hull {
                     return Minimum { counts: free, excess: 0.0 };
                 }
                 let excess = edges.iter().map(|edge| edge.excess(free)).fold(f64::NEG_INFINITY, f64::max);
-                let counts = if excess <= 0.0 { free } else { self.minimise_on(edges, quadratic, from) };
+                let counts = if excess <= 0.0 { free } else { self.minimise_on(edges, quadratic, from, free) };
                 Minimum { counts, excess }
             }
         }
     }
 
-    fn minimise_on(&self, edges: &[Edge], quadratic: &Quadratic, from: MotorVec) -> MotorVec {
+    /// The least of the minima along the sides that `free` lies beyond; those it lies behind cannot hold it. For at the
+    /// constrained minimum `x` the gradient `H (x - free)` is minus a sum of outward normals of the active sides, `-n`,
+    /// so `n . (free - x) = n . H^-1 n > 0`: `free` lies beyond at least one of them.
+    fn minimise_on(&self, edges: &[Edge], quadratic: &Quadratic, from: MotorVec, free: MotorVec) -> MotorVec {
         let mut best = (f64::INFINITY, self.centre);
-        for edge in edges {
+        for edge in edges.iter().filter(|edge| edge.excess(free) > 0.0) {
             let counts = edge.minimum(quadratic, from);
             let value = quadratic.value(subtract(counts, from));
             if value < best.0 {
@@ -235,6 +238,7 @@ fn checked_corners(parameters: &HullParameters, motors: usize) -> Result<Vec<Mot
     let key = || "hull.corners".to_owned();
     let given = &parameters.corners;
     let count = given.len();
+    require((1..=MAX_MOTORS).contains(&motors), key, format!("for {motors} motors"), "there must be 1 or 2")?;
     match motors {
         1 => require(count == 2, key, format!("{count} corners"), "one motor takes 2: lowest and highest count")?,
         _ => require(

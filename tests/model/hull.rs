@@ -80,6 +80,7 @@ fn positions_that_span_nothing_are_refused() {
     let line: Vec<_> = (0..20).map(|i| [f64::from(i), 2.0 * f64::from(i)]).collect();
     assert!(Hull::from_points(2, &line).unwrap_err().to_string().contains("record motion of every motor"));
     assert!(Hull::from_points(2, &[]).is_err());
+    assert!(Hull::from_points(3, &[[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]]).is_err());
     assert!(Hull::from_points(1, &[[4.0, 0.0]; 9]).is_err());
     assert!(Hull::from_points(2, &[[0.0, 0.0], [1.0, f64::NAN]]).unwrap_err().to_string().contains("position 1"));
 }

@@ -66,3 +66,9 @@ fn three_outputs_of_two_motors_get_the_least_squares_answer() {
     assert!((inverse.counts[0] - 100.0).abs() < 0.01 && (inverse.counts[1] - 150.0).abs() < 0.01, "{inverse:?}");
     assert!(!inverse.clipped && (inverse.residual - 3.0_f64.sqrt() * DEG).abs() < 1e-9);
 }
+
+#[test]
+fn a_model_can_be_shared_between_threads() {
+    fn shared<T: Send + Sync + 'static>(_: &T) {}
+    shared(&model());
+}
