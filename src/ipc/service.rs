@@ -136,3 +136,15 @@ where
         .create()
         .map_err(transport("create", name))
 }
+/// A client's side of a request.
+pub(super) fn open_request<S, Q, R>(
+    node: &Node<S>,
+    name: &'static str,
+) -> Result<request_response::PortFactory<S, Q, (), R, ()>, Transport>
+where
+    S: Service,
+    Q: ZeroCopySend + fmt::Debug,
+    R: ZeroCopySend + fmt::Debug,
+{
+    node.service_builder(&service_name(name)?).request_response::<Q, R>().open().map_err(transport("open", name))
+}

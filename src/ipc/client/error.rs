@@ -1,11 +1,10 @@
 //! What can go wrong for a client.
 
-use std::time::Duration;
-
 use crate::ipc::domain::DomainError;
 use crate::ipc::ready::INTERFACE_VERSION;
 use crate::ipc::service::Transport;
 use crate::ipc::word::{OperatingState, Refusal, StateCommand};
+use crate::units::Nanos;
 
 /// What can go wrong for a client.
 #[derive(Debug, thiserror::Error)]
@@ -51,12 +50,12 @@ pub enum ClientError {
         state: Option<OperatingState>,
     },
     /// The controller is there but did not answer.
-    #[error("the controller did not answer `{request}` within {} ms; look at its log", .waited.as_millis())]
+    #[error("the controller did not answer `{request}` within {} ms; look at its log", .waited.0 / 1_000_000)]
     NoReply {
         /// What was asked.
         request: &'static str,
         /// How long was waited.
-        waited: Duration,
+        waited: Nanos,
     },
     /// The controller answered with something that this program does not know.
     #[error("the controller answered `{request}` with {number}, which this program does not know")]
@@ -67,10 +66,10 @@ pub enum ClientError {
         number: u32,
     },
     /// What was waited for did not happen.
-    #[error("waited {} ms for the controller in vain", .waited.as_millis())]
+    #[error("waited {} ms for the controller in vain", .waited.0 / 1_000_000)]
     Timeout {
         /// How long was waited.
-        waited: Duration,
+        waited: Nanos,
     },
 }
 

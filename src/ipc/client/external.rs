@@ -5,12 +5,13 @@ use std::sync::Arc;
 use iceoryx2::port::publisher::Publisher;
 
 use super::ClientError;
-use super::link::{Flavour, Link, Port, Session};
+use super::commander::{open, padded, send};
+use super::link::{Flavour, Link, Port};
 use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::ExternalPosition;
-use crate::ipc::service::{self, Transport, transport};
-use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
+use crate::ipc::service;
+use crate::units::{Nanos, OutputVec};
 
 /// Publishes `external/measured_jp`.
 ///
@@ -67,25 +68,8 @@ impl ExternalPublisher {
 
     fn send(&mut self, message: ExternalPosition) -> Result<(), ClientError> {
         self.sequence += 1;
-        let publisher = self.port.get(&self.link, clock::now(), open)?;
+        let publisher = self.port.get(&self.link, clock::now(), |session| open(session, service::EXTERNAL))?;
         let message = ExternalPosition { sequence: self.sequence, ..message };
-        let receivers = publisher.send_copy(message).map_err(transport("send", service::EXTERNAL.name))?;
-        // The controller subscribes before it announces itself, so nobody listens only once it is gone.
-        if receivers == 0 { Err(self.link.no_controller()) } else { Ok(()) }
+        send(publisher, message, &self.link, service::EXTERNAL)
     }
-}
-
-fn open(session: &Session) -> Result<Publisher<Flavour, ExternalPosition, ()>, Transport> {
-    let factory = service::EXTERNAL.open::<Flavour, ExternalPosition>(&session.node)?;
-    factory.publisher_builder().create().map_err(transport("publish", service::EXTERNAL.name))
-}
-
-/// The values in the fixed array of a payload, and how many they are.
-pub(super) fn padded(values: &[f64]) -> Result<(OutputVec, u32), ClientError> {
-    let mut array = OutputVec::default();
-    match array.get_mut(..values.len()) {
-        Some(entries) if !values.is_empty() => entries.copy_from_slice(values),
-        _ => return Err(ClientError::Count { given: values.len(), limit: MAX_OUTPUTS }),
-    }
-    Ok((array, values.len() as u32))
 }

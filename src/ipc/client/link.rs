@@ -4,13 +4,15 @@
 //! past. The link looks at the announcement every few milliseconds and gives out a new session when the boot id
 //! changed; ports that belong to an old session are opened anew.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc_threadsafe;
 
 use super::ClientError;
 use crate::ipc::domain::Domain;
+use crate::ipc::identity::random_id;
 use crate::ipc::ready::{INTERFACE_VERSION, Ready};
 use crate::ipc::service::{Transport, create_node};
 use crate::units::Nanos;
@@ -32,6 +34,8 @@ pub(super) struct Session {
 #[derive(Debug)]
 pub(super) struct Link {
     domain: Domain,
+    client_id: u64,
+    sequence: AtomicU64,
     state: Mutex<State>,
 }
 
@@ -45,12 +49,26 @@ struct State {
 
 impl Link {
     pub fn new(domain: &Domain) -> Arc<Self> {
-        Arc::new(Self { domain: domain.clone(), state: Mutex::default() })
+        Arc::new(Self {
+            domain: domain.clone(),
+            client_id: random_id(),
+            sequence: AtomicU64::new(0),
+            state: Mutex::default(),
+        })
+    }
+
+    pub fn client_id(&self) -> u64 {
+        self.client_id
+    }
+
+    /// Numbers the commands of this client, whichever stream they go to.
+    pub fn next_sequence(&self) -> u64 {
+        self.sequence.fetch_add(1, Ordering::Relaxed) + 1
     }
 
     /// The present session.
     pub fn session(&self, now: Nanos) -> Result<Arc<Session>, ClientError> {
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.lock();
         if now >= state.next_probe {
             state.next_probe = now + PROBE_PERIOD;
             state.probe(&self.domain)?;
@@ -62,7 +80,17 @@ impl Link {
         }
     }
 
-    pub fn no_controller(&self) -> ClientError {
+    /// To be called when nobody listened: looks anew at the next chance.
+    pub fn lost(&self) -> ClientError {
+        self.lock().next_probe = Nanos::ZERO;
+        self.no_controller()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn no_controller(&self) -> ClientError {
         ClientError::NoController { domain: self.domain.name().to_owned() }
     }
 }
@@ -87,13 +115,13 @@ impl State {
 #[derive(Debug)]
 pub(super) struct Port<P> {
     opened: Option<(Arc<Session>, P)>,
-    /// A port that could not be opened is not tried again before.
-    next_try: Nanos,
+    /// Why the last try failed, and when the next one is due: trying costs up to a millisecond.
+    failed: Option<(Transport, Nanos)>,
 }
 
 impl<P> Default for Port<P> {
     fn default() -> Self {
-        Self { opened: None, next_try: Nanos::ZERO }
+        Self { opened: None, failed: None }
     }
 }
 
@@ -106,19 +134,30 @@ impl<P> Port<P> {
         open: impl FnOnce(&Session) -> Result<P, Transport>,
     ) -> Result<&P, ClientError> {
         let session = link.session(now).inspect_err(|_| self.opened = None)?;
-        if self.opened.as_ref().is_some_and(|(old, _)| !Arc::ptr_eq(old, &session)) {
-            self.opened = None;
-            self.next_try = Nanos::ZERO;
-        }
-        let opened = match self.opened.take() {
+        let opened = match self.opened.take().filter(|(old, _)| Arc::ptr_eq(old, &session)) {
             Some(opened) => opened,
-            None if now < self.next_try => return Err(link.no_controller()),
-            None => {
-                self.next_try = now + PROBE_PERIOD;
-                let port = open(&session)?;
-                (session, port)
-            }
+            None => (Arc::clone(&session), self.open(&session, now, open)?),
         };
         Ok(&self.opened.insert(opened).1)
+    }
+
+    fn open(
+        &mut self,
+        session: &Session,
+        now: Nanos,
+        open: impl FnOnce(&Session) -> Result<P, Transport>,
+    ) -> Result<P, Transport> {
+        match self.failed.take() {
+            Some((reason, next_try)) if now < next_try => {
+                self.failed = Some((reason.clone(), next_try));
+                Err(reason)
+            }
+            _ => open(session).inspect_err(|reason| self.failed = Some((reason.clone(), now + PROBE_PERIOD))),
+        }
+    }
+
+    /// Towards which start of the controller the port is open.
+    pub fn boot_id(&self) -> Option<u64> {
+        self.opened.as_ref().map(|(session, _)| session.ready.boot_id)
     }
 }
