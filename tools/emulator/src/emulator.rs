@@ -7,6 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
 use nix::sys::prctl;
@@ -189,6 +191,23 @@ impl Emulator {
                     sink(picture);
                 }
                 clock::sleep_until(camera.next().min(clock::now() + Nanos::from_millis(50)));
+            }
+        })
+    }
+
+    /// Starts the camera and publishes its pictures to the controller of a domain, whenever there is one: a controller
+    /// may come later, go, and come back.
+    ///
+    /// # Errors
+    ///
+    /// When there is no thread to be had.
+    pub fn publish_camera(&mut self, domain: &Domain) -> Result<(), EmulatorError> {
+        let mut publisher = ExternalPublisher::new(domain);
+        self.start_camera(move || {
+            move |picture: ExternalPosition| {
+                let (stamp, count) = (Nanos(picture.stamp_ns), picture.count as usize);
+                // Without a controller a picture is lost, as it is when no one watches a camera.
+                let _ = publisher.publish(stamp, &picture.position[..count], &picture.deviation[..count]);
             }
         })
     }

@@ -6,19 +6,22 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `config` | what can be set about a drive |
 //! | `object` | the table of objects |
 //! | `dictionary` | their values, and the checks on access |
 //! | `state` | the CiA 402 state machine |
 //! | `control` | what a controlword sets in motion, and faults |
-//! | `motion` | the modes of operation from step to step |
+//! | `mode`, `motion` | the modes of operation, and what they do from step to step |
 //! | `profile`, `motor` | the moving demand, and the motor that follows it |
 //! | `status` | statusword and all other objects that are computed when they are read |
 //! | `service` | opcodes: from a request to its reply |
 //! | `code` | numbers of answers and faults |
 
 mod code;
+mod config;
 mod control;
 mod dictionary;
+mod mode;
 mod motion;
 mod motor;
 mod object;
@@ -30,9 +33,10 @@ mod status;
 mod tests;
 
 use i2ris::units::Nanos;
-use serde::{Deserialize, Serialize};
 
 pub use code::{Abort, Fault, Reaction};
+pub use config::DriveConfig;
+pub use mode::Mode;
 pub use motor::{Motor, MotorConfig};
 pub use service::Answer;
 pub use state::State;
@@ -42,102 +46,6 @@ use dictionary::Dictionary;
 use motion::Task;
 use profile::Demand;
 use service::Transfer;
-
-/// One drive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DriveConfig {
-    /// CAN node id (object 0x2000). It also answers to 0.
-    pub node_id: u8,
-    /// Serial number (objects 0x1018:04 and 0x2100:01).
-    pub serial_number: u32,
-    /// The motor.
-    pub motor: MotorConfig,
-    /// How long it is deaf after a reset or power-up, milliseconds.
-    pub boot_ms: u64,
-    /// A fault that is there after every boot, such as 0x8120 when no CAN bus is connected.
-    pub boot_fault: Option<u16>,
-    /// Data words of an error reply to a read, 2 or 4: maxon does not say which it is.
-    pub error_reply_words: u8,
-    /// Fill the unused upper bytes of short values with rubbish, as first-generation drives do.
-    pub rubbish: bool,
-    /// The most bytes in one segment of a segmented read, 1 to 255.
-    pub segment_bytes: u8,
-    /// Time after which a request to another node is given up, milliseconds.
-    pub gateway_timeout_ms: u64,
-    /// Whether interpolation (0x60C2:01 above 0) wants set-points in time over a serial line too: fault 0x8250.
-    pub interpolation_timeout: bool,
-}
-
-impl Default for DriveConfig {
-    fn default() -> Self {
-        Self {
-            node_id: 1,
-            serial_number: 62_000_001,
-            motor: MotorConfig::default(),
-            boot_ms: 300,
-            boot_fault: None,
-            error_reply_words: 2,
-            rubbish: true,
-            segment_bytes: 255,
-            gateway_timeout_ms: 100,
-            interpolation_timeout: true,
-        }
-    }
-}
-
-/// Modes of operation (object 0x6060).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// Profile position.
-    ProfilePosition = 1,
-    /// Profile velocity.
-    ProfileVelocity = 3,
-    /// Homing.
-    Homing = 6,
-    /// Cyclic synchronous position.
-    CyclicPosition = 8,
-    /// Cyclic synchronous velocity.
-    CyclicVelocity = 9,
-    /// Cyclic synchronous torque.
-    CyclicTorque = 10,
-}
-
-impl Mode {
-    const ALL: [Self; 6] = [
-        Self::ProfilePosition,
-        Self::ProfileVelocity,
-        Self::Homing,
-        Self::CyclicPosition,
-        Self::CyclicVelocity,
-        Self::CyclicTorque,
-    ];
-
-    /// The mode with this number, if the EPOS4 has it.
-    #[must_use]
-    pub fn from_number(number: i64) -> Option<Self> {
-        Self::ALL.into_iter().find(|mode| i64::from(mode.number()) == number)
-    }
-
-    /// Its number.
-    #[must_use]
-    pub const fn number(self) -> i8 {
-        self as i8
-    }
-
-    /// What maxon calls it.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ProfilePosition => "PPM",
-            Self::ProfileVelocity => "PVM",
-            Self::Homing => "HMM",
-            Self::CyclicPosition => "CSP",
-            Self::CyclicVelocity => "CSV",
-            Self::CyclicTorque => "CST",
-        }
-    }
-}
 
 /// How homing went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -157,4 +157,4 @@ impl Snake {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -9,7 +9,7 @@ use super::*;
 
 const SNAKES: [&str; 3] = ["steel", "brass", "multi"];
 
-pub(super) fn config(name: &str) -> SnakeConfig {
+pub(crate) fn config(name: &str) -> SnakeConfig {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes");
     SnakeConfig::load(&folder.join(format!("{name}.toml"))).unwrap()
 }
