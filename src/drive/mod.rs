@@ -10,6 +10,8 @@
 //! | `epos4` | requests and replies of the EPOS4, sans I/O |
 //! | `port` | the thread that owns a serial port |
 
+pub mod frame;
+
 use crate::units::{Counts, Nanos};
 
 /// What the control loop wants of one drive. The newest request replaces the former ones; nothing queues.
