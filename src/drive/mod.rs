@@ -10,7 +10,12 @@
 //! | `epos4` | requests and replies of the EPOS4, sans I/O |
 //! | `port` | the thread that owns a serial port |
 
+pub mod cia402;
+pub mod epos4;
+pub mod family;
 pub mod frame;
+pub mod object;
+pub mod request;
 
 use crate::units::{Counts, Nanos};
 
