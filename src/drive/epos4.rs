@@ -47,6 +47,8 @@ static PARTS: Parts = Parts {
     homing_method: object::HOMING_METHOD,
     home_is_here: 37,
     target: object::TARGET,
+    position_min: object::POSITION_MIN,
+    position_max: object::POSITION_MAX,
     position: object::POSITION,
     error_code: object::ERROR_CODE,
     current: object::CURRENT,

@@ -101,6 +101,10 @@ pub struct Parts {
     pub home_is_here: i8,
     /// Set-point in `streaming_mode`, counts.
     pub target: Object<i32>,
+    /// Lowest position that the drive goes to, counts; one of [`Drive::settings`].
+    pub position_min: Object<i32>,
+    /// Highest position that the drive goes to, counts; one of [`Drive::settings`].
+    pub position_max: Object<i32>,
     /// Encoder position, counts.
     pub position: Object<i32>,
     /// The last error.
