@@ -6,10 +6,6 @@ use crate::config::{AxisConfig, Config};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
 use crate::units::{Counts, Nanos};
 
-/// How far outside its position limits a motor may stand and still be enabled, counts: where noise and the play of the
-/// gear may leave a motor that was sent to its limit. From there it only moves inwards.
-const RANGE_MARGIN: i64 = 5;
-
 /// Who decides where the set-point is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Grip {
@@ -77,10 +73,10 @@ impl Axis {
         self.feedback.homed && self.feedback.homings >= self.zero_from
     }
 
-    /// The motor stands within its position limits, or as good as.
+    /// The motor stands within its position limits. Outside of them a drive cannot be enabled on the spot: it would cut
+    /// its target to its own limits, which is a jump.
     pub fn in_range(&self) -> bool {
-        let position = i64::from(self.feedback.position.0);
-        (i64::from(self.lowest.0) - RANGE_MARGIN..=i64::from(self.highest.0) + RANGE_MARGIN).contains(&position)
+        self.allows(self.feedback.position)
     }
 
     /// A position that may be asked for.

@@ -150,19 +150,18 @@ impl Cycle {
 
     /// The model at the encoders; true if it is sound there, or if there is nothing to know yet.
     fn observe(&mut self, drives: &[AxisFeedback]) -> bool {
-        match &mut self.joints {
-            Some(joints) if drives.iter().all(|drive| drive.stamp != Nanos::ZERO) => joints.observe(drives).is_ok(),
-            Some(_) | None => true,
+        let Some(joints) = &mut self.joints else { return true };
+        match self.machine.state() {
+            // The zero moves, and a jump of the counts is no motion.
+            State::Disabled(Inactive::Homing { .. }) => joints.forget(),
+            State::Disabled(_) | State::Enabled(_) | State::Paused | State::Fault(_) => {}
         }
+        drives.iter().any(|drive| drive.stamp == Nanos::ZERO) || joints.observe(drives).is_ok()
     }
 
     fn go_on(&mut self, sight: &Sight, events: &mut Events) {
-        let before = *self.machine.state();
-        if let Some((to, cause)) = progress(&before, sight) {
+        if let Some((to, cause)) = progress(self.machine.state(), sight) {
             self.machine.change(to, cause, sight.now, events);
-            if let (State::Disabled(Inactive::Homing { .. }), Some(joints)) = (before, &mut self.joints) {
-                joints.forget();
-            }
         }
     }
 

@@ -136,10 +136,8 @@ impl Limiter {
             return self.stop();
         }
         let position = within(target.position, self.lowest, self.highest);
-        // A target that was cut does not move on.
-        let moved = if position == target.position { target.moved } else { 0.0 };
-        let gap = position - moved - self.position;
-        self.advance(moved + fastest(gap.abs(), self.speed_up).copysign(gap));
+        let gap = position - target.moved - self.position;
+        self.advance(target.moved + fastest(gap.abs(), self.speed_up).copysign(gap));
     }
 
     /// One tick of slowing down, as hard as allowed.

@@ -51,7 +51,7 @@
 //!
 //! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position; NotHomed unless every axis knows its
 //!    zero: position limits, here and in the drive, mean nothing without it; Range if a motor stands outside its position
-//!    limits by more than 5 counts.
+//!    limits, because a drive cuts the target to them.
 //! 2. From stopping, settling and powering off: nothing, it is under way.
 //! 3. DrivesNotReady as for `enable`. Homing is the drive's own affair: a counter is raised, and the drive answers with it.
 //! 4. CausePersists unless every drive answers with a fresh position, is off, at fault or in quick stop, and the model is

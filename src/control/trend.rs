@@ -119,6 +119,13 @@ mod tests {
     }
 
     #[test]
+    fn it_ends_after_20_ms_at_most() {
+        let trend = stream(&[0.0, 1.5, 3.0], 15);
+        let ([now], _) = trend.at(ms(500), TICK);
+        assert!((now - 5.0).abs() < 1e-9, "{now}");
+    }
+
+    #[test]
     fn steps_reversals_pauses_and_first_commands_do_not_go_on() {
         for goals in [&[7.0][..], &[0.0, 5.0], &[0.0, 0.0, 5.0], &[0.0, 1.0, 0.5], &[0.0, 1.0, 2.0, 2.0]] {
             let trend = stream(goals, 5);

@@ -88,19 +88,14 @@ fn homing_that_ends_without_a_zero_is_a_fault() {
 #[test]
 fn a_motor_outside_its_limits_cannot_be_enabled() {
     let mut bench = Bench::homed();
-    bench.drives[0].feedback.position = Counts(1006);
+    bench.drives[0].feedback.position = Counts(1001);
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::Range);
-    bench.drives[0].feedback.position = Counts(1005);
+    bench.drives[0].feedback.position = Counts(1000);
+    bench.drives[1].feedback.position = Counts(-701);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::Range);
+    bench.drives[1].feedback.position = Counts(-700);
     bench.enable();
-    assert_eq!(bench.targets()[0], 1005, "it holds where it is");
-    assert_eq!(bench.actuator([990, 0]), Refusal::None);
-    let mut last = 1005;
-    for _ in 0..40 {
-        bench.tick();
-        assert!(bench.targets()[0] <= last);
-        last = bench.targets()[0];
-    }
-    assert_eq!(last, 990);
+    assert_eq!(bench.targets(), [1000, -700]);
 }
 
 #[test]
@@ -141,10 +136,12 @@ fn a_target_from_before_is_not_where_the_drive_holds() {
     bench.ask(StateCommand::Disable);
     bench.idle();
     bench.quirk(0, Quirk::SilentPreload);
-    bench.drives[0].feedback.position = Counts(5);
+    bench.drives[0].slot = 100;
+    bench.drives[0].feedback.position = Counts(-600);
     bench.enable();
     bench.run(20);
-    assert_eq!(bench.targets()[0], 5, "not the target of the former session");
+    assert_eq!(bench.targets()[0], -600, "not the target of the former session");
+    assert_eq!(bench.state(), OperatingState::Enabled, "and it is no following error either");
 }
 
 #[test]
@@ -206,4 +203,34 @@ fn the_first_report_of_a_slow_drive_is_waited_for() {
     bench.run(2000);
     assert_eq!((bench.state(), bench.report().fault), (OperatingState::Disabled, Fault::None));
     assert_eq!(bench.ask_as(CLIENT, StateCommand::Home).refusal, Refusal::DrivesNotReady);
+}
+
+/// A drive that says it is off may not have seen yet that it was told to go on.
+#[test]
+fn a_report_older_than_the_demand_is_not_believed() {
+    let mut bench = Bench::homed();
+    bench.drives.iter_mut().for_each(|drive| drive.quirk = Quirk::Deaf);
+    bench.ask(StateCommand::Enable);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.run(49);
+    assert!(bench.report().busy);
+    bench.tick();
+    assert!(!bench.report().busy);
+}
+
+#[test]
+fn homing_is_over_when_the_drive_is_off_again() {
+    let mut bench = Bench::standard();
+    bench.quirk(0, Quirk::Deaf);
+    bench.drives[0].feedback.homed = true;
+    assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+    bench.drives[0].feedback.phase = AxisPhase::Homing;
+    bench.drives[0].feedback.homings = 1;
+    for _ in 0..50 {
+        bench.tick();
+        assert!(bench.report().busy);
+    }
+    bench.drives[0].feedback.phase = AxisPhase::Disabled;
+    bench.tick();
+    assert!(!bench.report().busy && bench.report().homed);
 }

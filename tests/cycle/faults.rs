@@ -241,3 +241,16 @@ fn a_drive_that_does_not_go_off_is_a_fault() {
     expect_fault(&mut bench, Fault::DriveTimeout);
     assert_eq!(demands(&bench), [Demand::Disabled; 2]);
 }
+
+#[test]
+fn a_fault_is_not_over_while_a_drive_is_not_heard() {
+    let mut bench = Bench::enabled();
+    bench.quirk(1, Quirk::Silent);
+    expect_fault(&mut bench, Fault::Link);
+    bench.drives[1].feedback.phase = AxisPhase::QuickStopped;
+    bench.run(10);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists, "its last report is old");
+    bench.quirk(1, Quirk::None);
+    bench.run(10);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+}

@@ -1,11 +1,12 @@
 //! ENABLED: what servo commands make of the set-points.
 
+use i2ris::config::Config;
 use i2ris::control::Goal;
-use i2ris::ipc::Refusal;
+use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 
-use crate::bench::{Bench, GAIN_DEG, HULL, config, counts_at, model, rad};
+use crate::bench::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
 
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;
@@ -152,30 +153,48 @@ impl Stream {
 /// 12 deg/s in pitch, which both motors share.
 const SPEED: f64 = 12.0 / (2.0 * GAIN_DEG);
 
+/// Half a count of rounding, and what is left of the lag: a tenth of a count is 0.1 ms at this speed. Following the
+/// commands as a staircase instead leaves 2.5 counts at 1 kHz.
 #[test]
-fn a_steady_stream_is_followed_within_a_tick() {
+fn a_steady_stream_is_followed_without_lag() {
     for rate_hz in [1000.0, 500.0, 200.0, 100.0] {
         let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
         let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
-        assert!(worst <= SPEED * 1e-3 + HALF, "{worst} counts at {rate_hz} Hz; a tick is {} counts", SPEED * 1e-3);
+        assert!(worst <= HALF + 0.1, "{worst} counts at {rate_hz} Hz");
     }
 }
 
 #[test]
-fn a_stream_with_jitter_is_followed_nearly_as_well() {
+fn a_stream_with_jitter_is_followed_just_as_well() {
     let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0015 };
     let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
-    assert!(worst <= SPEED * 2e-3 + HALF, "{worst} counts");
+    assert!(worst <= HALF + 0.1, "{worst} counts");
 }
 
-/// 7 deg at 0.5 Hz: 707 counts/s and 2220 counts/s^2.
+/// 7 deg at 0.5 Hz: 707 counts/s and 2220 counts/s^2. As a staircase it would be 7 counts behind.
 #[test]
 fn a_sine_is_followed_within_a_tick() {
     let goal = |time: f64| 225.0 * (std::f64::consts::PI * time).sin();
-    for (rate_hz, ticks) in [(1000.0, 1.0), (200.0, 1.0), (100.0, 1.5)] {
+    for (rate_hz, behind) in [(1000.0, 0.1), (200.0, 0.2), (100.0, 0.5)] {
         let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
         let worst = stream.worst_distance(goal, 0.2, 4.0);
-        assert!(worst <= 707.0 * ticks * 1e-3 + HALF, "{worst} counts at {rate_hz} Hz");
+        assert!(worst <= HALF + behind, "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts");
+    }
+}
+
+#[test]
+fn a_steady_stream_gives_a_steady_velocity() {
+    let mut bench = Bench::enabled();
+    for k in 0..200 {
+        let stamp = bench.now + Nanos::from_micros(700);
+        let mut command = bench.servo(Goal::Joint(rad(f64::from(k) * 0.06, 0.0), 2));
+        command.stamp = stamp;
+        assert_eq!(bench.send(command), Refusal::None);
+        for _ in 0..4 {
+            bench.tick();
+            let velocity = bench.joints().setpoint_velocity[0].to_degrees();
+            assert!(k < 20 || (velocity - 12.0).abs() < 0.1, "{velocity} deg/s after {k} commands");
+        }
     }
 }
 
@@ -190,10 +209,14 @@ fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
 
 #[test]
 fn one_motor_alone_can_be_commanded() {
-    let text = crate::bench::ROBOT;
-    let one = text.rsplit_once("[[ports.axes]]").unwrap().0;
-    let one = i2ris::config::Config::parse(one, "one.toml".as_ref()).unwrap();
-    let mut cycle = i2ris::control::cycle::Cycle::new(&one, None);
-    let out = cycle.step(Nanos(5), &i2ris::control::Inputs::default());
-    assert_eq!(out.requests[1], i2ris::drive::AxisRequest::default(), "there is no second axis");
+    let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
+    let mut bench = Bench::new(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
+    bench.home();
+    bench.enable();
+    let command = bench.servo(Goal::Actuator([Counts(30), Counts(30)], 2));
+    assert_eq!(bench.send(command), Refusal::Malformed);
+    hold_goal(&mut bench, Goal::Actuator([Counts(30), Counts(0)], 1));
+    assert_eq!(bench.targets(), [30, 0]);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.idle();
 }

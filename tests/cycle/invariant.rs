@@ -5,9 +5,6 @@ use i2ris::control::{Event, EventKind, Inputs, Outputs};
 use i2ris::drive::{AxisPhase, AxisRequest, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 
-/// How far outside its limits a motor may be enabled, counts.
-const RANGE_MARGIN: i32 = 5;
-
 /// Watches a cycle from outside.
 pub struct Watch {
     /// Counts per tick.
@@ -16,7 +13,8 @@ pub struct Watch {
     slow_down: f64,
     /// Ticks of a stop from full speed.
     stop_ticks: u32,
-    limits: [(i32, i32); 2],
+    /// Lowest and highest position of every motor, counts.
+    limits: Vec<(i32, i32)>,
     axes: [AxisWatch; 2],
     state: OperatingState,
     last: Option<Outputs>,
@@ -34,10 +32,8 @@ struct AxisWatch {
 impl Watch {
     pub fn new(config: &Config) -> Self {
         let tick = config.control.period().as_seconds();
-        let limits = [0, 1].map(|motor| {
-            let axis = config.axis(motor).unwrap();
-            (axis.position_min_counts.0, axis.position_max_counts.0)
-        });
+        let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
+        let limits = axes.map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0)).collect();
         let (velocity, slow_down) =
             (config.limits.velocity_counts_s * tick, config.limits.stop_deceleration_counts_s2 * tick * tick);
         Self {
@@ -55,8 +51,11 @@ impl Watch {
         self.check_states(outputs);
         self.check_counters(inputs, outputs);
         check_numbers(outputs);
-        for motor in 0..2 {
+        for motor in 0..self.limits.len() {
             self.check_axis(motor, inputs.feedback[motor].phase, inputs, outputs);
+        }
+        for absent in &outputs.requests[self.limits.len()..] {
+            assert_eq!(*absent, AxisRequest::default());
         }
         self.last = Some(*outputs);
     }
@@ -72,7 +71,7 @@ impl Watch {
         }
         assert_eq!(self.state, report.state);
         let idle = report.state == OperatingState::Disabled && !report.busy;
-        for request in &outputs.requests {
+        for request in &outputs.requests[..self.limits.len()] {
             match report.state {
                 OperatingState::Disabled if idle => assert_eq!(request.demand, Demand::Disabled),
                 OperatingState::Disabled => assert_ne!(request.demand, Demand::QuickStop),
@@ -97,7 +96,7 @@ impl Watch {
         if after.state != before.state {
             assert_eq!(after.since, after.now);
         }
-        for (before, after) in last.requests.iter().zip(&outputs.requests) {
+        for (before, after) in last.requests.iter().zip(&outputs.requests).take(self.limits.len()) {
             assert_eq!(after.sequence, before.sequence + 1);
             assert!(after.homings - before.homings <= 1 && after.fault_resets - before.fault_resets <= 1);
             let accepted = outputs.reply.is_some_and(|reply| reply.refusal == Refusal::None);
@@ -119,7 +118,7 @@ impl Watch {
             return;
         }
         let (lowest, highest) = self.limits[motor];
-        assert!((lowest - RANGE_MARGIN..=highest + RANGE_MARGIN).contains(&request.target.0), "{}", request.target);
+        assert!((lowest..=highest).contains(&request.target.0), "{}", request.target);
         axis.quiet = if outputs.report.state == OperatingState::Enabled { 0 } else { axis.quiet + 1 };
         check_motion(axis, request, self.velocity, self.slow_down, self.stop_ticks);
         axis.before = axis.target;

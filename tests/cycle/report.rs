@@ -1,13 +1,14 @@
 //! What the world sees.
 
-use i2ris::control::EventKind;
-use i2ris::drive::AxisPhase;
+use i2ris::control::cycle::Cycle;
+use i2ris::control::{EventKind, Inputs};
+use i2ris::drive::{AxisFeedback, AxisPhase};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 
 use crate::bench::{Bench, GAIN_DEG, config, model};
-use crate::drive::Quirk;
+use crate::drive::{Drive, Quirk};
 
 #[test]
 fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
@@ -26,17 +27,26 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 }
 
 #[test]
-fn before_a_drive_has_reported_there_is_no_estimate() {
-    let mut bench = Bench::new(config(""), Some(model(OutputUnit::Deg)));
-    bench.quirk(1, Quirk::Silent);
-    bench.drives[1].feedback.stamp = Nanos::ZERO;
-    bench.drives[1].feedback.phase = AxisPhase::Starting;
-    let mut fresh = Bench::new(config(""), Some(model(OutputUnit::Deg)));
-    std::mem::swap(&mut bench.cycle, &mut fresh.cycle);
-    let mut cycle = i2ris::control::cycle::Cycle::new(&bench.config, Some(model(OutputUnit::Deg)));
-    let feedback = [bench.drives[0].feedback, bench.drives[1].feedback];
-    let out = cycle.step(bench.now, &i2ris::control::Inputs { feedback, ..Default::default() });
-    assert_eq!(out.report.joint, None);
+fn before_every_drive_has_reported_there_is_no_estimate() {
+    let mut cycle = Cycle::new(&config(""), Some(model(OutputUnit::Deg)));
+    let mut inputs = Inputs { feedback: [Drive::new(3).feedback; 2], ..Inputs::default() };
+    inputs.feedback[1] = AxisFeedback::default();
+    assert_eq!(cycle.step(Nanos(100), &inputs).report.joint, None);
+    inputs.feedback[1] = inputs.feedback[0];
+    assert!(cycle.step(Nanos(200), &inputs).report.joint.is_some());
+}
+
+#[test]
+fn a_zero_that_moves_is_no_motion() {
+    let mut bench = Bench::standard();
+    bench.drives.iter_mut().for_each(|drive| drive.feedback.position = Counts(500));
+    bench.run(200);
+    bench.ask(StateCommand::Home);
+    for _ in 0..200 {
+        bench.tick();
+        assert_eq!(bench.joints().measured_velocity, [0.0; 3]);
+    }
+    assert_eq!(bench.joints().measured, [0.0; 3]);
 }
 
 #[test]
@@ -74,6 +84,7 @@ fn a_drive_that_takes_its_set_point_over_shows_no_velocity() {
 fn the_state_carries_since_when_and_the_last_fault() {
     let mut bench = Bench::enabled();
     let since = bench.report().since;
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
     bench.run(500);
     assert_eq!(bench.report().since, since);
     assert_eq!(bench.report().fault, Fault::None);
