@@ -145,8 +145,8 @@ impl Emulator {
     ///
     /// When folder, log, pseudo-terminals or threads cannot be had.
     pub fn start(config: EmulatorConfig) -> Result<Self, EmulatorError> {
-        let log = Arc::new(config.log.as_deref().map_or_else(|| Ok(Log::default()), Log::to_file)?);
         let mut folder = PortFolder::claim(&config.folder)?;
+        let log = Arc::new(config.log.as_deref().map_or_else(|| Ok(Log::default()), Log::to_file)?);
         let drives = [Drive::new(&config.drives[0], 0.0), Drive::new(&config.drives[1], 0.0)];
         let world = World::new(drives, Snake::new(&config.snake, config.seed), Arc::clone(&log), clock::now());
         let shared =
@@ -239,6 +239,12 @@ impl Emulator {
     #[must_use]
     pub fn log(&self) -> Vec<Event> {
         self.shared.log.events()
+    }
+
+    /// How often a host broke a rule since the start.
+    #[must_use]
+    pub fn host_bugs(&self) -> u64 {
+        self.shared.log.host_bugs()
     }
 
     /// Makes an axis carry out requests without ever answering, or ends that.

@@ -107,6 +107,7 @@ pub struct Log {
 struct Inner {
     events: VecDeque<Event>,
     forgotten: u64,
+    host_bugs: u64,
     /// There is a file, and it can be written.
     to_file: bool,
     /// Not yet in the file.
@@ -147,6 +148,7 @@ impl Log {
             inner.events.pop_front();
             inner.forgotten += 1;
         }
+        inner.host_bugs += u64::from(matches!(event.kind, EventKind::HostBug(_)));
         inner.events.push_back(event);
         if inner.to_file {
             inner.pending.push(event);
@@ -163,6 +165,12 @@ impl Log {
     #[must_use]
     pub fn forgotten(&self) -> u64 {
         self.lock().forgotten
+    }
+
+    /// How often a host broke a rule.
+    #[must_use]
+    pub fn host_bugs(&self) -> u64 {
+        self.lock().host_bugs
     }
 
     /// Brings the file up to date. To be called every now and then from a thread that may wait for a disk.

@@ -1,4 +1,5 @@
 //! The emulator through real serial ports: what a host sees.
+#![allow(clippy::unwrap_used, reason = "a test may")]
 
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};

@@ -227,7 +227,7 @@ fn a_bad_file_is_refused_with_its_key() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
     fn angles_stay_finite(moves in prop::collection::vec((0.0..2.0f64, -5e4..5e4f64, -5e4..5e4f64), 1..20)) {
