@@ -1,4 +1,5 @@
 //! What `i2ris-control` refuses to start with: one clear sentence, exit code 1, nothing left behind.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
 //! The whole path: client -> shared memory -> controller -> serial lines -> drives -> snake, with real processes.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 mod rig;
 
