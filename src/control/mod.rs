@@ -3,9 +3,115 @@
 //! | file | holds |
 //! |---|---|
 //! | `cycle` | `step(now, inputs) -> outputs`: one tick, pure |
+//! | `sight` | what the drives show in one tick, and what is wrong with it |
 //! | `state` | the operating states and the one function that changes them |
+//! | `table` | what every command does in every state |
+//! | `progress` | what a state does by itself: time-outs, faults, arrivals |
+//! | `gate` | servo commands: lease, sequence, stamp, deadline, and the order of all checks |
+//! | `reach` | servo commands: model, range, step |
+//! | `trend` | the goal between two commands |
+//! | `aim` | from the goal to targets for the motors, by the inverse of the model |
 //! | `limit` | velocity and acceleration limits on the set-point of one motor |
+//! | `axis` | the set-point of one motor, and what is asked of its drive |
+//! | `joint` | joint space: the model, its memory, estimates |
+//! | `event` | what happened in one tick |
 //! | `runtime` | the threads and what passes between them |
+//!
+//! # States
+//!
+//! ```text
+//!                            enable                       all drives enabled
+//!             +--- DISABLED -------> DISABLED (enabling) --------------------> ENABLED <---------+
+//!        home |     ^    ^                   | disable                         |    | pause      | resume
+//!             v     |    |                   v                         disable |    v            |
+//!   DISABLED (homing)    +------ DISABLED (powering off) <--+                  |  PAUSED --------+
+//!                                            ^              |                  v    | disable
+//!                                acknowledge |              +-- DISABLED (stopping, settling)
+//!                                          FAULT <--- any state, when something fails
+//! ```
+//!
+//! DISABLED in parentheses is what the world sees as DISABLED and busy. ENABLED is never claimed before every drive is on
+//! nor after the first is told to go off.
+//!
+//! | command | DISABLED | DISABLED, busy | ENABLED | PAUSED | FAULT | FAULT, busy |
+//! |---|---|---|---|---|---|---|
+//! | `enable` | enabling (1) | Busy | State | State | State | State |
+//! | `disable` | nothing | powering off (2) | stopping | stopping | drives off, stays FAULT | nothing |
+//! | `pause` | State | Busy | PAUSED | nothing | State | State |
+//! | `resume` | State | Busy | State | ENABLED, holding | State | State |
+//! | `home` | homing (3) | Busy | State | State | State | State |
+//! | `unhome` | zero forgotten | Busy | State | State | State | State |
+//! | `condition` | Unsupported | Unsupported | Unsupported | Unsupported | Unsupported | Unsupported |
+//! | `acknowledge` | State | State | State | State | (4) | Busy |
+//! | `release` | lease free (5) | lease free (5) | lease free, holding (5) | lease free (5) | lease free (5) | lease free (5) |
+//!
+//! A word with a capital is a [`Refusal`]. A client id of 0 is refused as Malformed. Once the process ends, what would set
+//! something going is refused with State. Commands that stop (`disable`, `pause` of a robot that is on) are never refused,
+//! and repeating them is no error.
+//!
+//! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position; NotHomed unless every axis knows its
+//!    zero: position limits, here and in the drive, mean nothing without it; Range if a motor stands outside its position
+//!    limits, because a drive cuts the target to them.
+//! 2. From stopping, settling and powering off: nothing, it is under way.
+//! 3. DrivesNotReady as for `enable`. Homing is the drive's own affair: a counter is raised, and the drive answers with it.
+//! 4. CausePersists unless every drive answers with a fresh position, is off, at fault or in quick stop, and the model is
+//!    sound. If a drive is at fault, its reset counter is raised and FAULT stays, busy, until the drive has left its
+//!    fault (or 3 s have passed: then the fault is latched again). Then DISABLED, powering off.
+//! 5. Lease if another client holds it. The robot holds if the client was being followed.
+//!
+//! # What leads to FAULT, and what the drives do then
+//!
+//! | what | fault | seen in |
+//! |---|---|---|
+//! | phase Faulted | Drive | every state |
+//! | phase Lost, or newest position older than `feedback_lost_ms` | Link | every state |
+//! | phase Starting | Link | every state but DISABLED, idle or powering off |
+//! | set-point written last and encoder too far apart | FollowingError | while the drive follows |
+//! | any other phase than Enabled | DriveState | ENABLED, PAUSED, stopping, settling |
+//! | enabling, powering off: 3 s; homing: 30 s | DriveTimeout | DISABLED, busy |
+//! | homing ended without a zero | Homing | homing |
+//! | model not finite | Model | every state |
+//!
+//! The reaction is the mildest that does not lean on what just failed. Cutting the power makes the wires lose their
+//! tension and lets tissue push the snake, so **a drive that works holds**, by its own quick stop, which needs neither this
+//! loop nor the line. **The drive that is the cause is switched off**: one that reports a fault has switched itself off;
+//! one that cannot follow is blocked or pulls on something, and holding would keep pulling with the whole current limit;
+//! one that left its state by itself is not to be trusted with power. The gear hardly turns backwards, so the snake stays
+//! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard (no
+//! watchdog is known on its serial lines) and is told to quick stop, so that it goes on holding when the line is back.
+//! If power was not yet on (enabling, homing) it stays off. A drive that does not reach its quick stop within 3 s is
+//! switched off. `disable` switches all off; `acknowledge` does too, so nothing moves when a fault is over.
+//!
+//! Milder than FAULT: with a position older than `feedback_stale_ms`, or an axis that lost its zero, the robot slows down
+//! and holds, servo commands are refused, and it goes on with the first valid command afterwards.
+//!
+//! # Motion
+//!
+//! A command is followed until it is older than its deadline; then the set-points slow down with the stop deceleration and
+//! hold. At the default limits and 1 kHz the last set-point that moves is the one of the tick that sees the deadline
+//! pass, and the first that stands comes one tick later. The next valid command moves on from there.
+//!
+//! Angles are inverted in every tick, cut to the position limits of the axes, limited per motor and rounded. `trend` tells
+//! what happens between commands, `limit` what the limits promise; together, motion within the limits is followed without
+//! lag behind the commands, whatever their rate above 50 Hz. What the limiter passes on its way to a *step* is not
+//! checked against the calibrated hull, only its end is: motors that have unequal ways do not move on a straight line.
+//!
+//! A drive that is off or not yet enabled has its own position as set-point, always. When it reports to be enabled, its
+//! set-point starts where it holds, at the target it was preloaded with, and at rest.
+
+mod aim;
+mod axis;
+pub mod cycle;
+mod event;
+mod gate;
+mod joint;
+pub mod limit;
+mod progress;
+mod reach;
+mod sight;
+mod state;
+mod table;
+mod trend;
 
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -114,7 +220,7 @@ pub struct Report {
     pub last_refusal: Refusal,
     /// Times that the robot stopped because its commander fell silent.
     pub stale_stops: u64,
-    /// Goal, set-point and estimate in joint space; `None` without a model.
+    /// Goal, set-point and estimate in joint space; `None` without a model, or before every drive has reported.
     pub joint: Option<JointReport>,
     /// The set-points of this tick.
     pub setpoints: [Counts; MAX_MOTORS],
@@ -125,15 +231,15 @@ pub struct Report {
 /// Joint space in one tick, rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointReport {
-    /// What the client asked, clipped to the hull; the set-point while holding.
+    /// What the client asked, clipped to the hull and the position limits; the set-point while holding.
     pub goal: OutputVec,
-    /// The model at the set-points.
+    /// The model at the set-points, before they are rounded to counts.
     pub setpoint: OutputVec,
     /// The model at the encoder positions.
     pub measured: OutputVec,
-    /// Rate of change of `setpoint`, rad/s.
+    /// Rate of change of `setpoint` in this tick, rad/s.
     pub setpoint_velocity: OutputVec,
-    /// Rate of change of `measured`, rad/s, filtered.
+    /// Rate of change of `measured`, rad/s, through a first-order low-pass with a time constant of 20 ms.
     pub measured_velocity: OutputVec,
     /// Standard deviation of `measured`, rad.
     pub deviation: OutputVec,

@@ -2,6 +2,9 @@
 //!
 //! Files speak degrees (or millimetres) and counts; the prepared model speaks radians (metres) and counts.
 
+use std::f64::consts::PI;
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 /// What the field `format` of every model file says.
@@ -50,6 +53,26 @@ pub enum OutputUnit {
     Deg,
     /// Millimetres; metres in code.
     Mm,
+}
+
+impl OutputUnit {
+    /// One of this unit in radians or metres.
+    #[must_use]
+    pub const fn si(self) -> f64 {
+        match self {
+            Self::Deg => PI / 180.0,
+            Self::Mm => 1e-3,
+        }
+    }
+}
+
+impl fmt::Display for OutputUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Deg => "deg",
+            Self::Mm => "mm",
+        })
+    }
 }
 
 /// The parameters of a family, in units of the file. `d` motors, `m` outputs.

@@ -7,32 +7,191 @@
 //! - **memory**: what the model has to remember of the past, because the angle depends on it. Families without
 //!   hysteresis have an empty one.
 //! - **hull**: the region of motor space that calibration visited. No model commands a count outside it.
+//! - **one count's worth**: how far one count of the more effective motor moves the outputs at a pose.
 //!
 //! | file | holds |
 //! |---|---|
+//! | `file` | model files: the schema |
+//! | `store` | reading and writing them, and their identity |
+//! | `check` | what a file must fulfil |
+//! | `error` | why a model is refused |
 //! | `gmm` | the Gaussian mixture: validation, prepared form |
 //! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
 //! | `linear` | affine least squares |
-//! | `hull` | convex region of motor space |
+//! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
+//! | `estimate` | what a model answers |
+//! | `hull`, `polygon`, `plane` | convex region of motor space, and the geometry for it |
 //! | `inverse` | damped Newton inside the hull |
-//! | `file` | model files: schema, validation, identity |
+//! | `round_trip` | the proof that the inverse of a model leads back |
 
+mod check;
+mod error;
+mod estimate;
 pub mod file;
+mod gmm;
+mod gmr;
+mod hull;
+mod inverse;
+mod linear;
+mod plane;
+mod polygon;
+mod regression;
+mod round_trip;
+mod store;
 
-use std::fmt;
+use std::path::Path;
 
-/// SHA-256 of the canonical form of a model file: the identity of a model.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct ModelId(pub [u8; 32]);
+pub use error::ModelError;
+pub use estimate::{Estimate, Inverse, JacobianMatrix, Memory, OutputMatrix};
+pub use gmm::MAX_COMPONENTS;
+pub use hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
+pub use store::ModelId;
 
-impl fmt::Display for ModelId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+use crate::units::{MotorVec, OutputVec};
+use file::{FamilyParameters, ModelFile, OutputUnit};
+use gmr::Gmr;
+use linear::Linear;
+use regression::{Prepared, Runtime};
+
+/// A model that has been checked and prepared. It does not change any more and can be shared between threads.
+///
+/// Everything but its construction is for the control loop: bounded work, no allocation, no panic.
+#[derive(Debug)]
+pub struct Model {
+    file: ModelFile,
+    id: ModelId,
+    motors: usize,
+    hull: Hull,
+    runtime: Box<dyn Runtime>,
+}
+
+impl Model {
+    /// Reads, checks and prepares a model file.
+    ///
+    /// # Errors
+    ///
+    /// As [`ModelFile::read`] and [`Model::from_file`]; all name the file.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        Self::from_file(ModelFile::read(path)?).map_err(|error| error.in_file(path))
+    }
+
+    /// Checks and prepares a model.
+    ///
+    /// # Errors
+    ///
+    /// When a value makes no sense, or the prediction at the inverse of a prediction is off by more than one count's
+    /// worth somewhere in the hull.
+    pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
+        let motors = check::check(&file)?;
+        let hull = Hull::new(&file.hull, motors)?;
+        let runtime = prepare(&file, motors)?;
+        runtime.check_round_trip(&hull, unit(&file))?;
+        Ok(Self { id: file.id()?, file, motors, hull, runtime })
+    }
+
+    /// That the model belongs to a robot.
+    ///
+    /// # Errors
+    ///
+    /// When it was calibrated on another robot or is for another number of motors.
+    pub fn check_robot(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
+        if self.file.robot_id != robot_id {
+            return Err(ModelError::Robot { model: self.file.robot_id.clone(), robot: robot_id.to_owned() });
+        }
+        if self.motors != motors {
+            return Err(ModelError::Motors { model: self.motors, robot: motors });
+        }
+        Ok(())
+    }
+
+    /// The file that it was prepared from.
+    #[must_use]
+    pub fn file(&self) -> &ModelFile {
+        &self.file
+    }
+
+    /// Its identity.
+    #[must_use]
+    pub fn id(&self) -> ModelId {
+        self.id
+    }
+
+    /// Number of motors, 1 or 2.
+    #[must_use]
+    pub fn motors(&self) -> usize {
+        self.motors
+    }
+
+    /// Number of outputs, 1 to 3.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        self.file.outputs.len()
+    }
+
+    /// The region of motor space that calibration visited.
+    #[must_use]
+    pub fn hull(&self) -> &Hull {
+        &self.hull
+    }
+
+    /// A memory of nothing.
+    #[must_use]
+    pub fn new_memory(&self) -> Memory {
+        Memory {}
+    }
+
+    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in order.
+    pub fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
+
+    /// The outputs at given counts. Finite for every finite position, in the hull or not; far outside it extrapolates.
+    /// A position that is not a number gives estimates that are none.
+    #[must_use]
+    pub fn predict(&self, counts: &MotorVec, _memory: &Memory) -> Estimate {
+        self.runtime.predict(counts)
+    }
+
+    /// Derivative of the predicted mean with respect to the counts, rad (m) per count.
+    #[must_use]
+    pub fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {
+        self.runtime.jacobian(counts)
+    }
+
+    /// The counts that bring the outputs to `goal`, rad (m), searched from `start`, which is best the answer of the
+    /// tick before. The answer lies in the hull, whatever the goal; rounded to whole counts, up to half a count beside it.
+    ///
+    /// - A goal that no position in the hull reaches gives a nearest one, by distance in output space, marked `clipped`.
+    /// - With more outputs than motors the nearest one is all there is; `clipped` then says that the hull was in the way.
+    /// - With more motors than outputs, it is the position near `start` that does.
+    /// - A goal that is not finite gives `start`, moved into the hull, marked `clipped`, with an infinite residual.
+    #[must_use]
+    pub fn invert(&self, goal: &OutputVec, _memory: &Memory, start: &MotorVec) -> Inverse {
+        self.runtime.invert(goal, &self.hull, start)
     }
 }
 
-impl fmt::Debug for ModelId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "ModelId({self})")
+/// The unit of all outputs; [`check::check`] saw to it that they have the same.
+fn unit(file: &ModelFile) -> OutputUnit {
+    file.outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
+}
+
+/// Turns sizes known at run time into types.
+fn prepare(file: &ModelFile, motors: usize) -> Result<Box<dyn Runtime>, ModelError> {
+    match (motors, file.outputs.len()) {
+        (1, 1) => prepare_sized::<1, 1>(file),
+        (1, 2) => prepare_sized::<1, 2>(file),
+        (1, _) => prepare_sized::<1, 3>(file),
+        (_, 1) => prepare_sized::<2, 1>(file),
+        (_, 2) => prepare_sized::<2, 2>(file),
+        (_, _) => prepare_sized::<2, 3>(file),
     }
+}
+
+fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box<dyn Runtime>, ModelError> {
+    let si = unit(file).si();
+    Ok(match &file.family {
+        FamilyParameters::Linear { gain, offset, covariance } => {
+            Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
+        }
+        FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
+    })
 }

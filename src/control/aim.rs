@@ -1,0 +1,65 @@
+//! Where the motors should be in this tick, for the course that is being followed.
+
+use super::axis::Axis;
+use super::joint::{Joints, NotFinite};
+use super::limit::Target;
+use super::state::Course;
+use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
+
+/// Where the motors should be.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim {
+    /// One target per motor, not yet limited.
+    pub targets: [Target; MAX_MOTORS],
+    /// What was asked, clipped to what can be reached, rad (m); `None` without a model.
+    pub goal: Option<OutputVec>,
+    /// It was clipped.
+    pub clipped: bool,
+}
+
+/// Takes aim along a course.
+///
+/// The inverse is computed every tick, because a model with memory gives another answer after every motion. Where the
+/// course was one tick ago is inverted with the same memory: what matters is how the goal moves, not what the model has
+/// learned in between.
+pub(super) fn take(
+    course: &Course,
+    axes: &[Axis],
+    joints: Option<&mut Joints>,
+    now: Nanos,
+    tick: Nanos,
+) -> Result<Aim, NotFinite> {
+    match (course, joints) {
+        (Course::Joint(trend), Some(joints)) => {
+            let (here, before) = trend.at(now, tick);
+            let answer = joints.solve(&here)?;
+            joints.start_from(answer.counts);
+            let counts_before = if here == before { answer.counts } else { joints.solve(&before)?.counts };
+            let counts = within(answer.counts, axes);
+            let clipped = answer.clipped || counts != answer.counts;
+            let goal = if clipped { joints.pose(&counts)? } else { *trend.goal() };
+            Ok(Aim { targets: targets(&counts, &within(counts_before, axes)), goal: Some(goal), clipped })
+        }
+        // Angles are only accepted with a model.
+        (Course::Joint(_), None) => Err(NotFinite),
+        (Course::Actuator(trend), joints) => {
+            let (here, before) = trend.at(now, tick);
+            let goal = joints.map(|joints| joints.pose(trend.goal())).transpose()?;
+            Ok(Aim { targets: targets(&within(here, axes), &within(before, axes)), goal, clipped: false })
+        }
+    }
+}
+
+/// Cuts counts to the position limits of the axes.
+fn within(mut counts: MotorVec, axes: &[Axis]) -> MotorVec {
+    counts.iter_mut().zip(axes).for_each(|(counts, axis)| *counts = axis.cut(*counts));
+    counts
+}
+
+fn targets(here: &MotorVec, before: &MotorVec) -> [Target; MAX_MOTORS] {
+    let mut targets = [Target::default(); MAX_MOTORS];
+    for ((target, position), before) in targets.iter_mut().zip(here).zip(before) {
+        *target = Target { position: *position, moved: position - before };
+    }
+    targets
+}

@@ -1,0 +1,352 @@
+//! One tick of the controller, as a pure function of time and inputs.
+//!
+//! The order within a tick:
+//!
+//! 1. Look: the reports of the drives, what they mean, what the model makes of the encoders.
+//! 2. Go on: faults, and what a state does by itself.
+//! 3. Answer the state command.
+//! 4. Judge the servo command; stop if the last one is stale.
+//! 5. Move the set-points one step within the limits.
+//! 6. Write down what the drives shall do, and what the world sees.
+//!
+//! Nothing here reads a clock, allocates, waits or panics; [`Cycle::step`] with the same inputs gives the same outputs to
+//! the bit, so a recording of inputs can be replayed. The limits take every tick to be as long as the configuration says:
+//! after ticks that were missed the motion goes on where it was, and never catches up in a burst.
+
+use std::sync::Arc;
+
+use super::aim;
+use super::axis::Axis;
+use super::event::Events;
+use super::gate::{Gate, Scene};
+use super::joint::{Joints, NotFinite};
+use super::progress::{fail, progress};
+use super::reach::{Steps, setpoints};
+use super::sight::{Sight, off};
+use super::state::{Cause, Follow, Inactive, Machine, Motion, State};
+use super::table::{self, Verdict};
+use super::{EventKind, Inputs, Outputs, Report, ServoCommand, StateReply, StateRequest};
+use crate::config::Config;
+use crate::drive::{AxisFeedback, AxisRequest};
+use crate::ipc::{Fault, Refusal, StateCommand};
+use crate::model::Model;
+use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
+
+/// How long an orderly end may take in all: stopping, settling and powering off, each within its own limit, and a second
+/// to spare. After that the process may end with drives that are on.
+const SHUTDOWN_LIMIT: Nanos = Nanos::from_millis(5500);
+
+/// Everything that the loop remembers from tick to tick.
+#[derive(Debug)]
+pub struct Cycle {
+    period: Nanos,
+    stale: Nanos,
+    lost: Nanos,
+    steps: Steps,
+    axes: Vec<Axis>,
+    joints: Option<Joints>,
+    machine: Machine,
+    gate: Gate,
+    ticks: u64,
+    stale_stops: u64,
+    lost_events: u64,
+    /// When the process was first seen to be asked to end.
+    ending: Option<Nanos>,
+}
+
+/// What the set-points of a tick come from.
+#[derive(Debug, Clone, Copy, Default)]
+struct Guidance {
+    goal: Option<OutputVec>,
+    clipped: bool,
+    command_stamp: Nanos,
+    command_sequence: u64,
+}
+
+impl Cycle {
+    /// DISABLED, with drives that have not reported yet. All memory that is ever needed is taken here.
+    ///
+    /// The configuration and the model have been checked before, also that they belong together
+    /// ([`Model::check_robot`]).
+    #[must_use]
+    pub fn new(config: &Config, model: Option<Arc<Model>>) -> Self {
+        let motors = config.motors().min(MAX_MOTORS);
+        Self {
+            period: config.control.period(),
+            stale: Nanos::from_millis(config.limits.feedback_stale_ms),
+            lost: Nanos::from_millis(config.limits.feedback_lost_ms),
+            steps: Steps::new(&config.command),
+            axes: (0..motors).filter_map(|motor| config.axis(motor)).map(|axis| Axis::new(axis, config)).collect(),
+            joints: model.map(Joints::new),
+            machine: Machine::new(),
+            gate: Gate::new(&config.command),
+            ticks: 0,
+            stale_stops: 0,
+            lost_events: 0,
+            ending: None,
+        }
+    }
+
+    /// Events that found no place in [`Outputs::events`] since the start.
+    #[must_use]
+    pub fn lost_events(&self) -> u64 {
+        self.lost_events
+    }
+
+    /// One tick. `now` is the instant at which it began; it does not go backwards.
+    pub fn step(&mut self, now: Nanos, inputs: &Inputs) -> Outputs {
+        let mut events = Events::new(now);
+        self.ticks = self.ticks.wrapping_add(1);
+        if self.ticks == 1 {
+            self.machine.begin(now);
+        }
+        let sight = self.look(now, inputs, &mut events);
+        self.go_on(&sight, &mut events);
+        self.shut_down(inputs.shutdown, &sight, &mut events);
+        let refusal = inputs.request.as_ref().map(|request| self.answer(request, &sight, &mut events));
+        self.grip(now);
+        self.gate.expire(now, &mut events);
+        if let Some(command) = &inputs.servo {
+            self.judge(command, &sight, &mut events);
+        }
+        self.stop_if_stale(now, &mut events);
+        let guidance = self.advance(&sight, &mut events);
+        let state = self.machine.state().operating();
+        let (events, lost_events) = events.finish();
+        self.lost_events = self.lost_events.saturating_add(lost_events);
+        Outputs {
+            requests: self.requests(&guidance),
+            reply: inputs.request.zip(refusal).map(|(request, refusal)| StateReply { id: request.id, refusal, state }),
+            report: self.report(&sight, &guidance),
+            events,
+            finished: self.finished(&sight),
+        }
+    }
+
+    fn look(&mut self, now: Nanos, inputs: &Inputs, events: &mut Events) -> Sight {
+        for ((motor, axis), feedback) in (0..).zip(&mut self.axes).zip(&inputs.feedback) {
+            let (from, to) = (axis.feedback.phase, feedback.phase);
+            if from != to {
+                events.push(EventKind::Axis { motor, from, to, error_code: feedback.error_code });
+            }
+            axis.feedback = *feedback;
+        }
+        let model_sound = self.observe(inputs.feedback.get(..self.axes.len()).unwrap_or_default());
+        let mut axes = [None; MAX_MOTORS];
+        axes.iter_mut().zip(&self.axes).for_each(|(sight, axis)| *sight = Some(axis.sight(now)));
+        Sight {
+            now,
+            axes,
+            stale: self.stale,
+            lost: self.lost,
+            homed: self.axes.iter().all(Axis::homed),
+            in_range: self.axes.iter().all(Axis::in_range),
+            at_rest: self.axes.iter().all(Axis::at_rest),
+            homing_done: self.axes.iter().all(Axis::homing_done),
+            reset_done: self.axes.iter().all(Axis::reset_done),
+            model_sound,
+        }
+    }
+
+    /// The model at the encoders; true if it is sound there, or if there is nothing to know yet.
+    fn observe(&mut self, drives: &[AxisFeedback]) -> bool {
+        let Some(joints) = &mut self.joints else { return true };
+        match self.machine.state() {
+            // The zero moves, and a jump of the counts is no motion.
+            State::Disabled(Inactive::Homing { .. }) => joints.forget(),
+            State::Disabled(_) | State::Enabled(_) | State::Paused | State::Fault(_) => {}
+        }
+        drives.iter().any(|drive| drive.stamp == Nanos::ZERO) || joints.observe(drives).is_ok()
+    }
+
+    fn go_on(&mut self, sight: &Sight, events: &mut Events) {
+        if let Some((to, cause)) = progress(self.machine.state(), sight) {
+            self.machine.change(to, cause, sight.now, events);
+        }
+    }
+
+    fn shut_down(&mut self, asked: bool, sight: &Sight, events: &mut Events) {
+        if !asked {
+            return;
+        }
+        self.ending.get_or_insert(sight.now);
+        if let Verdict::Change(to) = table::disable(self.machine.state(), sight) {
+            self.machine.change(to, Cause::Shutdown, sight.now, events);
+        }
+    }
+
+    fn answer(&mut self, request: &StateRequest, sight: &Sight, events: &mut Events) -> Refusal {
+        let Err(refusal) = self.obey(request, sight, events) else { return Refusal::None };
+        self.gate.last_refusal = refusal;
+        refusal
+    }
+
+    fn obey(&mut self, request: &StateRequest, sight: &Sight, events: &mut Events) -> Result<(), Refusal> {
+        if request.client_id == 0 {
+            return Err(Refusal::Malformed);
+        }
+        if self.ending.is_some() && sets_going(request.command) {
+            return Err(Refusal::State);
+        }
+        let to = match table::judge(request.command, self.machine.state(), sight)? {
+            Verdict::Nothing => return Ok(()),
+            Verdict::Change(to) => to,
+            Verdict::Home(to) => {
+                self.axes.iter_mut().for_each(Axis::home);
+                to
+            }
+            Verdict::Reset(to) => {
+                self.axes.iter_mut().for_each(Axis::reset);
+                to
+            }
+            Verdict::Unhome => {
+                self.axes.iter_mut().for_each(Axis::unhome);
+                *self.machine.state()
+            }
+            Verdict::Release => return self.release(request.client_id, sight.now, events),
+        };
+        self.machine.change(to, Cause::Command(request.command), sight.now, events);
+        Ok(())
+    }
+
+    /// A client that gives the lease back does not command any more, so the robot stops.
+    fn release(&mut self, client_id: u64, now: Nanos, events: &mut Events) -> Result<(), Refusal> {
+        self.gate.release(client_id, events)?;
+        if self.machine.state().following().is_some_and(|follow| follow.client_id == client_id) {
+            self.machine.change(State::Enabled(Motion::Holding), Cause::Progress(None), now, events);
+        }
+        Ok(())
+    }
+
+    fn grip(&mut self, now: Nanos) {
+        let demands = self.machine.state().demands();
+        self.axes.iter_mut().zip(demands).for_each(|(axis, demand)| axis.grip(demand, now));
+    }
+
+    fn judge(&mut self, command: &ServoCommand, sight: &Sight, events: &mut Events) {
+        match self.accepts(command, sight) {
+            Ok(follow) => {
+                self.gate.accept(command, sight.now, events);
+                let to = State::Enabled(Motion::Following(follow));
+                self.machine.change(to, Cause::Progress(None), sight.now, events);
+            }
+            Err(refusal) => self.gate.refuse(command.client_id, refusal, events),
+        }
+    }
+
+    fn accepts(&self, command: &ServoCommand, sight: &Sight) -> Result<Follow, Refusal> {
+        let state = self.machine.state();
+        let scene = Scene { now: sight.now, state: state.operating(), homed: sight.homed, fresh: sight.fresh() };
+        let deadline = self.gate.permits(command, &scene)?;
+        let course = self.steps.course(command, &self.axes, self.joints.as_ref(), state.following())?;
+        let ServoCommand { client_id, sequence, stamp, .. } = *command;
+        Ok(Follow { client_id, sequence, stamp, deadline, course })
+    }
+
+    fn stop_if_stale(&mut self, now: Nanos, events: &mut Events) {
+        let Some(follow) = self.machine.state().following() else { return };
+        let (client_id, age) = (follow.client_id, now.since(follow.stamp));
+        if age >= follow.deadline {
+            self.stale_stops = self.stale_stops.saturating_add(1);
+            events.push(EventKind::StaleStop { client_id, age });
+            self.machine.change(State::Enabled(Motion::Holding), Cause::Progress(None), now, events);
+        }
+    }
+
+    /// Moves the set-points. A model that gives nonsense is a fault, and then nothing moves.
+    fn advance(&mut self, sight: &Sight, events: &mut Events) -> Guidance {
+        let moved = self.follow_or_stop(sight.now).and_then(|guidance| {
+            self.place()?;
+            Ok(guidance)
+        });
+        moved.unwrap_or_else(|_| {
+            if !matches!(self.machine.state(), State::Fault(_)) {
+                let (to, cause) = fail(self.machine.state(), Fault::Model, sight);
+                self.machine.change(to, cause, sight.now, events);
+            }
+            Guidance::default()
+        })
+    }
+
+    fn follow_or_stop(&mut self, now: Nanos) -> Result<Guidance, NotFinite> {
+        let Some(follow) = self.machine.state().following() else {
+            self.axes.iter_mut().for_each(Axis::stop);
+            return Ok(Guidance::default());
+        };
+        let aim = aim::take(&follow.course, &self.axes, self.joints.as_mut(), now, self.period)?;
+        self.axes.iter_mut().zip(aim.targets).for_each(|(axis, target)| axis.follow(target));
+        let (command_stamp, command_sequence) = (follow.stamp, follow.sequence);
+        Ok(Guidance { goal: aim.goal, clipped: aim.clipped, command_stamp, command_sequence })
+    }
+
+    /// Takes note of the set-points in joint space.
+    fn place(&mut self) -> Result<(), NotFinite> {
+        let Some(joints) = &mut self.joints else { return Ok(()) };
+        let mut moved = MotorVec::default();
+        moved.iter_mut().zip(&self.axes).for_each(|(moved, axis)| *moved = axis.moved());
+        joints.place(&setpoints(&self.axes), &moved, self.period)
+    }
+
+    fn requests(&self, guidance: &Guidance) -> [AxisRequest; MAX_MOTORS] {
+        let mut requests = [AxisRequest::default(); MAX_MOTORS];
+        let demands = self.machine.state().demands();
+        for ((request, axis), demand) in requests.iter_mut().zip(&self.axes).zip(demands) {
+            *request = AxisRequest {
+                sequence: self.ticks,
+                command_stamp: guidance.command_stamp,
+                command_sequence: guidance.command_sequence,
+                ..axis.request(demand)
+            };
+        }
+        requests
+    }
+
+    fn report(&self, sight: &Sight, guidance: &Guidance) -> Report {
+        let state = self.machine.state();
+        let mut setpoints = [Counts::default(); MAX_MOTORS];
+        let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
+        for ((setpoint, feedback), axis) in setpoints.iter_mut().zip(&mut feedback).zip(&self.axes) {
+            (*setpoint, *feedback) = (axis.target(), axis.feedback);
+        }
+        Report {
+            now: sight.now,
+            state: state.operating(),
+            since: self.machine.since(),
+            fault: self.machine.fault(),
+            homed: self.axes.iter().all(Axis::homed),
+            busy: state.busy(self.axes.iter().all(Axis::at_rest)),
+            holding: state.holding(),
+            clipped: guidance.clipped,
+            lease_client_id: self.gate.holder(),
+            accepted: self.gate.accepted,
+            refused: self.gate.refused,
+            last_refusal: self.gate.last_refusal,
+            stale_stops: self.stale_stops,
+            joint: self.joints.as_ref().and_then(|joints| joints.report(guidance.goal)),
+            setpoints,
+            feedback,
+        }
+    }
+
+    fn finished(&self, sight: &Sight) -> bool {
+        let Some(since) = self.ending else { return false };
+        let done = match self.machine.state() {
+            State::Disabled(Inactive::Idle) => true,
+            State::Fault(_) => self.axes.iter().all(|axis| off(axis.feedback.phase)),
+            State::Disabled(_) | State::Enabled(_) | State::Paused => false,
+        };
+        done || sight.now.since(since) >= SHUTDOWN_LIMIT
+    }
+}
+
+/// A command that has no place in a process that ends.
+fn sets_going(command: StateCommand) -> bool {
+    match command {
+        StateCommand::Enable
+        | StateCommand::Resume
+        | StateCommand::Home
+        | StateCommand::Unhome
+        | StateCommand::Condition => true,
+        StateCommand::Disable | StateCommand::Pause | StateCommand::Acknowledge | StateCommand::Release => false,
+    }
+}

@@ -1,0 +1,251 @@
+//! The operating states and the one function that changes them.
+//!
+//! The states and the answer to every command in each of them stand in the table of [`super`]. Deciding and changing are
+//! apart: `table` and `progress` say what comes next and have no effects, [`Machine::change`] does it.
+
+use super::EventKind;
+use super::event::Events;
+use super::sight::Expected;
+use super::trend::Trend;
+use crate::drive::Demand;
+use crate::ipc::{Fault, OperatingState, StateCommand};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+
+/// What the robot is doing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum State {
+    /// Drives are off, or on the way from off or to off. Servo commands are refused.
+    Disabled(Inactive),
+    /// Drives are on. Servo commands are followed.
+    Enabled(Motion),
+    /// Drives are on and hold. Servo commands are refused.
+    Paused,
+    /// Something failed.
+    Fault(Failure),
+}
+
+/// What goes on in DISABLED.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Inactive {
+    /// Nothing: drives are off, starting or lost.
+    Idle,
+    /// Drives are being enabled, each on its own position.
+    Enabling {
+        /// Since when.
+        since: Nanos,
+    },
+    /// Drives are looking for their zero.
+    Homing {
+        /// Since when.
+        since: Nanos,
+    },
+    /// The set-points slow down, because the robot shall be off.
+    Stopping {
+        /// Since when.
+        since: Nanos,
+    },
+    /// The set-points stand; the motors come to rest before the power goes.
+    Settling {
+        /// Since when.
+        since: Nanos,
+    },
+    /// Drives are being switched off.
+    PoweringOff {
+        /// Since when.
+        since: Nanos,
+    },
+}
+
+/// What goes on in ENABLED.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Motion {
+    /// The set-points slow down and stand: no fresh command.
+    Holding,
+    /// The set-points follow a commander.
+    Following(Follow),
+}
+
+/// The command that is being followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Follow {
+    /// Who sent it.
+    pub client_id: u64,
+    /// Its number.
+    pub sequence: u64,
+    /// When it was sent.
+    pub stamp: Nanos,
+    /// The age at which it is stale.
+    pub deadline: Nanos,
+    /// What it asks, and where that is heading.
+    pub course: Course,
+}
+
+/// What a commander asks, and where that is heading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Course {
+    /// Angles, rad.
+    Joint(Trend<MAX_OUTPUTS>),
+    /// Encoder positions, counts.
+    Actuator(Trend<MAX_MOTORS>),
+}
+
+/// What failed and what is done about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Failure {
+    /// The first thing that failed.
+    pub cause: Fault,
+    /// What is done about it.
+    pub stage: Stage,
+}
+
+/// How far a fault has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Stage {
+    /// Waiting for the operator.
+    Latched {
+        /// Since when.
+        since: Nanos,
+        /// What every drive shall do meanwhile.
+        demands: [Demand; MAX_MOTORS],
+    },
+    /// The operator has seen it; drives are being reset.
+    Resetting {
+        /// Since when.
+        since: Nanos,
+    },
+}
+
+impl State {
+    /// The state as the world knows it.
+    pub fn operating(&self) -> OperatingState {
+        match self {
+            Self::Disabled(_) => OperatingState::Disabled,
+            Self::Enabled(_) => OperatingState::Enabled,
+            Self::Paused => OperatingState::Paused,
+            Self::Fault(_) => OperatingState::Fault,
+        }
+    }
+
+    /// What the drives ought to be doing.
+    pub fn expected(&self) -> Expected {
+        match self {
+            Self::Disabled(Inactive::Idle | Inactive::PoweringOff { .. }) | Self::Fault(_) => Expected::Off,
+            Self::Disabled(Inactive::Enabling { .. } | Inactive::Homing { .. }) => Expected::Changing,
+            Self::Disabled(Inactive::Stopping { .. } | Inactive::Settling { .. }) | Self::Enabled(_) | Self::Paused => {
+                Expected::On
+            }
+        }
+    }
+
+    /// What the drives are told.
+    pub fn demands(&self) -> [Demand; MAX_MOTORS] {
+        match self {
+            Self::Disabled(Inactive::Idle | Inactive::Homing { .. } | Inactive::PoweringOff { .. }) => {
+                [Demand::Disabled; MAX_MOTORS]
+            }
+            Self::Disabled(Inactive::Enabling { .. } | Inactive::Stopping { .. } | Inactive::Settling { .. })
+            | Self::Enabled(_)
+            | Self::Paused => [Demand::Enabled; MAX_MOTORS],
+            Self::Fault(Failure { stage: Stage::Latched { demands, .. }, .. }) => *demands,
+            Self::Fault(Failure { stage: Stage::Resetting { .. }, .. }) => [Demand::Disabled; MAX_MOTORS],
+        }
+    }
+
+    /// A change is under way.
+    pub fn busy(&self, at_rest: bool) -> bool {
+        match self {
+            Self::Disabled(Inactive::Idle) | Self::Enabled(_) => false,
+            Self::Paused => !at_rest,
+            Self::Disabled(_) => true,
+            Self::Fault(failure) => matches!(failure.stage, Stage::Resetting { .. }),
+        }
+    }
+
+    /// Drives are on and nothing is followed.
+    pub fn holding(&self) -> bool {
+        matches!(self, Self::Enabled(Motion::Holding) | Self::Paused)
+    }
+
+    /// The command that is being followed.
+    pub fn following(&self) -> Option<&Follow> {
+        match self {
+            Self::Enabled(Motion::Following(follow)) => Some(follow),
+            Self::Disabled(_) | Self::Enabled(Motion::Holding) | Self::Paused | Self::Fault(_) => None,
+        }
+    }
+}
+
+/// Why the state changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Cause {
+    /// A command was accepted.
+    Command(StateCommand),
+    /// What a command began goes on or has ended.
+    Progress(Option<StateCommand>),
+    /// Something failed.
+    Fault(Fault),
+    /// The process has been asked to end.
+    Shutdown,
+}
+
+impl Cause {
+    fn command(self) -> Option<StateCommand> {
+        match self {
+            Self::Command(command) => Some(command),
+            Self::Progress(command) => command,
+            Self::Fault(_) | Self::Shutdown => None,
+        }
+    }
+}
+
+/// The state, since when, and the last fault.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Machine {
+    state: State,
+    since: Nanos,
+    fault: Fault,
+}
+
+impl Machine {
+    /// DISABLED. What the drives do, whoever left them so, shows when they report.
+    pub fn new() -> Self {
+        Self { state: State::Disabled(Inactive::Idle), since: Nanos::ZERO, fault: Fault::None }
+    }
+
+    /// The first tick.
+    pub fn begin(&mut self, now: Nanos) {
+        self.since = now;
+    }
+
+    /// The state.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// When the present operating state began.
+    pub fn since(&self) -> Nanos {
+        self.since
+    }
+
+    /// The present fault, or the last one.
+    pub fn fault(&self) -> Fault {
+        self.fault
+    }
+
+    /// The one place where the state changes. Every change that the world can see, every command that began something
+    /// and every fault is an event; steps in between are not.
+    pub fn change(&mut self, to: State, cause: Cause, now: Nanos, events: &mut Events) {
+        let (before, after) = (self.state.operating(), to.operating());
+        let fault = if let Cause::Fault(fault) = cause { fault } else { Fault::None };
+        if before != after {
+            self.since = now;
+        }
+        if fault != Fault::None {
+            self.fault = fault;
+        }
+        if before != after || matches!(cause, Cause::Command(_) | Cause::Fault(_)) {
+            events.push(EventKind::State { from: before, to: after, command: cause.command(), fault });
+        }
+        self.state = to;
+    }
+}

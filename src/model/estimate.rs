@@ -1,0 +1,53 @@
+//! What a model answers, in arrays of fixed size.
+
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
+use crate::units::{MotorVec, OutputVec};
+
+/// Symmetric matrix over the outputs, rad^2 (m^2). Entries beyond the model's number of outputs are 0.
+pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
+
+/// Row: output, column: motor; rad (m) per count. Entries beyond the model's sizes are 0.
+pub type JacobianMatrix = [[f64; MAX_MOTORS]; MAX_OUTPUTS];
+
+/// Forward prediction: what the outputs are at given counts.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Estimate {
+    /// Expected outputs, rad (m).
+    pub mean: OutputVec,
+    /// Covariance of the outputs by the law of total covariance: the one to act on.
+    pub covariance: OutputMatrix,
+    /// Sum of squared responsibility times conditional covariance: the approximation of the calibration note. It leaves
+    /// out how far the components disagree, so it is never above `covariance`.
+    pub covariance_within: OutputMatrix,
+}
+
+impl Estimate {
+    /// Standard deviation of every output, rad (m), from [`Estimate::covariance`].
+    #[must_use]
+    pub fn deviation(&self) -> OutputVec {
+        std::array::from_fn(|i| self.covariance.get(i).and_then(|row| row.get(i)).map_or(0.0, |v| v.max(0.0).sqrt()))
+    }
+}
+
+/// Inverse: the counts that bring the outputs to a goal.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Inverse {
+    /// Counts inside the hull, always finite.
+    pub counts: MotorVec,
+    /// The goal cannot be reached inside the hull, or was not finite; `counts` is the nearest that can, or where the
+    /// search was asked to start.
+    pub clipped: bool,
+    /// Distance in output space between the goal and what `counts` reach, rad (m). Goals beyond 1000 are taken as 1000;
+    /// infinite if the goal was not finite.
+    pub residual: f64,
+    /// Model evaluations after the first one, over both starts.
+    pub iterations: u32,
+    /// The answer comes from the second start, the conditional mean of the counts given the goal.
+    pub fell_back: bool,
+}
+
+/// What a model remembers of the past motion of the motors. Fixed size, no heap.
+///
+/// Models without hysteresis remember nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Memory {}

@@ -1,0 +1,318 @@
+//! A cycle with two simulated drives, on simulated time. Every tick of every test is checked against the invariants in
+//! `invariant`.
+
+use std::sync::Arc;
+
+use i2ris::config::Config;
+use i2ris::control::cycle::Cycle;
+use i2ris::control::{
+    Event, EventKind, Goal, Inputs, JointReport, Outputs, Report, ServoCommand, StateReply, StateRequest,
+};
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::{
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
+    SCHEMA_VERSION, TrainingRecord,
+};
+use i2ris::units::{Counts, Nanos, OutputVec};
+
+use crate::drive::{Drive, Quirk};
+use crate::invariant::Watch;
+
+/// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
+pub const GAIN_DEG: f64 = 0.015_556;
+
+/// Corner of the square that the model knows, counts.
+pub const HULL: f64 = 800.0;
+
+pub const ROBOT: &str = r#"
+    robot_id = "bench"
+    [[ports]]
+    device = "/dev/null"
+    [[ports.axes]]
+    motor = 0
+    node_id = 1
+    serial_number = 1
+    position_min_counts = -1000
+    position_max_counts = 1000
+    [[ports.axes]]
+    motor = 1
+    node_id = 2
+    serial_number = 2
+    position_min_counts = -700
+    position_max_counts = 1000
+"#;
+
+/// The robot with further tables in front of its ports.
+pub fn config(tables: &str) -> Config {
+    let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
+    Config::parse(&format!("{head}\n{tables}\n[[ports]]{ports}"), "bench.toml".as_ref()).unwrap()
+}
+
+fn output(name: &str, unit: OutputUnit) -> OutputSpec {
+    OutputSpec { name: name.to_owned(), unit }
+}
+
+/// A model whose motor axes are turned by 45 deg against pitch and yaw.
+pub fn model(unit: OutputUnit) -> Arc<Model> {
+    let metrics = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
+    let file = ModelFile {
+        format: FORMAT.to_owned(),
+        schema_version: SCHEMA_VERSION,
+        robot_id: "bench".to_owned(),
+        outputs: vec![output("pitch", unit), output("yaw", unit)],
+        family: FamilyParameters::Linear {
+            gain: vec![vec![GAIN_DEG, GAIN_DEG], vec![-GAIN_DEG, GAIN_DEG]],
+            offset: vec![0.0, 0.0],
+            covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
+        },
+        hull: HullParameters {
+            corners: vec![vec![-HULL, -HULL], vec![HULL, -HULL], vec![HULL, HULL], vec![-HULL, HULL]],
+        },
+        training: TrainingRecord {
+            data_file: "none".to_owned(),
+            data_sha256: "0".repeat(64),
+            rows: 100,
+            seed: 1,
+            restarts: 1,
+            log_likelihood: None,
+            bic: None,
+            software: "test".to_owned(),
+        },
+        metrics: vec![OutputMetrics { training: metrics, held_out: None }; 2],
+    };
+    Arc::new(Model::from_file(file).unwrap())
+}
+
+/// Angles in rad for angles in deg.
+pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
+    [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0]
+}
+
+/// The counts at which the model says these angles.
+pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
+    [(pitch_deg - yaw_deg) / (2.0 * GAIN_DEG), (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG)]
+}
+
+pub struct Bench {
+    pub cycle: Cycle,
+    pub config: Config,
+    pub now: Nanos,
+    pub drives: [Drive; 2],
+    pub out: Outputs,
+    pub events: Vec<EventKind>,
+    pub shutdown: bool,
+    /// Something that counts, read before and after every step, and the sum of the differences.
+    pub probe: fn() -> u64,
+    pub probed: u64,
+    client_sequence: u64,
+    request_id: u64,
+    watch: Watch,
+}
+
+/// The client that the helpers of [`Bench`] speak for.
+pub const CLIENT: u64 = 7;
+
+impl Bench {
+    pub fn new(config: Config, model: Option<Arc<Model>>) -> Self {
+        let mut bench = Self {
+            cycle: Cycle::new(&config, model),
+            watch: Watch::new(&config),
+            config,
+            now: Nanos::from_millis(10_000),
+            drives: [Drive::new(0), Drive::new(0)],
+            out: Cycle::new(&self::config(""), None).step(Nanos::ZERO, &Inputs::default()),
+            events: Vec::with_capacity(1000),
+            shutdown: false,
+            probe: || 0,
+            probed: 0,
+            client_sequence: 0,
+            request_id: 0,
+        };
+        bench.drives.iter_mut().for_each(|drive| drive.feedback.stamp = bench.now);
+        bench.step(None, None);
+        bench
+    }
+
+    pub fn standard() -> Self {
+        Self::new(config(""), Some(model(OutputUnit::Deg)))
+    }
+
+    /// One tick.
+    pub fn step(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
+        let requests = self.out.requests;
+        self.now = self.now + self.config.control.period();
+        self.drives.iter_mut().zip(&requests).for_each(|(drive, request)| drive.tick(self.now, request));
+        let feedback = [self.drives[0].feedback, self.drives[1].feedback];
+        let inputs = Inputs { servo, request, feedback, shutdown: self.shutdown };
+        let before = (self.probe)();
+        self.out = self.cycle.step(self.now, &inputs);
+        self.probed += (self.probe)() - before;
+        self.watch.check(&inputs, &self.out);
+        self.note_events();
+    }
+
+    fn note_events(&mut self) {
+        for Event { stamp, kind } in self.out.events.iter().flatten() {
+            assert_eq!(*stamp, self.now);
+            if self.events.len() < self.events.capacity() {
+                self.events.push(*kind);
+            }
+        }
+    }
+
+    pub fn tick(&mut self) {
+        self.step(None, None);
+    }
+
+    pub fn run(&mut self, ticks: usize) {
+        (0..ticks).for_each(|_| self.tick());
+    }
+
+    /// Time passes and nobody ticks.
+    pub fn skip(&mut self, span: Nanos) {
+        self.now = self.now + span;
+    }
+
+    /// One tick with a state command.
+    pub fn ask_as(&mut self, client_id: u64, command: StateCommand) -> StateReply {
+        self.request_id += 1;
+        let id = self.request_id;
+        self.step(None, Some(StateRequest { id, client_id, command }));
+        let reply = self.out.reply.expect("a state command is answered in its tick");
+        assert_eq!(reply.id, id);
+        assert_eq!(reply.state, self.out.report.state);
+        reply
+    }
+
+    pub fn ask(&mut self, command: StateCommand) -> Refusal {
+        self.ask_as(CLIENT, command).refusal
+    }
+
+    /// A servo command of the usual client, sent now.
+    pub fn servo(&mut self, goal: Goal) -> ServoCommand {
+        self.client_sequence += 1;
+        let stamp = self.now + self.config.control.period();
+        ServoCommand { client_id: CLIENT, sequence: self.client_sequence, stamp, deadline: Nanos::ZERO, goal }
+    }
+
+    /// One tick with a servo command; the refusal, or `None` if it was accepted.
+    pub fn send(&mut self, command: ServoCommand) -> Refusal {
+        let (accepted, refused) = (self.report().accepted, self.report().refused);
+        self.step(Some(command), None);
+        match (self.report().accepted - accepted, self.report().refused - refused) {
+            (1, 0) => Refusal::None,
+            (0, 1) => self.report().last_refusal,
+            other => panic!("one command is accepted or refused, not {other:?}"),
+        }
+    }
+
+    pub fn joint(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
+        let command = self.servo(Goal::Joint(rad(pitch_deg, yaw_deg), 2));
+        self.send(command)
+    }
+
+    pub fn actuator(&mut self, counts: [i32; 2]) -> Refusal {
+        let command = self.servo(Goal::Actuator(counts.map(Counts), 2));
+        self.send(command)
+    }
+
+    pub fn report(&self) -> &Report {
+        &self.out.report
+    }
+
+    pub fn joints(&self) -> JointReport {
+        self.out.report.joint.expect("a model is loaded and drives have reported")
+    }
+
+    pub fn state(&self) -> OperatingState {
+        self.out.report.state
+    }
+
+    pub fn targets(&self) -> [i32; 2] {
+        [self.out.requests[0].target.0, self.out.requests[1].target.0]
+    }
+
+    pub fn phases(&self) -> [AxisPhase; 2] {
+        [self.drives[0].feedback.phase, self.drives[1].feedback.phase]
+    }
+
+    /// Runs until something holds, at most 40 seconds: longer than any time-out.
+    pub fn until(&mut self, what: &str, holds: impl Fn(&Self) -> bool) {
+        for _ in 0..40_000_000_000 / self.config.control.period().0 {
+            if holds(self) {
+                return;
+            }
+            self.tick();
+        }
+        panic!("waited in vain for: {what}; {:?}", self.out.report);
+    }
+
+    pub fn idle(&mut self) {
+        self.until("not busy", |bench| !bench.report().busy);
+    }
+
+    // Builders of states.
+
+    pub fn homed() -> Self {
+        let mut bench = Self::standard();
+        bench.home();
+        bench
+    }
+
+    pub fn home(&mut self) {
+        assert_eq!(self.ask(StateCommand::Home), Refusal::None);
+        self.idle();
+        assert!(self.report().homed);
+    }
+
+    pub fn enable(&mut self) {
+        assert_eq!(self.ask(StateCommand::Enable), Refusal::None);
+        self.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
+    }
+
+    pub fn enabled() -> Self {
+        let mut bench = Self::homed();
+        bench.enable();
+        bench
+    }
+
+    /// Enabled and on the way to a far goal, at full speed, with a command that has just been accepted.
+    pub fn moving() -> Self {
+        let mut bench = Self::enabled();
+        for _ in 0..7 {
+            bench.run(9);
+            assert_eq!(bench.actuator([250, 250]), Refusal::None);
+        }
+        let before = bench.targets();
+        bench.tick();
+        assert_eq!(bench.targets(), before.map(|target| target + 2), "2000 counts/s");
+        bench
+    }
+
+    pub fn paused() -> Self {
+        let mut bench = Self::enabled();
+        assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
+        bench.idle();
+        bench
+    }
+
+    /// Drive 0 at fault.
+    pub fn faulted() -> Self {
+        let mut bench = Self::enabled();
+        bench.fault(0);
+        bench
+    }
+
+    pub fn fault(&mut self, axis: usize) {
+        self.drives[axis].feedback.phase = AxisPhase::Faulted;
+        self.drives[axis].feedback.error_code = 0x8611;
+        self.run(2);
+        assert_eq!((self.state(), self.report().fault), (OperatingState::Fault, Fault::Drive));
+    }
+
+    pub fn quirk(&mut self, axis: usize, quirk: Quirk) {
+        self.drives[axis].quirk = quirk;
+    }
+}

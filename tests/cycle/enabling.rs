@@ -1,0 +1,236 @@
+//! DISABLED: homing and enabling.
+
+use i2ris::control::EventKind;
+use i2ris::drive::{AxisPhase, Demand};
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::units::{Counts, Nanos};
+
+use crate::bench::{Bench, CLIENT, config};
+use crate::drive::Quirk;
+
+#[test]
+fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
+    use AxisPhase as P;
+    for phase in [P::Starting, P::Enabling, P::Enabled, P::Homing, P::QuickStopped, P::Disabling] {
+        for command in [StateCommand::Enable, StateCommand::Home] {
+            let mut bench = Bench::homed();
+            bench.quirk(1, Quirk::Deaf);
+            bench.drives[1].feedback.phase = phase;
+            let refusal = bench.ask(command);
+            assert!(matches!(refusal, Refusal::DrivesNotReady | Refusal::Busy), "{command} with {phase:?}: {refusal}");
+            assert_eq!(bench.out.requests[0].demand, Demand::Disabled);
+        }
+    }
+}
+
+#[test]
+fn a_drive_that_was_left_on_is_switched_off_first() {
+    let mut bench = Bench::standard();
+    bench.drives[0].feedback.phase = AxisPhase::Enabled;
+    bench.tick();
+    assert!(bench.report().busy);
+    bench.idle();
+    assert_eq!(bench.phases()[0], AxisPhase::Disabled);
+}
+
+#[test]
+fn positions_that_are_old_do_not_count_as_ready() {
+    let mut bench = Bench::homed();
+    bench.quirk(1, Quirk::Silent);
+    bench.run(60);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::DrivesNotReady);
+}
+
+#[test]
+fn a_robot_without_a_zero_cannot_be_enabled() {
+    let mut bench = Bench::standard();
+    assert!(!bench.report().homed);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
+    bench.home();
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
+}
+
+#[test]
+fn a_zero_that_was_forgotten_comes_back_only_by_homing() {
+    let mut bench = Bench::homed();
+    assert_eq!(bench.ask(StateCommand::Unhome), Refusal::None);
+    bench.run(100);
+    assert!(!bench.report().homed, "the drive still says it is homed");
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
+    bench.home();
+    bench.enable();
+}
+
+#[test]
+fn homing_raises_the_counter_of_every_drive_once() {
+    let mut bench = Bench::standard();
+    bench.home();
+    bench.run(100);
+    assert_eq!(bench.out.requests.map(|request| request.homings), [1, 1]);
+    bench.home();
+    assert_eq!(bench.out.requests.map(|request| request.homings), [2, 2]);
+}
+
+#[test]
+fn homing_that_ends_without_a_zero_is_a_fault() {
+    let mut bench = Bench::standard();
+    bench.quirk(1, Quirk::Homeless);
+    assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+    bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
+    assert_eq!(bench.report().fault, Fault::Homing);
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.idle();
+    bench.quirk(1, Quirk::None);
+    bench.home();
+}
+
+#[test]
+fn a_motor_outside_its_limits_cannot_be_enabled() {
+    let mut bench = Bench::homed();
+    bench.drives[0].feedback.position = Counts(1001);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::Range);
+    bench.drives[0].feedback.position = Counts(1000);
+    bench.drives[1].feedback.position = Counts(-701);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::Range);
+    bench.drives[1].feedback.position = Counts(-700);
+    bench.enable();
+    assert_eq!(bench.targets(), [1000, -700]);
+}
+
+#[test]
+fn until_a_drive_is_enabled_its_target_is_where_it_is() {
+    let mut bench = Bench::homed();
+    bench.drives[1].delay = 40;
+    bench.ask(StateCommand::Enable);
+    for position in [5, 17, -3] {
+        bench.drives[1].feedback.position = Counts(position);
+        bench.tick();
+        assert_eq!(bench.phases()[1], AxisPhase::Enabling);
+        assert_eq!(bench.targets()[1], position);
+    }
+    bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
+}
+
+/// The drive holds the target that was preloaded, which may be some counts away from where the motor stands.
+#[test]
+fn the_set_point_starts_where_the_drive_holds() {
+    let mut bench = Bench::homed();
+    bench.drives[1].feedback.position = Counts(40);
+    bench.quirk(1, Quirk::Blocked);
+    bench.ask(StateCommand::Enable);
+    bench.until("preload", |bench| bench.phases()[1] == AxisPhase::Enabling);
+    assert_eq!(bench.drives[1].feedback.written.unwrap().target, Counts(40));
+    bench.drives[1].feedback.position = Counts(37);
+    bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
+    bench.run(20);
+    assert_eq!(bench.targets()[1], 40);
+}
+
+#[test]
+fn a_target_from_before_is_not_where_the_drive_holds() {
+    let mut bench = Bench::enabled();
+    assert_eq!(bench.actuator([200, 0]), Refusal::None);
+    bench.run(40);
+    assert!(bench.targets()[0] > 10);
+    bench.ask(StateCommand::Disable);
+    bench.idle();
+    bench.quirk(0, Quirk::SilentPreload);
+    bench.drives[0].slot = 100;
+    bench.drives[0].feedback.position = Counts(-600);
+    bench.enable();
+    bench.run(20);
+    assert_eq!(bench.targets()[0], -600, "not the target of the former session");
+    assert_eq!(bench.state(), OperatingState::Enabled, "and it is no following error either");
+}
+
+#[test]
+fn enabled_is_claimed_only_when_every_drive_is() {
+    let mut bench = Bench::homed();
+    bench.drives[1].delay = 200;
+    bench.ask(StateCommand::Enable);
+    bench.run(100);
+    assert_eq!(bench.phases(), [AxisPhase::Enabled, AxisPhase::Enabling]);
+    assert_eq!((bench.state(), bench.report().busy), (OperatingState::Disabled, true));
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::NotEnabled);
+    bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
+    assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
+    let enabled = EventKind::State {
+        from: OperatingState::Disabled,
+        to: OperatingState::Enabled,
+        command: Some(StateCommand::Enable),
+        fault: Fault::None,
+    };
+    assert!(bench.events.contains(&enabled), "{:?}", bench.events);
+}
+
+#[test]
+fn a_drive_that_does_not_come_on_is_a_fault_and_all_go_off() {
+    let mut bench = Bench::homed();
+    bench.quirk(1, Quirk::Deaf);
+    let begin = bench.now;
+    bench.ask(StateCommand::Enable);
+    bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
+    assert_eq!(bench.report().fault, Fault::DriveTimeout);
+    assert!(bench.now.since(begin) <= Nanos::from_millis(3010));
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
+    bench.run(20);
+    assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
+}
+
+#[test]
+fn disable_calls_enabling_and_homing_off() {
+    for command in [StateCommand::Enable, StateCommand::Home] {
+        let mut bench = Bench::homed();
+        bench.drives[1].delay = 30;
+        bench.ask(command);
+        bench.run(10);
+        assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+        bench.idle();
+        assert_eq!(bench.state(), OperatingState::Disabled);
+        assert_eq!(bench.phases(), [AxisPhase::Disabled; 2], "after {command}");
+    }
+}
+
+#[test]
+fn the_first_report_of_a_slow_drive_is_waited_for() {
+    let mut bench = Bench::new(config(""), None);
+    bench.drives.iter_mut().for_each(|drive| {
+        drive.quirk = Quirk::Silent;
+        drive.feedback.stamp = Nanos::ZERO;
+        drive.feedback.phase = AxisPhase::Starting;
+    });
+    bench.run(2000);
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Disabled, Fault::None));
+    assert_eq!(bench.ask_as(CLIENT, StateCommand::Home).refusal, Refusal::DrivesNotReady);
+}
+
+/// A drive that says it is off may not have seen yet that it was told to go on.
+#[test]
+fn a_report_older_than_the_demand_is_not_believed() {
+    let mut bench = Bench::homed();
+    bench.drives.iter_mut().for_each(|drive| drive.quirk = Quirk::Deaf);
+    bench.ask(StateCommand::Enable);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.run(49);
+    assert!(bench.report().busy);
+    bench.tick();
+    assert!(!bench.report().busy);
+}
+
+#[test]
+fn homing_is_over_when_the_drive_is_off_again() {
+    let mut bench = Bench::standard();
+    bench.quirk(0, Quirk::Deaf);
+    bench.drives[0].feedback.homed = true;
+    assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+    bench.drives[0].feedback.phase = AxisPhase::Homing;
+    bench.drives[0].feedback.homings = 1;
+    for _ in 0..50 {
+        bench.tick();
+        assert!(bench.report().busy);
+    }
+    bench.drives[0].feedback.phase = AxisPhase::Disabled;
+    bench.tick();
+    assert!(!bench.report().busy && bench.report().homed);
+}

@@ -1,0 +1,256 @@
+//! FAULT: what leads to it, what the drives are told, and the way out.
+
+use i2ris::control::EventKind;
+use i2ris::drive::{AxisPhase, Demand};
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::units::{Counts, Nanos};
+
+use crate::bench::Bench;
+use crate::drive::Quirk;
+
+fn demands(bench: &Bench) -> [Demand; 2] {
+    bench.out.requests.map(|request| request.demand)
+}
+
+fn fault(bench: &Bench) -> Option<Fault> {
+    (bench.state() == OperatingState::Fault).then_some(bench.report().fault)
+}
+
+fn expect_fault(bench: &mut Bench, expected: Fault) {
+    bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
+    assert_eq!(fault(bench), Some(expected));
+}
+
+#[test]
+fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
+    for build in [Bench::standard, Bench::homed, Bench::enabled, Bench::moving, Bench::paused] {
+        let mut bench = build();
+        bench.drives[1].feedback.phase = AxisPhase::Faulted;
+        bench.drives[1].feedback.error_code = 0x8611;
+        bench.tick();
+        assert_eq!(fault(&bench), Some(Fault::Drive));
+        let told = bench
+            .events
+            .iter()
+            .any(|event| matches!(event, EventKind::Axis { motor: 1, to: AxisPhase::Faulted, error_code: 0x8611, .. }));
+        assert!(told, "{:?}", bench.events);
+    }
+}
+
+#[test]
+fn the_drive_at_fault_goes_off_and_the_other_holds() {
+    let mut bench = Bench::moving();
+    bench.fault(1);
+    assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
+    bench.run(100);
+    assert_eq!(bench.phases(), [AxisPhase::QuickStopped, AxisPhase::Faulted]);
+}
+
+#[test]
+fn drives_without_power_get_none_in_a_fault() {
+    let mut bench = Bench::homed();
+    bench.fault(1);
+    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+    let mut bench = Bench::homed();
+    bench.drives[0].delay = 100;
+    bench.ask(StateCommand::Enable);
+    bench.run(50);
+    bench.fault(0);
+    assert_eq!(demands(&bench), [Demand::Disabled; 2], "enabling was under way");
+}
+
+#[test]
+fn a_line_that_is_lost_is_a_fault_and_the_drive_behind_it_shall_hold() {
+    for build in [Bench::standard, Bench::enabled, Bench::paused] {
+        let mut bench = build();
+        bench.drives[0].feedback.phase = AxisPhase::Lost;
+        bench.tick();
+        assert_eq!(fault(&bench), Some(Fault::Link));
+    }
+    let mut bench = Bench::moving();
+    bench.quirk(0, Quirk::Silent);
+    bench.drives[0].feedback.phase = AxisPhase::Lost;
+    bench.tick();
+    assert_eq!(demands(&bench), [Demand::QuickStop; 2]);
+    bench.run(10_000);
+    assert_eq!(demands(&bench), [Demand::QuickStop; 2], "and goes on to be told so, for when the line is back");
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists);
+    bench.quirk(0, Quirk::None);
+    bench.drives[0].feedback.phase = AxisPhase::Enabled;
+    bench.run(10);
+    assert_eq!(bench.phases()[0], AxisPhase::QuickStopped);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+}
+
+#[test]
+fn positions_that_stay_away_are_a_lost_line() {
+    let mut bench = Bench::enabled();
+    bench.quirk(1, Quirk::Silent);
+    let heard = bench.drives[1].feedback.stamp;
+    expect_fault(&mut bench, Fault::Link);
+    assert_eq!(bench.now.since(heard), Nanos::from_millis(250));
+}
+
+#[test]
+fn a_drive_that_starts_anew_had_been_lost() {
+    let mut bench = Bench::enabled();
+    bench.drives[1].feedback.phase = AxisPhase::Starting;
+    bench.tick();
+    assert_eq!(fault(&bench), Some(Fault::Link));
+}
+
+#[test]
+fn a_drive_that_leaves_the_enabled_state_is_a_fault() {
+    use AxisPhase as P;
+    for phase in [P::Disabled, P::Enabling, P::Homing, P::QuickStopped, P::Disabling] {
+        for build in [Bench::enabled, Bench::paused, Bench::moving] {
+            let mut bench = build();
+            bench.drives[0].quirk = Quirk::Deaf;
+            bench.drives[0].feedback.phase = phase;
+            bench.tick();
+            assert_eq!(fault(&bench), Some(Fault::DriveState), "{phase:?}");
+            assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop], "{phase:?}");
+        }
+    }
+}
+
+#[test]
+fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
+    let mut bench = Bench::enabled();
+    bench.quirk(0, Quirk::Blocked);
+    for goal in (100..=800).step_by(100) {
+        if fault(&bench).is_none() {
+            assert_eq!(bench.actuator([goal, 0]), Refusal::None);
+        }
+        bench.run(45);
+    }
+    assert_eq!(fault(&bench), Some(Fault::FollowingError));
+    let written = bench.drives[0].feedback.written.unwrap().target;
+    assert_eq!(written, Counts(301), "the first set-point beyond 300 counts");
+    bench.quirk(0, Quirk::None);
+    bench.run(20);
+    assert_eq!(bench.phases(), [AxisPhase::Disabled, AxisPhase::QuickStopped]);
+}
+
+/// On a slow line the newest set-point is far ahead of the one that was written; the motor cannot know it.
+#[test]
+fn a_set_point_that_waits_for_the_wire_is_no_following_error() {
+    let config = crate::bench::config("[limits]\nfollowing_error_counts = 10");
+    let mut bench = Bench::new(config, None);
+    bench.home();
+    bench.enable();
+    bench.drives[0].slot = 20;
+    assert_eq!(bench.actuator([250, 250]), Refusal::None);
+    let mut ahead = 0;
+    for _ in 0..20 {
+        bench.run(9);
+        let goal = bench.targets()[0].max(200) + 40;
+        assert_eq!(bench.actuator([goal, 250]), Refusal::None);
+        ahead = ahead.max(bench.targets()[0] - bench.drives[0].feedback.position.0);
+    }
+    assert!(ahead > 20, "{ahead}");
+    assert_eq!(fault(&bench), None);
+}
+
+#[test]
+fn the_gravest_of_two_faults_is_named() {
+    let mut bench = Bench::enabled();
+    bench.drives[0].feedback.phase = AxisPhase::QuickStopped;
+    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    bench.tick();
+    assert_eq!(fault(&bench), Some(Fault::Drive));
+    assert_eq!(demands(&bench), [Demand::Disabled; 2], "neither is trusted");
+}
+
+#[test]
+fn a_fault_stays_until_it_is_acknowledged() {
+    let mut bench = Bench::faulted();
+    bench.drives[0].feedback.phase = AxisPhase::Disabled;
+    bench.drives[0].feedback.error_code = 0;
+    bench.run(5000);
+    assert_eq!(fault(&bench), Some(Fault::Drive));
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::NotEnabled);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::State);
+}
+
+#[test]
+fn an_acknowledged_fault_resets_the_drive_that_has_it_and_moves_nothing() {
+    let mut bench = Bench::faulted();
+    assert_eq!(bench.out.requests.map(|request| request.fault_resets), [0, 0]);
+    let before = bench.drives.map(|drive| drive.feedback.position);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    assert_eq!(bench.out.requests.map(|request| request.fault_resets), [1, 0]);
+    assert_eq!((bench.state(), bench.report().busy), (OperatingState::Fault, true));
+    bench.idle();
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Disabled, Fault::Drive), "the last fault");
+    assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
+    assert_eq!(bench.drives.map(|drive| drive.feedback.position), before);
+    bench.enable();
+}
+
+#[test]
+fn a_fault_that_cannot_be_reset_stays() {
+    let mut bench = Bench::faulted();
+    bench.quirk(0, Quirk::Broken);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.idle();
+    assert_eq!(fault(&bench), Some(Fault::Drive));
+    bench.quirk(0, Quirk::None);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.idle();
+    assert_eq!(bench.state(), OperatingState::Disabled);
+    assert_eq!(bench.out.requests[0].fault_resets, 2);
+}
+
+#[test]
+fn a_drive_that_does_not_come_to_its_quick_stop_is_switched_off() {
+    let mut bench = Bench::enabled();
+    bench.quirk(1, Quirk::Deaf);
+    bench.fault(0);
+    assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop]);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists, "a drive is where it should not be");
+    bench.run(3000);
+    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+}
+
+#[test]
+fn a_drive_that_is_off_is_not_asked_to_hold_later() {
+    let mut bench = Bench::faulted();
+    bench.run(10);
+    assert_eq!(bench.phases()[1], AxisPhase::QuickStopped);
+    bench.drives[1].feedback.phase = AxisPhase::Disabled;
+    bench.run(10);
+    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+}
+
+#[test]
+fn disable_in_fault_switches_off_and_the_fault_stays() {
+    let mut bench = Bench::faulted();
+    bench.run(10);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.run(20);
+    assert_eq!(bench.phases(), [AxisPhase::Faulted, AxisPhase::Disabled]);
+    assert_eq!(fault(&bench), Some(Fault::Drive));
+}
+
+#[test]
+fn a_drive_that_does_not_go_off_is_a_fault() {
+    let mut bench = Bench::enabled();
+    bench.quirk(0, Quirk::Deaf);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    expect_fault(&mut bench, Fault::DriveTimeout);
+    assert_eq!(demands(&bench), [Demand::Disabled; 2]);
+}
+
+#[test]
+fn a_fault_is_not_over_while_a_drive_is_not_heard() {
+    let mut bench = Bench::enabled();
+    bench.quirk(1, Quirk::Silent);
+    expect_fault(&mut bench, Fault::Link);
+    bench.drives[1].feedback.phase = AxisPhase::QuickStopped;
+    bench.run(10);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists, "its last report is old");
+    bench.quirk(1, Quirk::None);
+    bench.run(10);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+}

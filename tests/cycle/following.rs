@@ -1,0 +1,222 @@
+//! ENABLED: what servo commands make of the set-points.
+
+use i2ris::config::Config;
+use i2ris::control::Goal;
+use i2ris::ipc::{Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::units::{Counts, Nanos};
+
+use crate::bench::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
+
+/// Rounding to counts.
+const HALF: f64 = 0.5 + 1e-6;
+
+/// Sends a goal every few ticks until the set-points have stood for a while.
+fn hold_goal(bench: &mut Bench, goal: Goal) {
+    for _ in 0..200 {
+        let command = bench.servo(goal);
+        assert_eq!(bench.send(command), Refusal::None);
+        bench.run(9);
+    }
+}
+
+#[test]
+fn angles_end_at_the_counts_that_the_model_says() {
+    let mut bench = Bench::enabled();
+    hold_goal(&mut bench, Goal::Joint(rad(3.0, -1.5), 2));
+    let wanted = counts_at(3.0, -1.5);
+    for (target, wanted) in bench.targets().iter().zip(wanted) {
+        assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");
+    }
+    let joints = bench.joints();
+    assert!(
+        (joints.setpoint[0].to_degrees() - 3.0).abs() < 1e-6 && (joints.setpoint[1].to_degrees() + 1.5).abs() < 1e-6
+    );
+    assert!((joints.measured[0].to_degrees() - 3.0).abs() < GAIN_DEG * 2.0);
+    assert_eq!(joints.goal, rad(3.0, -1.5));
+}
+
+#[test]
+fn counts_need_no_model() {
+    let mut bench = Bench::new(config(""), None);
+    bench.home();
+    bench.enable();
+    hold_goal(&mut bench, Goal::Actuator([Counts(120), Counts(-77)], 2));
+    assert_eq!(bench.targets(), [120, -77]);
+    assert_eq!(bench.report().joint, None);
+}
+
+#[test]
+fn a_tip_position_is_followed_like_an_angle() {
+    let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
+    bench.home();
+    bench.enable();
+    let goal = [0.003, -0.0015, 0.0];
+    hold_goal(&mut bench, Goal::Joint(goal, 2));
+    let wanted = counts_at(3.0, -1.5);
+    for (target, wanted) in bench.targets().iter().zip(wanted) {
+        assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");
+    }
+    // 4 mm in pitch are 257 counts of both motors.
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::None, "near zero in any unit");
+    let far = bench.servo(Goal::Joint([0.010, 0.0, 0.0], 2));
+    assert_eq!(bench.send(far), Refusal::Step);
+}
+
+#[test]
+fn a_goal_outside_the_hull_is_clipped_to_it_and_reported() {
+    let mut bench = Bench::enabled();
+    // The corner of the hull in pitch lies at 2 * 800 counts.
+    let edge = 2.0 * GAIN_DEG * HULL;
+    let mut pitch = 0.0;
+    while pitch < edge + 3.0 {
+        pitch += 0.1;
+        assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
+        bench.run(9);
+    }
+    hold_goal(&mut bench, Goal::Joint(rad(pitch, 0.0), 2));
+    assert!(bench.report().clipped);
+    assert_eq!(bench.targets(), [800, 800]);
+    assert!((bench.joints().goal[0].to_degrees() - edge).abs() < 1e-6, "{}", bench.joints().goal[0].to_degrees());
+    hold_goal(&mut bench, Goal::Joint(rad(pitch - 4.0, 0.0), 2));
+    assert!(!bench.report().clipped);
+}
+
+#[test]
+fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
+    let mut bench = Bench::enabled();
+    // Motor 1 ends at -700, the hull at -800.
+    let wanted = -2.0 * GAIN_DEG * 750.0;
+    let mut pitch = 0.0;
+    while pitch > wanted {
+        pitch -= 0.1;
+        assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
+        bench.run(9);
+    }
+    hold_goal(&mut bench, Goal::Joint(rad(pitch, 0.0), 2));
+    assert!(bench.report().clipped);
+    assert_eq!(bench.targets()[1], -700);
+    let joints = bench.joints();
+    assert!((joints.goal[0] - joints.setpoint[0]).abs() < 1e-9, "the goal is what can be reached");
+}
+
+#[test]
+fn the_next_set_point_carries_stamp_and_sequence_of_its_command() {
+    let mut bench = Bench::enabled();
+    let command = bench.servo(Goal::Joint(rad(0.1, 0.0), 2));
+    bench.send(command);
+    for request in bench.out.requests {
+        assert_eq!((request.command_stamp, request.command_sequence), (command.stamp, command.sequence));
+    }
+    bench.run(100);
+    assert_eq!(bench.out.requests[0].command_stamp, Nanos::ZERO, "a robot that holds follows no command");
+}
+
+/// A client that asks for `at(time)` at a rate, judged by how far the set-point is from what is asked for at every tick.
+struct Stream {
+    rate_hz: f64,
+    /// Time between sending and the tick that reads it, seconds.
+    delay_s: f64,
+    /// Every other command is sent this much later than it should be, seconds.
+    jitter_s: f64,
+}
+
+impl Stream {
+    /// The largest distance of motor 0 from the goal of each instant, counts, from `warm_up` seconds on.
+    fn worst_distance(&self, goal: impl Fn(f64) -> f64, warm_up_s: f64, seconds: f64) -> f64 {
+        let mut bench = Bench::enabled();
+        let (start, tick) = (bench.now, bench.config.control.period());
+        let send_time = |k: u32| f64::from(k) / self.rate_hz + f64::from(k % 2) * self.jitter_s;
+        let (mut k, mut worst) = (0, 0.0_f64);
+        loop {
+            let now_s = (bench.now + tick).since(start).as_seconds();
+            if now_s > seconds {
+                return worst;
+            }
+            if send_time(k) + self.delay_s <= now_s {
+                let sent_s = send_time(k);
+                k += 1;
+                let pitch = goal(sent_s) * 2.0 * GAIN_DEG;
+                let mut command = bench.servo(Goal::Joint(rad(pitch, 0.0), 2));
+                command.stamp = start + Nanos((sent_s * 1e9) as u64);
+                assert_eq!(bench.send(command), Refusal::None, "at {sent_s} s");
+            } else {
+                bench.tick();
+            }
+            if now_s >= warm_up_s {
+                worst = worst.max((f64::from(bench.targets()[0]) - goal(now_s)).abs());
+            }
+        }
+    }
+}
+
+/// 12 deg/s in pitch, which both motors share.
+const SPEED: f64 = 12.0 / (2.0 * GAIN_DEG);
+
+/// Half a count of rounding, and what is left of the lag: a tenth of a count is 0.1 ms at this speed. Following the
+/// commands as a staircase instead leaves 2.5 counts at 1 kHz.
+#[test]
+fn a_steady_stream_is_followed_without_lag() {
+    for rate_hz in [1000.0, 500.0, 200.0, 100.0] {
+        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
+        let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
+        assert!(worst <= HALF + 0.1, "{worst} counts at {rate_hz} Hz");
+    }
+}
+
+#[test]
+fn a_stream_with_jitter_is_followed_just_as_well() {
+    let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0015 };
+    let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
+    assert!(worst <= HALF + 0.1, "{worst} counts");
+}
+
+/// 7 deg at 0.5 Hz: 707 counts/s and 2220 counts/s^2. As a staircase it would be 7 counts behind.
+#[test]
+fn a_sine_is_followed_within_a_tick() {
+    let goal = |time: f64| 225.0 * (std::f64::consts::PI * time).sin();
+    for (rate_hz, behind) in [(1000.0, 0.1), (200.0, 0.2), (100.0, 0.5)] {
+        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
+        let worst = stream.worst_distance(goal, 0.2, 4.0);
+        assert!(worst <= HALF + behind, "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts");
+    }
+}
+
+#[test]
+fn a_steady_stream_gives_a_steady_velocity() {
+    let mut bench = Bench::enabled();
+    for k in 0..200 {
+        let stamp = bench.now + Nanos::from_micros(700);
+        let mut command = bench.servo(Goal::Joint(rad(f64::from(k) * 0.06, 0.0), 2));
+        command.stamp = stamp;
+        assert_eq!(bench.send(command), Refusal::None);
+        for _ in 0..4 {
+            bench.tick();
+            let velocity = bench.joints().setpoint_velocity[0].to_degrees();
+            assert!(k < 20 || (velocity - 12.0).abs() < 0.1, "{velocity} deg/s after {k} commands");
+        }
+    }
+}
+
+#[test]
+fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
+    let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0 };
+    let stop = 150.0;
+    let worst = stream.worst_distance(|time| (SPEED * time).min(stop), 0.2, 1.0);
+    let step = SPEED / 200.0;
+    assert!(worst <= 2.0 * step + HALF, "{worst} counts, steps of {step}");
+}
+
+#[test]
+fn one_motor_alone_can_be_commanded() {
+    let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
+    let mut bench = Bench::new(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
+    bench.home();
+    bench.enable();
+    let command = bench.servo(Goal::Actuator([Counts(30), Counts(30)], 2));
+    assert_eq!(bench.send(command), Refusal::Malformed);
+    hold_goal(&mut bench, Goal::Actuator([Counts(30), Counts(0)], 1));
+    assert_eq!(bench.targets(), [30, 0]);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.idle();
+}

@@ -1,0 +1,18 @@
+//! The control cycle against simulated drives, on simulated time.
+//!
+//! `bench` builds a cycle in a wanted state and ticks it; `invariant` watches every tick of every test.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod bench;
+mod drive;
+mod enabling;
+mod faults;
+mod following;
+mod gate;
+mod invariant;
+mod random;
+mod report;
+mod shutdown;
+mod stopping;
+mod table;

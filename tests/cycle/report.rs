@@ -1,0 +1,160 @@
+//! What the world sees.
+
+use i2ris::control::cycle::Cycle;
+use i2ris::control::{EventKind, Inputs};
+use i2ris::drive::{AxisFeedback, AxisPhase};
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::units::{Counts, Nanos};
+
+use crate::bench::{Bench, GAIN_DEG, config, model};
+use crate::drive::{Drive, Quirk};
+
+#[test]
+fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
+    let mut bench = Bench::standard();
+    bench.drives[0].feedback.position = Counts(100);
+    bench.drives[1].feedback.position = Counts(-40);
+    bench.tick();
+    let joints = bench.joints();
+    assert!((joints.measured[0].to_degrees() - 60.0 * GAIN_DEG).abs() < 1e-9);
+    assert!((joints.measured[1].to_degrees() + 140.0 * GAIN_DEG).abs() < 1e-9);
+    assert_eq!((joints.setpoint, joints.goal), (joints.measured, joints.measured));
+    assert!(
+        (joints.deviation[0].to_degrees() - 0.2).abs() < 1e-9 && (joints.deviation[1].to_degrees() - 0.3).abs() < 1e-9
+    );
+    assert!(joints.memory_known);
+}
+
+#[test]
+fn before_every_drive_has_reported_there_is_no_estimate() {
+    let mut cycle = Cycle::new(&config(""), Some(model(OutputUnit::Deg)));
+    let mut inputs = Inputs { feedback: [Drive::new(3).feedback; 2], ..Inputs::default() };
+    inputs.feedback[1] = AxisFeedback::default();
+    assert_eq!(cycle.step(Nanos(100), &inputs).report.joint, None);
+    inputs.feedback[1] = inputs.feedback[0];
+    assert!(cycle.step(Nanos(200), &inputs).report.joint.is_some());
+}
+
+#[test]
+fn a_zero_that_moves_is_no_motion() {
+    let mut bench = Bench::standard();
+    bench.drives.iter_mut().for_each(|drive| drive.feedback.position = Counts(500));
+    bench.run(200);
+    bench.ask(StateCommand::Home);
+    for _ in 0..200 {
+        bench.tick();
+        assert_eq!(bench.joints().measured_velocity, [0.0; 3]);
+    }
+    assert_eq!(bench.joints().measured, [0.0; 3]);
+}
+
+#[test]
+fn velocities_are_those_of_the_motion() {
+    let mut bench = Bench::enabled();
+    for k in 1..=60 {
+        // 10 deg/s at 200 Hz.
+        assert_eq!(bench.joint(f64::from(k) * 0.05, 0.0), Refusal::None);
+        bench.run(4);
+    }
+    let joints = bench.joints();
+    assert!((joints.setpoint_velocity[0].to_degrees() - 10.0).abs() < 0.1, "{:?}", joints.setpoint_velocity);
+    assert!((joints.measured_velocity[0].to_degrees() - 10.0).abs() < 1.5, "{:?}", joints.measured_velocity);
+    assert!(joints.setpoint_velocity[1].abs() < 1e-6);
+    bench.run(300);
+    assert_eq!(bench.joints().setpoint_velocity, [0.0; 3]);
+    assert!(bench.joints().measured_velocity[0].abs() < 1e-4);
+}
+
+#[test]
+fn a_drive_that_takes_its_set_point_over_shows_no_velocity() {
+    let mut bench = Bench::homed();
+    bench.quirk(1, Quirk::Blocked);
+    bench.ask(StateCommand::Enable);
+    bench.until("preload", |bench| bench.phases()[1] == AxisPhase::Enabling);
+    bench.drives[1].feedback.position = Counts(-8);
+    for _ in 0..20 {
+        bench.tick();
+        assert_eq!(bench.joints().setpoint_velocity, [0.0; 3]);
+    }
+    assert_eq!(bench.state(), OperatingState::Enabled);
+}
+
+#[test]
+fn the_state_carries_since_when_and_the_last_fault() {
+    let mut bench = Bench::enabled();
+    let since = bench.report().since;
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    bench.run(500);
+    assert_eq!(bench.report().since, since);
+    assert_eq!(bench.report().fault, Fault::None);
+    bench.fault(0);
+    assert!(bench.report().since > since);
+    bench.ask(StateCommand::Acknowledge);
+    bench.idle();
+    assert_eq!(bench.report().fault, Fault::Drive);
+}
+
+#[test]
+fn holding_is_said_where_nothing_is_followed() {
+    assert!(Bench::enabled().report().holding);
+    assert!(Bench::paused().report().holding);
+    assert!(!Bench::moving().report().holding);
+    assert!(!Bench::homed().report().holding);
+    assert!(!Bench::faulted().report().holding);
+}
+
+#[test]
+fn every_change_of_phase_is_an_event() {
+    let bench = Bench::enabled();
+    let phases: Vec<AxisPhase> = bench
+        .events
+        .iter()
+        .filter_map(|event| if let EventKind::Axis { motor: 1, to, .. } = event { Some(*to) } else { None })
+        .collect();
+    use AxisPhase as P;
+    assert_eq!(phases, [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled]);
+}
+
+#[test]
+fn the_way_through_the_states_is_written_down() {
+    let mut bench = Bench::moving();
+    bench.ask(StateCommand::Pause);
+    bench.ask(StateCommand::Resume);
+    bench.fault(1);
+    bench.ask(StateCommand::Acknowledge);
+    bench.idle();
+    let states: Vec<_> = bench
+        .events
+        .iter()
+        .filter_map(|event| match event {
+            EventKind::State { to, command, fault, .. } => Some((*to, *command, *fault)),
+            _ => None,
+        })
+        .collect();
+    use OperatingState as S;
+    use StateCommand as C;
+    assert_eq!(
+        states,
+        [
+            (S::Disabled, Some(C::Home), Fault::None),
+            (S::Disabled, Some(C::Enable), Fault::None),
+            (S::Enabled, Some(C::Enable), Fault::None),
+            (S::Paused, Some(C::Pause), Fault::None),
+            (S::Enabled, Some(C::Resume), Fault::None),
+            (S::Fault, None, Fault::Drive),
+            (S::Fault, Some(C::Acknowledge), Fault::None),
+            (S::Disabled, Some(C::Acknowledge), Fault::None),
+        ]
+    );
+}
+
+#[test]
+fn the_same_inputs_give_the_same_outputs() {
+    let (mut a, mut b) = (Bench::moving(), Bench::moving());
+    for _ in 0..100 {
+        a.tick();
+        b.tick();
+        assert_eq!(a.out, b.out);
+    }
+}

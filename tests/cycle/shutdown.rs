@@ -1,0 +1,80 @@
+//! The orderly end of the process.
+
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::units::Nanos;
+
+use crate::bench::Bench;
+use crate::drive::Quirk;
+
+/// Runs to the end; how long it took.
+fn end(bench: &mut Bench) -> Nanos {
+    let begin = bench.now;
+    bench.shutdown = true;
+    bench.until("the end", |bench| bench.out.finished);
+    bench.now.since(begin)
+}
+
+#[test]
+fn from_every_state_it_ends_with_drives_off() {
+    for build in [Bench::standard, Bench::homed, Bench::enabled, Bench::moving, Bench::paused, Bench::faulted] {
+        let mut bench = build();
+        let took = end(&mut bench);
+        assert!(took <= Nanos::from_millis(150), "{took:?}");
+        for phase in bench.phases() {
+            assert!(matches!(phase, AxisPhase::Disabled | AxisPhase::Faulted), "{phase:?}");
+        }
+    }
+}
+
+#[test]
+fn it_interrupts_enabling_and_homing() {
+    for command in [StateCommand::Enable, StateCommand::Home] {
+        let mut bench = Bench::homed();
+        bench.drives[1].delay = 30;
+        bench.ask(command);
+        bench.run(3);
+        end(&mut bench);
+        assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
+    }
+}
+
+#[test]
+fn the_motion_stops_before_the_power_goes() {
+    let mut bench = Bench::moving();
+    bench.shutdown = true;
+    bench.run(3);
+    let held = bench.targets();
+    bench.run(40);
+    assert_eq!((bench.targets(), bench.phases()), (held, [AxisPhase::Enabled; 2]));
+}
+
+#[test]
+fn nothing_is_set_going_any_more() {
+    let mut bench = Bench::homed();
+    end(&mut bench);
+    for command in [StateCommand::Enable, StateCommand::Home, StateCommand::Unhome, StateCommand::Resume] {
+        assert_eq!(bench.ask(command), Refusal::State, "{command}");
+    }
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    assert!(bench.out.finished);
+}
+
+#[test]
+fn drives_that_are_lost_or_starting_are_not_waited_for() {
+    let mut bench = Bench::enabled();
+    bench.drives[0].feedback.phase = AxisPhase::Lost;
+    bench.run(3);
+    assert_eq!(bench.state(), OperatingState::Fault);
+    assert!(end(&mut bench) <= Nanos::from_millis(100));
+    assert_eq!(bench.phases()[1], AxisPhase::Disabled);
+}
+
+#[test]
+fn a_drive_that_stays_on_cannot_keep_the_process_from_ending() {
+    let mut bench = Bench::enabled();
+    bench.quirk(1, Quirk::Deaf);
+    let took = end(&mut bench);
+    assert!(took <= Nanos::from_millis(5501), "{took:?}");
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::DriveTimeout));
+}

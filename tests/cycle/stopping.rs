@@ -1,0 +1,196 @@
+//! Everything that ends in a hold: silence, pause, release, disable, old feedback.
+
+use i2ris::control::EventKind;
+use i2ris::drive::{AxisPhase, Demand};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::units::Nanos;
+
+use crate::bench::{Bench, CLIENT, config};
+use crate::drive::Quirk;
+
+/// Ticks until the targets do not change any more.
+fn ticks_to_rest(bench: &mut Bench) -> usize {
+    let mut last_change = 0;
+    for tick in 1..=200 {
+        let before = bench.targets();
+        bench.tick();
+        if bench.targets() != before {
+            last_change = tick;
+        }
+    }
+    last_change
+}
+
+#[test]
+fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
+    let mut bench = Bench::enabled();
+    let sent = bench.now + bench.config.control.period();
+    assert_eq!(bench.actuator([250, -250]), Refusal::None);
+    let (mut last_motion, mut before) = (bench.now, bench.targets());
+    while bench.now.since(sent) < Nanos::from_millis(500) {
+        bench.tick();
+        if bench.targets() != before {
+            (last_motion, before) = (bench.now, bench.targets());
+        }
+    }
+    assert!(bench.targets()[0] < 100, "it was on its way");
+    assert!(last_motion.since(sent) >= Nanos::from_millis(49), "it was followed as long as it was fresh");
+    assert!(last_motion.since(sent) < Nanos::from_millis(52), "moved {:?} after the command", last_motion.since(sent));
+    assert_eq!(bench.report().stale_stops, 1);
+    assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
+    let stop = EventKind::StaleStop { client_id: CLIENT, age: Nanos::from_millis(50) };
+    assert!(bench.events.contains(&stop), "{:?}", bench.events);
+}
+
+#[test]
+fn a_command_may_set_its_own_deadline() {
+    let mut bench = Bench::enabled();
+    let mut command = bench.servo(i2ris::control::Goal::Actuator([i2ris::units::Counts(250); 2], 2));
+    command.deadline = Nanos::from_millis(5);
+    assert_eq!(bench.send(command), Refusal::None);
+    bench.run(4);
+    assert!(!bench.report().holding);
+    bench.tick();
+    assert!(bench.report().holding);
+}
+
+/// A deadline beyond the lease would leave a robot that follows nobody.
+#[test]
+fn no_command_outlives_the_lease() {
+    let mut bench = Bench::new(config("[command]\nlease_ms = 60"), None);
+    bench.home();
+    bench.enable();
+    let mut command = bench.servo(i2ris::control::Goal::Actuator([i2ris::units::Counts(250); 2], 2));
+    command.deadline = Nanos::from_millis(1000);
+    assert_eq!(bench.send(command), Refusal::None);
+    bench.run(59);
+    assert_eq!((bench.report().holding, bench.report().lease_client_id), (false, CLIENT));
+    bench.tick();
+    assert_eq!((bench.report().holding, bench.report().lease_client_id), (true, 0));
+}
+
+#[test]
+fn after_a_stale_stop_the_next_command_must_be_near_the_present_pose() {
+    let mut bench = Bench::enabled();
+    for step in 1..=20 {
+        assert_eq!(bench.joint(f64::from(step), 0.0), Refusal::None, "the goal may run ahead in small steps");
+        bench.run(4);
+    }
+    bench.run(100);
+    assert!(bench.report().holding);
+    let here = bench.joints().setpoint[0].to_degrees();
+    assert!(here < 14.0, "{here}");
+    assert_eq!(bench.joint(20.0, 0.0), Refusal::Step);
+    assert_eq!(bench.joint(here + 4.9, 0.0), Refusal::None);
+}
+
+#[test]
+fn paused_holds_and_resumes_where_it_is() {
+    let mut bench = Bench::moving();
+    assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
+    assert_eq!(bench.state(), OperatingState::Paused);
+    assert!(ticks_to_rest(&mut bench) <= 1);
+    let held = bench.targets();
+    assert_eq!(bench.actuator([250, 250]), Refusal::NotEnabled);
+    bench.run(2000);
+    assert_eq!(bench.targets(), held);
+    assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
+    assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
+    bench.run(100);
+    assert_eq!(bench.targets(), held);
+    assert_eq!(bench.actuator([held[0] + 10, held[1]]), Refusal::None);
+}
+
+#[test]
+fn a_commander_that_gives_its_lease_back_is_not_followed() {
+    let mut bench = Bench::moving();
+    assert_eq!(bench.ask_as(99, StateCommand::Release).refusal, Refusal::Lease);
+    assert!(!bench.report().holding);
+    assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
+    assert!(bench.report().holding);
+    assert_eq!((bench.report().lease_client_id, bench.report().stale_stops), (0, 0));
+    assert!(ticks_to_rest(&mut bench) <= 1);
+}
+
+#[test]
+fn disable_slows_down_settles_and_only_then_takes_the_power() {
+    let mut bench = Bench::moving();
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    assert!(bench.report().busy);
+    let begin = bench.now;
+    let mut moved = bench.now;
+    loop {
+        let before = bench.targets();
+        bench.tick();
+        if bench.out.requests[0].demand != Demand::Enabled {
+            break;
+        }
+        if bench.targets() != before {
+            moved = bench.now;
+        }
+    }
+    assert!(moved.since(begin) <= Nanos::from_millis(2));
+    assert!(bench.now.since(moved) >= Nanos::from_millis(50));
+    bench.idle();
+    assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
+}
+
+/// A configuration whose stop takes ten seconds: the power goes after one.
+#[test]
+fn a_stop_that_takes_too_long_ends_with_the_power_off() {
+    let limits = "[limits]\nacceleration_counts_s2 = 200.0\nstop_deceleration_counts_s2 = 200.0";
+    let mut bench = Bench::new(config(&format!("{limits}\n[command]\ndeadline_ms = 1000\nlease_ms = 1000")), None);
+    bench.home();
+    bench.enable();
+    for goal in [240, 480, 720, 960] {
+        assert_eq!(bench.actuator([goal, goal]), Refusal::None);
+        bench.run(400);
+    }
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.run(1100);
+    assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
+}
+
+#[test]
+fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
+    let mut bench = Bench::moving();
+    bench.quirk(1, Quirk::Silent);
+    let heard = bench.drives[1].feedback.stamp;
+    while bench.now.since(heard) < Nanos::from_millis(49) {
+        let goal = bench.targets().map(|target| target + 100);
+        assert_eq!(bench.actuator(goal), Refusal::None);
+    }
+    bench.tick();
+    assert!(bench.report().holding, "{:?} without a position", bench.now.since(heard));
+    let goal = bench.targets();
+    assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);
+    let held = bench.targets();
+    bench.run(100);
+    assert_eq!((bench.targets(), bench.state()), (held, OperatingState::Enabled));
+    bench.quirk(1, Quirk::None);
+    bench.tick();
+    assert!(bench.report().holding, "it does not go on by itself");
+    assert_eq!(bench.actuator(held), Refusal::None);
+}
+
+#[test]
+fn an_axis_that_loses_its_zero_stops_the_motion() {
+    let mut bench = Bench::moving();
+    bench.drives[0].feedback.homed = false;
+    bench.tick();
+    assert!(bench.report().holding && !bench.report().homed);
+    let goal = bench.targets();
+    assert_eq!(bench.actuator(goal), Refusal::NotHomed);
+}
+
+/// Ticks that were missed are not made up for.
+#[test]
+fn after_a_gap_in_time_no_step_is_larger() {
+    let mut bench = Bench::moving();
+    bench.skip(Nanos::from_millis(30));
+    bench.tick();
+    assert!(!bench.report().holding);
+    bench.skip(Nanos::from_millis(30));
+    bench.tick();
+    assert!(bench.report().holding, "the command is 60 ms old by now");
+}
