@@ -3,6 +3,7 @@
 //! It speaks through the controller's own frame codec, so it proves nothing about frames; the emulator does that, with
 //! a codec of its own. It exists to place damage, delays and states exactly where a test wants them.
 #![allow(dead_code, reason = "every test binary uses its own part")]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
 mod mini_drive;
 pub mod rig;

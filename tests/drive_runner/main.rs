@@ -1,4 +1,5 @@
 //! The port thread and its axes, grouped by phase: what is written to the drive, and when.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
 #[path = "../drive_fixture/mod.rs"]
 mod drive_fixture;
