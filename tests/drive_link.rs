@@ -1,4 +1,5 @@
 //! One request and one reply over a line that loses, damages and delays: nothing wrong is ever believed.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
 mod drive_fixture;
 

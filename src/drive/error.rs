@@ -101,8 +101,8 @@ pub enum AxisFault {
     },
     /// Another drive than the one configured.
     #[error(
-        "serial number 0x{found:08X} instead of 0x{expected:08X}; cables are swapped, or `serial_number` in the \
-         configuration names another drive"
+        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); cables are swapped, or \
+         `serial_number` in the configuration names another drive"
     )]
     SerialNumber {
         /// As configured.

@@ -5,10 +5,17 @@
 //! | file | holds |
 //! |---|---|
 //! | `frame` | the V2 frame: stuffing, CRC, parser that resynchronises; bytes in, bytes out |
-//! | `object` | the objects of the drive that we use: index, subindex, size, access |
+//! | `object` | the objects of the drive that we use: index, subindex, size, sign |
+//! | `request` | requests, and the reasons that drives give for refusing |
 //! | `cia402` | controlword, statusword, the states and the way between them |
-//! | `epos4` | requests and replies of the EPOS4, sans I/O |
-//! | `port` | the thread that owns a serial port |
+//! | `family` | what the port thread needs to know of a family of drives |
+//! | `epos4` | the EPOS4 family: requests, replies, error codes; sans I/O |
+//! | `transport`, `serial` | the line and its clock; a serial port as a line |
+//! | `exchange` | one request, one reply, and getting back in step when the reply does not come |
+//! | `bring_up`, `port` | from a device file to drives that are known, switched off and limited |
+//! | `axis` | one axis as a state machine without I/O |
+//! | `runner` | the thread that owns a serial port |
+//! | `error`, `event` | what can go wrong, and what is reported |
 
 mod axis;
 pub mod bring_up;
@@ -22,8 +29,16 @@ pub mod frame;
 pub mod object;
 pub mod port;
 pub mod request;
+pub mod runner;
 pub mod serial;
 pub mod transport;
+
+pub use bring_up::AxisIdentity;
+pub use error::DriveError;
+pub use event::{PortEvent, PortEventKind};
+pub use family::Drive;
+pub use port::{Configured, Identified, Opened, Port};
+pub use runner::{AxisLink, PortRunner};
 
 use crate::units::{Counts, Nanos};
 

@@ -42,6 +42,7 @@ impl Reply {
     }
 }
 
+#[derive(Debug)]
 pub struct MiniDrive {
     pub node: u8,
     pub serial_number: u32,
@@ -66,6 +67,10 @@ pub struct MiniDrive {
     /// Every position tells how many requests came before it.
     pub counting: bool,
     pub requests: u32,
+    /// Times that the motor was powered in mode 8 with another target than its position: jumps.
+    pub jumps: u32,
+    /// Times that a start was commanded in another mode than homing, where it means something else.
+    pub starts_outside_homing: u32,
     homing_bits: u16,
 }
 
@@ -86,6 +91,8 @@ impl MiniDrive {
             writes: Vec::with_capacity(100_000),
             counting: false,
             requests: 0,
+            jumps: 0,
+            starts_outside_homing: 0,
             homing_bits: 0,
         };
         drive.defaults();
@@ -203,6 +210,7 @@ impl MiniDrive {
         if self.stuck {
             return;
         }
+        let from = self.state;
         self.state = match (word & 0x008F, self.state) {
             (0x0080, FAULT) if rises(7) && !self.cause_remains => {
                 self.objects.insert(ERROR_CODE, 0);
@@ -216,6 +224,10 @@ impl MiniDrive {
             (0x0002 | 0x000B, OPERATION_ENABLED) => QUICK_STOP_ACTIVE,
             (_, state) => state,
         };
+        if from != OPERATION_ENABLED && self.state == OPERATION_ENABLED && self.objects[&MODE] == 8 {
+            self.jumps += u32::from(self.target() != self.position);
+        }
+        self.starts_outside_homing += u32::from(rises(4) && self.objects[&MODE] != 6);
         if rises(4) && self.state == OPERATION_ENABLED && self.objects[&MODE] == 6 {
             self.home();
         }

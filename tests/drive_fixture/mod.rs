@@ -3,8 +3,10 @@
 //! It speaks through the controller's own frame codec, so it proves nothing about frames; the emulator does that, with
 //! a codec of its own. It exists to place damage, delays and states exactly where a test wants them.
 #![allow(dead_code, reason = "every test binary uses its own part")]
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
 mod mini_drive;
+pub mod rig;
 
 use std::collections::VecDeque;
 use std::io;
@@ -15,7 +17,7 @@ use i2ris::drive::frame::{Damage, Encoder, Frame, MAX_ENCODED, Parsed, Parser};
 use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
 
-pub use mini_drive::{MiniDrive, Reply};
+pub use mini_drive::*;
 
 pub const SERIAL_NUMBER: u32 = 0x6215_0001;
 
@@ -49,9 +51,10 @@ pub enum Mischief {
 }
 
 /// A line in simulated time. Clones are handles to the same line.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct Bench(Arc<Mutex<World>>);
 
+#[derive(Debug)]
 pub struct World {
     pub now: Nanos,
     pub drives: Vec<MiniDrive>,
@@ -59,6 +62,8 @@ pub struct World {
     pub mischief: VecDeque<Mischief>,
     /// Nothing answers any more.
     pub dead: bool,
+    /// Nothing answers before this instant.
+    pub booting_until: Nanos,
     /// The cable is pulled.
     pub hung_up: bool,
     /// Requests that were sent before the former one was answered or its time was over.
@@ -80,6 +85,7 @@ impl Bench {
             drives,
             mischief: VecDeque::new(),
             dead: false,
+            booting_until: Nanos::ZERO,
             hung_up: false,
             pipelined: 0,
             requests: Vec::with_capacity(100_000),
@@ -95,9 +101,22 @@ impl Bench {
         self.0.lock().unwrap()
     }
 
+    /// The present instant of the line.
+    pub fn time(&self) -> Nanos {
+        self.world().now
+    }
+
     /// Looks at or changes the drive with a node id.
     pub fn drive<R>(&self, node: u8, look: impl FnOnce(&mut MiniDrive) -> R) -> R {
         look(self.world().drives.iter_mut().find(|drive| drive.node == node).expect("no such node"))
+    }
+
+    /// Power off and on again; the drive answers again after `boot`.
+    pub fn restart(&self, node: u8, boot: Nanos) {
+        self.drive(node, MiniDrive::restart);
+        let mut world = self.world();
+        world.booting_until = world.now + boot;
+        world.inbox.clear();
     }
 
     pub fn misbehave(&self, mischief: impl IntoIterator<Item = Mischief>) {
@@ -111,7 +130,7 @@ impl World {
             self.pipelined += 1;
         }
         let mischief = self.mischief.pop_front().unwrap_or(Mischief::Nothing);
-        if self.dead || mischief == Mischief::LoseRequest {
+        if self.dead || self.now < self.booting_until || mischief == Mischief::LoseRequest {
             return;
         }
         let mut bytes = bytes.to_vec();

@@ -15,7 +15,7 @@ pub(super) enum Stage {
     /// Configured; its state has not been read yet.
     Starting,
     /// Power stage off.
-    Disabled(Rearm),
+    Disabled,
     /// On the way to enabled.
     Enabling(Enabling, Nanos),
     /// The target is followed.
@@ -23,31 +23,15 @@ pub(super) enum Stage {
     /// Quick stop is asked for, the drive does not report it yet.
     QuickStopping(Power, Nanos),
     /// Quick stop is active. By the deadline the motor stands, or will not any more.
-    QuickStopped(Rearm, Nanos),
+    QuickStopped(Nanos),
     /// Looking for the zero; the number is the request that it answers.
     Homing(Homing, Nanos, u32),
-    /// On the way to disabled.
-    Disabling {
-        /// How far it is.
-        power: Power,
-        /// When the power is cut instead.
-        deadline: Nanos,
-        /// What it is disabled to.
-        rearm: Rearm,
-    },
+    /// On the way to disabled; at the deadline the power is cut instead.
+    Disabling(Power, Nanos),
     /// A fault holds the drive.
     Faulted(FaultStep),
     /// It does not answer.
     Lost,
-}
-
-/// Whether an axis may be enabled by the demand as it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Rearm {
-    /// The demand was something else than enabled since.
-    Free,
-    /// The demand must be something else than enabled first.
-    Held,
 }
 
 /// What is done about a fault. The number is the fault reset that is being carried out.
@@ -79,13 +63,13 @@ impl Stage {
     pub(super) fn phase(self) -> AxisPhase {
         match self {
             Self::Starting => AxisPhase::Starting,
-            Self::Disabled(_) => AxisPhase::Disabled,
+            Self::Disabled => AxisPhase::Disabled,
             Self::Enabling(..) => AxisPhase::Enabling,
             // Until the drive reports quick stop it may still be following.
             Self::Enabled | Self::QuickStopping(..) => AxisPhase::Enabled,
             Self::QuickStopped(..) => AxisPhase::QuickStopped,
             Self::Homing(..) => AxisPhase::Homing,
-            Self::Disabling { .. } => AxisPhase::Disabling,
+            Self::Disabling(..) => AxisPhase::Disabling,
             Self::Faulted(_) => AxisPhase::Faulted,
             Self::Lost => AxisPhase::Lost,
         }
@@ -96,7 +80,7 @@ impl Stage {
         match self {
             Self::Enabling(enabling, _) => Some(enabling.ask(parts)),
             Self::Homing(homing, ..) => Some(homing.ask(parts)),
-            Self::QuickStopping(power, _) | Self::Disabling { power, .. } => Some(power.ask()),
+            Self::QuickStopping(power, _) | Self::Disabling(power, _) => Some(power.ask()),
             Self::Faulted(step) => match step {
                 FaultStep::Code => Some(Ask::ErrorCode),
                 FaultStep::Lower(_) => Some(Ask::Control(Controlword::DISABLE_VOLTAGE)),
@@ -105,7 +89,7 @@ impl Stage {
                 FaultStep::Rest => None,
             },
             Self::Starting => Some(Ask::Status),
-            Self::Disabled(_) | Self::Enabled | Self::QuickStopped(..) | Self::Lost => None,
+            Self::Disabled | Self::Enabled | Self::QuickStopped(..) | Self::Lost => None,
         }
     }
 }

@@ -1,0 +1,204 @@
+//! The thread that owns a serial port.
+//!
+//! It and the control loop share nothing but a triple buffer each way per axis: neither ever waits for the other, and
+//! each sees the newest value.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use triple_buffer::{Input, Output, triple_buffer};
+
+use crate::config::AxisConfig;
+use crate::units::Nanos;
+
+use super::axis::{Access, Ask, Axis, Reply};
+use super::bring_up::{self, AxisIdentity};
+use super::error::{AxisFault, LinkError};
+use super::event::{PortEvent, PortEventKind};
+use super::exchange::Link;
+use super::family::Drive;
+use super::object::Setting;
+use super::serial::SerialTransport;
+use super::transport::Transport;
+use super::{AxisFeedback, AxisRequest};
+
+/// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without pace this leaves the
+/// processor to others.
+const SHORTEST_TURN: Nanos = Nanos::from_micros(500);
+
+/// A turn while no axis answers.
+const LOST_TURN: Nanos = Nanos::from_millis(10);
+
+/// Between two tries to reach an axis that was lost.
+const READMISSION_PERIOD: Nanos = Nanos::from_millis(500);
+
+/// How long the drives may take to go off when the thread ends.
+const SHUTDOWN_DEADLINE: Nanos = Nanos::from_millis(3000);
+
+/// The control loop's ends of one axis.
+#[derive(Debug)]
+pub struct AxisLink {
+    /// The motor.
+    pub motor: usize,
+    /// What the axis shall do: the newest counts.
+    pub requests: Input<AxisRequest>,
+    /// What the axis reports: the newest counts.
+    pub feedback: Output<AxisFeedback>,
+}
+
+/// The thread's end of a port. It allocates nothing while it runs.
+#[derive(Debug)]
+pub struct PortRunner<T = SerialTransport> {
+    link: Link<T>,
+    slots: Vec<Slot>,
+}
+
+/// One axis with what the thread keeps for it.
+#[derive(Debug)]
+struct Slot {
+    config: AxisConfig,
+    identity: AxisIdentity,
+    settings: Vec<Setting>,
+    axis: Axis,
+    requests: Output<AxisRequest>,
+    feedback: Input<AxisFeedback>,
+    next_admission: Nanos,
+}
+
+impl Slot {
+    fn with_link(config: AxisConfig, identity: AxisIdentity, drive: &'static dyn Drive) -> (Self, AxisLink) {
+        let (request_input, requests) = triple_buffer(&AxisRequest::default());
+        let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
+        let link = AxisLink { motor: config.motor, requests: request_input, feedback: feedback_output };
+        let (settings, axis) = (drive.settings(&config), Axis::new(&config, drive));
+        (Self { config, identity, settings, axis, requests, feedback, next_admission: Nanos::ZERO }, link)
+    }
+
+    fn publish<T: Transport>(&mut self, link: &Link<T>) {
+        self.feedback.write(self.axis.feedback(link.counters()));
+    }
+}
+
+impl<T: Transport> PortRunner<T> {
+    pub(super) fn with_links(
+        link: Link<T>,
+        axes: Vec<AxisConfig>,
+        identities: Vec<AxisIdentity>,
+    ) -> (Self, Vec<AxisLink>) {
+        let drive = link.drive();
+        let with_link = |(config, identity)| Slot::with_link(config, identity, drive);
+        let (slots, links) = axes.into_iter().zip(identities).map(with_link).unzip();
+        (Self { link, slots }, links)
+    }
+
+    /// Exchanges with the axes until `stop`, then leaves them switched off as far as they can be reached. Blocks; call
+    /// it in a thread of its own. `events` is called in that thread and should not block.
+    pub fn run(mut self, stop: &AtomicBool, mut events: impl FnMut(PortEvent)) {
+        self.announce(&mut events);
+        while !stop.load(Ordering::Acquire) {
+            self.turn(&mut events);
+        }
+        self.shut_down(&mut events);
+    }
+
+    fn announce(&self, events: &mut dyn FnMut(PortEvent)) {
+        for slot in &self.slots {
+            let AxisIdentity { node_id, product_code, firmware, serial_number, .. } = slot.identity;
+            slot.axis.report(PortEventKind::Ready { node_id, product_code, firmware, serial_number }, events);
+        }
+    }
+
+    /// One exchange with every axis.
+    pub fn turn(&mut self, events: &mut dyn FnMut(PortEvent)) {
+        let begin = self.link.now();
+        for place in 0..self.slots.len() {
+            self.serve(place, false, events);
+        }
+        let nothing_to_do = self.slots.iter().all(|slot| slot.axis.is_lost());
+        self.link.sleep_until(begin + if nothing_to_do { LOST_TURN } else { SHORTEST_TURN });
+    }
+
+    /// Switches everything off, in order, for a bounded time.
+    pub fn shut_down(&mut self, events: &mut dyn FnMut(PortEvent)) {
+        let begin = self.link.now();
+        for slot in &mut self.slots {
+            slot.axis.power_down(begin, events);
+        }
+        while self.slots.iter().any(|slot| !slot.axis.is_at_rest()) && self.link.now() < begin + SHUTDOWN_DEADLINE {
+            for place in 0..self.slots.len() {
+                self.serve(place, true, events);
+            }
+        }
+        for slot in &self.slots {
+            slot.axis.report(PortEventKind::Ended { off: slot.axis.is_off() }, events);
+        }
+    }
+
+    /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
+    fn serve(&mut self, place: usize, stopping: bool, events: &mut dyn FnMut(PortEvent)) {
+        let Self { link, slots } = self;
+        let Some(slot) = slots.get_mut(place) else { return };
+        if slot.axis.is_lost() {
+            slot.axis.acknowledge(slot.requests.read(), events);
+            if !stopping {
+                readmit(link, slot, events);
+            }
+        } else if let Err(error) = link.get_in_step() {
+            slot.axis.lose(error, events);
+        } else {
+            // The newest request, at the last moment before its set-point is encoded.
+            let request = if stopping { slot.axis.rest() } else { *slot.requests.read() };
+            let ask = slot.axis.next(&request, link.now(), events);
+            let timeouts = link.counters().timeouts;
+            let outcome = perform(link, slot.config.node_id, ask);
+            if link.counters().timeouts != timeouts {
+                let object = ask.object(link.drive().parts());
+                slot.axis.report(PortEventKind::TimedOut { object }, events);
+                slot.axis.disturbed(link.now(), events);
+            }
+            slot.axis.done(ask, outcome, link.now(), events);
+        }
+        slot.publish(link);
+    }
+}
+
+fn perform<T: Transport>(link: &mut Link<T>, node: u8, ask: Ask) -> Result<Reply, LinkError> {
+    match ask.access(link.drive().parts()) {
+        Access::Read(object) => link.read_raw(node, object).map(|answer| Reply {
+            raw: answer.value,
+            sent: answer.sent,
+            received: answer.received,
+        }),
+        Access::Write(setting, repeat) => link.write(node, setting, repeat).map(|answer| Reply {
+            raw: 0,
+            sent: answer.sent,
+            received: answer.received,
+        }),
+    }
+}
+
+/// Tries to reach an axis that was lost, now and then. It ends disabled, whatever is demanded.
+fn readmit<T: Transport>(link: &mut Link<T>, slot: &mut Slot, events: &mut dyn FnMut(PortEvent)) {
+    let now = link.now();
+    if now < slot.next_admission {
+        return;
+    }
+    slot.next_admission = now + READMISSION_PERIOD;
+    // It may be another drive, or one that was restarted.
+    link.forget_drive();
+    if link.try_to_get_in_step().is_err() || !link.is_in_step() {
+        return;
+    }
+    match bring_up_again(link, slot) {
+        Ok(()) => slot.axis.readmit(events),
+        // Gone again; the next try will tell.
+        Err(AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_), .. }) => {}
+        Err(fault) => slot.axis.refuse_admission(fault, events),
+    }
+}
+
+fn bring_up_again<T: Transport>(link: &mut Link<T>, slot: &Slot) -> Result<(), AxisFault> {
+    bring_up::know_line(link)?;
+    bring_up::check_identity(link, &slot.config)?;
+    bring_up::switch_off(link, slot.config.node_id)?;
+    bring_up::configure(link, slot.config.node_id, &slot.settings)
+}

@@ -1,0 +1,118 @@
+use super::*;
+
+#[test]
+fn the_newest_target_is_written_and_the_others_never() {
+    let mut rig = Rig::enabled();
+    for target in 0..600 {
+        rig.request(|request| request.target = Counts(target));
+        if target % 3 == 2 {
+            rig.turns(1);
+        }
+    }
+    let written = rig.drive(|drive| drive.written(0x607A, 0));
+    assert!(written.len() > 80, "{}", written.len());
+    assert!(written.iter().all(|target| target % 3 == 2), "only what was newest: {written:?}");
+    assert!(written.is_sorted(), "never back to an older one");
+}
+
+#[test]
+fn what_was_written_is_reported_with_its_request() {
+    let mut rig = Rig::enabled();
+    rig.request(|request| {
+        request.target = Counts(130);
+        request.command_stamp = Nanos(77);
+        request.command_sequence = 9;
+    });
+    rig.turns(4);
+    let (now, sequence) = (rig.bench.time(), rig.requests[0].sequence);
+    let written = rig.feedback().written.unwrap();
+    assert_eq!((written.target, written.sequence), (Counts(130), sequence));
+    assert_eq!((written.command_stamp, written.command_sequence), (Nanos(77), 9));
+    assert!(written.stamp <= now && now.since(written.stamp) < Nanos::from_millis(20));
+    assert_eq!(rig.feedback().position, Counts(130));
+}
+
+#[test]
+fn a_target_outside_the_limits_is_skipped_and_told_once() {
+    let mut rig = Rig::enabled();
+    rig.request(|request| request.target = Counts(2001));
+    rig.turns(50);
+    assert!(rig.drive(|drive| drive.written(0x607A, 0)).iter().all(|target| *target == 120));
+    let refusals =
+        |rig: &Rig| rig.kinds().iter().filter(|kind| matches!(kind, PortEventKind::TargetRefused { .. })).count();
+    assert_eq!(refusals(&rig), 1);
+    let sequence = rig.feedback().sequence;
+    rig.turns(20);
+    assert!(rig.feedback().sequence > sequence, "positions still come");
+
+    rig.request(|request| request.target = Counts(2000));
+    rig.turns(5);
+    assert_eq!(rig.feedback().written.unwrap().target, Counts(2000));
+    rig.request(|request| request.target = Counts(-2001));
+    rig.turns(50);
+    assert_eq!(refusals(&rig), 2);
+    assert_eq!(rig.drive(|drive| drive.position), 2000);
+}
+
+#[test]
+fn the_line_is_never_idle() {
+    let mut rig = Rig::enabled();
+    let (begin, before) = (rig.bench.time(), rig.feedback().counters.exchanges);
+    rig.turns(1000);
+    let exchanges = rig.feedback().counters.exchanges - before;
+    let span = rig.bench.time().since(begin).as_seconds();
+    // 24 bytes of ten bits at 115200 baud, and 0.3 ms of thinking.
+    let possible = span / (24.0 * 10.0 / 115_200.0 + 0.3e-3);
+    assert!(exchanges as f64 > 0.99 * possible, "{exchanges} of {possible:.0}");
+    assert_eq!(rig.bench.world().pipelined, 0, "and never a request before the reply");
+}
+
+#[test]
+fn it_is_switched_off_by_its_ramp() {
+    let mut rig = Rig::enabled();
+    rig.demand(Demand::Disabled);
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
+}
+
+#[test]
+fn a_drive_that_does_not_go_off_in_order_has_its_power_cut() {
+    let mut rig = Rig::enabled();
+    rig.drive(|drive| drive.stuck = true);
+    rig.demand(Demand::Disabled);
+    rig.turns(3000);
+    assert!(rig.controlwords().contains(&0x0000), "{:?}", rig.controlwords());
+    assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::StillOn { .. })));
+    assert_eq!(rig.feedback().phase, AxisPhase::Disabling);
+    rig.drive(|drive| drive.stuck = false);
+    rig.until(AxisPhase::Disabled);
+}
+
+#[test]
+fn a_drive_that_leaves_by_itself_stays_off() {
+    let mut rig = Rig::enabled();
+    rig.drive(|drive| drive.state = SWITCH_ON_DISABLED);
+    rig.until(AxisPhase::Disabled);
+    assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::StateLost { .. })));
+    rig.turns(100);
+    assert_eq!(rig.feedback().phase, AxisPhase::Disabled);
+}
+
+#[test]
+fn a_lost_reply_to_a_target_leads_to_the_newest_one_not_to_a_repetition() {
+    let mut rig = Rig::enabled();
+    rig.turns(40);
+    let mut target = 120;
+    for _ in 0..200 {
+        rig.bench.misbehave([Mischief::LoseRequest]);
+        for _ in 0..3 {
+            target += 1;
+            rig.request(|request| request.target = Counts(target));
+            rig.turns(1);
+        }
+    }
+    assert!(rig.drive(|drive| drive.written(0x607A, 0)).is_sorted());
+    assert_eq!(rig.feedback().phase, AxisPhase::Enabled);
+    assert!(rig.feedback().counters.timeouts >= 200);
+    assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::TimedOut { .. })));
+}
