@@ -1,1 +1,289 @@
 //! Real-time scheduling: asking for it and reading back what was granted.
+//!
+//! Every wish is best effort: a laptop without permissions still runs, but says so. What counts is not what was asked
+//! but what the kernel reports afterwards ([`Granted`]).
+//!
+//! | file | holds |
+//! |---|---|
+//! | `ticker` | waiting for the next tick on the absolute clock |
+//! | `statistics` | how well that went |
+
+pub mod statistics;
+pub mod ticker;
+
+use std::fs;
+
+use nix::errno::Errno;
+use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
+use nix::sys::mman::{MlockAllFlags, mlockall};
+use nix::unistd::Pid;
+
+pub use statistics::{LoopStatistics, TickTiming};
+pub use ticker::{Schedule, Tick, Ticker};
+
+/// The calling thread, in calls that take a thread id.
+const SELF: Pid = Pid::from_raw(0);
+
+/// What a thread would like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Wanted {
+    /// SCHED_FIFO priority, 1 to 98; 0: normal scheduling.
+    pub priority: u8,
+    /// The processor to run on, and no other.
+    pub cpu: Option<usize>,
+    /// Lock the memory of the whole process, now and in future, against paging.
+    pub lock_memory: bool,
+}
+
+/// What a thread got, as read back from the kernel.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Granted {
+    /// SCHED_FIFO priority; 0: normal scheduling.
+    pub priority: u8,
+    /// The one processor that the thread may run on; `None`: several.
+    pub cpu: Option<usize>,
+    /// The memory of the process is locked.
+    pub memory_locked: bool,
+    /// One sentence for every wish that was not granted: what, why, and how to allow it.
+    pub warnings: Vec<String>,
+}
+
+/// Asks for `wanted` on behalf of the calling thread, then reads back what came of it.
+///
+/// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the processor: see
+/// [`keep_normal`].
+#[must_use]
+pub fn request(wanted: Wanted) -> Granted {
+    let mut warnings = Vec::new();
+    if wanted.lock_memory {
+        warnings.extend(lock_memory().err().map(memory_warning));
+    }
+    if let Some(cpu) = wanted.cpu {
+        warnings.extend(pin(cpu).err().map(|errno| processor_warning(cpu, errno)));
+    }
+    if wanted.priority > 0 {
+        warnings.extend(set_fifo(wanted.priority).err().map(|errno| priority_warning(wanted.priority, errno)));
+    }
+    let granted = Granted { warnings, ..read_back() };
+    granted.doubt(wanted)
+}
+
+/// Puts the calling thread under normal scheduling and keeps it away from the loop's processor, where it could only be
+/// in the way. For every thread that is not real-time, first thing in it: a thread inherits the processor of the one
+/// that starts it.
+pub fn keep_normal(loop_cpu: Option<usize>) {
+    set_normal();
+    if let Some(cpu) = loop_cpu {
+        let allowed = sched_getaffinity(SELF).unwrap_or_else(|_| every_processor());
+        let others = without(&allowed, cpu).or_else(|| without(&every_processor(), cpu));
+        if let Some(others) = others {
+            // Refused where the loop's processor is the only one; then there is nothing to do about it.
+            let _ = sched_setaffinity(SELF, &others);
+        }
+    }
+}
+
+/// What the calling thread has, whatever was asked.
+#[must_use]
+pub fn read_back() -> Granted {
+    Granted {
+        priority: fifo_priority(),
+        cpu: sched_getaffinity(SELF).ok().as_ref().and_then(only_processor),
+        memory_locked: fs::read_to_string("/proc/self/status").is_ok_and(|status| locked_kilobytes(&status) > 0),
+        warnings: Vec::new(),
+    }
+}
+
+impl Granted {
+    /// Adds a warning for what was asked without an error and is not there all the same.
+    fn doubt(mut self, wanted: Wanted) -> Self {
+        let silent = self.warnings.is_empty();
+        let missing = [
+            (wanted.priority > 0 && self.priority != wanted.priority, "SCHED_FIFO"),
+            (wanted.cpu.is_some() && self.cpu != wanted.cpu, "the processor"),
+            (wanted.lock_memory && !self.memory_locked, "locked memory"),
+        ];
+        for (_, what) in missing.iter().filter(|(missing, _)| *missing && silent) {
+            self.warnings.push(format!("the kernel accepted the wish for {what} but does not show it; check the host"));
+        }
+        self
+    }
+}
+
+fn set_fifo(priority: u8) -> Result<(), Errno> {
+    // With the flag, whatever this thread starts begins under normal scheduling.
+    schedule(libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, i32::from(priority))
+}
+
+fn set_normal() {
+    // Always allowed, except that the flag may not be taken away: leave it on.
+    if schedule(libc::SCHED_OTHER, 0).is_err() {
+        let _ = schedule(libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, 0);
+    }
+}
+
+fn schedule(policy: i32, priority: i32) -> Result<(), Errno> {
+    let parameters = libc::sched_param { sched_priority: priority };
+    // SAFETY: the pointer is to a live value of the right type, and 0 names the calling thread.
+    Errno::result(unsafe { libc::sched_setscheduler(0, policy, &parameters) }).map(drop)
+}
+
+fn fifo_priority() -> u8 {
+    let mut parameters = libc::sched_param { sched_priority: 0 };
+    // SAFETY: 0 names the calling thread.
+    let policy = unsafe { libc::sched_getscheduler(0) };
+    // SAFETY: the pointer is to a live value of the right type, and 0 names the calling thread.
+    let read = unsafe { libc::sched_getparam(0, &mut parameters) };
+    if read == 0 && policy & !libc::SCHED_RESET_ON_FORK == libc::SCHED_FIFO {
+        u8::try_from(parameters.sched_priority).unwrap_or(0)
+    } else {
+        0
+    }
+}
+
+fn lock_memory() -> Result<(), Errno> {
+    mlockall(MlockAllFlags::MCL_CURRENT | MlockAllFlags::MCL_FUTURE)
+}
+
+fn pin(cpu: usize) -> Result<(), Errno> {
+    let mut one = CpuSet::new();
+    one.set(cpu)?;
+    sched_setaffinity(SELF, &one)
+}
+
+fn only_processor(set: &CpuSet) -> Option<usize> {
+    let mut members = members(set);
+    let first = members.next()?;
+    members.next().is_none().then_some(first)
+}
+
+fn members(set: &CpuSet) -> impl Iterator<Item = usize> {
+    (0..CpuSet::count()).filter(|cpu| set.is_set(*cpu).unwrap_or(false))
+}
+
+fn every_processor() -> CpuSet {
+    let mut all = CpuSet::new();
+    for cpu in 0..CpuSet::count() {
+        let _ = all.set(cpu);
+    }
+    all
+}
+
+/// The set without one processor; `None` if nothing remains.
+fn without(set: &CpuSet, cpu: usize) -> Option<CpuSet> {
+    let mut rest = *set;
+    rest.unset(cpu).ok()?;
+    members(&rest).next().map(|_| rest)
+}
+
+/// `VmLck` of `/proc/PID/status`, kB.
+fn locked_kilobytes(status: &str) -> u64 {
+    let line = status.lines().find_map(|line| line.strip_prefix("VmLck:"));
+    line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
+}
+
+fn priority_warning(priority: u8, errno: Errno) -> String {
+    format!(
+        "SCHED_FIFO priority {priority} refused ({errno}): ticks will be late under load; allow it with `setcap \
+         cap_sys_nice,cap_ipc_lock+ep` on the program, `rtprio` in /etc/security/limits.d, or LimitRTPRIO= in its \
+         systemd unit"
+    )
+}
+
+fn memory_warning(errno: Errno) -> String {
+    format!(
+        "locking memory refused ({errno}): paging can delay ticks; allow it with `setcap cap_sys_nice,cap_ipc_lock+ep` \
+         on the program, `memlock` in /etc/security/limits.d, or LimitMEMLOCK=infinity in its systemd unit"
+    )
+}
+
+fn processor_warning(cpu: usize, errno: Errno) -> String {
+    format!(
+        "pinning to processor {cpu} refused ({errno}): it does not exist or is not allowed for this process; change \
+         control.cpu"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::thread;
+
+    /// Scheduling belongs to a thread: try it in one that nobody else uses.
+    fn in_a_thread<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+        thread::spawn(work).join().unwrap()
+    }
+
+    fn allowed() -> Vec<usize> {
+        members(&sched_getaffinity(SELF).unwrap()).collect()
+    }
+
+    #[test]
+    fn a_processor_that_exists_is_granted_and_read_back() {
+        in_a_thread(|| {
+            let cpu = allowed()[0];
+            let granted = request(Wanted { cpu: Some(cpu), ..Wanted::default() });
+            assert_eq!((granted.cpu, granted.warnings), (Some(cpu), vec![]));
+        });
+    }
+
+    #[test]
+    fn a_processor_that_does_not_exist_is_warned_about() {
+        in_a_thread(|| {
+            let granted = request(Wanted { cpu: Some(1000), ..Wanted::default() });
+            assert!(granted.warnings.len() == 1 && granted.warnings[0].contains("processor 1000"), "{granted:?}");
+            assert_ne!(granted.cpu, Some(1000));
+        });
+    }
+
+    #[test]
+    fn fifo_is_either_there_or_warned_about() {
+        in_a_thread(|| {
+            let granted = request(Wanted { priority: 7, ..Wanted::default() });
+            assert_eq!(granted.priority == 7, granted.warnings.is_empty(), "{granted:?}");
+            assert!(granted.warnings.iter().all(|warning| warning.contains("rtprio")), "{granted:?}");
+        });
+    }
+
+    #[test]
+    fn nobody_inherits_fifo_and_helpers_leave_the_processor_of_the_loop() {
+        in_a_thread(|| {
+            let processors = allowed();
+            let cpu = processors[0];
+            let _ = request(Wanted { priority: 7, cpu: Some(cpu), lock_memory: false });
+            let child = in_a_thread(read_back);
+            assert_eq!((child.priority, child.cpu), (0, Some(cpu)));
+            let helper = in_a_thread(move || {
+                keep_normal(Some(cpu));
+                (fifo_priority(), allowed())
+            });
+            assert_eq!(helper.0, 0);
+            assert_eq!(helper.1.contains(&cpu), processors.len() == 1, "{helper:?}");
+        });
+    }
+
+    #[test]
+    fn a_real_time_thread_can_be_put_back() {
+        in_a_thread(|| {
+            let _ = request(Wanted { priority: 7, ..Wanted::default() });
+            keep_normal(None);
+            assert_eq!(read_back().priority, 0);
+        });
+    }
+
+    #[test]
+    fn a_wish_that_came_to_nothing_without_an_error_is_warned_about() {
+        let wanted = Wanted { priority: 80, cpu: Some(1), lock_memory: true };
+        let granted = Granted::default().doubt(wanted);
+        assert_eq!(granted.warnings.len(), 3);
+        let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };
+        assert_eq!(granted.clone().doubt(wanted), granted);
+    }
+
+    #[test]
+    fn locked_memory_is_read_from_the_status_file() {
+        assert_eq!(locked_kilobytes("VmSize:\t 10 kB\nVmLck:\t  2048 kB\nVmPin:\t 0 kB\n"), 2048);
+        assert_eq!(locked_kilobytes("VmLck:\t nonsense\n"), 0);
+        assert_eq!(locked_kilobytes(""), 0);
+    }
+}

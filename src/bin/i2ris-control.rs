@@ -1,2 +1,79 @@
 //! The controller process.
-fn main() {}
+
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use i2ris::config::Config;
+use i2ris::control::runtime;
+
+const HELP: &str = "\
+Teleoperation controller for the I2RIS snake robot
+
+Usage: i2ris-control --config FILE
+
+Options:
+  --config FILE  Configuration (TOML), for example config/emulator.toml
+  --version      Print the version
+  --help         Print this
+
+SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exit code is then 0.
+";
+
+/// What the command line asks for.
+enum Request {
+    Help,
+    Version,
+    Run(PathBuf),
+}
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> ExitCode {
+    match start() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            let _ = writeln!(io::stderr(), "error: {failure}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn start() -> Result<(), Failure> {
+    match parse(std::env::args_os().skip(1))? {
+        Request::Help => print(HELP),
+        Request::Version => print(concat!("i2ris-control ", env!("CARGO_PKG_VERSION"), "\n")),
+        Request::Run(path) => {
+            let config = Config::load(&path)?;
+            let shutdown = Arc::new(AtomicBool::new(false));
+            let asked = Arc::clone(&shutdown);
+            ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
+            Ok(runtime::run(&config, &shutdown, &mut io::stderr())?)
+        }
+    }
+}
+
+fn print(text: &str) -> Result<(), Failure> {
+    Ok(io::stdout().write_all(text.as_bytes())?)
+}
+
+fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failure> {
+    let wrong = |what: String| Err(format!("{what}; see i2ris-control --help").into());
+    let Some(first) = arguments.next() else { return wrong("no configuration named".to_owned()) };
+    let request = match first.to_str() {
+        Some("--help" | "-h") => Request::Help,
+        Some("--version" | "-V") => Request::Version,
+        Some("--config" | "-c") => match arguments.next() {
+            Some(path) => Request::Run(path.into()),
+            None => return wrong("--config wants a file".to_owned()),
+        },
+        _ => return wrong(format!("unknown argument {}", first.display())),
+    };
+    match arguments.next() {
+        None => Ok(request),
+        Some(more) => wrong(format!("unexpected argument {}", more.display())),
+    }
+}

@@ -15,7 +15,11 @@
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
 //! | `joint` | joint space: the model, its memory, estimates |
 //! | `event` | what happened in one tick |
-//! | `runtime` | the threads and what passes between them |
+//! | `runtime` | the process: start, threads, end |
+//! | `lane` | what passes between the threads |
+//! | `relay` | the thread of shared memory |
+//! | `convert` | between payloads and values |
+//! | `log` | events as lines for a person |
 //!
 //! # States
 //!
@@ -101,13 +105,18 @@
 
 mod aim;
 mod axis;
+mod convert;
 pub mod cycle;
 mod event;
 mod gate;
 mod joint;
+mod lane;
 pub mod limit;
+mod log;
 mod progress;
 mod reach;
+mod relay;
+pub mod runtime;
 mod sight;
 mod state;
 mod table;

@@ -10,6 +10,21 @@
 //! | `epos4` | requests and replies of the EPOS4, sans I/O |
 //! | `port` | the thread that owns a serial port |
 
+mod axis;
+pub mod bring_up;
+pub mod cia402;
+pub mod epos4;
+pub mod error;
+pub mod event;
+pub mod exchange;
+pub mod family;
+pub mod frame;
+pub mod object;
+pub mod port;
+pub mod request;
+pub mod serial;
+pub mod transport;
+
 use crate::units::{Counts, Nanos};
 
 /// What the control loop wants of one drive. The newest request replaces the former ones; nothing queues.

@@ -8,10 +8,28 @@
 //! | `payload` | the messages, field by field, with fixed layout |
 //! | `word` | the numbers inside them as enums: states, commands, refusals |
 //! | `domain` | where the shared memory of one controller lives, and its clean-up |
+//! | `guard` | the controller's exclusive hold on a domain |
+//! | `ready` | how clients learn which start of which controller serves |
+//! | `service` | names and sizes of the services |
 //! | `server` | the controller's side: owns every publisher, subscriber and server |
 //! | `client` | the public client library |
 
+pub mod client;
+pub mod domain;
+pub mod guard;
+mod identity;
+mod lock;
+mod message;
 pub mod payload;
+pub mod ready;
+pub mod server;
+mod service;
 pub mod word;
 
+pub use domain::{Domain, DomainError};
+pub use guard::DomainGuard;
+pub use identity::random_id;
+pub use message::Message;
+pub use server::{IpcError, Server};
+pub use service::Transport;
 pub use word::{Fault, OperatingState, Refusal, StateCommand};

@@ -37,7 +37,8 @@ pub struct Inverse {
     /// The goal cannot be reached inside the hull, or was not finite; `counts` is the nearest that can, or where the
     /// search was asked to start.
     pub clipped: bool,
-    /// Distance in output space between the goal and what `counts` reach, rad (m). Infinite if the goal was not finite.
+    /// Distance in output space between the goal and what `counts` reach, rad (m). Goals beyond 1000 are taken as 1000;
+    /// infinite if the goal was not finite.
     pub residual: f64,
     /// Model evaluations after the first one, over both starts.
     pub iterations: u32,

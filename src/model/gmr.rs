@@ -15,11 +15,11 @@
 //! ```
 //!
 //! Derivative of the mean. `d log N(x; mu_k^I, S_k^I) / dx = -(S_k^I)^-1 (x - mu_k^I) =: g_k`, hence
-//! `dh_k/dx = h_k (g_k - sum_i h_i g_i)`, and because `sum_k dh_k/dx = 0` the conditional means may be taken from any
-//! origin; from the mean they are small, and far from all components nothing cancels:
+//! `dh_k/dx = h_k (g_k - sum_i h_i g_i)`. Because `sum_k dh_k/dx = 0`, the conditional means may be taken from any origin
+//! `o`; from that of the likeliest component, nothing cancels where one component takes all:
 //!
 //! ```text
-//! d mean / dx = sum_k h_k (A_k + (y_k - mean) g_k^T)
+//! d mean / dx = sum_k h_k A_k + sum_k h_k (y_k - o) g_k^T - (mean - o) (sum_k h_k g_k)^T
 //! ```
 //!
 //! Everything runs through the whitened distance `z_k = W_k (x - mu_k^I)` with `W_k = L_k^-1`, `S_k^I = L_k L_k^T`:
@@ -36,6 +36,9 @@ use super::regression::{Local, Prediction, Regression};
 
 /// The largest entry of a whitening matrix, per count or rad (m): squared distances stay finite everywhere.
 const LARGEST_WHITENING: f64 = 1e12;
+
+/// A component whose logarithm is this far below the likeliest has no share: 4e-18 of it is lost in rounding.
+const NEGLIGIBLE: f64 = -40.0;
 
 /// Gaussian mixture regression of M outputs on D inputs, and the other way round from the same mixture.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +71,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for Gmr<D, M> {
 
     /// The conditional mean of the inputs, given the outputs.
     fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
-        Some(self.backward.mean(goal))
+        Some(self.backward.local(goal).mean)
     }
 }
 
@@ -89,6 +92,8 @@ struct Part<const I: usize, const O: usize> {
     whitening: SMatrix<f64, I, I>,
     /// B_k.
     gain: SMatrix<f64, O, I>,
+    /// A_k.
+    slope: SMatrix<f64, O, I>,
     /// C_k.
     covariance: SMatrix<f64, O, O>,
 }
@@ -118,6 +123,7 @@ impl<const I: usize, const O: usize> Part<I, O> {
             input_mean: SVector::from_iterator(part(&component.mean, input, I).iter().copied()),
             output_mean: SVector::from_iterator(part(&component.mean, output, O).iter().copied()),
             whitening: SMatrix::from_iterator(whitening.iter().copied()),
+            slope: SMatrix::from_iterator((&gain * &whitening).iter().copied()),
             gain: SMatrix::from_iterator(gain.iter().copied()),
             covariance: SMatrix::from_iterator(covariance.iter().copied()),
         })
@@ -138,49 +144,82 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         Ok(Self { parts: parts.collect::<Result<_, _>>()? })
     }
 
-    /// Responsibilities, one per component, and the mean.
-    fn weigh(&self, input: &SVector<f64, I>) -> ([f64; MAX_COMPONENTS], SVector<f64, O>) {
-        let mut weights = [0.0; MAX_COMPONENTS];
+    fn responsibilities(&self, input: &SVector<f64, I>) -> Responsibilities<O> {
+        let mut shares = [0.0; MAX_COMPONENTS];
         let mut highest = f64::NEG_INFINITY;
-        for (weight, part) in weights.iter_mut().zip(&self.parts) {
-            *weight = part.log_height - 0.5 * part.whiten(input).norm_squared();
-            highest = highest.max(*weight);
+        let mut origin = SVector::zeros();
+        for (log, part) in shares.iter_mut().zip(&self.parts) {
+            let whitened = part.whiten(input);
+            *log = part.log_height - 0.5 * whitened.norm_squared();
+            if *log > highest {
+                highest = *log;
+                origin = part.output(&whitened);
+            }
         }
         let mut total = 0.0;
-        let mut mean = SVector::zeros();
-        for (weight, part) in weights.iter_mut().zip(&self.parts) {
-            *weight = (*weight - highest).exp();
-            total += *weight;
-            mean += part.output(&part.whiten(input)) * *weight;
+        for (share, _) in shares.iter_mut().zip(&self.parts) {
+            let below = *share - highest;
+            *share = if below < NEGLIGIBLE { 0.0 } else { below.exp() };
+            total += *share;
         }
-        weights.iter_mut().for_each(|weight| *weight /= total);
-        (weights, mean / total)
+        Responsibilities { shares, total, origin }
     }
 
-    fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
-        self.weigh(input).1
+    /// The components that matter, each with its responsibility times `total`.
+    fn weighted<'a>(
+        &'a self,
+        responsibilities: &'a Responsibilities<O>,
+    ) -> impl Iterator<Item = (f64, &'a Part<I, O>)> + 'a {
+        let all = responsibilities.shares.iter().zip(&self.parts);
+        // Kept when it is not a number, so that such an input cannot pass for an answer.
+        all.filter(|(share, _)| **share != 0.0).map(|(share, part)| (*share, part))
     }
 
     fn local(&self, input: &SVector<f64, I>) -> Local<I, O> {
-        let (weights, mean) = self.weigh(input);
-        let mut jacobian = SMatrix::zeros();
-        for (weight, part) in weights.iter().zip(&self.parts) {
+        let responsibilities = self.responsibilities(input);
+        let origin = responsibilities.origin;
+        let mut apart_sum = SVector::<f64, O>::zeros();
+        let mut pull_sum = SVector::<f64, I>::zeros();
+        let mut slope_sum = SMatrix::<f64, O, I>::zeros();
+        for (share, part) in self.weighted(&responsibilities) {
             let whitened = part.whiten(input);
-            let apart = part.output(&whitened) - mean;
-            jacobian += (part.gain - apart * whitened.transpose()) * part.whitening * *weight;
+            let apart = part.output(&whitened) - origin;
+            let pull = part.whitening.tr_mul(&whitened) * -share;
+            apart_sum += apart * share;
+            pull_sum += pull;
+            slope_sum += part.slope * share + apart * pull.transpose();
         }
-        Local { mean, jacobian }
+        let total = responsibilities.total;
+        let apart = apart_sum / total;
+        Local { mean: origin + apart, jacobian: (slope_sum - apart * pull_sum.transpose()) / total }
     }
 
     fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
-        let (weights, mean) = self.weigh(input);
+        let responsibilities = self.responsibilities(input);
+        let Responsibilities { total, origin, .. } = responsibilities;
+        let mut apart_sum = SVector::<f64, O>::zeros();
+        for (share, part) in self.weighted(&responsibilities) {
+            apart_sum += (part.output(&part.whiten(input)) - origin) * share;
+        }
+        let mean = origin + apart_sum / total;
         let mut covariance = SMatrix::zeros();
         let mut covariance_within = SMatrix::zeros();
-        for (weight, part) in weights.iter().zip(&self.parts) {
+        for (share, part) in self.weighted(&responsibilities) {
+            let share = share / total;
             let apart = part.output(&part.whiten(input)) - mean;
-            covariance += (part.covariance + apart * apart.transpose()) * *weight;
-            covariance_within += part.covariance * (*weight * *weight);
+            covariance += (part.covariance + apart * apart.transpose()) * share;
+            covariance_within += part.covariance * (share * share);
         }
         Prediction { mean, covariance, covariance_within }
     }
+}
+
+/// How much every component has to say at a point.
+struct Responsibilities<const O: usize> {
+    /// Relative to the likeliest component, which has 1; entries beyond the last component are 0.
+    shares: [f64; MAX_COMPONENTS],
+    /// Sum of the shares, at least 1.
+    total: f64,
+    /// Conditional mean of the likeliest component.
+    origin: SVector<f64, O>,
 }

@@ -5,6 +5,7 @@
 
 use super::error::{ModelError, require};
 use super::file::HullParameters;
+use super::plane::{Quadratic, add, dot, subtract};
 use super::polygon;
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -30,8 +31,15 @@ pub struct Hull {
 
 #[derive(Debug, Clone, PartialEq)]
 enum Shape {
-    Interval { low: f64, high: f64 },
-    Polygon { edges: Vec<Edge> },
+    Interval {
+        low: f64,
+        high: f64,
+    },
+    Polygon {
+        edges: Vec<Edge>,
+        /// Of a circle around the centre that touches the nearest side: most poses lie in it, and need no more tests.
+        inner_radius: f64,
+    },
 }
 
 /// One side of a polygon: from `corner` along `along` to the next corner.
@@ -57,29 +65,11 @@ impl Edge {
     }
 }
 
-/// A convex quadratic `gradient . d + d . hessian d / 2` of the step `d` away from a point, for [`Hull::minimise`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Quadratic {
-    pub gradient: MotorVec,
-    /// Symmetric, positive definite in the dimensions of the hull.
-    pub hessian: [MotorVec; MAX_MOTORS],
-}
-
-impl Quadratic {
-    fn value(&self, step: MotorVec) -> f64 {
-        dot(self.gradient, step) + 0.5 * dot(step, self.bend(step))
-    }
-
-    fn bend(&self, step: MotorVec) -> MotorVec {
-        [dot(self.hessian[0], step), dot(self.hessian[1], step)]
-    }
-}
-
 /// Where [`Hull::minimise`] ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Minimum {
     pub counts: MotorVec,
-    /// How far outside the hull the minimum without the hull lies; not above 0 when inside.
+    /// How far outside the hull the minimum without the hull lies, counts; not above 0 when inside.
     pub excess: f64,
 }
 
@@ -92,11 +82,16 @@ impl Hull {
     /// at most [`MAX_CORNERS`] corners (two motors), are not finite counts of a drive, or enclose less than one count.
     pub fn new(parameters: &HullParameters, motors: usize) -> Result<Self, ModelError> {
         let corners = checked_corners(parameters, motors)?;
+        let centre = mean(&corners);
         let shape = match (motors, corners.as_slice()) {
             (1, [low, high]) => Shape::Interval { low: low[0], high: high[0] },
-            _ => Shape::Polygon { edges: edges(&corners) },
+            _ => {
+                let edges = edges(&corners);
+                let inner_radius = edges.iter().map(|edge| -edge.excess(centre)).fold(f64::INFINITY, f64::min);
+                Shape::Polygon { edges, inner_radius }
+            }
         };
-        let hull = Self { shape, centre: mean(&corners) };
+        let hull = Self { shape, centre };
         hull.check(&corners)?;
         Ok(hull)
     }
@@ -128,7 +123,7 @@ impl Hull {
     pub fn parameters(&self) -> HullParameters {
         let corners = match &self.shape {
             Shape::Interval { low, high } => vec![vec![*low], vec![*high]],
-            Shape::Polygon { edges } => edges.iter().map(|edge| edge.corner.to_vec()).collect(),
+            Shape::Polygon { edges, .. } => edges.iter().map(|edge| edge.corner.to_vec()).collect(),
         };
         HullParameters { corners }
     }
@@ -137,7 +132,7 @@ impl Hull {
     pub fn corners(&self) -> impl Iterator<Item = MotorVec> + '_ {
         let (ends, edges) = match &self.shape {
             Shape::Interval { low, high } => ([Some([*low, 0.0]), Some([*high, 0.0])], [].as_slice()),
-            Shape::Polygon { edges } => ([None, None], edges.as_slice()),
+            Shape::Polygon { edges, .. } => ([None, None], edges.as_slice()),
         };
         ends.into_iter().flatten().chain(edges.iter().map(|edge| edge.corner))
     }
@@ -155,7 +150,7 @@ impl Hull {
             Shape::Interval { low, high } => {
                 counts[0] >= low - TOLERANCE_COUNTS && counts[0] <= high + TOLERANCE_COUNTS
             }
-            Shape::Polygon { edges } => edges.iter().all(|edge| edge.excess(*counts) <= TOLERANCE_COUNTS),
+            Shape::Polygon { edges, .. } => edges.iter().all(|edge| edge.excess(*counts) <= TOLERANCE_COUNTS),
         }
     }
 
@@ -166,30 +161,35 @@ impl Hull {
             return self.centre;
         }
         let bounded = counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS));
-        let distance = Quadratic { gradient: [0.0; MAX_MOTORS], hessian: [[1.0, 0.0], [0.0, 1.0]] };
-        self.minimise(&distance, bounded, [0.0; MAX_MOTORS]).counts
+        self.minimise(&Quadratic::DISTANCE, bounded).counts
     }
 
-    /// The point of the hull where a quadratic of the step away from `from` is least. `free_step` is where it is least
-    /// without the hull; the hull matters only if that leads outside, and then the minimum lies on a side, because both
-    /// are convex. `from` may lie outside.
-    pub(super) fn minimise(&self, quadratic: &Quadratic, from: MotorVec, free_step: MotorVec) -> Minimum {
-        let free = add(from, free_step);
+    /// The point of the hull where a quadratic of the step away from `from` is least. Where its minimum lies outside,
+    /// that point lies on a side, because both are convex. `from` may lie outside.
+    pub(super) fn minimise(&self, quadratic: &Quadratic, from: MotorVec) -> Minimum {
+        let free = add(from, quadratic.minimum());
         match &self.shape {
             Shape::Interval { low, high } => {
                 Minimum { counts: [free[0].clamp(*low, *high), 0.0], excess: (low - free[0]).max(free[0] - high) }
             }
-            Shape::Polygon { edges } => {
+            Shape::Polygon { edges, inner_radius } => {
+                let [across_0, across_1] = subtract(free, self.centre);
+                if across_0 * across_0 + across_1 * across_1 <= inner_radius * inner_radius {
+                    return Minimum { counts: free, excess: 0.0 };
+                }
                 let excess = edges.iter().map(|edge| edge.excess(free)).fold(f64::NEG_INFINITY, f64::max);
-                let counts = if excess <= 0.0 { free } else { self.minimise_on(edges, quadratic, from) };
+                let counts = if excess <= 0.0 { free } else { self.minimise_on(edges, quadratic, from, free) };
                 Minimum { counts, excess }
             }
         }
     }
 
-    fn minimise_on(&self, edges: &[Edge], quadratic: &Quadratic, from: MotorVec) -> MotorVec {
+    /// The least of the minima along the sides that `free` lies beyond; those it lies behind cannot hold it. For at the
+    /// constrained minimum `x` the gradient `H (x - free)` is minus a sum of outward normals of the active sides, `-n`,
+    /// so `n . (free - x) = n . H^-1 n > 0`: `free` lies beyond at least one of them.
+    fn minimise_on(&self, edges: &[Edge], quadratic: &Quadratic, from: MotorVec, free: MotorVec) -> MotorVec {
         let mut best = (f64::INFINITY, self.centre);
-        for edge in edges {
+        for edge in edges.iter().filter(|edge| edge.excess(free) > 0.0) {
             let counts = edge.minimum(quadratic, from);
             let value = quadratic.value(subtract(counts, from));
             if value < best.0 {
@@ -207,7 +207,7 @@ impl Hull {
                 format!("[[{low}], [{high}]]"),
                 "the second must lie at least one count above the first",
             ),
-            Shape::Polygon { edges } => edges.iter().enumerate().try_for_each(|(i, edge)| edge.check(i, corners)),
+            Shape::Polygon { edges, .. } => edges.iter().enumerate().try_for_each(|(i, edge)| edge.check(i, corners)),
         }
     }
 }
@@ -215,8 +215,7 @@ impl Hull {
 impl Edge {
     /// The least value of a quadratic along a side: a parabola in the fraction of the side, cut to [0, 1].
     fn minimum(&self, quadratic: &Quadratic, from: MotorVec) -> MotorVec {
-        let bend = quadratic.bend(subtract(self.corner, from));
-        let slope = dot(add(quadratic.gradient, bend), self.along);
+        let slope = dot(quadratic.slope(subtract(self.corner, from)), self.along);
         let curvature = dot(self.along, quadratic.bend(self.along));
         let fraction = (-slope / curvature).clamp(0.0, 1.0);
         add(self.corner, self.along.map(|along| fraction * along))
@@ -239,6 +238,7 @@ fn checked_corners(parameters: &HullParameters, motors: usize) -> Result<Vec<Mot
     let key = || "hull.corners".to_owned();
     let given = &parameters.corners;
     let count = given.len();
+    require((1..=MAX_MOTORS).contains(&motors), key, format!("for {motors} motors"), "there must be 1 or 2")?;
     match motors {
         1 => require(count == 2, key, format!("{count} corners"), "one motor takes 2: lowest and highest count")?,
         _ => require(
@@ -277,16 +277,4 @@ fn edges(corners: &[MotorVec]) -> Vec<Edge> {
 fn mean(points: &[MotorVec]) -> MotorVec {
     let sum = points.iter().fold([0.0; MAX_MOTORS], |sum, point| add(sum, *point));
     sum.map(|s| s / points.len().max(1) as f64)
-}
-
-pub(super) fn add(a: MotorVec, b: MotorVec) -> MotorVec {
-    [a[0] + b[0], a[1] + b[1]]
-}
-
-pub(super) fn subtract(a: MotorVec, b: MotorVec) -> MotorVec {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn dot(a: MotorVec, b: MotorVec) -> f64 {
-    a[0] * b[0] + a[1] * b[1]
 }

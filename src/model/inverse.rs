@@ -11,14 +11,16 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::estimate::Inverse;
-use super::hull::{Hull, Minimum, Quadratic, subtract};
-use super::regression::{Local, Regression, array, vector};
-use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
+use super::hull::{Hull, Minimum};
+use super::plane::{Quadratic, subtract};
+use super::regression::{Local, Regression, array, rows, vector};
+use crate::units::{MotorVec, OutputVec};
 
 /// The most evaluations from one start. From the last tick's answer it takes two to four.
 pub(super) const MAX_ITERATIONS: u32 = 20;
 
-/// A step below this, in counts, ends the search: well below the whole counts that a drive takes.
+/// A step below this, in counts, or one that gains less than this many counts' worth, ends the search: well below the
+/// whole counts that a drive takes.
 const CONVERGED_COUNTS: f64 = 1e-3;
 
 /// A goal missed by less than this many counts' worth is reached.
@@ -101,8 +103,12 @@ impl<R: Regression<D, M>, const D: usize, const M: usize> Search<'_, R, D, M> {
             }
             iterations += 1;
             let there = self.stand(step.counts);
-            if there.residual < here.residual {
-                here = there;
+            let gain = here.residual - there.residual;
+            if gain > 0.0 {
+                here = Attempt { excess: here.excess, ..there };
+                if gain < CONVERGED_COUNTS * here.one_count() {
+                    break;
+                }
                 damping = (damping / DAMPING_FACTOR).max(LEAST_DAMPING);
             } else {
                 damping = (damping * DAMPING_FACTOR).max(FIRST_DAMPING);
@@ -124,15 +130,10 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
         let jacobian = &self.local.jacobian;
         let gradient = jacobian.tr_mul(&self.error);
         let squared = jacobian.tr_mul(jacobian);
-        let hessian = squared + SMatrix::<f64, D, D>::identity() * (damping * squared.trace() / D as f64);
-        match hessian.cholesky() {
-            Some(factor) => {
-                let free_step = -factor.solve(&gradient);
-                hull.minimise(&quadratic(&gradient, &hessian), self.counts, array(&free_step))
-            }
-            // No slope at all: nowhere to go.
-            None => Minimum { counts: self.counts, excess: 0.0 },
-        }
+        let lift = damping * squared.trace() / D as f64;
+        let quadratic = Quadratic::new(array(&gradient), rows(&squared), lift);
+        // No slope at all: nowhere to go.
+        quadratic.map_or(Minimum { counts: self.counts, excess: 0.0 }, |q| hull.minimise(&q, self.counts))
     }
 
     fn one_count(&self) -> f64 {
@@ -153,12 +154,4 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
 /// What one count of the more effective motor moves, rad (m).
 pub(super) fn one_count<const D: usize, const M: usize>(jacobian: &SMatrix<f64, M, D>) -> f64 {
     jacobian.column_iter().map(|column| column.norm()).fold(0.0, f64::max)
-}
-
-fn quadratic<const D: usize>(gradient: &SVector<f64, D>, hessian: &SMatrix<f64, D, D>) -> Quadratic {
-    let mut columns = [[0.0; MAX_MOTORS]; MAX_MOTORS];
-    for (column, from) in columns.iter_mut().zip(hessian.column_iter()) {
-        column.iter_mut().zip(from.iter()).for_each(|(to, from)| *to = *from);
-    }
-    Quadratic { gradient: array(gradient), hessian: columns }
 }

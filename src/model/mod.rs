@@ -20,7 +20,7 @@
 //! | `linear` | affine least squares |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
 //! | `estimate` | what a model answers |
-//! | `hull`, `polygon` | convex region of motor space |
+//! | `hull`, `polygon`, `plane` | convex region of motor space, and the geometry for it |
 //! | `inverse` | damped Newton inside the hull |
 //! | `round_trip` | the proof that the inverse of a model leads back |
 
@@ -33,6 +33,7 @@ mod gmr;
 mod hull;
 mod inverse;
 mod linear;
+mod plane;
 mod polygon;
 mod regression;
 mod round_trip;
@@ -50,7 +51,7 @@ use crate::units::{MotorVec, OutputVec};
 use file::{FamilyParameters, ModelFile, OutputUnit};
 use gmr::Gmr;
 use linear::Linear;
-use regression::{Runtime, Sized};
+use regression::{Prepared, Runtime};
 
 /// A model that has been checked and prepared. It does not change any more and can be shared between threads.
 ///
@@ -156,7 +157,7 @@ impl Model {
     }
 
     /// The counts that bring the outputs to `goal`, rad (m), searched from `start`, which is best the answer of the
-    /// tick before. The answer lies in the hull, whatever the goal:
+    /// tick before. The answer lies in the hull, whatever the goal; rounded to whole counts, up to half a count beside it.
     ///
     /// - A goal that no position in the hull reaches gives a nearest one, by distance in output space, marked `clipped`.
     /// - With more outputs than motors the nearest one is all there is; `clipped` then says that the hull was in the way.
@@ -189,8 +190,8 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
     let si = unit(file).si();
     Ok(match &file.family {
         FamilyParameters::Linear { gain, offset, covariance } => {
-            Box::new(Sized(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
+            Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
         }
-        FamilyParameters::Gmr { mixture } => Box::new(Sized(Gmr::<D, M>::prepare(mixture, si)?)),
+        FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
     })
 }

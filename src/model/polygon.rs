@@ -1,6 +1,7 @@
 //! Convex hull of points in the plane, and its simplification.
 
-use super::hull::{TOLERANCE_COUNTS, subtract};
+use super::hull::TOLERANCE_COUNTS;
+use super::plane::subtract;
 use crate::units::MotorVec;
 
 /// The points with the lowest and the highest first coordinate, if there are two.

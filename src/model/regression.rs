@@ -50,9 +50,9 @@ pub(super) trait Runtime: Debug + Send + Sync {
 
 /// Gives a regression of sizes `D` and `M` the door of fixed size.
 #[derive(Debug)]
-pub(super) struct Sized<R, const D: usize, const M: usize>(pub R);
+pub(super) struct Prepared<R, const D: usize, const M: usize>(pub R);
 
-impl<R: Regression<D, M>, const D: usize, const M: usize> Runtime for Sized<R, D, M> {
+impl<R: Regression<D, M>, const D: usize, const M: usize> Runtime for Prepared<R, D, M> {
     fn predict(&self, counts: &MotorVec) -> Estimate {
         let prediction = self.0.predict(&vector(&bounded(counts)));
         Estimate {

@@ -66,11 +66,12 @@ impl ModelFile {
         Self::parse(&text).map_err(|error| error.in_file(path))
     }
 
-    /// The canonical form; see the head of this file.
+    /// The canonical form: JSON without white space, fields in the order of the schema, numbers in the shortest form
+    /// that reads back to the same bits. A number that is not finite, which no checked model has, becomes `null`.
     ///
     /// # Errors
     ///
-    /// Only if JSON cannot hold a value, which no field of the schema allows.
+    /// As `serde_json` may fail; for the types of the schema it does not.
     pub fn canonical_form(&self) -> Result<Vec<u8>, ModelError> {
         Ok(serde_json::to_vec(self)?)
     }

@@ -2,9 +2,7 @@
 
 use i2ris::model::Model;
 
-use crate::samples::{file, linear, square};
-
-const DEG: f64 = std::f64::consts::PI / 180.0;
+use crate::samples::{DEG, file, linear, square};
 
 fn model() -> Model {
     Model::from_file(file(2, linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[1.0, -2.0]), square(1000.0))).unwrap()
@@ -38,4 +36,39 @@ fn a_goal_out_of_reach_gets_the_nearest_pose() {
     assert!(inverse.clipped);
     assert!((inverse.counts[0] - 1000.0).abs() < 1e-6 && (inverse.counts[1] - 200.0).abs() < 1e-2, "{inverse:?}");
     assert!((inverse.residual - 500.0 * 0.0005f64.sqrt() * DEG).abs() < 1e-9);
+}
+
+#[test]
+fn a_model_in_millimetres_answers_in_metres() {
+    let mut file = file(1, linear(&[&[0.5]], &[3.0]), vec![vec![-10.0], vec![10.0]]);
+    file.outputs[0].unit = i2ris::model::file::OutputUnit::Mm;
+    let model = Model::from_file(file).unwrap();
+    let estimate = model.predict(&[4.0, 0.0], &model.new_memory());
+    assert!((estimate.mean[0] - 0.005).abs() < 1e-15);
+    assert!((estimate.covariance[0][0] - 0.25e-6).abs() < 1e-18);
+}
+
+#[test]
+fn two_motors_on_one_angle_take_the_shortest_way() {
+    let model = Model::from_file(file(1, linear(&[&[0.03, 0.04]], &[0.0]), square(1000.0))).unwrap();
+    let inverse = model.invert(&[0.5 * DEG, 0.0, 0.0], &model.new_memory(), &[20.0, -15.0]);
+    // 0.03 * 20 - 0.04 * 15 = 0, and (0.03, 0.04) * 200 = (6, 8) gains 0.5 degrees.
+    assert!((inverse.counts[0] - 26.0).abs() < 1e-4 && (inverse.counts[1] + 7.0).abs() < 1e-4, "{inverse:?}");
+    assert!(!inverse.clipped);
+}
+
+#[test]
+fn three_outputs_of_two_motors_get_the_least_squares_answer() {
+    let gain: &[&[f64]] = &[&[0.02, 0.0], &[0.0, 0.02], &[0.02, 0.02]];
+    let model = Model::from_file(file(3, linear(gain, &[0.0; 3]), square(1000.0))).unwrap();
+    // Normal equations of [1 0; 0 1; 1 1] x = (1, 2, 6): x = (2, 3), in units of 50 counts.
+    let inverse = model.invert(&[DEG, 2.0 * DEG, 6.0 * DEG], &model.new_memory(), &[0.0, 0.0]);
+    assert!((inverse.counts[0] - 100.0).abs() < 0.01 && (inverse.counts[1] - 150.0).abs() < 0.01, "{inverse:?}");
+    assert!(!inverse.clipped && (inverse.residual - 3.0_f64.sqrt() * DEG).abs() < 1e-9);
+}
+
+#[test]
+fn a_model_can_be_shared_between_threads() {
+    fn shared<T: Send + Sync + 'static>(_: &T) {}
+    shared(&model());
 }

@@ -1,23 +1,24 @@
 //! Models to test with, built from numbers.
 
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
-    SCHEMA_VERSION, TrainingRecord,
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
+    OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
+use proptest::prelude::*;
+
+/// One degree in radians.
+pub const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// A model file around a family and a hull, with everything else filled in.
 pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) -> ModelFile {
     let fit = FitMetrics { r2: 0.99, rmsd: 0.5, nrmsd: 0.01, mae: 0.4, max: 1.5 };
     let names = ["pitch", "yaw", "roll"];
+    let spec = |name: &&str| OutputSpec { name: (*name).to_owned(), unit: OutputUnit::Deg };
     ModelFile {
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
-        outputs: names
-            .iter()
-            .take(outputs)
-            .map(|name| OutputSpec { name: (*name).to_owned(), unit: OutputUnit::Deg })
-            .collect(),
+        outputs: names.iter().take(outputs).map(spec).collect(),
         family,
         hull: HullParameters { corners },
         training: TrainingRecord {
@@ -45,8 +46,121 @@ pub fn linear(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
     }
 }
 
+/// A Gaussian mixture of two components over one motor and one angle.
+pub fn two_components() -> FamilyParameters {
+    let mixture = MixtureParameters {
+        weights: vec![0.4, 0.6],
+        means: vec![vec![-100.0, -2.0], vec![150.0, 4.0]],
+        covariances: vec![vec![vec![2500.0, 60.0], vec![60.0, 4.0]], vec![vec![10000.0, 200.0], vec![200.0, 9.0]]],
+    };
+    FamilyParameters::Gmr { mixture }
+}
+
+/// A Gaussian mixture of two components over two motors and two angles.
+pub fn two_by_two() -> FamilyParameters {
+    let rows = |rows: [[f64; 4]; 4]| rows.iter().map(|row| row.to_vec()).collect();
+    let mixture = MixtureParameters {
+        weights: vec![0.3, 0.7],
+        means: vec![vec![-50.0, 20.0, -1.0, 2.0], vec![80.0, -60.0, 3.0, -2.0]],
+        covariances: vec![
+            rows([
+                [3600.0, 1200.0, 90.0, -18.0],
+                [1200.0, 5300.0, 58.0, 113.0],
+                [90.0, 58.0, 3.22, 0.41],
+                [-18.0, 113.0, 0.41, 3.66],
+            ]),
+            rows([
+                [8100.0, -2700.0, 180.0, 54.0],
+                [-2700.0, 3400.0, -85.0, 42.0],
+                [180.0, -85.0, 5.46, 0.16],
+                [54.0, 42.0, 0.16, 2.45],
+            ]),
+        ],
+    };
+    FamilyParameters::Gmr { mixture }
+}
+
 /// A square of motor space around 0.
 pub fn square(half_width: f64) -> Vec<Vec<f64>> {
     let h = half_width;
     vec![vec![-h, -h], vec![h, -h], vec![h, h], vec![-h, h]]
+}
+
+/// The hull `[-half_width, half_width]` of one motor, the square of two.
+pub fn region(motors: usize, half_width: f64) -> Vec<Vec<f64>> {
+    if motors == 1 { vec![vec![-half_width], vec![half_width]] } else { square(half_width) }
+}
+
+/// Half the width of the hull of [`smooth_gmr`].
+pub const REACH: f64 = 500.0;
+
+/// A mixture that follows a smooth invertible map: components on a lattice of motor space, each tangent to the map.
+///
+/// Every motor `j` bends by `g(x) = x + bend * s * sin(x / s)`, and the outputs are `gain * g(counts)`.
+#[derive(Debug, Clone)]
+pub struct SmoothMap {
+    /// Degrees per count, one row per output.
+    pub gain: Vec<Vec<f64>>,
+    /// How much the slope changes along the way, below 1.
+    pub bend: f64,
+    /// Components along each motor.
+    pub steps: usize,
+}
+
+impl SmoothMap {
+    fn curve(&self, count: f64) -> (f64, f64) {
+        let s = REACH / 2.5;
+        (count + self.bend * s * (count / s).sin(), 1.0 + self.bend * (count / s).cos())
+    }
+
+    fn component(&self, at: &[f64], width: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
+        let motors = at.len();
+        let curves: Vec<_> = at.iter().map(|c| self.curve(*c)).collect();
+        let value = |row: &Vec<f64>| row.iter().zip(&curves).map(|(g, c)| g * c.0).sum();
+        let mean = at.iter().copied().chain(self.gain.iter().map(value)).collect();
+        // Rows of [identity; slope]: counts and outputs as functions of the counts.
+        let unit = |i: usize| (0..motors).map(|j| if i == j { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
+        let slope = |row: &Vec<f64>| row.iter().zip(&curves).map(|(g, c)| g * c.1).collect::<Vec<f64>>();
+        let rows: Vec<_> = (0..motors).map(unit).chain(self.gain.iter().map(slope)).collect();
+        let size = rows.len();
+        let dot = |i: usize, j: usize| rows[i].iter().zip(&rows[j]).map(|(a, b)| a * b).sum::<f64>();
+        let noise = |i: usize, j: usize| if i == j && i >= motors { 0.05 } else { 0.0 };
+        let entry = |i: usize, j: usize| width * width * dot(i, j) + noise(i, j);
+        (mean, (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect())
+    }
+
+    /// The mixture.
+    pub fn family(&self) -> FamilyParameters {
+        let motors = self.gain[0].len();
+        let spacing = 2.0 * REACH / self.steps as f64;
+        let place = |i: usize| -REACH + spacing * (i as f64 + 0.5);
+        let rows = if motors == 1 { 1 } else { self.steps };
+        let lattice = (0..self.steps).flat_map(|i| (0..rows).map(move |j| [place(i), place(j)]));
+        let components: Vec<_> = lattice.map(|at| self.component(&at[..motors], 0.6 * spacing)).collect();
+        let weights = vec![1.0 / components.len() as f64; components.len()];
+        let (means, covariances) = components.into_iter().unzip();
+        FamilyParameters::Gmr { mixture: MixtureParameters { weights, means, covariances } }
+    }
+
+    /// The model file, with the hull [`REACH`].
+    pub fn file(&self) -> ModelFile {
+        file(self.gain.len(), self.family(), region(self.gain[0].len(), REACH))
+    }
+}
+
+/// Smooth maps of given sizes. Two motors turn two planes that may lie askew; a third output follows both.
+pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = SmoothMap> {
+    (0.005..0.05_f64, 0.005..0.05_f64, -0.4..0.4_f64, 0.0..0.4_f64, 1..6_usize).prop_map(
+        move |(a, b, skew, bend, steps)| {
+            let rows = [vec![a, skew * b], vec![-skew * a, b], vec![0.3 * a, 0.5 * b]];
+            let cut = |row: &Vec<f64>| row.iter().take(motors).copied().collect();
+            let gain = rows.iter().take(outputs).map(cut).collect();
+            SmoothMap { gain, bend, steps }
+        },
+    )
+}
+
+/// A position in the hull of [`smooth_gmr`].
+pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
+    (-REACH..REACH, -REACH..REACH).prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
 }

@@ -1,1 +1,5 @@
 //! Calibration.
+pub mod em;
+pub mod progress;
+pub mod recording;
+pub mod table;

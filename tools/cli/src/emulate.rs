@@ -1,12 +1,127 @@
 //! `i2ris emulate`.
 
+use std::fmt::Write as _;
+use std::io::{self, IsTerminal, Write};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::units::Nanos;
+use i2ris_emulator::snake::SnakeConfig;
+use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Snapshot};
+
 use crate::Failure;
+
+/// How often the status line is refreshed.
+const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
+
+/// How often it is looked whether to end.
+const NAP: Nanos = Nanos::from_millis(20);
 
 /// Arguments of `i2ris emulate`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Parameters of the snake
+    #[arg(long, value_name = "FILE", default_value = "config/snakes/steel.toml")]
+    snake: PathBuf,
+    /// Folder in which the ports appear as axis0 and axis1
+    #[arg(long, value_name = "DIR", default_value = DEFAULT_FOLDER)]
+    ports: PathBuf,
+    /// Domain of the controller that receives the camera's pictures
+    #[arg(long, value_name = "NAME", default_value = "i2ris")]
+    domain: String,
+    /// Write every set-point, change of state and broken rule to a CSV file
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Do not publish camera pictures
+    #[arg(long)]
+    no_camera: bool,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// End after this time
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    duration: Option<Nanos>,
+}
 
 /// Runs it.
-pub fn run(_arguments: Arguments) -> Result<(), Failure> {
-    Err("not built yet".into())
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    let snake = SnakeConfig::load(&arguments.snake)?;
+    let domain = Domain::new(&arguments.domain)?;
+    let mut config = EmulatorConfig::new(snake, &arguments.ports);
+    config.seed = arguments.seed;
+    config.log.clone_from(&arguments.log);
+
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))?;
+
+    let serial_numbers = [0, 1].map(|axis: usize| config.drives[axis].serial_number);
+    let name = config.snake.name.clone();
+    let mut emulator = Emulator::start(config)?;
+    if !arguments.no_camera {
+        emulator.publish_camera(&domain)?;
+    }
+    for (axis, serial_number) in serial_numbers.iter().enumerate() {
+        say(&format!("axis {axis}: {} (serial number {serial_number})", emulator.device(axis).display()));
+    }
+    let camera =
+        if arguments.no_camera { "no camera".to_owned() } else { format!("camera on domain {}", domain.name()) };
+    say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
+    watch(&emulator, &stop, arguments.duration);
+    say(&summary(&emulator.snapshot(), emulator.host_bugs()));
+    Ok(())
+}
+
+/// Shows the status until it is time to end.
+fn watch(emulator: &Emulator, stop: &AtomicBool, duration: Option<Nanos>) {
+    let start = clock::now();
+    let end = duration.map(|duration| start + duration);
+    let shows = io::stdout().is_terminal();
+    let mut next_status = start;
+    while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
+        if shows && clock::now() >= next_status {
+            next_status = clock::now() + STATUS_PERIOD;
+            print_over(&status(&emulator.snapshot(), emulator.host_bugs()));
+        }
+        clock::sleep(NAP);
+    }
+    if shows {
+        print_over("");
+    }
+}
+
+fn status(snapshot: &Snapshot, host_bugs: u64) -> String {
+    let [pitch, yaw] = snapshot.angles_deg;
+    let mut line = format!("pitch {pitch:+7.2} yaw {yaw:+7.2} deg");
+    for (number, axis) in snapshot.axes.iter().enumerate() {
+        let _ = write!(line, " | axis {number} {} {:+}", axis.drive.state.name(), axis.drive.position);
+    }
+    let _ = write!(line, " | broken rules {host_bugs}");
+    line
+}
+
+fn summary(snapshot: &Snapshot, host_bugs: u64) -> String {
+    let [first, second] = snapshot.axes.map(|axis| axis.requests);
+    format!("ended: {first} and {second} requests, {host_bugs} rules broken by the host")
+}
+
+/// Prints a line. Whoever closed the other end of the pipe does not want to know more.
+fn say(line: &str) {
+    let _ = writeln!(io::stdout(), "{line}");
+}
+
+/// Replaces the present line of the terminal.
+fn print_over(line: &str) {
+    let mut out = io::stdout().lock();
+    let _ = write!(out, "\r\x1b[K{line}").and_then(|()| out.flush());
+}
+
+/// Parses a span in seconds.
+fn seconds(text: &str) -> Result<Nanos, String> {
+    let wrong = || "must be a number of seconds above 0".to_owned();
+    let value: f64 = text.parse().map_err(|_| wrong())?;
+    if value.is_finite() && value > 0.0 && value < 1e9 { Ok(Nanos((value * 1e9) as u64)) } else { Err(wrong()) }
 }

@@ -21,11 +21,11 @@ type Failure = Box<dyn std::error::Error>;
 #[command(name = "i2ris", version, propagate_version = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    task: Task,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum Task {
     /// Fit a model to a recording
     #[command(subcommand)]
     Calibrate(calibrate::Command),
@@ -40,12 +40,12 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let outcome = match Cli::parse().command {
-        Command::Calibrate(command) => calibrate::run(command),
-        Command::Emulate(arguments) => emulate::run(arguments),
-        Command::Command(arguments) => command::run(arguments),
-        Command::Monitor(arguments) => monitor::run(arguments),
-        Command::Demo(arguments) => demo::run(arguments),
+    let outcome = match Cli::parse().task {
+        Task::Calibrate(command) => calibrate::run(command),
+        Task::Emulate(arguments) => emulate::run(arguments),
+        Task::Command(arguments) => command::run(arguments),
+        Task::Monitor(arguments) => monitor::run(arguments),
+        Task::Demo(arguments) => demo::run(arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

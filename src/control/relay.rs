@@ -1,0 +1,115 @@
+//! The thread of shared memory: clients on one side, the loop on the other.
+//!
+//! It takes newest commands and requests to the loop and publishes every tick that the loop reports. Calls into shared
+//! memory may take a hundred microseconds when a client comes or goes; that is why they are here and not in the loop.
+
+use super::convert::{self, Identity};
+use super::lane::{Record, RelayEnds};
+use super::{ServoCommand, StateReply, StateRequest};
+use crate::ipc::payload::{StateCommandReply, StateCommandRequest};
+use crate::ipc::{OperatingState, Refusal, Server, StateCommand};
+use crate::rt::{Granted, LoopStatistics};
+use crate::units::{MAX_OUTPUTS, Nanos};
+
+/// Length of a window of the loop's statistics.
+const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
+
+/// What the relay keeps between two passes.
+pub struct Relay {
+    server: Server,
+    ends: RelayEnds,
+    identity: Identity,
+    granted: Granted,
+    statistics: LoopStatistics,
+    lease_client_id: u64,
+    state: OperatingState,
+}
+
+impl Relay {
+    /// A relay over a running server. `granted` is what the loop was granted, as read back by the loop.
+    #[must_use]
+    pub fn new(mut server: Server, ends: RelayEnds, identity: Identity, granted: Granted, period: Nanos) -> Self {
+        let shape = [identity.motors as u8, identity.outputs as u8];
+        server.describe(shape, identity.model.unwrap_or_default().0, identity.output_names);
+        Self {
+            server,
+            ends,
+            identity,
+            statistics: LoopStatistics::new(period, STATISTICS_WINDOW, granted.clone()),
+            granted,
+            lease_client_id: 0,
+            state: OperatingState::Disabled,
+        }
+    }
+
+    /// One pass: commands in, answers and ticks out, housekeeping.
+    pub fn pass(&mut self, now: Nanos) {
+        self.take_servo();
+        self.take_requests(now);
+        while let Ok(reply) = self.ends.replies.pop() {
+            self.answer(reply);
+        }
+        while let Ok(record) = self.ends.records.pop() {
+            self.publish(&record);
+        }
+        if let Some(statistics) = self.statistics.take(now) {
+            self.server.publish_period_statistics(statistics);
+        }
+        self.server.maintain(now);
+    }
+
+    fn take_servo(&mut self) {
+        let joint = self.server.poll_servo(self.lease_client_id).as_ref().map(ServoCommand::from);
+        let actuator = self.server.poll_actuator(self.lease_client_id).as_ref().map(ServoCommand::from);
+        // A client that mixes both kinds gets the one that it sent last.
+        if let Some(command) = [joint, actuator].into_iter().flatten().max_by_key(|command| command.stamp) {
+            self.ends.servo.write(Some(command));
+        }
+    }
+
+    fn take_requests(&mut self, now: Nanos) {
+        let (requests, state) = (&mut self.ends.requests, self.state);
+        let mut refused = Vec::new();
+        self.server.poll_state_commands(now, |id, raw| {
+            if let Err(refusal) = hand_over(requests, id, raw) {
+                refused.push(StateReply { id, refusal, state });
+            }
+        });
+        refused.into_iter().for_each(|reply| self.answer(reply));
+    }
+
+    fn answer(&mut self, reply: StateReply) {
+        let answer = StateCommandReply { refusal: reply.refusal.number(), state: reply.state.number() };
+        self.server.reply(reply.id, answer);
+    }
+
+    fn publish(&mut self, record: &Record) {
+        let report = &record.report;
+        (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
+        self.statistics.record(record.timing);
+        let [goal, setpoint, measured] = convert::joint_states(report, &self.identity);
+        self.server.publish_goal(goal);
+        self.server.publish_setpoint(setpoint);
+        self.server.publish_measured(measured);
+        self.server.publish_actuators(convert::actuator_state(report, &self.identity));
+        self.server.publish_operating_state(convert::operating_state(report, &self.identity, &self.granted));
+    }
+}
+
+fn hand_over(requests: &mut rtrb::Producer<StateRequest>, id: u64, raw: StateCommandRequest) -> Result<(), Refusal> {
+    let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
+    if raw.client_id == 0 {
+        return Err(Refusal::Malformed);
+    }
+    requests.push(StateRequest { id, client_id: raw.client_id, command }).map_err(|_| Refusal::Busy)
+}
+
+/// Names of the outputs as the `version` reply carries them.
+#[must_use]
+pub fn output_names(names: &[&str]) -> [[u8; 16]; MAX_OUTPUTS] {
+    let mut padded = [[0; 16]; MAX_OUTPUTS];
+    for (slot, name) in padded.iter_mut().zip(names) {
+        slot.iter_mut().zip(name.bytes()).for_each(|(to, from)| *to = from);
+    }
+    padded
+}

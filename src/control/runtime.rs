@@ -1,0 +1,336 @@
+//! The controller process: brings everything up in order, runs the threads, takes everything down in order.
+//!
+//! | thread | scheduling | does |
+//! |---|---|---|
+//! | control loop | SCHED_FIFO, pinned if asked | one cycle per tick |
+//! | one per serial port | SCHED_FIFO, 10 below | the exchanges with the drives |
+//! | shared memory | normal | commands in, ticks out |
+//! | main | normal | the log, and waiting for the end |
+
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, mpsc};
+use std::thread::{self, JoinHandle};
+
+use rtrb::Consumer;
+
+use super::convert::Identity;
+use super::cycle::Cycle;
+use super::lane::{LoopEnds, Record, RelayEnds, lanes};
+use super::relay::{Relay, output_names};
+use super::{Event, Inputs};
+use crate::clock;
+use crate::config::{Config, ControlConfig};
+use crate::drive::AxisFeedback;
+use crate::drive::error::DriveError;
+use crate::drive::event::{PortEvent, PortEventKind};
+use crate::drive::port::{AxisLink, Opened, Port, PortRunner};
+use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server};
+use crate::model::{Model, ModelError};
+use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+
+/// How far the SCHED_FIFO priority of the port threads lies below that of the loop.
+const PORT_PRIORITY_DISTANCE: u8 = 10;
+/// How long before each tick of the loop the thread of shared memory looks for commands: long enough to be done when the
+/// loop starts, short enough to bring a command that came just now.
+const RELAY_LEAD: Nanos = Nanos::from_micros(200);
+/// When the first tick is due after the threads were asked to start.
+const START_DELAY: Nanos = Nanos::from_millis(20);
+/// How often the log is written.
+const LOG_PERIOD: Nanos = Nanos::from_millis(20);
+
+/// Why the controller could not start, or ended badly.
+#[derive(Debug, thiserror::Error)]
+pub enum RuntimeError {
+    /// The model is missing, damaged, or of another robot.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The domain is taken or cannot be used.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// Shared memory does not come up.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// A port or a drive does not come up.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
+    /// The system refuses a thread.
+    #[error("cannot start the thread {name}: {source}; the limit on processes of this user may be too low")]
+    Thread {
+        /// Which one.
+        name: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A thread panicked. The drives were brought to rest as far as their own threads still ran.
+    #[error("internal error: the thread {0} ended early; the robot was stopped")]
+    Died(&'static str),
+}
+
+/// Runs the controller until `shutdown` is set and the drives are off. Lines for a person go to `log`.
+///
+/// # Errors
+///
+/// When something does not come up, or a thread ended early.
+pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> Result<(), RuntimeError> {
+    let model = load_model(config)?.map(Arc::new);
+    // The lock comes before the ports: a second controller must not touch the drives of the first.
+    let guard = DomainGuard::acquire(&Domain::new(&config.ipc.domain)?)?;
+    let (runners, links) = bring_up_ports(config)?;
+    let (loop_ends, relay_ends, events) = lanes();
+    let quit = Arc::new(AtomicBool::new(false));
+
+    let (granted_in, granted_out) = mpsc::channel();
+    let relay = Thread::relay(config, guard, relay_ends, identity(config, model.as_deref()), granted_out, &quit)?;
+    let (port_events_in, port_events) = mpsc::channel();
+    let ports = runners
+        .into_iter()
+        .map(|runner| Thread::port(config, runner, port_events_in.clone(), &quit))
+        .collect::<Result<Vec<_>, _>>()?;
+    let first = clock::now() + START_DELAY;
+    let cycle = Cycle::new(config, model);
+    let (told_in, told) = mpsc::channel();
+    let control = Thread::control(&config.control, cycle, loop_ends, links, first, told_in, shutdown)?;
+    if let Ok(granted) = told.recv() {
+        tell_granted(log, &granted);
+        // A relay that is gone already is noticed right below.
+        let _ = granted_in.send((granted, first));
+    }
+
+    let mut watch = Watch { events, port_events, log };
+    watch.until_end(&control, &relay, &ports, shutdown);
+    let control = control.join();
+    quit.store(true, Ordering::Release);
+    let others = ports.into_iter().map(Thread::join).chain([relay.join()]).collect::<Result<Vec<()>, _>>();
+    watch.drain();
+    control.and(others.map(|_| ()))
+}
+
+fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
+    let Some(path) = &config.control.model else { return Ok(None) };
+    let model = Model::load(path)?;
+    model.check_robot(&config.robot_id, config.motors())?;
+    Ok(Some(model))
+}
+
+fn identity(config: &Config, model: Option<&Model>) -> Identity {
+    let names: Vec<&str> =
+        model.map(|model| model.file().outputs.iter().map(|output| output.name.as_str()).collect()).unwrap_or_default();
+    Identity {
+        model: model.map(Model::id),
+        motors: config.motors() as u32,
+        outputs: names.len().min(MAX_OUTPUTS) as u32,
+        output_names: output_names(&names),
+    }
+}
+
+/// All ports are opened before the first is configured, so that a missing one is found before any drive is touched.
+fn bring_up_ports(config: &Config) -> Result<(Vec<PortRunner>, Vec<AxisLink>), RuntimeError> {
+    let opened = config.ports.iter().map(Port::<Opened>::open).collect::<Result<Vec<_>, _>>()?;
+    let (mut runners, mut links) = (Vec::new(), Vec::new());
+    for port in opened {
+        let (runner, of_port) = port.bring_up()?.split();
+        runners.push(runner);
+        links.extend(of_port);
+    }
+    Ok((runners, links))
+}
+
+fn tell_granted(log: &mut dyn Write, granted: &Granted) {
+    let scheduling = if granted.priority > 0 { "SCHED_FIFO" } else { "normal scheduling" };
+    let memory = if granted.memory_locked { "locked" } else { "not locked" };
+    say(log, format_args!("loop: {scheduling} {}, memory {memory}, processor {:?}", granted.priority, granted.cpu));
+    granted.warnings.iter().for_each(|warning| say(log, format_args!("warning: {warning}")));
+}
+
+fn say(log: &mut dyn Write, line: std::fmt::Arguments<'_>) {
+    // A closed or full log must not stop the robot.
+    let _ = writeln!(log, "[{:12.6}] {line}", clock::now().as_seconds());
+}
+
+/// A running thread with the name that its failure is reported by.
+struct Thread {
+    name: &'static str,
+    handle: JoinHandle<()>,
+}
+
+impl Thread {
+    fn spawn(name: &'static str, work: impl FnOnce() + Send + 'static) -> Result<Self, RuntimeError> {
+        let handle = thread::Builder::new()
+            .name(name.to_owned())
+            .spawn(work)
+            .map_err(|source| RuntimeError::Thread { name, source })?;
+        Ok(Self { name, handle })
+    }
+
+    fn join(self) -> Result<(), RuntimeError> {
+        self.handle.join().map_err(|_| RuntimeError::Died(self.name))
+    }
+
+    /// Starts the thread of shared memory and waits until clients can find it.
+    fn relay(
+        config: &Config,
+        guard: DomainGuard,
+        ends: RelayEnds,
+        identity: Identity,
+        granted: mpsc::Receiver<(Granted, Nanos)>,
+        quit: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (period, quit) = (config.control.period(), Arc::clone(quit));
+        let pinned = config.control.cpu;
+        let (up_in, up) = mpsc::channel();
+        let thread = Self::spawn("ipc", move || {
+            rt::keep_normal(pinned);
+            match Server::create(guard) {
+                Ok(server) => {
+                    let _ = up_in.send(Ok(()));
+                    relay_until(&quit, server, ends, identity, &granted, period);
+                }
+                Err(error) => {
+                    let _ = up_in.send(Err(error));
+                }
+            }
+        })?;
+        match up.recv() {
+            Ok(Ok(())) => Ok(thread),
+            Ok(Err(error)) => Err(error.into()),
+            Err(_) => Err(RuntimeError::Died("ipc")),
+        }
+    }
+
+    fn port(
+        config: &Config,
+        runner: PortRunner,
+        events: mpsc::Sender<PortEvent>,
+        quit: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (control, quit) = (config.control.clone(), Arc::clone(quit));
+        Self::spawn("port", move || {
+            let priority = control.priority.saturating_sub(PORT_PRIORITY_DISTANCE);
+            // What was refused here was refused to the loop as well, which says so.
+            let _ = rt::request(Wanted { priority, cpu: None, lock_memory: false });
+            // The log may be gone already when the last events come.
+            runner.run(&quit, |event| {
+                let _ = events.send(event);
+            });
+        })
+    }
+
+    fn control(
+        config: &ControlConfig,
+        cycle: Cycle,
+        ends: LoopEnds,
+        links: Vec<AxisLink>,
+        first: Nanos,
+        granted: mpsc::Sender<Granted>,
+        shutdown: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
+        Self::spawn("control", move || {
+            let wanted = Wanted { priority: config.priority, cpu: config.cpu, lock_memory: config.lock_memory };
+            let _ = granted.send(rt::request(wanted));
+            drop(granted);
+            control_loop(&config, first, cycle, ends, links, &shutdown);
+        })
+    }
+}
+
+fn relay_until(
+    quit: &AtomicBool,
+    server: Server,
+    ends: RelayEnds,
+    identity: Identity,
+    granted: &mpsc::Receiver<(Granted, Nanos)>,
+    period: Nanos,
+) {
+    // No answer means that the loop never started; the main thread ends everything then.
+    let Ok((granted, first)) = granted.recv() else { return };
+    let mut relay = Relay::new(server, ends, identity, granted, period);
+    let mut ticker = Ticker::new(first - RELAY_LEAD, period, Nanos::ZERO);
+    while !quit.load(Ordering::Acquire) {
+        let tick = ticker.wait();
+        relay.pass(tick.started);
+    }
+    relay.pass(clock::now());
+}
+
+/// The loop. From here on no allocation, no lock, no I/O: only [`Cycle::step`] and wait-free lanes.
+fn control_loop(
+    config: &ControlConfig,
+    first: Nanos,
+    mut cycle: Cycle,
+    mut ends: LoopEnds,
+    mut links: Vec<AxisLink>,
+    shutdown: &AtomicBool,
+) {
+    let mut ticker = Ticker::new(first, config.period(), Nanos::from_micros(u64::from(config.spin_us)));
+    loop {
+        let tick = ticker.wait();
+        let inputs = Inputs {
+            servo: if ends.servo.update() { *ends.servo.output_buffer() } else { None },
+            request: ends.requests.pop().ok(),
+            feedback: read_feedback(&mut links),
+            shutdown: shutdown.load(Ordering::Acquire),
+        };
+        let outputs = cycle.step(tick.started, &inputs);
+        for link in &mut links {
+            if let Some(request) = outputs.requests.get(link.motor) {
+                link.requests.write(*request);
+            }
+        }
+        // Full lanes mean that a slower thread stalls. Its answers and lines are lost; the loop goes on.
+        let _ = outputs.reply.map(|reply| ends.replies.push(reply));
+        for event in outputs.events.into_iter().flatten() {
+            let _ = ends.events.push(event);
+        }
+        let timing = TickTiming { tick, ended: clock::now() };
+        let _ = ends.records.push(Record { report: outputs.report, timing });
+        if outputs.finished {
+            return;
+        }
+    }
+}
+
+fn read_feedback(links: &mut [AxisLink]) -> [AxisFeedback; MAX_MOTORS] {
+    let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
+    for link in links {
+        if let Some(slot) = feedback.get_mut(link.motor) {
+            *slot = *link.feedback.read();
+        }
+    }
+    feedback
+}
+
+/// The main thread while the others run.
+struct Watch<'a> {
+    events: Consumer<Event>,
+    port_events: mpsc::Receiver<PortEvent>,
+    log: &'a mut dyn Write,
+}
+
+impl Watch<'_> {
+    /// Writes the log until the loop has ended. A helper thread that ends early makes the loop shut down.
+    fn until_end(&mut self, control: &Thread, relay: &Thread, ports: &[Thread], shutdown: &AtomicBool) {
+        while !control.handle.is_finished() {
+            if ports.iter().chain([relay]).any(|thread| thread.handle.is_finished()) {
+                shutdown.store(true, Ordering::Release);
+            }
+            self.drain();
+            clock::sleep(LOG_PERIOD);
+        }
+    }
+
+    fn drain(&mut self) {
+        while let Ok(event) = self.port_events.try_recv() {
+            // The loop tells about phases, too, at the tick that acts on them.
+            if !matches!(event.kind, PortEventKind::Phase { .. }) {
+                say(self.log, format_args!("{event}"));
+            }
+        }
+        while let Ok(event) = self.events.pop() {
+            let _ = writeln!(self.log, "{event}");
+        }
+        let _ = self.log.flush();
+    }
+}

@@ -1,0 +1,119 @@
+//! Homing: the drive finds its zero by itself.
+
+use super::Progress;
+use super::ask::Ask;
+use super::power::Power;
+use crate::drive::cia402::{Controlword, Goal, Statusword};
+use crate::drive::event::Failure;
+use crate::drive::family::Parts;
+use crate::drive::object::{Address, Value};
+use crate::drive::request::AbortCode;
+
+/// The steps, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Homing {
+    /// Read where the motor stands.
+    Position,
+    /// Make that the target, for the case that the drive is not in homing mode after all. Before homing the position
+    /// means nothing, so the drive may find it outside its limits and refuse; homing does not look at the target.
+    Preload(i32),
+    /// Choose the homing mode.
+    SetMode,
+    /// Wait until it is in force.
+    Mode,
+    /// Choose the method.
+    SetMethod,
+    /// Read it back.
+    Method,
+    /// Switch on.
+    On(Power),
+    /// Start.
+    Start,
+    /// Wait for the end.
+    Run,
+    /// Lower the start bit, ready for the next time.
+    Lower,
+    /// Switch off.
+    Off(Power),
+    /// Choose the mode for set-points again.
+    SetModeBack,
+    /// Wait until it is in force.
+    ModeBack,
+}
+
+impl Homing {
+    pub(super) fn ask(self, parts: &Parts) -> Ask {
+        match self {
+            Self::Position => Ask::Position,
+            Self::Preload(target) => Ask::Preload(target),
+            Self::SetMode => Ask::SetMode(parts.homing_mode),
+            Self::SetModeBack => Ask::SetMode(parts.streaming_mode),
+            Self::Mode | Self::ModeBack => Ask::Mode,
+            Self::SetMethod => Ask::SetMethod(parts.home_is_here),
+            Self::Method => Ask::Method,
+            Self::On(power) | Self::Off(power) => power.ask(),
+            Self::Start => Ask::StartHoming,
+            Self::Run => Ask::Status,
+            Self::Lower => Ask::Control(Controlword::ENABLE_OPERATION),
+        }
+    }
+
+    pub(super) fn take(&mut self, ask: Ask, raw: u32, parts: &Parts) -> Progress {
+        let next = match (*self, ask) {
+            (Self::Position, Ask::Position) => Self::Preload(i32::from_raw(raw)),
+            (Self::Preload(_), Ask::Preload(_)) => Self::SetMode,
+            (Self::SetMode, Ask::SetMode(_)) => Self::Mode,
+            (Self::Mode, Ask::Mode) if i8::from_raw(raw) == parts.homing_mode => Self::SetMethod,
+            (Self::SetMethod, Ask::SetMethod(_)) => Self::Method,
+            (Self::Method, Ask::Method) if i8::from_raw(raw) == parts.home_is_here => {
+                Self::On(Power::towards(Goal::On))
+            }
+            (Self::Method, Ask::Method) => return Progress::Failed(Failure::HomingMethod),
+            (Self::On(power), _) => pass(power, ask, raw, Self::On, Self::Start),
+            (Self::Start, Ask::StartHoming) => Self::Run,
+            (Self::Run, Ask::Status) => match Statusword(u16::from_raw(raw)) {
+                word if word.homing_error() => return Progress::Failed(Failure::HomingError),
+                word if word.homing_attained() => Self::Lower,
+                _ => Self::Run,
+            },
+            (Self::Lower, Ask::Control(_)) => Self::Off(Power::towards(Goal::Off)),
+            (Self::Off(power), _) => pass(power, ask, raw, Self::Off, Self::SetModeBack),
+            (Self::SetModeBack, Ask::SetMode(_)) => Self::ModeBack,
+            (Self::ModeBack, Ask::Mode) if i8::from_raw(raw) == parts.streaming_mode => return Progress::Done,
+            (same, _) => same,
+        };
+        *self = next;
+        Progress::Going
+    }
+
+    /// The drive refused a step.
+    pub(super) fn refused(&mut self, object: Address, code: AbortCode) -> Progress {
+        match self {
+            Self::Preload(_) => {
+                *self = Self::SetMode;
+                Progress::Going
+            }
+            _ => Progress::Failed(Failure::Refused { object, code }),
+        }
+    }
+
+    /// A step was not answered. All may be asked for again but the start.
+    pub(super) fn unanswered(self) -> Progress {
+        if self == Self::Start { Progress::Failed(Failure::Unanswered) } else { Progress::Going }
+    }
+
+    /// The drive is meant to be powered: leaving operation enabled is an error.
+    pub(super) fn is_powered(self) -> bool {
+        matches!(self, Self::Start | Self::Run | Self::Lower)
+    }
+}
+
+/// Passes an answer to a change of power, and tells the step after it.
+fn pass(mut power: Power, ask: Ask, raw: u32, same: fn(Power) -> Homing, next: Homing) -> Homing {
+    match ask {
+        Ask::Control(_) => power.commanded(),
+        Ask::Status if Statusword(u16::from_raw(raw)).state().is_some_and(|state| power.look(state)) => return next,
+        _ => {}
+    }
+    same(power)
+}

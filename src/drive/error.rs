@@ -1,0 +1,137 @@
+//! What can go wrong with a drive, in sentences: what, where, what to do.
+
+use std::io;
+use std::path::PathBuf;
+
+use super::cia402::State;
+use super::object::Address;
+use super::request::AbortCode;
+
+/// Why a port or the drives behind it could not be brought up.
+#[derive(Debug, thiserror::Error)]
+pub enum DriveError {
+    /// The device file does not exist.
+    #[error("serial port {device} does not exist; plug in the drive, or correct `device` in the configuration")]
+    NotFound {
+        /// The device.
+        device: PathBuf,
+    },
+    /// The device file may not be opened.
+    #[error("no permission to open serial port {device}; add the user to its group (often `dialout`) and log in again")]
+    NotPermitted {
+        /// The device.
+        device: PathBuf,
+    },
+    /// Another process holds the port.
+    #[error(
+        "serial port {device} is in use by another program; end it (another controller? a terminal?) and try again"
+    )]
+    Busy {
+        /// The device.
+        device: PathBuf,
+    },
+    /// The device cannot be set up as a serial port.
+    #[error("{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the configuration")]
+    NotSerial {
+        /// The device.
+        device: PathBuf,
+        /// What the system said.
+        source: serialport::Error,
+    },
+    /// Nothing answers.
+    #[error(
+        "no drive answers on {device} at {baud} baud as node {node}; check power, cable, `baud` and `node_id`, and \
+         that no other program uses the port"
+    )]
+    NoAnswer {
+        /// The device.
+        device: PathBuf,
+        /// Bits per second.
+        baud: u32,
+        /// Node id.
+        node: u8,
+    },
+    /// The drive answers, but is not usable as it is.
+    #[error("drive on {device}, node {node}: {fault}")]
+    Axis {
+        /// The device.
+        device: PathBuf,
+        /// Node id.
+        node: u8,
+        /// What is wrong.
+        fault: AxisFault,
+    },
+}
+
+/// Why one exchange brought no result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum LinkError {
+    /// The drive answered that it did not do it.
+    #[error("refused: {0}")]
+    Refused(AbortCode),
+    /// No answer could be believed, but the line is in step again.
+    #[error("not answered")]
+    Unanswered,
+    /// The line does not answer at all.
+    #[error("the line is silent; check power and cable")]
+    Lost,
+    /// The operating system reports the port as broken.
+    #[error("the port is broken ({0}); check the cable")]
+    Broken(io::ErrorKind),
+}
+
+/// Why a drive that was reached is not usable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum AxisFault {
+    /// An exchange failed.
+    #[error("{object}: {error}")]
+    Exchange {
+        /// What was read or written.
+        object: Address,
+        /// How it failed.
+        error: LinkError,
+    },
+    /// Made by someone else.
+    #[error("vendor number 0x{found:08X} instead of 0x{expected:08X}; this is no maxon drive, check `device`")]
+    Vendor {
+        /// maxon's number.
+        expected: u32,
+        /// What the device says.
+        found: u32,
+    },
+    /// Another drive than the one configured.
+    #[error(
+        "serial number 0x{found:08X} instead of 0x{expected:08X}; cables are swapped, or `serial_number` in the \
+         configuration names another drive"
+    )]
+    SerialNumber {
+        /// As configured.
+        expected: u32,
+        /// As read.
+        found: u32,
+    },
+    /// A limit was written, acknowledged, and reads back differently.
+    #[error(
+        "{object} reads back as 0x{found:08X} after 0x{written:08X} was written; the drive does not take this limit"
+    )]
+    ReadBack {
+        /// The limit.
+        object: Address,
+        /// As written.
+        written: u32,
+        /// As read.
+        found: u32,
+    },
+    /// The power stage does not go off.
+    #[error("power stage does not go off, state {state:?}; cut its power supply and look into the drive")]
+    StillOn {
+        /// Where it stays.
+        state: State,
+    },
+    /// The statusword is no known state.
+    #[error("statusword 0x{statusword:04X} is no known state; check that the firmware is supported")]
+    UnknownState {
+        /// As read.
+        statusword: u16,
+    },
+}

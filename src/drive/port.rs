@@ -1,0 +1,323 @@
+//! A serial port with the axes behind it: bring-up, and the thread that owns it afterwards.
+//!
+//! ```text
+//! Port<Opened> -identify-> Port<Identified> -configure-> Port<Configured> -split-> PortRunner + one AxisLink per axis
+//! ```
+//!
+//! The runner and the control loop share nothing but a triple buffer each way per axis: neither ever waits for the
+//! other, and each sees the newest value.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use triple_buffer::{Input, Output, triple_buffer};
+
+use crate::config::{AxisConfig, PortConfig};
+use crate::units::Nanos;
+
+use super::axis::{Access, Ask, Axis, Reply};
+use super::bring_up::{self, AxisIdentity};
+use super::epos4::Epos4;
+use super::error::{AxisFault, DriveError, LinkError};
+use super::event::{PortEvent, PortEventKind};
+use super::exchange::Link;
+use super::family::Drive;
+use super::object::Setting;
+use super::serial::SerialTransport;
+use super::transport::Transport;
+use super::{AxisFeedback, AxisRequest};
+
+/// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without pace this leaves the
+/// processor to others.
+const SHORTEST_TURN: Nanos = Nanos::from_micros(500);
+
+/// A turn while no axis answers.
+const LOST_TURN: Nanos = Nanos::from_millis(10);
+
+/// Between two tries to reach an axis that was lost.
+const READMISSION_PERIOD: Nanos = Nanos::from_millis(500);
+
+/// How long the drives may take to go off when the thread ends.
+const SHUTDOWN_DEADLINE: Nanos = Nanos::from_millis(3000);
+
+/// A port whose stage of bring-up is `Stage`.
+#[derive(Debug)]
+pub struct Port<Stage, T = SerialTransport> {
+    link: Link<T>,
+    config: PortConfig,
+    stage: Stage,
+}
+
+/// The port is open; who is behind it is not known.
+#[derive(Debug)]
+pub struct Opened(());
+
+/// Every axis is the drive that was configured, and its power stage is off.
+#[derive(Debug)]
+pub struct Identified {
+    axes: Vec<AxisIdentity>,
+}
+
+/// Every axis has its limits.
+#[derive(Debug)]
+pub struct Configured {
+    axes: Vec<AxisIdentity>,
+}
+
+/// The control loop's ends of one axis.
+#[derive(Debug)]
+pub struct AxisLink {
+    /// The motor.
+    pub motor: usize,
+    /// What the axis shall do: the newest counts.
+    pub requests: Input<AxisRequest>,
+    /// What the axis reports: the newest counts.
+    pub feedback: Output<AxisFeedback>,
+}
+
+impl Port<Opened> {
+    /// Opens the serial port, for this process alone.
+    ///
+    /// # Errors
+    ///
+    /// When the device does not exist, may not be opened, is in use, or is no serial port.
+    pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
+        Ok(Self::over(SerialTransport::open(config)?, config))
+    }
+}
+
+impl<T: Transport> Port<Opened, T> {
+    /// Takes a line that is open already.
+    pub fn over(transport: T, config: &PortConfig) -> Self {
+        Self { link: Link::new(transport, &Epos4, config), config: config.clone(), stage: Opened(()) }
+    }
+
+    /// Checks that every axis is the drive that was configured, and switches off what a former controller left on.
+    /// Nothing is enabled. A drive in fault is left so, for the operator.
+    ///
+    /// # Errors
+    ///
+    /// When a drive does not answer, is another one, or does not go off.
+    pub fn identify(mut self) -> Result<Port<Identified, T>, DriveError> {
+        let mut axes = Vec::new();
+        for axis in &self.config.axes {
+            let identity = identify(&mut self.link, axis).map_err(|fault| explain(&self.config, axis, fault))?;
+            axes.push(identity);
+        }
+        Ok(Port { link: self.link, config: self.config, stage: Identified { axes } })
+    }
+
+    /// All of bring-up.
+    ///
+    /// # Errors
+    ///
+    /// As [`Port::identify`] and [`Port::configure`].
+    pub fn bring_up(self) -> Result<Port<Configured, T>, DriveError> {
+        self.identify()?.configure()
+    }
+}
+
+impl<T: Transport> Port<Identified, T> {
+    /// Who is behind the port, in the order of the configuration.
+    pub fn axes(&self) -> &[AxisIdentity] {
+        &self.stage.axes
+    }
+
+    /// Writes the limits of every axis, reads them back and compares.
+    ///
+    /// # Errors
+    ///
+    /// When a drive does not answer, or does not take a limit.
+    pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
+        for axis in &self.config.axes {
+            let settings = self.link.drive().settings(axis);
+            bring_up::configure(&mut self.link, axis.node_id, &settings)
+                .map_err(|fault| explain(&self.config, axis, fault))?;
+        }
+        Ok(Port { link: self.link, config: self.config, stage: Configured { axes: self.stage.axes } })
+    }
+}
+
+impl<T: Transport> Port<Configured, T> {
+    /// Who is behind the port, in the order of the configuration.
+    pub fn axes(&self) -> &[AxisIdentity] {
+        &self.stage.axes
+    }
+
+    /// Parts the port into the thread's end and the control loop's ends, in the order of the configuration.
+    #[must_use]
+    pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
+        let drive = self.link.drive();
+        let (slots, links) = self
+            .config
+            .axes
+            .into_iter()
+            .zip(self.stage.axes)
+            .map(|(config, identity)| Slot::with_link(config, identity, drive))
+            .unzip();
+        (PortRunner { link: self.link, slots }, links)
+    }
+}
+
+fn identify<T: Transport>(link: &mut Link<T>, axis: &AxisConfig) -> Result<AxisIdentity, AxisFault> {
+    bring_up::know_line(link)?;
+    bring_up::check_identity(link, axis)?;
+    let identity = bring_up::read_identity(link, axis)?;
+    bring_up::switch_off(link, axis.node_id)?;
+    Ok(identity)
+}
+
+fn explain(port: &PortConfig, axis: &AxisConfig, fault: AxisFault) -> DriveError {
+    let (device, node) = (port.device.clone(), axis.node_id);
+    match fault {
+        AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered, .. } => {
+            DriveError::NoAnswer { device, baud: port.baud, node }
+        }
+        fault => DriveError::Axis { device, node, fault },
+    }
+}
+
+/// The thread's end of a port. It allocates nothing while it runs.
+#[derive(Debug)]
+pub struct PortRunner<T = SerialTransport> {
+    link: Link<T>,
+    slots: Vec<Slot>,
+}
+
+/// One axis with what the thread keeps for it.
+#[derive(Debug)]
+struct Slot {
+    config: AxisConfig,
+    identity: AxisIdentity,
+    settings: Vec<Setting>,
+    axis: Axis,
+    requests: Output<AxisRequest>,
+    feedback: Input<AxisFeedback>,
+    next_admission: Nanos,
+}
+
+impl Slot {
+    fn with_link(config: AxisConfig, identity: AxisIdentity, drive: &'static dyn Drive) -> (Self, AxisLink) {
+        let (request_input, requests) = triple_buffer(&AxisRequest::default());
+        let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
+        let link = AxisLink { motor: config.motor, requests: request_input, feedback: feedback_output };
+        let (settings, axis) = (drive.settings(&config), Axis::new(&config, drive));
+        (Self { config, identity, settings, axis, requests, feedback, next_admission: Nanos::ZERO }, link)
+    }
+
+    fn publish<T: Transport>(&mut self, link: &Link<T>) {
+        self.feedback.write(self.axis.feedback(link.counters()));
+    }
+}
+
+impl<T: Transport> PortRunner<T> {
+    /// Exchanges with the axes until `stop`, then leaves them switched off as far as they can be reached. Blocks; call
+    /// it in a thread of its own. `events` is called in that thread and should not block.
+    pub fn run(mut self, stop: &AtomicBool, mut events: impl FnMut(PortEvent)) {
+        self.announce(&mut events);
+        while !stop.load(Ordering::Acquire) {
+            self.turn(&mut events);
+        }
+        self.shut_down(&mut events);
+    }
+
+    fn announce(&self, events: &mut dyn FnMut(PortEvent)) {
+        for slot in &self.slots {
+            let AxisIdentity { node_id, product_code, firmware, serial_number, .. } = slot.identity;
+            slot.axis.report(PortEventKind::Ready { node_id, product_code, firmware, serial_number }, events);
+        }
+    }
+
+    /// One exchange with every axis.
+    pub fn turn(&mut self, events: &mut dyn FnMut(PortEvent)) {
+        let begin = self.link.now();
+        for place in 0..self.slots.len() {
+            self.serve(place, false, events);
+        }
+        let nothing_to_do = self.slots.iter().all(|slot| slot.axis.is_lost());
+        self.link.sleep_until(begin + if nothing_to_do { LOST_TURN } else { SHORTEST_TURN });
+    }
+
+    /// Switches everything off, in order, for a bounded time.
+    pub fn shut_down(&mut self, events: &mut dyn FnMut(PortEvent)) {
+        let begin = self.link.now();
+        for slot in &mut self.slots {
+            slot.axis.power_down(begin, events);
+        }
+        while self.slots.iter().any(|slot| !slot.axis.is_at_rest()) && self.link.now() < begin + SHUTDOWN_DEADLINE {
+            for place in 0..self.slots.len() {
+                self.serve(place, true, events);
+            }
+        }
+        for slot in &self.slots {
+            slot.axis.report(PortEventKind::Ended { off: slot.axis.is_off() }, events);
+        }
+    }
+
+    /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
+    fn serve(&mut self, place: usize, stopping: bool, events: &mut dyn FnMut(PortEvent)) {
+        let Self { link, slots } = self;
+        let Some(slot) = slots.get_mut(place) else { return };
+        if slot.axis.is_lost() {
+            slot.axis.acknowledge(slot.requests.read(), events);
+            if !stopping {
+                readmit(link, slot, events);
+            }
+        } else if let Err(error) = link.get_in_step() {
+            slot.axis.lose(error, events);
+        } else {
+            // The newest request, at the last moment before its set-point is encoded.
+            let request = if stopping { slot.axis.rest() } else { *slot.requests.read() };
+            let ask = slot.axis.next(&request, link.now(), events);
+            let timeouts = link.counters().timeouts;
+            let outcome = perform(link, slot.config.node_id, ask);
+            if link.counters().timeouts != timeouts {
+                let object = ask.object(link.drive().parts());
+                slot.axis.report(PortEventKind::TimedOut { object }, events);
+            }
+            slot.axis.done(ask, outcome, link.now(), events);
+        }
+        slot.publish(link);
+    }
+}
+
+fn perform<T: Transport>(link: &mut Link<T>, node: u8, ask: Ask) -> Result<Reply, LinkError> {
+    match ask.access(link.drive().parts()) {
+        Access::Read(object) => link.read_raw(node, object).map(|answer| Reply {
+            raw: answer.value,
+            sent: answer.sent,
+            received: answer.received,
+        }),
+        Access::Write(setting, repeat) => link.write(node, setting, repeat).map(|answer| Reply {
+            raw: 0,
+            sent: answer.sent,
+            received: answer.received,
+        }),
+    }
+}
+
+/// Tries to reach an axis that was lost, now and then. It ends disabled, whatever is demanded.
+fn readmit<T: Transport>(link: &mut Link<T>, slot: &mut Slot, events: &mut dyn FnMut(PortEvent)) {
+    let now = link.now();
+    if now < slot.next_admission {
+        return;
+    }
+    slot.next_admission = now + READMISSION_PERIOD;
+    // It may be another drive, or one that was restarted.
+    link.forget_drive();
+    if link.try_to_get_in_step().is_err() || !link.is_in_step() {
+        return;
+    }
+    match bring_up_again(link, slot) {
+        Ok(()) => slot.axis.readmit(events),
+        // Gone again; the next try will tell.
+        Err(AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_), .. }) => {}
+        Err(fault) => slot.axis.refuse_admission(fault, events),
+    }
+}
+
+fn bring_up_again<T: Transport>(link: &mut Link<T>, slot: &Slot) -> Result<(), AxisFault> {
+    bring_up::know_line(link)?;
+    bring_up::check_identity(link, &slot.config)?;
+    bring_up::switch_off(link, slot.config.node_id)?;
+    bring_up::configure(link, slot.config.node_id, &slot.settings)
+}

@@ -1,0 +1,56 @@
+//! What messages have in common.
+
+use std::fmt::Debug;
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use crate::units::Nanos;
+
+/// A message of a stream that clients watch.
+pub trait Message: ZeroCopySend + Debug + Copy + Send + Sync + 'static {
+    /// Counts up by one per message of one sender.
+    fn sequence(&self) -> u64;
+
+    /// The instant that the values belong to.
+    fn stamp(&self) -> Nanos;
+
+    /// Age of the values at `now`.
+    fn age(&self, now: Nanos) -> Nanos {
+        now.since(self.stamp())
+    }
+}
+
+/// A message that the controller sends.
+pub(super) trait Outgoing: Message {
+    /// The same message with number and sender.
+    #[must_use]
+    fn marked(self, boot_id: u64, sequence: u64) -> Self;
+}
+
+macro_rules! message {
+    ($($name:ident),*) => {
+        $(impl Message for $name {
+            fn sequence(&self) -> u64 {
+                self.sequence
+            }
+
+            fn stamp(&self) -> Nanos {
+                Nanos(self.stamp_ns)
+            }
+        })*
+    };
+}
+
+macro_rules! outgoing {
+    ($($name:ident),*) => {
+        $(impl Outgoing for $name {
+            fn marked(self, boot_id: u64, sequence: u64) -> Self {
+                Self { boot_id, sequence, ..self }
+            }
+        })*
+    };
+}
+
+message!(ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics);
+outgoing!(ActuatorState, JointState, OperatingStateMsg, PeriodStatistics);

@@ -1,0 +1,153 @@
+//! Waiting for the next tick on the absolute clock.
+//!
+//! Ticks lie on a fixed grid: start, start + period, start + 2 periods, ... A thread that comes late skips the ticks
+//! that are over and goes on with the grid. It never catches up: a burst of ticks would send a burst of set-points.
+
+use crate::clock;
+use crate::units::Nanos;
+
+/// One tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Tick {
+    /// When it should have begun.
+    pub planned: Nanos,
+    /// When it began.
+    pub started: Nanos,
+    /// Later ticks that were over already when this one began, and will not be run.
+    pub missed: u64,
+}
+
+/// The grid of ticks: pure arithmetic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Schedule {
+    period: Nanos,
+    next: Nanos,
+}
+
+impl Schedule {
+    /// A grid whose first tick is at `first`. A period of zero counts as one nanosecond.
+    #[must_use]
+    pub const fn new(first: Nanos, period: Nanos) -> Self {
+        let period = if period.0 == 0 { Nanos(1) } else { period };
+        Self { period, next: first }
+    }
+
+    /// When the next tick should begin.
+    #[must_use]
+    pub const fn next(&self) -> Nanos {
+        self.next
+    }
+
+    /// Begins the next tick at `started`, not before [`Schedule::next`], and plans the one after it in the future.
+    pub fn begin(&mut self, started: Nanos) -> Tick {
+        let missed = started.since(self.next).0 / self.period.0;
+        let tick = Tick { planned: self.next, started, missed };
+        self.next = self.next + Nanos(missed.saturating_add(1).saturating_mul(self.period.0));
+        tick
+    }
+}
+
+/// Waits for ticks.
+#[derive(Debug)]
+pub struct Ticker {
+    schedule: Schedule,
+    spin: Nanos,
+}
+
+impl Ticker {
+    /// Ticks every `period` from `first` on. The thread wakes `spin` before each tick and reads the clock until it is
+    /// due: waking takes the kernel tens of microseconds, reading the clock less than a tenth of one.
+    #[must_use]
+    pub const fn new(first: Nanos, period: Nanos, spin: Nanos) -> Self {
+        Self { schedule: Schedule::new(first, period), spin }
+    }
+
+    /// Waits for the next tick. Returns at once if it is due already.
+    pub fn wait(&mut self) -> Tick {
+        let due = self.schedule.next();
+        clock::sleep_until(due - self.spin);
+        let mut now = clock::now();
+        while now < due {
+            std::hint::spin_loop();
+            now = clock::now();
+        }
+        self.schedule.begin(now)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const PERIOD: Nanos = Nanos(1000);
+
+    #[test]
+    fn in_time_every_tick_is_run() {
+        let mut schedule = Schedule::new(Nanos(5000), PERIOD);
+        for number in 0..4 {
+            let planned = Nanos(5000 + number * 1000);
+            assert_eq!(schedule.next(), planned);
+            let started = planned + Nanos(30);
+            assert_eq!(schedule.begin(started), Tick { planned, started, missed: 0 });
+        }
+    }
+
+    #[test]
+    fn ticks_that_are_over_are_skipped_and_counted() {
+        let mut schedule = Schedule::new(Nanos(5000), PERIOD);
+        assert_eq!(schedule.begin(Nanos(8700)).missed, 3);
+        assert_eq!(schedule.next(), Nanos(9000));
+    }
+
+    #[test]
+    fn a_tick_that_is_late_by_less_than_a_period_misses_nothing() {
+        let mut schedule = Schedule::new(Nanos(5000), PERIOD);
+        assert_eq!(schedule.begin(Nanos(5999)).missed, 0);
+        assert_eq!(schedule.next(), Nanos(6000));
+        assert_eq!(schedule.begin(Nanos(7000)).missed, 1);
+        assert_eq!(schedule.next(), Nanos(8000));
+    }
+
+    #[test]
+    fn a_period_of_zero_does_not_divide_by_zero() {
+        assert_eq!(Schedule::new(Nanos(5), Nanos::ZERO).begin(Nanos(7)).missed, 2);
+    }
+
+    #[test]
+    fn the_ticker_keeps_to_the_grid() {
+        let (period, first) = (Nanos::from_millis(2), clock::now() + Nanos::from_millis(5));
+        for spin in [Nanos::ZERO, Nanos::from_micros(200)] {
+            let mut ticker = Ticker::new(first, period, spin);
+            let mut number = 0;
+            for _ in 0..20 {
+                let tick = ticker.wait();
+                assert_eq!(tick.planned, first + Nanos(number * period.0));
+                assert!(tick.started >= tick.planned);
+                number += 1 + tick.missed;
+            }
+        }
+    }
+
+    proptest! {
+        /// Whatever the delays: the grid never drifts, the next tick lies ahead by at most a period, and run and missed
+        /// ticks together are all ticks.
+        #[test]
+        fn the_grid_never_drifts(
+            period in 1_u64..10_000_000,
+            delays in prop::collection::vec(0_u64..100_000_000, 1..50),
+        ) {
+            let first = Nanos(1_000_000_000);
+            let mut schedule = Schedule::new(first, Nanos(period));
+            let mut ticks = 0;
+            for delay in delays {
+                let started = schedule.next() + Nanos(delay);
+                let tick = schedule.begin(started);
+                ticks += 1 + tick.missed;
+                prop_assert_eq!(schedule.next(), first + Nanos(ticks * period));
+                prop_assert!(schedule.next() > started && (schedule.next() - started).0 <= period);
+            }
+        }
+    }
+}

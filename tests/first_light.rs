@@ -1,0 +1,217 @@
+//! The whole path: client -> shared memory -> controller -> serial lines -> drives -> snake, with real processes.
+
+mod rig;
+
+use std::fs;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::{JointState, OperatingStateMsg};
+use i2ris::ipc::{OperatingState, StateCommand};
+use i2ris::units::Nanos;
+use i2ris_emulator::drive::State;
+use i2ris_emulator::log::EventKind;
+use nix::sys::signal::Signal;
+use rig::{PATIENCE, Rig, settle, wait_for_end};
+
+/// Set-points that tests send are this far apart.
+const SEND_PERIOD: Nanos = Nanos::from_millis(5);
+
+/// Sends a motion of the motors for a while.
+fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32; 2]) {
+    let (mut commander, start) = (client.commander(), clock::now());
+    while (clock::now() - start).as_seconds() < seconds {
+        let now = clock::now();
+        commander.servo_actuators(&counts((now - start).as_seconds())).unwrap();
+        clock::sleep_until(now + SEND_PERIOD);
+    }
+}
+
+/// A linear model of the emulated snake, good to a few degrees: 0.022 degrees per count, axes turned by 45 degrees.
+fn rough_model() -> String {
+    let g = 0.022 * std::f64::consts::FRAC_1_SQRT_2;
+    let zero = r#"{"training": {"r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0}, "held_out": null}"#;
+    format!(
+        r#"{{"format": "i2ris-model", "schema_version": 1, "robot_id": "rig",
+            "outputs": [{{"name": "pitch", "unit": "deg"}}, {{"name": "yaw", "unit": "deg"}}],
+            "family": {{"kind": "linear", "gain": [[{g}, {minus}], [{g}, {g}]], "offset": [0.0, 0.0],
+                "covariance": [[1.0, 0.0], [0.0, 1.0]]}},
+            "hull": {{"corners": [[-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0], [-1000.0, 1000.0]]}},
+            "training": {{"data_file": "none", "data_sha256": "{sha}", "rows": 10, "seed": 0, "restarts": 0,
+                "log_likelihood": null, "bic": null, "software": "test"}},
+            "metrics": [{zero}, {zero}]}}"#,
+        minus = -g,
+        sha = "0".repeat(64)
+    )
+}
+
+#[test]
+fn motors_follow_counts_and_the_snake_bends() {
+    let mut rig = Rig::new();
+    let client = rig.enabled();
+    stream_counts(&client, 2.0, |t| [(300.0 * t).min(400.0) as i32, 0]);
+    let snapshot = rig.emulator.snapshot();
+    assert!((snapshot.axes[0].drive.position - 400).abs() <= 3, "{snapshot:?}");
+    assert!(snapshot.axes[1].drive.position.abs() <= 3, "{snapshot:?}");
+    let [pitch, yaw] = snapshot.angles_deg;
+    assert!(pitch.hypot(yaw) > 3.0, "400 counts bend the snake by several degrees: {snapshot:?}");
+    let bugs = rig.emulator.log().into_iter().filter(|event| matches!(event.kind, EventKind::HostBug(_))).count();
+    assert_eq!(bugs, 0);
+}
+
+#[test]
+fn angles_commanded_by_a_client_are_reached() {
+    let mut rig = Rig::new();
+    fs::write(rig.folder.path().join("model.json"), rough_model()).unwrap();
+    rig.config.control.model = Some("model.json".into());
+    let client = rig.enabled();
+    let (mut commander, start) = (client.commander(), clock::now());
+    let mut measured = client.watcher().measured_js();
+    let mut last = JointState::default();
+    while (clock::now() - start).as_seconds() < 2.0 {
+        let share = ((clock::now() - start).as_seconds() / 1.5).min(1.0);
+        commander.servo_jp(&[(6.0 * share).to_radians(), (-4.0 * share).to_radians()]).unwrap();
+        if let Some(newest) = measured.newest().unwrap() {
+            last = newest;
+        }
+        clock::sleep(SEND_PERIOD);
+    }
+    assert!(last.flags & JointState::VALID != 0);
+    // The estimate from the encoders goes where it was asked; the snake itself only as well as a rough model knows it.
+    assert!((last.position[0].to_degrees() - 6.0).abs() < 0.1, "{last:?}");
+    assert!((last.position[1].to_degrees() + 4.0).abs() < 0.1, "{last:?}");
+    let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
+    assert!((pitch - 6.0).hypot(yaw + 4.0) < 5.0, "{pitch} {yaw}");
+}
+
+/// Not a test of its own: the commander that the next test kills.
+#[test]
+#[ignore = "run as a process by another test"]
+fn commander_process() {
+    let domain = i2ris::ipc::Domain::new(&std::env::var("RIG_DOMAIN").unwrap()).unwrap();
+    let client = Client::connect(&domain, PATIENCE).unwrap();
+    stream_counts(&client, 60.0, |t| [(600.0 * (t * 2.0).sin()) as i32, (600.0 * (t * 1.7).sin()) as i32]);
+}
+
+#[test]
+fn the_snake_holds_when_its_commander_is_killed() {
+    let mut rig = Rig::new();
+    let mut client = rig.enabled();
+    let mut commander = Command::new(std::env::current_exe().unwrap())
+        .args(["--ignored", "--exact", "commander_process"])
+        .env("RIG_DOMAIN", &rig.config.ipc.domain)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let moving = |state: &OperatingStateMsg| state.accepted > 50;
+    client.wait_for(PATIENCE, moving).unwrap();
+    commander.kill().unwrap();
+    let killed = clock::now();
+    commander.wait().unwrap();
+    let held = client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::HOLDING != 0).unwrap();
+    assert_eq!(held.state, OperatingState::Enabled.number());
+    assert!(held.stale_stops >= 1);
+    // Half a second after the deadline nothing moves any more, however slow the machine is.
+    clock::sleep(Nanos::from_millis(500));
+    let quiet = killed + Nanos::from_millis(rig.config.command.deadline_ms + 250);
+    for axis in 0..2 {
+        let setpoints = rig.setpoints(axis);
+        let before = setpoints.iter().filter(|(stamp, _)| *stamp < killed).map(|(_, counts)| counts);
+        assert!(before.clone().max().unwrap() - before.min().unwrap() > 20, "it moved before");
+        let after: Vec<i32> = setpoints.iter().filter(|(stamp, _)| *stamp > quiet).map(|(_, counts)| *counts).collect();
+        assert!(after.len() > 5, "set-points are still sent");
+        assert!(after.iter().all(|counts| counts == &after[0]), "{after:?}");
+    }
+    // The lease falls free, so the next commander is not locked out.
+    client.wait_for(PATIENCE, |state| state.lease_client_id == 0).unwrap();
+    let here = rig.emulator.snapshot().axes.map(|axis| axis.drive.position);
+    stream_counts(&client, 0.5, |_| here);
+    assert!(settle(&mut client, |state| state.lease_client_id != 0).accepted > held.accepted);
+}
+
+#[test]
+fn sigterm_and_sigint_stop_in_order_with_exit_code_0() {
+    for signal in [Signal::SIGTERM, Signal::SIGINT] {
+        let mut rig = Rig::new();
+        let client = rig.enabled();
+        stream_counts(&client, 0.5, |t| [(400.0 * t) as i32, 0]);
+        rig.signal(signal);
+        assert_eq!(rig.wait_for_end().code(), Some(0), "{}", rig.said("controller"));
+        // Ready to switch on: the power stage is off.
+        let snapshot = rig.emulator.snapshot();
+        for (axis, state) in snapshot.axes.iter().enumerate() {
+            assert_eq!(state.drive.state, State::ReadyToSwitchOn, "axis {axis}: {}", rig.said("controller"));
+        }
+        // Operation was disabled before the power stage was switched off: no coasting.
+        let states: Vec<State> = rig
+            .emulator
+            .log()
+            .into_iter()
+            .filter_map(|event| match event.kind {
+                EventKind::State { to, .. } if event.axis == 0 => Some(to),
+                _ => None,
+            })
+            .collect();
+        let enabled = states.iter().rposition(|state| *state == State::OperationEnabled).unwrap();
+        assert_eq!(states.get(enabled + 1), Some(&State::SwitchedOn), "{states:?}");
+    }
+}
+
+#[test]
+fn a_second_controller_is_refused_and_harms_nothing() {
+    let mut rig = Rig::new();
+    let mut client = rig.enabled();
+    let mut second = rig.spawn_controller("second");
+    let status = wait_for_end(&mut second).expect("it ends at once");
+    assert_eq!(status.code(), Some(1));
+    let text = rig.said("second");
+    assert!(text.starts_with("error: ") && text.lines().count() == 1, "{text}");
+    assert_eq!(settle(&mut client, |_| true).state, OperatingState::Enabled.number());
+}
+
+#[test]
+fn a_restarted_controller_goes_on_with_the_same_client_and_the_zero_of_the_drives() {
+    let mut rig = Rig::new();
+    let mut client = rig.enabled();
+    rig.signal(Signal::SIGKILL);
+    rig.wait_for_end();
+    rig.start_controller();
+    rig.client();
+    let state = settle(&mut client, |state| state.state == OperatingState::Disabled.number());
+    assert!(state.flags & OperatingStateMsg::HOMED != 0, "the drives kept their zero");
+    rig::enable(&mut client);
+    stream_counts(&client, 0.5, |t| [(200.0 * t) as i32, 0]);
+    client.state_command(StateCommand::Disable).unwrap();
+    settle(&mut client, |state| state.state == OperatingState::Disabled.number());
+}
+
+#[test]
+fn a_drive_that_does_not_answer_is_named() {
+    let mut rig = Rig::new();
+    rig.config.ports[1].reply_timeout_ms = 50;
+    rig.emulator.mute(1, true);
+    let mut child = rig.spawn_controller("controller");
+    let status = wait_for_end(&mut child).expect("it gives up");
+    assert_eq!(status.code(), Some(1));
+    let text = rig.said("controller");
+    let complaint = text.lines().last().unwrap();
+    assert!(complaint.starts_with("error: ") && complaint.contains("axis1"), "{text}");
+}
+
+#[test]
+fn nothing_is_left_in_shared_memory_after_a_clean_end() {
+    let mut rig = Rig::new();
+    rig.start_controller();
+    rig.client();
+    let (directory, prefix) = (rig.domain().directory().to_owned(), rig.domain().prefix().to_owned());
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(rig.wait_for_end().code(), Some(0));
+    std::thread::sleep(Duration::from_millis(100));
+    assert!(!directory.exists());
+    let left = fs::read_dir("/dev/shm").unwrap().filter_map(Result::ok);
+    let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix)).collect();
+    assert!(left.is_empty(), "{left:?}");
+}

@@ -1,0 +1,184 @@
+//! The inverse: there and back, inside the hull, whatever is asked.
+
+use i2ris::model::file::{FamilyParameters, MixtureParameters};
+use i2ris::model::{Inverse, Model};
+use i2ris::units::{MotorVec, OutputVec};
+use proptest::prelude::*;
+
+use crate::samples::{DEG, REACH, SmoothMap, file, linear, position, region, smooth_gmr, square};
+
+fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
+    model.predict(counts, &model.new_memory()).mean
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+fn one_count(model: &Model, counts: &MotorVec) -> f64 {
+    let jacobian = model.jacobian(counts, &model.new_memory());
+    (0..2).map(|motor| jacobian.map(|row| row[motor])).map(|column| distance(&column, &[0.0; 3])).fold(0.0, f64::max)
+}
+
+fn invert(model: &Model, goal: &OutputVec, start: &MotorVec) -> Inverse {
+    model.invert(goal, &model.new_memory(), start)
+}
+
+fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {
+    let model = Model::from_file(map.file()).unwrap();
+    let inverse = invert(&model, &mean(&model, &at), &start);
+    let missed = distance(&mean(&model, &inverse.counts), &mean(&model, &at));
+    assert!(missed <= 0.1 * one_count(&model, &at), "{inverse:?} for {at:?} misses {missed}");
+    assert!((missed - inverse.residual).abs() < 1e-12);
+    assert!(!inverse.clipped, "{inverse:?}");
+    if model.motors() <= model.outputs() {
+        assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
+    }
+}
+
+fn check_nothing_leaves_the_hull(map: &SmoothMap, goal: OutputVec, start: MotorVec) {
+    let model = Model::from_file(map.file()).unwrap();
+    let inverse = invert(&model, &goal, &start);
+    assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
+    assert!(!inverse.residual.is_nan() && inverse.residual >= 0.0, "{inverse:?}");
+    let asked = &goal[..model.outputs()];
+    if asked.iter().any(|g| !g.is_finite()) {
+        assert!(inverse.clipped && inverse.residual.is_infinite());
+        assert_eq!(inverse.counts, model.hull().project(&start));
+    }
+}
+
+/// No position on a fine lattice over the hull comes nearer to the goal than the answer, but for a few counts' worth.
+fn check_nearest(map: &SmoothMap, goal: OutputVec) {
+    let model = Model::from_file(map.file()).unwrap();
+    let inverse = invert(&model, &goal, &[0.0, 0.0]);
+    let asked = &goal[..model.outputs()];
+    let place = |step: i32| REACH * f64::from(step) / 50.0;
+    let columns = if model.motors() == 1 { 0..1 } else { -50..51 };
+    let lattice = (-50..51).flat_map(|i| columns.clone().map(move |j| [place(i), place(j)]));
+    let nearest = lattice.map(|at| distance(&mean(&model, &at)[..asked.len()], asked)).fold(f64::INFINITY, f64::min);
+    let slack = one_count(&model, &inverse.counts);
+    assert!(inverse.residual <= nearest + slack, "{inverse:?} for {goal:?}: {nearest} was there, {slack} a count");
+}
+
+fn wild() -> impl Strategy<Value = f64> {
+    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX), Just(-0.0)]
+}
+
+fn pose() -> impl Strategy<Value = OutputVec> {
+    [-1.2..1.2_f64, -1.2..1.2_f64, -1.2..1.2_f64]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn there_and_back_1x1(map in smooth_gmr(1, 1), at in position(1), start in position(1)) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn there_and_back_1x2(map in smooth_gmr(1, 2), at in position(1), start in position(1)) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn there_and_back_2x1(map in smooth_gmr(2, 1), at in position(2), start in position(2)) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn there_and_back_2x2(map in smooth_gmr(2, 2), at in position(2), start in position(2)) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn there_and_back_2x3(map in smooth_gmr(2, 3), at in position(2), start in position(2)) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn nothing_leaves_the_hull_of_one_motor(
+        map in smooth_gmr(1, 2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    ) {
+        check_nothing_leaves_the_hull(&map, goal, start);
+    }
+
+    #[test]
+    fn nothing_leaves_the_hull_of_two_motors(
+        map in smooth_gmr(2, 2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    ) {
+        check_nothing_leaves_the_hull(&map, goal, start);
+    }
+
+    #[test]
+    fn any_goal_gets_a_nearest_pose_1x1(map in smooth_gmr(1, 1), goal in pose()) {
+        check_nearest(&map, goal);
+    }
+
+    #[test]
+    fn any_goal_gets_a_nearest_pose_2x2(map in smooth_gmr(2, 2), goal in pose()) {
+        check_nearest(&map, goal);
+    }
+
+    #[test]
+    fn any_goal_gets_a_nearest_pose_2x3(map in smooth_gmr(2, 3), goal in pose()) {
+        check_nearest(&map, goal);
+    }
+}
+
+#[test]
+fn from_the_last_answer_it_takes_a_few_evaluations_and_small_steps() {
+    let map = SmoothMap { gain: vec![vec![0.02, 0.02], vec![-0.02, 0.02]], bend: 0.3, steps: 3 };
+    let model = Model::from_file(map.file()).unwrap();
+    let mut last = invert(&model, &[8.0 * DEG, 0.0, 0.0], &[0.0, 0.0]).counts;
+    for tick in 1..2000 {
+        // A circle of 8 degrees in 2 seconds at 1 kHz moves 0.025 degrees a tick: about a count.
+        let turn = std::f64::consts::TAU * f64::from(tick) / 2000.0;
+        let inverse = invert(&model, &[8.0 * DEG * turn.cos(), 8.0 * DEG * turn.sin(), 0.0], &last);
+        assert!(inverse.iterations <= 3 && !inverse.clipped && !inverse.fell_back, "{inverse:?}");
+        assert!(distance(&inverse.counts, &last) < 5.0, "{inverse:?} after {last:?}");
+        last = inverse.counts;
+    }
+}
+
+/// A slope that falls left of -200 counts and rises right of it, like a model that a few wrong rows have bent up.
+fn valley() -> Model {
+    let mixture = MixtureParameters {
+        weights: vec![0.2, 0.8],
+        means: vec![vec![-350.0, 3.0], vec![150.0, 4.0]],
+        covariances: vec![
+            vec![vec![6400.0, -128.0], vec![-128.0, 3.0]],
+            vec![vec![40_000.0, 800.0], vec![800.0, 16.5]],
+        ],
+    };
+    Model::from_file(file(1, FamilyParameters::Gmr { mixture }, region(1, 500.0))).unwrap()
+}
+
+#[test]
+fn a_search_in_a_dead_end_starts_again_from_the_conditional_mean() {
+    let model = valley();
+    let goal = [10.0 * DEG, 0.0, 0.0];
+    let inverse = invert(&model, &goal, &[-450.0, 0.0]);
+    assert!(inverse.fell_back && !inverse.clipped, "{inverse:?}");
+    assert!((mean(&model, &inverse.counts)[0] - goal[0]).abs() < 1e-3 * DEG);
+    assert!(inverse.iterations <= 40);
+    assert!(!invert(&model, &goal, &[100.0, 0.0]).fell_back);
+}
+
+#[test]
+fn a_motor_that_moves_nothing_stays() {
+    let model = Model::from_file(file(1, linear(&[&[0.02, 0.0]], &[0.0]), square(1000.0))).unwrap();
+    let inverse = invert(&model, &[2.0 * DEG, 0.0, 0.0], &[10.0, 333.0]);
+    assert!((inverse.counts[0] - 100.0).abs() < 1e-3 && inverse.counts[1] == 333.0, "{inverse:?}");
+}
+
+#[test]
+fn a_start_outside_the_hull_is_moved_in() {
+    let model = Model::from_file(file(1, linear(&[&[0.02]], &[0.0]), region(1, 100.0))).unwrap();
+    let inverse = invert(&model, &[f64::NAN, 0.0, 0.0], &[750.0, 0.0]);
+    assert_eq!(inverse.counts, [100.0, 0.0]);
+    assert!(inverse.clipped && inverse.residual.is_infinite() && inverse.iterations == 0);
+    // Entries beyond the outputs of the model mean nothing.
+    assert!(!invert(&model, &[DEG, f64::NAN, f64::NAN], &[750.0, 0.0]).clipped);
+}

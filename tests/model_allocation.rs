@@ -1,0 +1,95 @@
+//! The control loop may not allocate: every method of a model that it calls is watched.
+#![allow(clippy::unwrap_used)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+
+use i2ris::model::Model;
+
+#[path = "model/samples.rs"]
+#[allow(dead_code)]
+mod samples;
+
+use samples::{DEG, SmoothMap, file, linear, square};
+
+/// The system's allocator, counting what this thread asks of it: the test harness has threads of its own.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count() {
+    // A thread that ends may allocate after its counter is gone.
+    let _ = ALLOCATIONS.try_with(|allocations| allocations.set(allocations.get() + 1));
+}
+
+// SAFETY: every call goes to `System` unchanged; the counter neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        count();
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = ALLOCATIONS.get();
+    work();
+    ALLOCATIONS.get() - before
+}
+
+/// A second of control: goals inside, outside, absurd and none, with and without a good start.
+fn tick_for_a_second(model: &Model) {
+    let mut memory = model.new_memory();
+    let mut last = model.hull().centre();
+    for tick in 0..1000 {
+        let turn = f64::from(tick) * 0.02;
+        let reach = [4.0, 12.0, 60.0, 1e300, f64::NAN][tick as usize % 5] * DEG;
+        let goal = [reach * turn.cos(), reach * turn.sin(), 0.3 * reach];
+        let start = if tick % 3 == 0 { [1e9, f64::NEG_INFINITY] } else { last };
+        let inverse = black_box(model.invert(black_box(&goal), &memory, &start));
+        last = model.hull().project(&inverse.counts);
+        model.advance(&mut memory, &last);
+        black_box(model.predict(&last, &memory).deviation());
+        black_box(model.jacobian(&last, &memory));
+        black_box((model.hull().contains(&goal_as_counts(goal)), model.motors(), model.outputs(), model.id()));
+    }
+}
+
+fn goal_as_counts(goal: [f64; 3]) -> [f64; 2] {
+    [goal[0], goal[1]]
+}
+
+#[test]
+fn a_tick_with_a_model_allocates_nothing() {
+    let rows = [vec![0.02, 0.01], vec![-0.01, 0.02], vec![0.005, 0.01]];
+    let gmr = |motors: usize, outputs: usize| {
+        let gain = rows[..outputs].iter().map(|row| row[..motors].to_vec()).collect();
+        Model::from_file(SmoothMap { gain, bend: 0.3, steps: 4 }.file()).unwrap()
+    };
+    let mut models: Vec<_> = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)].map(|(d, m)| gmr(d, m)).into();
+    let family = linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[0.0, 0.0]);
+    models.push(Model::from_file(file(2, family, square(500.0))).unwrap());
+    for model in &models {
+        assert_eq!(allocations(|| tick_for_a_second(model)), 0, "{} x {}", model.motors(), model.outputs());
+    }
+    // The counter counts: this very test would fail otherwise.
+    assert!(allocations(|| drop(black_box(vec![0_u8; 64]))) >= 2);
+}

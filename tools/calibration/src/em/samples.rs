@@ -1,0 +1,105 @@
+//! The data as the inner loops want it: standardised, in blocks of rows with one contiguous column per variable.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::table::Table;
+
+/// Rows per block. A block of five variables and one column of responsibilities stay in the first-level cache.
+pub(super) const BLOCK: usize = 64;
+
+/// Some rows, one array per variable. Rows at and beyond `used` are padding.
+#[derive(Debug, Clone)]
+pub(super) struct Block<const N: usize> {
+    pub columns: [[f64; BLOCK]; N],
+    pub used: usize,
+}
+
+/// Where each variable lies and how far it spreads: `standardised = (value - mean) / deviation`.
+#[derive(Debug, Clone)]
+pub(super) struct Scaling<const N: usize> {
+    pub mean: SVector<f64, N>,
+    pub deviation: SVector<f64, N>,
+}
+
+impl<const N: usize> Scaling<N> {
+    /// A variable that never changes keeps its unit, so that nothing divides by 0.
+    fn of(data: &Table) -> Self {
+        let rows = data.len().max(1) as f64;
+        let mean = SVector::from_fn(|variable, _| data.column(variable).sum::<f64>() / rows);
+        let deviation = SVector::from_fn(|variable, _| {
+            let centre: f64 = mean[variable];
+            let variance = data.column(variable).map(|value| (value - centre).powi(2)).sum::<f64>() / rows;
+            if variance > 0.0 { variance.sqrt() } else { 1.0 }
+        });
+        Self { mean, deviation }
+    }
+
+    /// What to add to the log-density of a standardised row to get that of the row itself: the logarithm of the
+    /// Jacobian of the change of variables.
+    pub fn log_jacobian(&self) -> f64 {
+        -self.deviation.iter().map(|deviation| deviation.ln()).sum::<f64>()
+    }
+}
+
+/// Standardised data.
+#[derive(Debug, Clone)]
+pub(super) struct Samples<const N: usize> {
+    pub blocks: Vec<Block<N>>,
+    pub rows: usize,
+    pub scaling: Scaling<N>,
+    /// Covariance of the standardised data: its correlation matrix.
+    pub correlation: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> Samples<N> {
+    /// Standardises rows of `N` numbers.
+    pub fn new(data: &Table) -> Self {
+        let scaling = Scaling::of(data);
+        let mut samples =
+            Self { blocks: Vec::new(), rows: data.len(), scaling: scaling.clone(), correlation: SMatrix::zeros() };
+        for (number, row) in data.rows().enumerate() {
+            let place = number % BLOCK;
+            if place == 0 {
+                samples.blocks.push(Block { columns: [[0.0; BLOCK]; N], used: 0 });
+            }
+            let standard = (SVector::from_fn(|v, _| row[v]) - scaling.mean).component_div(&scaling.deviation);
+            samples.correlation += standard * standard.transpose();
+            if let Some(block) = samples.blocks.last_mut() {
+                block.used = place + 1;
+                block.columns.iter_mut().zip(standard.iter()).for_each(|(column, value)| column[place] = *value);
+            }
+        }
+        samples.correlation /= samples.rows.max(1) as f64;
+        samples
+    }
+
+    /// The rows one by one, standardised.
+    pub fn points(&self) -> impl Iterator<Item = SVector<f64, N>> + '_ {
+        self.blocks.iter().flat_map(|block| {
+            (0..block.used).map(move |place| SVector::from_fn(|variable, _| block.columns[variable][place]))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_variable_gets_mean_0_and_variance_1() {
+        let data = Table::from_rows(2, (0..150).map(|i| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)]));
+        let samples = Samples::<2>::new(&data);
+        let points: Vec<_> = samples.points().collect();
+        assert_eq!((points.len(), samples.blocks.len(), samples.blocks[2].used), (150, 3, 22));
+        let mean = points.iter().sum::<SVector<f64, 2>>() / 150.0;
+        assert!(mean.norm() < 1e-12);
+        assert!((samples.correlation[(0, 0)] - 1.0).abs() < 1e-12 && (samples.correlation[(1, 1)] - 1.0).abs() < 1e-12);
+        assert!(samples.correlation[(0, 1)] < -0.9);
+    }
+
+    #[test]
+    fn a_variable_that_never_changes_stays_finite() {
+        let samples = Samples::<2>::new(&Table::from_rows(2, (0..9).map(|i| [f64::from(i), 5.0])));
+        assert!(samples.points().all(|point| point.iter().all(|value| value.is_finite())));
+    }
+}

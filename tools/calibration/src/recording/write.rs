@@ -1,0 +1,66 @@
+//! The common format, written row by row.
+
+use std::io::{self, Write};
+
+use i2ris::model::file::{OutputSpec, OutputUnit};
+
+use super::Row;
+
+/// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or `NAME_mm` per output.
+/// Numbers are written so that reading gives the same bits back. Every row goes to the writer at once, so that a
+/// recording that is cut off keeps what it has.
+#[derive(Debug)]
+pub struct RecordingWriter<W: Write> {
+    to: W,
+    timed: bool,
+    motors: usize,
+    outputs: usize,
+}
+
+impl<W: Write> RecordingWriter<W> {
+    /// Begins a recording with its header.
+    ///
+    /// # Errors
+    ///
+    /// When the writer fails.
+    pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
+        let time = timed.then(|| "t_s".to_owned());
+        let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
+        let angles = outputs.iter().map(|output| format!("{}_{}", output.name, suffix(output.unit)));
+        let header: Vec<String> = time.into_iter().chain(counts).chain(angles).collect();
+        writeln!(to, "{}", header.join(","))?;
+        Ok(Self { to, timed, motors, outputs: outputs.len() })
+    }
+
+    /// Writes a row; its `line` does not matter. A time that is missing in a timed recording, or a number that is not
+    /// finite, leaves its cell empty.
+    ///
+    /// # Errors
+    ///
+    /// When the writer fails.
+    pub fn row(&mut self, row: &Row) -> io::Result<()> {
+        let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
+        let counts = row.counts.iter().take(self.motors);
+        let numbers = time.iter().chain(counts).chain(row.outputs.iter().take(self.outputs));
+        let cells: Vec<String> =
+            numbers.map(|number| if number.is_finite() { number.to_string() } else { String::new() }).collect();
+        writeln!(self.to, "{}", cells.join(","))
+    }
+
+    /// Ends the recording.
+    ///
+    /// # Errors
+    ///
+    /// When the writer fails.
+    pub fn finish(mut self) -> io::Result<W> {
+        self.to.flush()?;
+        Ok(self.to)
+    }
+}
+
+fn suffix(unit: OutputUnit) -> &'static str {
+    match unit {
+        OutputUnit::Deg => "deg",
+        OutputUnit::Mm => "mm",
+    }
+}

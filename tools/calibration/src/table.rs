@@ -1,0 +1,82 @@
+//! A plain table of numbers: what the fits take.
+
+/// Rows of equally many numbers, stored one row after the other.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Table {
+    width: usize,
+    values: Vec<f64>,
+}
+
+impl Table {
+    /// An empty table whose rows will have `width` numbers.
+    #[must_use]
+    pub fn new(width: usize) -> Self {
+        Self { width, values: Vec::new() }
+    }
+
+    /// A table of the given rows. Of a row longer than `width` the rest is left out; a shorter one is filled with 0.
+    #[must_use]
+    pub fn from_rows<Row: IntoIterator<Item = f64>>(width: usize, rows: impl IntoIterator<Item = Row>) -> Self {
+        let mut table = Self::new(width);
+        rows.into_iter().for_each(|row| table.push(row));
+        table
+    }
+
+    /// Appends a row, under the rule of [`Table::from_rows`].
+    pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
+        let filled = row.into_iter().chain(std::iter::repeat(0.0));
+        self.values.extend(filled.take(self.width));
+    }
+
+    /// Numbers in a row.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.values.len().checked_div(self.width).unwrap_or(0)
+    }
+
+    /// Whether there is no row.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The rows, in order.
+    pub fn rows(&self) -> impl ExactSizeIterator<Item = &[f64]> + Clone {
+        self.values.chunks_exact(self.width.max(1))
+    }
+
+    /// One column, in order of the rows.
+    pub fn column(&self, column: usize) -> impl Iterator<Item = f64> + Clone + '_ {
+        self.rows().filter_map(move |row| row.get(column).copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_come_back_as_they_went_in() {
+        let table = Table::from_rows(2, [[1.0, 2.0], [3.0, 4.0]]);
+        assert_eq!(table.len(), 2);
+        assert_eq!(table.rows().collect::<Vec<_>>(), [[1.0, 2.0], [3.0, 4.0]]);
+        assert_eq!(table.column(1).collect::<Vec<_>>(), [2.0, 4.0]);
+    }
+
+    #[test]
+    fn an_odd_row_never_shifts_the_next() {
+        let table = Table::from_rows(2, [vec![1.0], vec![2.0, 3.0, 4.0], vec![5.0, 6.0]]);
+        assert_eq!(table.rows().collect::<Vec<_>>(), [[1.0, 0.0], [2.0, 3.0], [5.0, 6.0]]);
+    }
+
+    #[test]
+    fn a_table_without_columns_has_no_rows() {
+        assert!(Table::from_rows(0, [[1.0]]).is_empty());
+    }
+}

@@ -1,0 +1,93 @@
+//! `i2ris emulate` as a process: starts, serves, ends cleanly, and says in one sentence what is wrong.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+fn snake(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../config/snakes/{name}.toml"))
+}
+
+fn emulate(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris"));
+    command.arg("emulate").args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// A child that does not outlive its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn signals_end_it_cleanly() {
+    for signal in [Signal::SIGINT, Signal::SIGTERM] {
+        let folder = tempfile::tempdir().unwrap();
+        let (ports, log) = (folder.path().join("ports"), folder.path().join("log.csv"));
+        let mut command = emulate(&["--no-camera", "--snake"]);
+        command.arg(snake("multi")).arg("--ports").arg(&ports).arg("--log").arg(&log);
+        let mut running = Running(command.spawn().unwrap());
+        let mut output = BufReader::new(running.0.stdout.take().unwrap());
+        let mut lines = String::new();
+        while !lines.contains("ready") {
+            assert!(output.read_line(&mut lines).unwrap() > 0, "{lines}");
+        }
+        assert!(ports.join("axis0").exists() && ports.join("axis1").exists());
+        assert!(lines.contains(ports.join("axis1").to_str().unwrap()), "{lines}");
+        kill(Pid::from_raw(running.0.id().try_into().unwrap()), signal).unwrap();
+        output.read_to_string(&mut lines).unwrap();
+        assert_eq!(running.0.wait().unwrap().code(), Some(0), "{lines}");
+        assert!(!ports.exists());
+        assert!(std::fs::read_to_string(log).unwrap().contains(",boot,"));
+    }
+}
+
+#[test]
+fn it_ends_by_itself_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = emulate(&["--duration", "0.2", "--domain", "t-emulate-duration", "--snake"]);
+    let output = command.arg(snake("brass")).arg("--ports").arg(folder.path().join("ports")).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("ended: 0 and 0 requests"), "{output:?}");
+}
+
+/// Ends with a code other than 0 and one sentence on stderr that holds `words`.
+fn assert_refused(output: &Output, words: &[&str]) {
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success(), "{message}");
+    assert!(message.contains("error: ") && !message.contains("panicked"), "{message}");
+    assert!(words.iter().all(|word| message.contains(word)), "{message}");
+}
+
+#[test]
+fn bad_input_is_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let steel = snake("steel").to_string_lossy().into_owned();
+    let bad = folder.path().join("bad.toml");
+    std::fs::write(&bad, std::fs::read_to_string(&steel).unwrap().replace("drag_s", "drag")).unwrap();
+    let in_the_way = folder.path().join("file");
+    std::fs::write(&in_the_way, "").unwrap();
+    let (bad, in_the_way) = (bad.to_string_lossy(), in_the_way.to_string_lossy());
+    let ports = folder.path().join("ports").to_string_lossy().into_owned();
+    for (arguments, words) in [
+        (vec!["--snake", "none.toml"], vec!["none.toml", "name an existing file"]),
+        (vec!["--snake", &bad], vec!["bad.toml", "drag"]),
+        (vec!["--snake", &steel, "--ports", &in_the_way], vec!["file", "--ports"]),
+        (vec!["--snake", &steel, "--ports", &ports, "--log", "/proc/none/log"], vec!["/proc/none/log"]),
+        (vec!["--snake", &steel, "--ports", &ports, "--domain", "a/b"], vec!["a/b"]),
+        (vec!["--snake", &steel, "--duration", "nan"], vec!["--duration", "seconds"]),
+    ] {
+        let output = emulate(&arguments).output().unwrap();
+        assert_refused(&output, &words);
+        assert!(!Path::new(&ports).exists(), "{arguments:?} left something behind");
+    }
+}

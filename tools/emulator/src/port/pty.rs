@@ -1,0 +1,78 @@
+//! A pseudo-terminal that behaves like a serial port without anything of a terminal.
+
+use std::io;
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::path::{Path, PathBuf};
+
+use i2ris::units::Nanos;
+use nix::errno::Errno;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::pty::openpty;
+use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
+use nix::sys::time::TimeSpec;
+use nix::unistd::{read, ttyname, write};
+
+nix::ioctl_none_bad!(
+    /// Ends exclusive use of a terminal.
+    end_exclusive_use,
+    libc::TIOCNXCL
+);
+
+/// The drive's end of the line.
+#[derive(Debug)]
+pub(super) struct Pty {
+    master: OwnedFd,
+    /// Kept open: while no one has the other end open, reading this one would fail.
+    slave: OwnedFd,
+    path: PathBuf,
+}
+
+impl Pty {
+    pub(super) fn open() -> io::Result<Self> {
+        let pair = openpty(None, None)?;
+        let mut settings = tcgetattr(&pair.slave)?;
+        cfmakeraw(&mut settings);
+        tcsetattr(&pair.slave, SetArg::TCSANOW, &settings)?;
+        // A drive does not wait for a host that does not listen.
+        fcntl(&pair.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))?;
+        let path = ttyname(&pair.slave)?;
+        Ok(Self { master: pair.master, slave: pair.slave, path })
+    }
+
+    /// The device file of the host's end.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits for bytes from the host, at most for `span`.
+    pub(super) fn wait(&self, span: Nanos) -> bool {
+        let timeout = TimeSpec::new((span.0 / 1_000_000_000) as i64, (span.0 % 1_000_000_000) as i64);
+        let mut fds = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
+        // An interrupting signal counts as no bytes: the caller looks at its own clock.
+        matches!(ppoll(&mut fds, Some(timeout), None), Ok(ready) if ready > 0)
+    }
+
+    /// Reads what is there.
+    pub(super) fn read(&self, buffer: &mut [u8]) -> usize {
+        read(&self.master, buffer).unwrap_or(0)
+    }
+
+    /// Writes to the host, or to no one if the host has not read for so long that there is no room.
+    pub(super) fn write(&self, mut bytes: &[u8]) {
+        while !bytes.is_empty() {
+            match write(&self.master, bytes) {
+                Ok(count) => bytes = &bytes[count..],
+                Err(Errno::EINTR) => {}
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// Lets others open the port again. A host that was killed while it had the port for itself would otherwise keep it
+    /// locked, since this end is never closed.
+    pub(super) fn release(&self) {
+        // SAFETY: the request takes no argument, and the descriptor is open for as long as `self` lives.
+        let _ = unsafe { end_exclusive_use(self.slave.as_raw_fd()) };
+    }
+}

@@ -1,0 +1,99 @@
+//! Time on a serial line: when bytes arrive and when replies have gone out.
+//!
+//! A pseudo-terminal hands over any number of bytes at once. Here they take the time that they would take on a wire.
+//! All instants follow from the ones before and not from when a thread woke up, so late wake-ups do not add up.
+
+use i2ris::units::Nanos;
+use serde::{Deserialize, Serialize};
+
+/// A serial line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LineConfig {
+    /// Bits per second; ten bits a byte.
+    pub baud: u32,
+    /// What the drive takes to answer, microseconds.
+    pub processing_us: u64,
+    /// The most that is added to it at random, microseconds.
+    pub jitter_us: u64,
+    /// How long a USB adapter holds short replies back, milliseconds; 0: a line without one, or one set to no delay.
+    pub adapter_hold_ms: u64,
+    /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are read this long after
+    /// the line was free count as sent when it became free. On the machine at hand, a wake-up takes about 70.
+    pub allowance_us: u64,
+}
+
+impl Default for LineConfig {
+    fn default() -> Self {
+        Self { baud: 115_200, processing_us: 400, jitter_us: 0, adapter_hold_ms: 0, allowance_us: 150 }
+    }
+}
+
+/// The two directions of a line.
+#[derive(Debug, Clone)]
+pub(super) struct Wire {
+    byte: Nanos,
+    allowance: Nanos,
+    /// When the line towards the drive is free.
+    free: Nanos,
+}
+
+impl Wire {
+    pub(super) fn new(config: &LineConfig) -> Self {
+        Self {
+            byte: Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1))),
+            allowance: Nanos::from_micros(config.allowance_us),
+            free: Nanos::ZERO,
+        }
+    }
+
+    /// When a byte that was read at `read` has arrived on the wire.
+    pub(super) fn arrive(&mut self, read: Nanos) -> Nanos {
+        self.free = self.free.max(read - self.allowance) + self.byte;
+        self.free
+    }
+
+    /// When a reply of `bytes` that starts at `start` has gone out. The host cannot answer it before.
+    pub(super) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
+        let end = start + Nanos(self.byte.0 * bytes as u64);
+        self.free = self.free.max(end);
+        end
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wire() -> Wire {
+        Wire::new(&LineConfig { baud: 10_000, allowance_us: 100, ..LineConfig::default() })
+    }
+
+    #[test]
+    fn bytes_follow_each_other_at_the_bit_rate() {
+        let mut wire = wire();
+        let read = Nanos::from_millis(50);
+        let arrivals = [wire.arrive(read), wire.arrive(read), wire.arrive(read)];
+        let first = Nanos::from_micros(50_900);
+        assert_eq!(arrivals, [first, first + Nanos::from_millis(1), first + Nanos::from_millis(2)]);
+    }
+
+    #[test]
+    fn late_wake_ups_do_not_add_up() {
+        let (mut wire, mut ideal) = (wire(), Nanos::from_millis(100));
+        wire.depart(ideal - Nanos::from_millis(1), 1);
+        for lateness_us in [0, 50, 99, 20] {
+            let arrived = wire.arrive(ideal + Nanos::from_micros(lateness_us));
+            assert_eq!(arrived, ideal + Nanos::from_millis(1));
+            ideal = wire.depart(arrived, 2);
+            assert_eq!(ideal, arrived + Nanos::from_millis(2));
+        }
+    }
+
+    #[test]
+    fn a_host_that_takes_its_time_is_given_it() {
+        let mut wire = wire();
+        wire.depart(Nanos::ZERO, 1);
+        assert_eq!(wire.arrive(Nanos::from_millis(9)), Nanos::from_micros(9_900));
+    }
+}

@@ -1,0 +1,148 @@
+//! Newton's method for a balance of forces that is the slope of a strictly convex potential.
+//!
+//! The laws have kinks in their slopes, so a full step can overshoot. Along the direction of a step the force of a
+//! convex potential rises steadily, and the step is cut back by regula falsi until it does not overshoot much.
+
+/// The most unknowns: two pulleys and [`super::MAX_SEGMENTS`] segments that bend in two directions.
+pub(super) const SIZE: usize = 2 + 2 * super::MAX_SEGMENTS;
+
+/// One value per unknown.
+pub(super) type Vector = [f64; SIZE];
+
+/// Slopes of the forces: symmetric, positive definite in its first rows and columns.
+pub(super) type Matrix = [[f64; SIZE]; SIZE];
+
+/// Forces that have to vanish, and their slopes.
+pub(super) trait Balance {
+    /// How many unknowns there are, at most [`SIZE`].
+    fn unknowns(&self) -> usize;
+
+    /// The forces left over at `at`, and their slopes.
+    fn evaluate(&self, at: &Vector) -> (Vector, Matrix);
+}
+
+/// Enough for the worst start that the tests could find, and a bound on the time.
+const ITERATIONS: usize = 60;
+
+/// Forces below this share of the largest force at the start count as none.
+const RELATIVE_TOLERANCE: f64 = 1e-12;
+
+/// Forces below this (degrees of wire stretch) count as none: a millionth of an encoder count.
+const TOLERANCE: f64 = 1e-8;
+
+/// Solves the balance from the guess `start`. Returns the best point found; it is always finite if `start` was.
+pub(super) fn solve(balance: &impl Balance, start: Vector) -> Vector {
+    let size = balance.unknowns();
+    let mut at = start;
+    let (mut force, mut slope) = balance.evaluate(&at);
+    let tolerance = TOLERANCE.max(RELATIVE_TOLERANCE * largest(&force, size));
+    for _ in 0..ITERATIONS {
+        if largest(&force, size) <= tolerance {
+            break;
+        }
+        let Some(step) = downhill(slope, &force, size) else { break };
+        let next = walk(balance, &at, &step, dot(&force, &step, size), size);
+        if !next.force.iter().all(|value| value.is_finite()) {
+            break;
+        }
+        (at, force, slope) = (next.at, next.force, next.slope);
+    }
+    at
+}
+
+struct Point {
+    at: Vector,
+    force: Vector,
+    slope: Matrix,
+}
+
+/// Walks along `step` until the force along it is nearly spent. `before` is that force at the start, below 0.
+fn walk(balance: &impl Balance, from: &Vector, step: &Vector, before: f64, size: usize) -> Point {
+    let mut share = 1.0;
+    loop {
+        let mut at = *from;
+        at.iter_mut().zip(step).for_each(|(value, step)| *value += share * step);
+        let (force, slope) = balance.evaluate(&at);
+        let after = dot(&force, step, size);
+        if after <= -0.5 * before || share < 1e-6 {
+            return Point { at, force, slope };
+        }
+        share *= (before / (before - after)).clamp(0.1, 0.9);
+    }
+}
+
+/// `-slope^-1 force` by Cholesky's factorisation, or `None` if the matrix is not positive definite.
+fn downhill(mut slope: Matrix, force: &Vector, size: usize) -> Option<Vector> {
+    for column in 0..size {
+        for row in column..size {
+            let done: f64 = (0..column).map(|k| slope[row][k] * slope[column][k]).sum();
+            let rest = slope[row][column] - done;
+            if row > column {
+                slope[row][column] = rest / slope[column][column];
+            } else if rest > 0.0 {
+                slope[row][column] = rest.sqrt();
+            } else {
+                return None;
+            }
+        }
+    }
+    let mut step = [0.0; SIZE];
+    for row in 0..size {
+        let done: f64 = (0..row).map(|k| slope[row][k] * step[k]).sum();
+        step[row] = (-force[row] - done) / slope[row][row];
+    }
+    for row in (0..size).rev() {
+        let done: f64 = (row + 1..size).map(|k| slope[k][row] * step[k]).sum();
+        step[row] = (step[row] - done) / slope[row][row];
+    }
+    Some(step)
+}
+
+fn dot(a: &Vector, b: &Vector, size: usize) -> f64 {
+    a.iter().zip(b).take(size).map(|(a, b)| a * b).sum()
+}
+
+fn largest(values: &Vector, size: usize) -> f64 {
+    values.iter().take(size).fold(0.0, |most, value| most.max(value.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two unknowns tied by a spring, one of them against a stiff stop: a kink that a bare Newton step jumps over.
+    struct Stop;
+
+    impl Balance for Stop {
+        fn unknowns(&self) -> usize {
+            2
+        }
+
+        fn evaluate(&self, at: &Vector) -> (Vector, Matrix) {
+            let (mut force, mut slope) = ([0.0; SIZE], [[0.0; SIZE]; SIZE]);
+            let stop = if at[0] > 1.0 { 1e4 } else { 0.0 };
+            force[0] = at[0] - at[1] + stop * (at[0] - 1.0);
+            force[1] = at[1] - at[0] + 0.1 * (at[1] - 5.0);
+            slope[0][..2].copy_from_slice(&[1.0 + stop, -1.0]);
+            slope[1][..2].copy_from_slice(&[-1.0, 1.1]);
+            (force, slope)
+        }
+    }
+
+    #[test]
+    fn finds_the_balance_across_a_kink() {
+        for start in [-1e6, 0.0, 3.0, 1e6] {
+            let at = solve(&Stop, [start; SIZE]);
+            let (force, _) = Stop.evaluate(&at);
+            assert!(largest(&force, 2) < 1e-6, "{start}: {force:?}");
+            assert!(at[0] > 1.0 && at[0] < 1.001);
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_definite_ends_the_search() {
+        let mut slope = [[0.0; SIZE]; SIZE];
+        slope[0][0] = -1.0;
+        assert_eq!(downhill(slope, &[1.0; SIZE], 1), None);
+    }
+}

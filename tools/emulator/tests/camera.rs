@@ -1,0 +1,44 @@
+//! The camera and a controller that comes, goes and comes back.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use i2ris::clock;
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris_emulator::snake::SnakeConfig;
+use i2ris_emulator::{Emulator, EmulatorConfig};
+
+/// Waits until the controller has received a picture.
+fn next_picture(server: &mut Server) -> ExternalPosition {
+    let start = Instant::now();
+    loop {
+        server.maintain(clock::now());
+        if let Some(picture) = server.poll_external() {
+            return picture;
+        }
+        assert!(start.elapsed() < Duration::from_secs(10), "no picture arrives");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn pictures_reach_every_controller_that_serves_the_domain() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/brass.toml");
+    let config = EmulatorConfig::new(SnakeConfig::load(&path).unwrap(), &folder.path().join("ports"));
+    let mut emulator = Emulator::start(config).unwrap();
+    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+    emulator.publish_camera(&domain).unwrap();
+    let mut last = 0;
+    for _ in 0..2 {
+        let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+        for _ in 0..3 {
+            let picture = next_picture(&mut server);
+            assert_eq!((picture.count, picture.flags), (2, ExternalPosition::VALID));
+            assert!(picture.stamp_ns > last && picture.stamp_ns < clock::now().0);
+            assert!(picture.deviation[0] > 0.0 && picture.position[2] == 0.0);
+            last = picture.stamp_ns;
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! The emulator through real serial ports: what a host sees.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use i2ris::units::Nanos;
+use i2ris_emulator::drive::State;
+use i2ris_emulator::frame::{Incoming, Parser, encode};
+use i2ris_emulator::log::{EventKind, HostBug, LineTrouble};
+use i2ris_emulator::snake::SnakeConfig;
+use i2ris_emulator::{Emulator, EmulatorConfig, EmulatorError, FolderError};
+use serialport::{SerialPort, TTYPort};
+use tempfile::TempDir;
+
+/// Long enough for any stall of the machine.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// "Write 0x6040 = 0x000F to node 1", from the reference.
+const WRITE_CONTROLWORD: [u8; 14] = [0x90, 0x02, 0x68, 0x04, 0x01, 0x40, 0x60, 0, 0x0F, 0, 0, 0, 0xB3, 0x07];
+
+/// "Read 0x6041 of node 1", from the reference.
+const READ_STATUSWORD: [u8; 10] = [0x90, 0x02, 0x60, 0x02, 0x01, 0x41, 0x60, 0, 0x22, 0xD1];
+
+fn config(folder: &Path) -> EmulatorConfig {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml");
+    EmulatorConfig::new(SnakeConfig::load(&path).unwrap(), &folder.join("ports"))
+}
+
+fn start() -> (Emulator, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    (Emulator::start(config(folder.path())).unwrap(), folder)
+}
+
+/// The controller's end of a line.
+struct Host {
+    port: TTYPort,
+}
+
+impl Host {
+    fn open(emulator: &Emulator, axis: usize) -> Self {
+        let path = emulator.device(axis).to_string_lossy();
+        Self { port: serialport::new(path, 115_200).timeout(PATIENCE).open_native().unwrap() }
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.port.write_all(bytes).unwrap();
+    }
+
+    /// The data of the next reply.
+    fn reply(&mut self) -> Option<Vec<u8>> {
+        let mut parser = Parser::default();
+        let mut byte = [0];
+        loop {
+            self.port.read_exact(&mut byte).ok()?;
+            if let Some(Incoming::Request(reply)) = parser.push(byte[0]) {
+                assert_eq!(reply.opcode, 0);
+                return Some(reply.data);
+            }
+        }
+    }
+
+    /// Whether nothing arrives for a while.
+    fn is_silent(&mut self) -> bool {
+        self.port.set_timeout(Duration::from_millis(300)).unwrap();
+        let silent = self.port.read(&mut [0]).is_err();
+        self.port.set_timeout(PATIENCE).unwrap();
+        silent
+    }
+
+    fn read(&mut self, index: u16, sub: u8) -> i32 {
+        let [low, high] = index.to_le_bytes();
+        self.send(&encode(0x60, &[0, low, high, sub]));
+        let data = self.reply().unwrap();
+        assert_eq!(data[..4], [0; 4]);
+        i32::from_le_bytes(data[4..8].try_into().unwrap())
+    }
+
+    fn write(&mut self, index: u16, sub: u8, value: i32) {
+        let [low, high] = index.to_le_bytes();
+        let [a, b, c, d] = value.to_le_bytes();
+        self.send(&encode(0x68, &[0, low, high, sub, a, b, c, d]));
+        assert_eq!(self.reply().unwrap(), [0; 4], "{index:04X}");
+    }
+
+    fn enable_cyclic_position(&mut self) {
+        let position = self.read(0x6064, 0);
+        self.write(0x607A, 0, position);
+        self.write(0x6060, 0, 8);
+        self.write(0x6040, 0, 0x06);
+        self.write(0x6040, 0, 0x0F);
+    }
+}
+
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < PATIENCE, "{what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn host_bugs(emulator: &Emulator) -> Vec<HostBug> {
+    let bugs = emulator.log().into_iter();
+    bugs.filter_map(|event| if let EventKind::HostBug(bug) = event.kind { Some(bug) } else { None }).collect()
+}
+
+#[test]
+fn frames_of_the_reference_go_round() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    host.send(&READ_STATUSWORD);
+    assert_eq!(host.reply().unwrap()[..6], [0, 0, 0, 0, 0x40, 0x00]);
+    host.send(&WRITE_CONTROLWORD);
+    let mut reply = [0; 10];
+    host.port.read_exact(&mut reply).unwrap();
+    assert_eq!(reply, [0x90, 0x02, 0x00, 0x02, 0, 0, 0, 0, 0x40, 0x8B]);
+    assert_eq!(host_bugs(&emulator), []);
+}
+
+#[test]
+fn both_axes_bend_the_snake() {
+    let (emulator, _folder) = start();
+    let mut hosts = [Host::open(&emulator, 0), Host::open(&emulator, 1)];
+    assert_eq!(hosts[0].read(0x1018, 4), 62_000_001);
+    assert_eq!(hosts[1].read(0x1018, 4), 62_000_002);
+    hosts.iter_mut().for_each(Host::enable_cyclic_position);
+    for target in (0..=1000).step_by(100) {
+        hosts[0].write(0x607A, 0, target);
+        hosts[1].write(0x607A, 0, target);
+    }
+    wait_for("motors arrive", || hosts.iter_mut().all(|host| (host.read(0x6064, 0) - 1000).abs() <= 1));
+    let snapshot = emulator.snapshot();
+    assert!(snapshot.axes.iter().all(|axis| axis.drive.state == State::OperationEnabled));
+    let [pitch, yaw] = snapshot.angles_deg;
+    assert!(pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw), "equal counts bend in yaw: {pitch} {yaw}");
+    let setpoints: Vec<i32> = emulator
+        .log()
+        .iter()
+        .filter(|event| event.axis == 1)
+        .filter_map(|event| if let EventKind::Setpoint(counts) = event.kind { Some(counts) } else { None })
+        .collect();
+    assert_eq!(setpoints, [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000]);
+}
+
+#[test]
+fn a_host_that_does_not_wait_is_found_out() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    host.send(&[READ_STATUSWORD, READ_STATUSWORD].concat());
+    assert!(host.reply().is_some());
+    assert!(host.is_silent(), "the second request is lost");
+    assert_eq!(host_bugs(&emulator), [HostBug::Pipelined]);
+    assert_eq!(host.read(0x1018, 1), 0xFB, "the line recovers");
+}
+
+#[test]
+fn bytes_during_the_processing_are_found_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config(folder.path());
+    config.line.processing_us = 400_000;
+    let emulator = Emulator::start(config).unwrap();
+    let mut host = Host::open(&emulator, 0);
+    host.send(&READ_STATUSWORD);
+    wait_for("request is taken", || emulator.snapshot().axes[0].requests == 1);
+    host.send(&READ_STATUSWORD);
+    assert!(host.reply().is_some());
+    assert!(host.is_silent());
+    assert_eq!(host_bugs(&emulator), [HostBug::Pipelined]);
+}
+
+#[test]
+fn damaged_and_cut_frames() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    host.write(0x2005, 0, 50);
+    let mut damaged = READ_STATUSWORD;
+    damaged[5] ^= 1;
+    host.send(&damaged);
+    assert_eq!(host.reply().unwrap(), [0x04, 0x00, 0x04, 0x05]);
+    host.send(&WRITE_CONTROLWORD[..9]);
+    assert!(host.is_silent());
+    wait_for("the cut frame is dropped", || {
+        emulator.log().iter().any(|event| event.kind == EventKind::Line(LineTrouble::FrameTimeout))
+    });
+    assert_eq!(host.read(0x1018, 1), 0xFB);
+    host.send(&WRITE_CONTROLWORD[..9]);
+    assert_eq!(host.read(0x1018, 1), 0xFB, "a new frame replaces one that was cut");
+    assert_eq!(host.read(0x6040, 0) & 0xFFFF, 0, "no half frame was carried out");
+}
+
+#[test]
+fn set_points_follow_each_other_no_faster_than_the_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config(folder.path());
+    config.line.baud = 9_600;
+    let emulator = Emulator::start(config).unwrap();
+    let mut host = Host::open(&emulator, 0);
+    (0..6).for_each(|counts| host.write(0x607A, 0, counts));
+    let stamps: Vec<Nanos> = emulator
+        .log()
+        .iter()
+        .filter_map(|event| matches!(event.kind, EventKind::Setpoint(_)).then_some(event.stamp))
+        .collect();
+    // Request and reply are 24 bytes of ten bits, at least.
+    let exchange = Nanos(24 * 10 * 1_000_000_000 / 9_600);
+    assert!(stamps.len() == 6 && stamps.windows(2).all(|pair| pair[1] - pair[0] >= exchange), "{stamps:?}");
+}
+
+#[test]
+fn a_port_is_for_one_host_and_can_be_opened_again() {
+    let (emulator, _folder) = start();
+    let path = emulator.device(0).to_string_lossy().into_owned();
+    for _ in 0..2 {
+        let mut host = Host::open(&emulator, 0);
+        assert!(serialport::new(&path, 115_200).open_native().is_err());
+        assert_eq!(host.read(0x1018, 1), 0xFB);
+    }
+}
+
+#[test]
+fn faults_mutes_and_power_cycles_can_be_made() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 1);
+    host.enable_cyclic_position();
+    emulator.raise_fault(1, 0x2310, false);
+    assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
+    assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
+    emulator.mute(1, true);
+    host.send(&READ_STATUSWORD);
+    assert!(host.is_silent());
+    emulator.mute(1, false);
+    assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
+    emulator.power_cycle(1);
+    wait_for("the drive boots", || emulator.snapshot().axes[1].drive.state == State::SwitchOnDisabled);
+    assert_eq!(host.read(0x6041, 0) & 0xFFFF, 0x0040);
+    assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0, "the other axis knows nothing of it");
+}
+
+#[test]
+fn the_camera_sees_the_snake() {
+    let (mut emulator, _folder) = start();
+    let (sender, receiver) = std::sync::mpsc::channel();
+    emulator
+        .start_camera(move || {
+            move |picture| {
+                let _ = sender.send(picture);
+            }
+        })
+        .unwrap();
+    let pictures: Vec<_> = (0..5).map(|_| receiver.recv_timeout(PATIENCE).unwrap()).collect();
+    assert!(pictures.windows(2).all(|pair| pair[0].stamp_ns < pair[1].stamp_ns));
+    for picture in pictures {
+        assert!(picture.position[..2].iter().all(|angle| angle.to_degrees().abs() < 1.0));
+        assert_eq!((picture.count, picture.flags), (2, 1));
+    }
+}
+
+#[test]
+fn links_and_log_file_come_and_go() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config(folder.path());
+    let log: PathBuf = folder.path().join("log.csv");
+    config.log = Some(log.clone());
+    let emulator = Emulator::start(config.clone()).unwrap();
+    let device = emulator.device(1).to_owned();
+    assert!(device.exists() && device.is_symlink());
+    let second = Emulator::start(EmulatorConfig { log: None, ..config });
+    assert!(matches!(second.err(), Some(EmulatorError::Folder(FolderError::InUse { .. }))));
+    Host::open(&emulator, 1).write(0x607A, 0, -7);
+    drop(emulator);
+    assert!(!device.is_symlink() && !folder.path().join("ports").exists());
+    let text = std::fs::read_to_string(log).unwrap();
+    assert!(text.lines().any(|line| line.ends_with(",1,setpoint,-7,")), "{text}");
+}
