@@ -32,13 +32,15 @@ pub(super) fn take(
     match (course, joints) {
         (Course::Joint(trend), Some(joints)) => {
             let (here, before) = trend.at(now, tick);
-            let answer = joints.solve(&here)?;
-            joints.start_from(answer.counts);
-            let counts_before = if here == before { answer.counts } else { joints.solve(&before)?.counts };
-            let counts = within(answer.counts, axes);
-            let clipped = answer.clipped || counts != answer.counts;
-            let goal = if clipped { joints.pose(&counts)? } else { *trend.goal() };
-            Ok(Aim { targets: targets(&counts, &within(counts_before, axes)), goal: Some(goal), clipped })
+            let now_at = land(&here, axes, joints)?;
+            joints.start_from(now_at.counts);
+            let (before_at, asked) = if here == before {
+                (now_at, now_at)
+            } else {
+                (land(&before, axes, joints)?, land(trend.goal(), axes, joints)?)
+            };
+            let goal = if asked.clipped { joints.pose(&asked.counts)? } else { *trend.goal() };
+            Ok(Aim { targets: targets(&now_at.counts, &before_at.counts), goal: Some(goal), clipped: asked.clipped })
         }
         // Angles are only accepted with a model.
         (Course::Joint(_), None) => Err(NotFinite),
@@ -48,6 +50,20 @@ pub(super) fn take(
             Ok(Aim { targets: targets(&within(here, axes), &within(before, axes)), goal, clipped: false })
         }
     }
+}
+
+/// Where a goal brings the motors.
+#[derive(Debug, Clone, Copy)]
+struct Landing {
+    counts: MotorVec,
+    /// The goal lies outside the hull or the position limits.
+    clipped: bool,
+}
+
+fn land(goal: &OutputVec, axes: &[Axis], joints: &Joints) -> Result<Landing, NotFinite> {
+    let answer = joints.solve(goal)?;
+    let counts = within(answer.counts, axes);
+    Ok(Landing { counts, clipped: answer.clipped || counts != answer.counts })
 }
 
 /// Cuts counts to the position limits of the axes.

@@ -60,7 +60,7 @@
 //! 3. DrivesNotReady as for `enable`. Homing is the drive's own affair: a counter is raised, and the drive answers with it.
 //! 4. CausePersists unless every drive answers with a fresh position, is off, at fault or in quick stop, and the model is
 //!    sound. If a drive is at fault, its reset counter is raised and FAULT stays, busy, until the drive has left its
-//!    fault (or 3 s have passed: then the fault is latched again). Then DISABLED, powering off.
+//!    fault (or 1 s has passed: then the fault is latched again). Then DISABLED, powering off.
 //! 5. Lease if another client holds it. The robot holds if the client was being followed.
 //!
 //! # What leads to FAULT, and what the drives do then
@@ -81,8 +81,8 @@
 //! loop nor the line. **The drive that is the cause is switched off**: one that reports a fault has switched itself off;
 //! one that cannot follow is blocked or pulls on something, and holding would keep pulling with the whole current limit;
 //! one that left its state by itself is not to be trusted with power. The gear hardly turns backwards, so the snake stays
-//! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard (no
-//! watchdog is known on its serial lines) and is told to quick stop, so that it goes on holding when the line is back.
+//! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard, because no
+//! watchdog is known on its serial lines; it is told to quick stop, for the case that it still hears.
 //! If power was not yet on (enabling, homing) it stays off. A drive that does not reach its quick stop within 3 s is
 //! switched off. `disable` switches all off; `acknowledge` does too, so nothing moves when a fault is over.
 //!

@@ -6,19 +6,22 @@ use crate::drive::{AxisPhase, Demand};
 use crate::ipc::{Fault, StateCommand};
 use crate::units::{MAX_MOTORS, Nanos};
 
-/// How long a drive may take to be enabled, switched off, brought to a quick stop or reset. Each takes about ten
+/// How long a drive may take to be enabled, switched off or brought to a quick stop. Each takes about ten
 /// exchanges: 25 ms at 115200 baud, a quarter of a second at 9600, and a ramp of the drive. 3 s leaves room for repeats.
-pub(super) const DRIVE_TIMEOUT: Nanos = Nanos::from_millis(3000);
+const DRIVE_TIMEOUT: Nanos = Nanos::from_millis(3000);
+
+/// How long a fault reset may take until the drive has left its fault: a handful of exchanges, and room for repeats.
+const RESET_TIMEOUT: Nanos = Nanos::from_millis(1000);
 
 /// How long homing may take. Method 37 ("here is zero") takes as long as enabling; a search for a hard stop takes seconds.
-pub(super) const HOMING_TIMEOUT: Nanos = Nanos::from_millis(30_000);
+const HOMING_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 
 /// How long the set-points may take to stop before the power goes anyway. At the default limits it takes 2 ms.
-pub(super) const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
+const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
 
 /// How long a motor gets to come to rest on its last set-point, and how long a drive that reports to be off is not
 /// believed, because the report may be older than the demand. A dozen exchanges.
-pub(super) const SETTLE_TIME: Nanos = Nanos::from_millis(50);
+const SETTLE_TIME: Nanos = Nanos::from_millis(50);
 
 /// What comes next.
 pub(super) type Next = Option<(State, Cause)>;
@@ -100,7 +103,7 @@ fn failed(failure: &Failure, sight: &Sight) -> Next {
             let cause = Cause::Progress(Some(StateCommand::Acknowledge));
             Some((State::Disabled(Inactive::PoweringOff { since: now }), cause))
         }
-        Stage::Resetting { since } if now.since(since) >= DRIVE_TIMEOUT => {
+        Stage::Resetting { since } if now.since(since) >= RESET_TIMEOUT => {
             let stage = Stage::Latched { since: now, demands: [Demand::Disabled; MAX_MOTORS] };
             Some((State::Fault(Failure { cause, stage }), Cause::Fault(cause)))
         }

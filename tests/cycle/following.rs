@@ -112,7 +112,23 @@ fn the_next_set_point_carries_stamp_and_sequence_of_its_command() {
     assert_eq!(bench.out.requests[0].command_stamp, Nanos::ZERO, "a robot that holds follows no command");
 }
 
-/// A client that asks for `at(time)` at a rate, judged by how far the set-point is from what is asked for at every tick.
+/// The extrapolated goal may be outside while the goal is not; what is reported is the goal.
+#[test]
+fn what_is_reported_is_what_was_asked_and_not_where_it_is_heading() {
+    let mut bench = Bench::enabled();
+    let edge = 2.0 * GAIN_DEG * HULL;
+    for k in 0..500 {
+        let pitch = (f64::from(k) * 0.06).min(edge - 0.01);
+        assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
+        for _ in 0..4 {
+            bench.tick();
+            assert!(!bench.report().clipped, "at {pitch} of {edge}");
+            assert_eq!(bench.joints().goal, rad(pitch, 0.0));
+        }
+    }
+}
+
+/// A client that asks for `goal(time)` at a rate, judged by how far the set-point is from what is asked for at every tick.
 struct Stream {
     rate_hz: f64,
     /// Time between sending and the tick that reads it, seconds.
