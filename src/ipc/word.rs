@@ -161,6 +161,23 @@ pub const fn axis_phase(phase: AxisPhase) -> u8 {
     }
 }
 
+/// What people read for a number of [`crate::ipc::payload::ActuatorState::phase`].
+#[must_use]
+pub const fn phase_text(number: u8) -> &'static str {
+    match number {
+        0 => "starting",
+        1 => "disabled",
+        2 => "enabling",
+        3 => "enabled",
+        4 => "homing",
+        5 => "quick-stopped",
+        6 => "disabling",
+        7 => "at fault",
+        8 => "lost",
+        _ => "unknown",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -171,5 +188,12 @@ mod tests {
             assert_eq!(StateCommand::from_number(command.number()), Some(*command));
         }
         assert_eq!(StateCommand::from_number(99), None);
+    }
+
+    #[test]
+    fn every_phase_has_a_text() {
+        assert_eq!(phase_text(axis_phase(AxisPhase::Enabled)), "enabled");
+        assert_eq!(phase_text(axis_phase(AxisPhase::Lost)), "lost");
+        assert_eq!(phase_text(axis_phase(AxisPhase::Lost) + 1), "unknown");
     }
 }

@@ -9,6 +9,7 @@ use clap::{Parser, Subcommand};
 
 mod calibrate;
 mod command;
+mod console;
 mod demo;
 mod emulate;
 mod monitor;

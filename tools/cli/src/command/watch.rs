@@ -1,0 +1,270 @@
+//! Judging, while commands go out, what the controller makes of them. Pure.
+
+use i2ris::ipc::payload::{JointState, OperatingStateMsg};
+use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::units::Nanos;
+
+/// How long nothing may be accepted, and how old the state may be, before the program gives up.
+const PATIENCE: Nanos = Nanos::from_millis(1000);
+/// The same refusal is told again after this time.
+const REPEAT: Nanos = Nanos::from_millis(1000);
+
+/// Why streaming commands makes no sense (any more).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Stop {
+    /// In FAULT.
+    #[error(
+        "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command state acknowledge`"
+    )]
+    Fault(Fault),
+    /// Not in ENABLED.
+    #[error("the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`")]
+    NotEnabled(OperatingState),
+    /// A number that no enum knows.
+    #[error("the controller reports state {0}, which this program does not know; build both from one release")]
+    Unknown(u32),
+    /// Someone else commands.
+    #[error("client {0:016x} holds the lease; end that program first, or wait until it falls silent")]
+    Lease(u64),
+    /// Someone else took over.
+    #[error("lost the lease to client {0:016x}")]
+    LostLease(u64),
+    /// Everything is refused.
+    #[error("the controller refuses every command: {0}")]
+    Refused(Refusal),
+    /// Nothing is taken, and nothing refused either.
+    #[error("the controller takes no command; look at its log")]
+    Ignored,
+    /// No fresh state.
+    #[error("the controller has not told its state for more than a second; look at its log")]
+    Silent,
+    /// Another start of the controller.
+    #[error("the controller was started anew; look around before you go on")]
+    Restarted,
+}
+
+/// The state, if commands are followed in it.
+pub fn enabled(state: &OperatingStateMsg) -> Result<(), Stop> {
+    match OperatingState::from_number(state.state) {
+        Some(OperatingState::Enabled) => Ok(()),
+        Some(OperatingState::Fault) => Err(Stop::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None))),
+        Some(other) => Err(Stop::NotEnabled(other)),
+        None => Err(Stop::Unknown(state.state)),
+    }
+}
+
+/// Follows the controller's answers to one stream of commands.
+#[derive(Debug)]
+pub struct Watch {
+    client_id: u64,
+    boot_id: u64,
+    held: bool,
+    accepted: u64,
+    accepted_at: Nanos,
+    refused: u64,
+    refused_now: bool,
+    told: Option<(Refusal, Nanos)>,
+}
+
+impl Watch {
+    /// From `state` on, at `now`.
+    pub fn new(client_id: u64, state: &OperatingStateMsg, now: Nanos) -> Self {
+        Self {
+            client_id,
+            boot_id: state.boot_id,
+            held: false,
+            accepted: state.accepted,
+            accepted_at: now,
+            refused: state.refused,
+            refused_now: false,
+            told: None,
+        }
+    }
+
+    /// Takes in the newest state. The answer is a refusal that is worth telling.
+    pub fn judge(&mut self, state: &OperatingStateMsg, now: Nanos) -> Result<Option<Refusal>, Stop> {
+        if state.boot_id != self.boot_id {
+            return Err(Stop::Restarted);
+        }
+        if state.age(now) > PATIENCE {
+            return Err(Stop::Silent);
+        }
+        enabled(state)?;
+        self.lease(state.lease_client_id)?;
+        let refusal = self.count(state, now);
+        self.progress(state, now)?;
+        Ok(refusal.filter(|refusal| self.worth_telling(*refusal, now)))
+    }
+
+    fn lease(&mut self, holder: u64) -> Result<(), Stop> {
+        self.held |= holder == self.client_id;
+        match holder {
+            0 => Ok(()),
+            holder if holder == self.client_id => Ok(()),
+            holder if self.held => Err(Stop::LostLease(holder)),
+            holder => Err(Stop::Lease(holder)),
+        }
+    }
+
+    fn count(&mut self, state: &OperatingStateMsg, now: Nanos) -> Option<Refusal> {
+        if state.accepted > self.accepted {
+            self.accepted = state.accepted;
+            self.accepted_at = now;
+            self.refused_now = false;
+        }
+        if state.refused <= self.refused {
+            return None;
+        }
+        self.refused = state.refused;
+        self.refused_now = true;
+        Refusal::from_number(state.last_refusal)
+    }
+
+    fn progress(&self, state: &OperatingStateMsg, now: Nanos) -> Result<(), Stop> {
+        if now.since(self.accepted_at) <= PATIENCE {
+            return Ok(());
+        }
+        let reason = Refusal::from_number(state.last_refusal).filter(|_| self.refused_now);
+        Err(reason.map_or(Stop::Ignored, Stop::Refused))
+    }
+
+    fn worth_telling(&mut self, refusal: Refusal, now: Nanos) -> bool {
+        let repeated = self.told.is_some_and(|(told, when)| told == refusal && now.since(when) < REPEAT);
+        if !repeated {
+            self.told = Some((refusal, now));
+        }
+        !repeated
+    }
+}
+
+/// Sums up how well the goal was followed, as far as the model can tell from the encoders.
+#[derive(Debug, Default)]
+pub struct Tracking {
+    samples: u64,
+    squares: f64,
+    largest: f64,
+}
+
+impl Tracking {
+    /// Takes in one pair of goal and measurement.
+    pub fn record(&mut self, goal: &JointState, measured: &JointState) {
+        if goal.flags & measured.flags & JointState::VALID == 0 {
+            return;
+        }
+        let error = (goal.position[0] - measured.position[0]).hypot(goal.position[1] - measured.position[1]);
+        self.samples += 1;
+        self.squares += error * error;
+        self.largest = self.largest.max(error);
+    }
+
+    /// One line; `None` without samples.
+    pub fn summary(&self) -> Option<String> {
+        if self.samples == 0 {
+            return None;
+        }
+        let rms = (self.squares / self.samples as f64).sqrt().to_degrees();
+        let largest = self.largest.to_degrees();
+        Some(format!("followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own estimate"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ME: u64 = 7;
+    const OTHER: u64 = 8;
+
+    fn state(now: Nanos) -> OperatingStateMsg {
+        OperatingStateMsg {
+            stamp_ns: now.0,
+            boot_id: 1,
+            state: OperatingState::Enabled.number(),
+            ..OperatingStateMsg::default()
+        }
+    }
+
+    fn at(milliseconds: u64) -> Nanos {
+        Nanos::from_millis(10_000 + milliseconds)
+    }
+
+    fn watch() -> Watch {
+        Watch::new(ME, &state(at(0)), at(0))
+    }
+
+    #[test]
+    fn accepted_commands_are_no_news() {
+        let mut watch = watch();
+        for step in 1..300 {
+            let now = at(step * 10);
+            let state = OperatingStateMsg { accepted: step, lease_client_id: ME, ..state(now) };
+            assert_eq!(watch.judge(&state, now), Ok(None));
+        }
+    }
+
+    #[test]
+    fn a_refusal_is_told_once_a_second() {
+        let mut watch = watch();
+        let mut told = 0;
+        for step in 1..=250 {
+            let now = at(step * 10);
+            let refusal = Refusal::Step.number();
+            let state = OperatingStateMsg { accepted: step, refused: step, last_refusal: refusal, ..state(now) };
+            told += u64::from(watch.judge(&state, now).unwrap() == Some(Refusal::Step));
+        }
+        assert_eq!(told, 3);
+    }
+
+    #[test]
+    fn if_nothing_is_accepted_for_a_second_the_reason_is_given() {
+        let mut watch = watch();
+        let refused =
+            |now, refused| OperatingStateMsg { refused, last_refusal: Refusal::NotHomed.number(), ..state(now) };
+        assert_eq!(watch.judge(&refused(at(900), 5), at(900)), Ok(Some(Refusal::NotHomed)));
+        assert_eq!(watch.judge(&refused(at(1100), 6), at(1100)), Err(Stop::Refused(Refusal::NotHomed)));
+        assert_eq!(self::watch().judge(&state(at(1100)), at(1100)), Err(Stop::Ignored));
+    }
+
+    #[test]
+    fn leaving_the_enabled_state_ends_it() {
+        let fault = OperatingStateMsg {
+            state: OperatingState::Fault.number(),
+            fault: Fault::FollowingError.number(),
+            ..state(at(1))
+        };
+        assert_eq!(watch().judge(&fault, at(1)), Err(Stop::Fault(Fault::FollowingError)));
+        let paused = OperatingStateMsg { state: OperatingState::Paused.number(), ..state(at(1)) };
+        assert_eq!(watch().judge(&paused, at(1)), Err(Stop::NotEnabled(OperatingState::Paused)));
+        let newer = OperatingStateMsg { state: 77, ..state(at(1)) };
+        assert_eq!(watch().judge(&newer, at(1)), Err(Stop::Unknown(77)));
+    }
+
+    #[test]
+    fn a_lease_in_other_hands_ends_it() {
+        let held_by = |client, now| OperatingStateMsg { lease_client_id: client, ..state(now) };
+        let mut watch = watch();
+        assert_eq!(watch.judge(&held_by(ME, at(1)), at(1)), Ok(None));
+        assert_eq!(watch.judge(&held_by(0, at(2)), at(2)), Ok(None));
+        assert_eq!(watch.judge(&held_by(OTHER, at(3)), at(3)), Err(Stop::LostLease(OTHER)));
+        assert_eq!(self::watch().judge(&held_by(OTHER, at(1)), at(1)), Err(Stop::Lease(OTHER)));
+    }
+
+    #[test]
+    fn silence_and_a_restart_end_it() {
+        assert_eq!(watch().judge(&state(at(0)), at(1200)), Err(Stop::Silent));
+        let restarted = OperatingStateMsg { boot_id: 2, ..state(at(1)) };
+        assert_eq!(watch().judge(&restarted, at(1)), Err(Stop::Restarted));
+    }
+
+    #[test]
+    fn tracking_is_summed_up_in_degrees() {
+        let joint =
+            |pitch: f64, flags| JointState { position: [pitch.to_radians(), 0.0, 0.0], flags, ..JointState::default() };
+        let mut tracking = Tracking::default();
+        assert_eq!(tracking.summary(), None);
+        tracking.record(&joint(3.0, 1), &joint(0.0, 1));
+        tracking.record(&joint(4.0, 1), &joint(0.0, 1));
+        tracking.record(&joint(90.0, 1), &joint(0.0, 0));
+        assert!(tracking.summary().unwrap().contains("3.54 deg RMS, 4.00 deg at most"));
+    }
+}
