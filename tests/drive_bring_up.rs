@@ -159,6 +159,13 @@ fn a_drive_left_in_quick_stop_is_switched_off() {
 }
 
 #[test]
+fn a_reply_to_a_controller_that_died_is_not_taken_for_ours() {
+    let (bench, _, port) = open(vec![one_drive()]);
+    bench.leave_a_request();
+    port.bring_up().unwrap();
+}
+
+#[test]
 fn a_drive_in_fault_is_left_so_for_the_operator() {
     let mut drive = one_drive();
     drive.fail(0x8611);

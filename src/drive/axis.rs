@@ -143,11 +143,11 @@ impl Axis {
         self.enter(Stage::Starting, events);
     }
 
-    /// The axis answers again, but is not usable.
-    pub(super) fn refuse_admission(&mut self, fault: AxisFault, events: Events<'_>) {
+    /// The axis answers, but is not usable as it is.
+    pub(super) fn refuse(&mut self, fault: AxisFault, events: Events<'_>) {
         if self.reported.fault != Some(fault) {
             self.reported.fault = Some(fault);
-            self.report(PortEventKind::NotReadmitted(fault), events);
+            self.report(PortEventKind::NotUsable(fault), events);
         }
     }
 

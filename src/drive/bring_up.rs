@@ -44,6 +44,8 @@ pub struct AxisIdentity {
 /// Learns the known constant of the line and shortens the frame time-out of the drive that the port belongs to.
 pub(super) fn know_line<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFault> {
     let parts = link.drive().parts();
+    // A controller that died may have asked something a moment ago.
+    link.wait_for_quiet().map_err(|error| AxisFault::Exchange { object: parts.vendor.address(), error })?;
     check_vendor(link, LOCAL_NODE)?;
     let serial_number = read(link, LOCAL_NODE, parts.serial_number)?;
     link.know_serial_number(serial_number);

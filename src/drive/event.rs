@@ -94,8 +94,8 @@ pub enum PortEventKind {
     },
     /// The axis does not answer any more.
     Lost(LinkError),
-    /// The axis answers again, but may not be used.
-    NotReadmitted(AxisFault),
+    /// The axis answers, but may not be used as it is.
+    NotUsable(AxisFault),
     /// The axis answers again, was checked and limited, and is not enabled.
     Readmitted,
     /// The port thread ends.
@@ -188,7 +188,7 @@ impl fmt::Display for PortEventKind {
             Self::StateLost { state } => write!(f, "the drive went to {state:?} by itself"),
             Self::StillOn { state } => write!(f, "power stage does not go off in order ({state:?}), cutting its power"),
             Self::Lost(error) => write!(f, "lost: {error}"),
-            Self::NotReadmitted(fault) => write!(f, "answers again, but is not usable: {fault}"),
+            Self::NotUsable(fault) => write!(f, "not usable: {fault}"),
             Self::Readmitted => f.write_str("answers again; disabled"),
             Self::Ended { off: true } => f.write_str("ended, power stage off"),
             Self::Ended { off: false } => f.write_str("ended, power stage NOT known to be off"),

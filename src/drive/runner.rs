@@ -192,7 +192,7 @@ fn readmit<T: Transport>(link: &mut Link<T>, slot: &mut Slot, events: &mut dyn F
         Ok(()) => slot.axis.readmit(events),
         // Gone again; the next try will tell.
         Err(AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_), .. }) => {}
-        Err(fault) => slot.axis.refuse_admission(fault, events),
+        Err(fault) => slot.axis.refuse(fault, events),
     }
 }
 

@@ -119,6 +119,11 @@ impl Bench {
         world.inbox.clear();
     }
 
+    /// A request of a controller that died a moment ago: its reply is on the way.
+    pub fn leave_a_request(&self) {
+        self.world().request(&[0x90, 0x02, 0x60, 0x02, 0x01, 0x64, 0x60, 0x00, 0x29, 0x5A]);
+    }
+
     pub fn misbehave(&self, mischief: impl IntoIterator<Item = Mischief>) {
         self.world().mischief.extend(mischief);
     }

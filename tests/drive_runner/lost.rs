@@ -81,3 +81,17 @@ fn a_reset_or_homing_asked_for_meanwhile_is_not_kept() {
     rig.turns(100);
     assert!(!rig.controlwords().contains(&0x001F));
 }
+
+#[test]
+fn a_statusword_that_is_no_state_ends_the_use_of_the_axis_until_it_is_one_again() {
+    let mut rig = Rig::enabled();
+    rig.drive(|drive| drive.state = 0x0201);
+    rig.until(AxisPhase::Lost);
+    rig.turns(500);
+    assert_eq!(rig.feedback().phase, AxisPhase::Lost);
+    let told = rig.events.iter().filter(|event| event.to_string().contains("is no known state")).count();
+    assert_eq!(told, 1);
+    rig.drive(|drive| drive.state = OPERATION_ENABLED);
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.drive(|drive| drive.state), READY);
+}

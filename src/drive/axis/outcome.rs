@@ -7,7 +7,7 @@ use super::stage::{FaultStep, Stage};
 use super::{Axis, Events, Progress, Rearm, Reply, STOP_DEADLINE};
 use crate::drive::WrittenTarget;
 use crate::drive::cia402::{Controlword, State, Statusword};
-use crate::drive::error::LinkError;
+use crate::drive::error::{AxisFault, LinkError};
 use crate::drive::event::{Failure, PortEventKind};
 use crate::drive::object::Value;
 use crate::drive::request::AbortCode;
@@ -93,7 +93,12 @@ impl Axis {
     /// Compares the state of the drive with the stage, and leaves the stage when they contradict each other: then the
     /// result is true.
     fn judge(&mut self, now: Nanos, events: Events<'_>) -> bool {
-        let Some(state) = self.state() else { return false };
+        let Some(state) = self.state() else {
+            // What is not understood is brought up again from the start.
+            self.refuse(AxisFault::UnknownState { statusword: self.feedback.statusword }, events);
+            self.enter(Stage::Lost, events);
+            return true;
+        };
         match (self.stage, state) {
             (Stage::Faulted(_), state) if state.is_fault() => false,
             (Stage::Faulted(step), state) => {

@@ -66,6 +66,15 @@ impl<T: Transport> Link<T> {
         Ok(())
     }
 
+    /// Drops what arrives until the line is quiet, or does not become so.
+    ///
+    /// # Errors
+    ///
+    /// [`LinkError::Broken`] only.
+    pub fn wait_for_quiet(&mut self) -> Result<(), LinkError> {
+        self.drain().map(|_| ()).map_err(broken)
+    }
+
     /// Makes sure that the next reply belongs to the next request. Does nothing on a line that is in step.
     ///
     /// # Errors
