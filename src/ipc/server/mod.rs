@@ -294,6 +294,7 @@ fn version(boot_id: u64) -> Version {
     }
 }
 
+/// Of every sender only the newest message counts: a queue would be delay.
 fn subscribe<T>(factory: &birth::PubSub<T>, name: &'static str) -> Result<Subscriber<ipc::Service, T, ()>, Transport>
 where
     T: ZeroCopySend + std::fmt::Debug + 'static,
