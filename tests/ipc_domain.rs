@@ -7,7 +7,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 
-use i2ris::ipc::client::{ClientError, ExternalPublisher};
+use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::ready::Ready;
 use i2ris::ipc::{Domain, DomainError, DomainGuard, random_id};
 use i2ris::units::Nanos;
@@ -117,4 +117,14 @@ fn the_longest_name_works() {
     let mut camera = ExternalPublisher::new(&domain);
     camera.publish(Nanos(7), &[0.1], &[]).unwrap();
     assert_eq!(server.poll_external().unwrap().stamp_ns, 7);
+}
+
+#[test]
+fn a_controller_of_another_interface_version_is_named() {
+    let domain = unique();
+    let guard = DomainGuard::acquire(&domain).unwrap();
+    fs::write(domain.directory().join("ready"), format!("{:016x} 2 1", guard.boot_id())).unwrap();
+    let error = Client::connect(&domain, Nanos::ZERO).unwrap_err();
+    assert!(matches!(error, ClientError::Interface { found: 2, .. }), "{error}");
+    assert!(error.to_string().contains("interface version 2, this program 1"), "{error}");
 }

@@ -207,6 +207,29 @@ fn a_sensor_is_heard_by_the_controller_and_by_watchers() {
 }
 
 #[test]
+fn commands_can_be_watched_but_an_old_one_is_not_repeated() {
+    let domain = unique();
+    let mut server = serve(&domain);
+    let client = Client::connect(&domain, Nanos::ZERO).unwrap();
+    let (mut commander, mut early) = (client.commander(), client.watcher().servo_jp());
+    assert_eq!(early.read().unwrap(), None);
+    for step in 1..=5 {
+        commander.servo_jp(&[f64::from(step)]).unwrap();
+    }
+    let mut watched = Vec::new();
+    early.drain(|command| watched.push(command.position[0])).unwrap();
+    assert_eq!(watched, [1.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!(server.poll_servo(0).unwrap().sequence, 5);
+
+    let mut late = client.watcher().servo_jp();
+    assert_eq!(late.read().unwrap(), None);
+    commander.servo_jp(&[6.0]).unwrap();
+    let mut watched = Vec::new();
+    late.drain(|command| watched.push(command.position[0])).unwrap();
+    assert_eq!(watched, [6.0]);
+}
+
+#[test]
 fn without_a_controller_a_client_is_told_at_once() {
     let domain = unique();
     let start = clock::now();

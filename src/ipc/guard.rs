@@ -97,7 +97,7 @@ impl DomainGuard {
 }
 
 impl Drop for DomainGuard {
-    /// The lock file goes last, while it is still locked: see [`lock_domain`].
+    /// The lock file goes last, while it is still locked: see `lock_domain`.
     fn drop(&mut self) {
         let _ = self.wipe();
         let _ = fs::remove_file(self.domain.lock_file());

@@ -4,7 +4,9 @@ use std::fmt::Debug;
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use super::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+};
 use crate::units::Nanos;
 
 /// A message of a stream that clients watch.
@@ -52,5 +54,5 @@ macro_rules! outgoing {
     };
 }
 
-message!(ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics);
+message!(ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp);
 outgoing!(ActuatorState, JointState, OperatingStateMsg, PeriodStatistics);

@@ -18,11 +18,13 @@ pub(super) struct Stream {
     pub publishers: usize,
     /// Who may subscribe at the same time.
     pub subscribers: usize,
-    /// Messages that a subscriber can leave unread before the oldest are overwritten.
+    /// Messages that a subscriber can leave unread before the oldest are overwritten. It may choose to keep fewer.
     pub buffer: usize,
+    /// Messages that a late joiner is given. An old command is none.
+    pub history: usize,
 }
 
-/// Someone commands, others may try to. Only the newest command of each counts: a queue of commands would be delay.
+/// Someone commands, others may try to.
 const COMMANDERS: usize = 8;
 /// Monitors, recorders, graphical interfaces.
 const WATCHERS: usize = 24;
@@ -31,12 +33,13 @@ const WATCHER_BUFFER: usize = 128;
 /// Processes that can take part.
 const NODES: usize = 48;
 
+/// The controller, and a few that record what is commanded.
 const fn command(name: &'static str) -> Stream {
-    Stream { name, publishers: COMMANDERS, subscribers: 2, buffer: 1 }
+    Stream { name, publishers: COMMANDERS, subscribers: 4, buffer: WATCHER_BUFFER, history: 0 }
 }
 
 const fn state(name: &'static str) -> Stream {
-    Stream { name, publishers: 1, subscribers: WATCHERS, buffer: WATCHER_BUFFER }
+    Stream { name, publishers: 1, subscribers: WATCHERS, buffer: WATCHER_BUFFER, history: 1 }
 }
 
 pub(super) const SERVO_JP: Stream = command("i2ris/servo_jp");
@@ -99,7 +102,7 @@ impl Stream {
             .max_nodes(NODES)
             .subscriber_max_buffer_size(self.buffer)
             .subscriber_max_borrowed_samples(1)
-            .history_size(1)
+            .history_size(self.history)
             .enable_safe_overflow(true)
             .create()
             .map_err(transport("create", self.name))

@@ -17,7 +17,7 @@ use crate::ipc::ready::{INTERFACE_VERSION, Ready};
 use crate::ipc::service::{Transport, create_node};
 use crate::units::Nanos;
 
-/// How often the announcement is looked at. One look takes about 10 microseconds.
+/// How often the announcement is looked at. One look takes about 20 microseconds.
 const PROBE_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// Clients use the flavour of iceoryx2 whose ports can change threads; it talks to the controller's all the same.

@@ -10,11 +10,13 @@ use super::link::{Flavour, Link, Port, Session};
 use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
-use crate::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use crate::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+};
 use crate::ipc::service::{self, Stream, Transport, transport};
 use crate::units::Nanos;
 
-/// Gives out subscriptions to everything that a controller tells.
+/// Gives out subscriptions to everything that a controller tells, and to what it is told.
 ///
 /// Needs no controller yet: subscriptions say [`ClientError::NoController`] until there is one.
 #[derive(Debug, Clone)]
@@ -75,6 +77,18 @@ impl Watcher {
         self.subscription(service::EXTERNAL)
     }
 
+    /// `servo_jp`: what clients ask for, accepted or not.
+    #[must_use]
+    pub fn servo_jp(&self) -> Subscription<ServoJp> {
+        self.subscription(service::SERVO_JP)
+    }
+
+    /// `actuators/servo_jp`: what clients ask of the motors, accepted or not.
+    #[must_use]
+    pub fn servo_actuators(&self) -> Subscription<ServoActuator> {
+        self.subscription(service::SERVO_ACTUATORS)
+    }
+
     fn subscription<T: Message>(&self, stream: Stream) -> Subscription<T> {
         Subscription {
             link: Arc::clone(&self.link),
@@ -89,7 +103,7 @@ impl Watcher {
 
 /// A stream of messages.
 ///
-/// Whoever joins gets the last message within 50 ms, also if nothing new is sent. Up to 128 unread messages wait, then
+/// Whoever joins gets the last message of the controller within 50 ms, also if nothing new is sent. Up to 128 unread messages wait, then
 /// the oldest are lost, which [`Subscription::missed`] counts. `Send`.
 #[derive(Debug)]
 pub struct Subscription<T: Message> {
@@ -141,7 +155,8 @@ impl<T: Message> Subscription<T> {
         Ok(count)
     }
 
-    /// Messages lost so far because they were not read in time.
+    /// Messages lost so far because they were not read in time. Means something only for streams of one sender: the
+    /// controller's, and a sensor's or a commander's as long as it is the only one.
     #[must_use]
     pub fn missed(&self) -> u64 {
         self.missed

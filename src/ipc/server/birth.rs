@@ -20,7 +20,7 @@ use crate::ipc::payload::{
 };
 use crate::ipc::service::{self, create_node, create_request};
 
-/// Creation takes 3 ms on a tmpfs; a loaded machine may need a hundred times that.
+/// Creation takes 10 to 20 ms; a loaded machine may need fifty times that.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 pub(super) type PubSub<T> = publish_subscribe::PortFactory<ipc::Service, T, ()>;

@@ -65,6 +65,10 @@ impl Screen {
     /// Shows these lines in place of those shown before.
     pub fn draw(&mut self, lines: &[String]) -> io::Result<()> {
         let mut text = String::new();
+        if self.terminal {
+            // A line that the terminal breaks in two would spoil the count of lines: cut it instead.
+            text.push_str("\x1b[?7l");
+        }
         if self.terminal && self.drawn > 0 {
             text.push_str(&format!("\x1b[{}A", self.drawn));
         }
@@ -75,7 +79,7 @@ impl Screen {
         }
         if self.terminal {
             // The block before may have had more lines.
-            text.push_str("\x1b[J");
+            text.push_str("\x1b[J\x1b[?7h");
         }
         self.drawn = lines.len();
         write(&text)

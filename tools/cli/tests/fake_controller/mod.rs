@@ -1,0 +1,232 @@
+//! A controller without drives: follows at once, and misbehaves on request.
+#![allow(dead_code, reason = "every test file uses its own part")]
+
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, mpsc};
+use std::thread::{self, JoinHandle};
+
+use i2ris::clock;
+use i2ris::ipc::payload::{
+    ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ServoJp, StateCommandReply, StateCommandRequest,
+};
+use i2ris::ipc::{Domain, DomainGuard, Fault, OperatingState, Refusal, Server, StateCommand, random_id};
+use i2ris::units::Nanos;
+
+/// What the robot is and what happened to it.
+#[derive(Debug)]
+pub struct Robot {
+    pub state: OperatingState,
+    pub fault: Fault,
+    pub homed: bool,
+    pub model: bool,
+    /// Pitch and yaw, degrees.
+    pub pose: [f64; 2],
+    pub lease: u64,
+    pub refused: u64,
+    /// Every servo command is refused with this.
+    pub refuse: Option<Refusal>,
+    /// Every state command, in order.
+    pub asked: Vec<StateCommand>,
+    /// Every accepted pose with its stamp.
+    pub poses: Vec<(Nanos, [f64; 2])>,
+    sequence: u64,
+}
+
+impl Robot {
+    fn new() -> Self {
+        Self {
+            state: OperatingState::Disabled,
+            fault: Fault::None,
+            homed: false,
+            model: true,
+            pose: [1.0, -1.0],
+            lease: 0,
+            refused: 0,
+            refuse: None,
+            asked: Vec::new(),
+            poses: Vec::new(),
+            sequence: 0,
+        }
+    }
+
+    fn command(&mut self, request: StateCommandRequest) -> Refusal {
+        let command = StateCommand::from_number(request.command).unwrap();
+        self.asked.push(command);
+        match command {
+            StateCommand::Enable if self.state == OperatingState::Enabled => Refusal::State,
+            StateCommand::Enable if !self.homed => Refusal::NotHomed,
+            StateCommand::Enable => self.change(OperatingState::Enabled),
+            StateCommand::Disable => self.change(OperatingState::Disabled),
+            StateCommand::Home => {
+                self.homed = true;
+                Refusal::None
+            }
+            StateCommand::Release => {
+                self.lease = 0;
+                Refusal::None
+            }
+            _ => Refusal::Unsupported,
+        }
+    }
+
+    fn change(&mut self, state: OperatingState) -> Refusal {
+        self.state = state;
+        Refusal::None
+    }
+
+    fn servo(&mut self, command: ServoJp) {
+        let allowed = self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == command.client_id);
+        if !allowed || self.refuse.is_some() {
+            self.refused += 1;
+            return;
+        }
+        assert!(command.sequence > self.sequence, "numbers rise");
+        self.sequence = command.sequence;
+        self.lease = command.client_id;
+        self.pose = [command.position[0].to_degrees(), command.position[1].to_degrees()];
+        self.poses.push((Nanos(command.stamp_ns), self.pose));
+    }
+
+    fn tell(&self, server: &mut Server, now: Nanos) {
+        let joint = JointState {
+            stamp_ns: now.0,
+            position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
+            count: 2,
+            flags: if self.model { JointState::VALID } else { 0 },
+            ..JointState::default()
+        };
+        server.publish_goal(joint);
+        server.publish_setpoint(joint);
+        server.publish_measured(joint);
+        server.publish_actuators(ActuatorState { stamp_ns: now.0, count: 2, ..ActuatorState::default() });
+        server.publish_period_statistics(PeriodStatistics { stamp_ns: now.0, ..PeriodStatistics::default() });
+        server.publish_operating_state(OperatingStateMsg {
+            stamp_ns: now.0,
+            lease_client_id: self.lease,
+            accepted: self.poses.len() as u64,
+            refused: self.refused,
+            state: self.state.number(),
+            fault: self.fault.number(),
+            last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
+            flags: if self.homed { OperatingStateMsg::HOMED } else { 0 },
+            ..OperatingStateMsg::default()
+        });
+    }
+}
+
+/// The controller, until dropped.
+pub struct Controller {
+    pub domain: Domain,
+    robot: Arc<Mutex<Robot>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Controller {
+    /// Serves in a domain of its own.
+    pub fn start() -> Self {
+        let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+        let robot = Arc::new(Mutex::new(Robot::new()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (ready, is_ready) = mpsc::channel();
+        let thread = thread::spawn({
+            let (domain, robot, stop) = (domain.clone(), Arc::clone(&robot), Arc::clone(&stop));
+            move || {
+                let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+                ready.send(()).unwrap();
+                while !stop.load(Ordering::Relaxed) {
+                    pass(&mut server, &robot);
+                    clock::sleep(Nanos::from_millis(1));
+                }
+            }
+        });
+        is_ready.recv().unwrap();
+        Self { domain, robot, stop, thread: Some(thread) }
+    }
+
+    /// A controller that is homed and enabled.
+    pub fn enabled() -> Self {
+        let controller = Self::start();
+        controller.robot().homed = true;
+        controller.robot().state = OperatingState::Enabled;
+        controller
+    }
+
+    pub fn robot(&self) -> MutexGuard<'_, Robot> {
+        self.robot.lock().unwrap()
+    }
+
+    /// Waits until the robot is as wanted.
+    pub fn wait(&self, what: &str, wanted: impl Fn(&Robot) -> bool) {
+        let end = clock::now() + Nanos::from_millis(20_000);
+        while !wanted(&self.robot()) {
+            assert!(clock::now() < end, "waited in vain: {what}");
+            clock::sleep(Nanos::from_millis(2));
+        }
+    }
+}
+
+fn pass(server: &mut Server, robot: &Mutex<Robot>) {
+    let (mut robot, now) = (robot.lock().unwrap(), clock::now());
+    let mut requests = Vec::new();
+    server.poll_state_commands(now, |token, request| requests.push((token, request)));
+    for (token, request) in requests {
+        let refusal = robot.command(request).number();
+        server.reply(token, StateCommandReply { refusal, state: robot.state.number() });
+    }
+    if let Some(command) = server.poll_servo(robot.lease) {
+        robot.servo(command);
+    }
+    robot.tell(server, now);
+    server.maintain(now);
+}
+
+impl Drop for Controller {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The program under test, killed if the test fails.
+pub struct Program(Option<Child>);
+
+impl Program {
+    pub fn start(domain: &Domain, arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris"));
+        command.args(arguments).env("I2RIS_DOMAIN", domain.name());
+        Self(Some(command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()))
+    }
+
+    pub fn child(&mut self) -> &mut Child {
+        self.0.as_mut().unwrap()
+    }
+
+    pub fn interrupt(&mut self) {
+        let pid = nix::unistd::Pid::from_raw(i32::try_from(self.child().id()).unwrap());
+        nix::sys::signal::kill(pid, nix::sys::signal::Signal::SIGINT).unwrap();
+    }
+
+    /// Waits for the end: success, standard output, standard error.
+    pub fn end(mut self) -> (bool, String, String) {
+        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
+        (status.success(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+    }
+
+    /// Runs to the end.
+    pub fn run(domain: &Domain, arguments: &[&str]) -> (bool, String, String) {
+        Self::start(domain, arguments).end()
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
