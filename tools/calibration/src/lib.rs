@@ -1,5 +1,37 @@
-//! Calibration.
+//! Calibration: from a recording of encoder counts and measured angles to a model file of i2ris.
+//!
+//! [`Recording::read`](recording::Recording::read) takes a CSV file, [`fit::fit`] makes a model of it. Nothing here moves
+//! a robot, and nothing here predicts: the metrics come from the code that the controller runs (`i2ris::model`), and
+//! a model that the controller would refuse is refused here first.
+//!
+//! # Map
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`recording`] | CSV files: which column means what, reading, checking, writing |
+//! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
+//! | [`split`] | training and held-out rows, by the last [`cycle`] of the motion |
+//! | [`linear`] | affine least squares |
+//! | [`em`] | Gaussian mixtures by expectation maximisation |
+//! | [`family`] | the families of models and their model files |
+//! | [`metrics`] | how well predictions agree with measurements |
+//! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
+//! | [`table`], [`progress`] | rows of numbers; telling someone how far it has come |
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
+
+pub mod cycle;
 pub mod em;
+pub mod family;
+pub mod fit;
+pub mod linear;
+pub mod metrics;
+pub mod motion;
+pub mod noise;
 pub mod progress;
 pub mod recording;
+pub mod spike;
+pub mod split;
+pub mod survey;
 pub mod table;
+#[cfg(test)]
+mod testing;

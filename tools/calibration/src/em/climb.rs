@@ -70,6 +70,9 @@ pub(super) fn climb<const N: usize>(
         if !objective.is_finite() {
             return Err(StartFailure::NotFinite);
         }
+        if pass.weights().any(|weight| weight < 1.0) {
+            return Err(StartFailure::Starved);
+        }
         summit.history.push(objective);
         summit.converged = objective - before < rules.tolerance;
         if summit.converged || summit.history.len() >= rules.max_iterations {
