@@ -24,7 +24,8 @@ use crate::config::{Config, ControlConfig};
 use crate::drive::AxisFeedback;
 use crate::drive::error::DriveError;
 use crate::drive::event::{PortEvent, PortEventKind};
-use crate::drive::port::{AxisLink, Opened, Port, PortRunner};
+use crate::drive::port::{Opened, Port};
+use crate::drive::runner::{AxisLink, PortRunner};
 use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server};
 use crate::model::{Model, ModelError};
 use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
@@ -37,6 +38,8 @@ const PORT_PRIORITY_DISTANCE: u8 = 10;
 const RELAY_LEAD: Nanos = Nanos::from_micros(200);
 /// When the first tick is due after the threads were asked to start.
 const START_DELAY: Nanos = Nanos::from_millis(20);
+/// How long the port threads may take to read the first positions: a few exchanges, unless the machine stalls.
+const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 /// How often the log is written.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 
@@ -77,7 +80,7 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
     let model = load_model(config)?.map(Arc::new);
     // The lock comes before the ports: a second controller must not touch the drives of the first.
     let guard = DomainGuard::acquire(&Domain::new(&config.ipc.domain)?)?;
-    let (runners, links) = bring_up_ports(config)?;
+    let (runners, mut links) = bring_up_ports(config)?;
     let (loop_ends, relay_ends, events) = lanes();
     let quit = Arc::new(AtomicBool::new(false));
 
@@ -88,6 +91,7 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
         .into_iter()
         .map(|runner| Thread::port(config, runner, port_events_in.clone(), &quit))
         .collect::<Result<Vec<_>, _>>()?;
+    wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
     let cycle = Cycle::new(config, model);
     let (told_in, told) = mpsc::channel();
@@ -135,6 +139,16 @@ fn bring_up_ports(config: &Config) -> Result<(Vec<PortRunner>, Vec<AxisLink>), R
         links.extend(of_port);
     }
     Ok((runners, links))
+}
+
+/// Waits until the port threads read positions. The ones from bringing up may be old by now, and the loop would take them for
+/// a line that went dead. One that really is dead is left to the loop, which names it.
+fn wait_for_positions(links: &mut [AxisLink]) {
+    let start = clock::now();
+    let fresh = |link: &mut AxisLink| link.feedback.read().stamp >= start;
+    while !links.iter_mut().all(fresh) && clock::now() - start < FIRST_POSITIONS {
+        clock::sleep(Nanos::from_millis(1));
+    }
 }
 
 fn tell_granted(log: &mut dyn Write, granted: &Granted) {

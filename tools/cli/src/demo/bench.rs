@@ -1,0 +1,149 @@
+//! The set-up of the demo: an emulator, and controllers one after the other, in a folder and a domain of their own.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use i2ris::config::Config;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{Domain, OperatingState, StateCommand};
+use i2ris::units::Nanos;
+
+use super::process::Process;
+use crate::Failure;
+
+/// A robot of the emulator's kind, so that models and configuration match.
+const CONTROLLER_CONFIG: &str = include_str!("../../../../config/emulator.toml");
+const SNAKE_CONFIG: &str = include_str!("../../../../config/snakes/steel.toml");
+
+/// Bringing up drives and shared memory takes well under a second; a loaded machine may need much longer.
+const START_TIMEOUT: Nanos = Nanos::from_millis(15_000);
+
+/// Folder, domain and programs of one demo.
+pub struct Bench {
+    folder: PathBuf,
+    domain: String,
+    config: Config,
+    this_program: PathBuf,
+    controller_program: PathBuf,
+}
+
+impl Bench {
+    /// Prepares an empty folder with the configuration of the emulated snake.
+    pub fn new(folder: PathBuf, this_program: PathBuf, controller_program: PathBuf) -> Result<Self, Failure> {
+        fs::create_dir_all(&folder).map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
+        fs::write(folder.join("snake.toml"), SNAKE_CONFIG)?;
+        let domain = format!("demo-{}", std::process::id());
+        let mut config = Config::parse(CONTROLLER_CONFIG, Path::new("config/emulator.toml"))?;
+        config.ipc.domain.clone_from(&domain);
+        for (number, port) in config.ports.iter_mut().enumerate() {
+            port.device = folder.join(format!("axis{number}"));
+        }
+        Ok(Self { folder, domain, config, this_program, controller_program })
+    }
+
+    /// A file of the demo.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// The configuration that the controllers run with.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The domain of shared memory.
+    pub fn domain(&self) -> Result<Domain, Failure> {
+        Ok(Domain::new(&self.domain)?)
+    }
+
+    /// Copies every file of the demo to another folder.
+    pub fn keep(&self, folder: &Path) -> Result<(), Failure> {
+        fs::create_dir_all(folder)?;
+        for entry in fs::read_dir(&self.folder)? {
+            let entry = entry?;
+            if entry.file_type()?.is_file() {
+                fs::copy(entry.path(), folder.join(entry.file_name()))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Starts `i2ris` with arguments.
+    pub fn tool(&self, name: &'static str, arguments: &[&str]) -> Result<Process, Failure> {
+        let arguments: Vec<String> = arguments.iter().map(|&argument| argument.to_owned()).collect();
+        Process::start(name, &self.this_program, &arguments, &self.folder)
+    }
+
+    /// Starts `i2ris` with arguments in the domain of the demo.
+    pub fn tool_in_domain(&self, name: &'static str, arguments: &[&str]) -> Result<Process, Failure> {
+        let in_domain: Vec<&str> = arguments.iter().copied().chain(["--domain", &self.domain]).collect();
+        self.tool(name, &in_domain)
+    }
+
+    /// Starts the emulator and waits for its ports.
+    pub fn start_emulator(&self) -> Result<Process, Failure> {
+        let snake = text(&self.path("snake.toml"))?;
+        let ports = text(&self.folder)?;
+        let mut emulator = self.tool_in_domain("emulator", &["emulate", "--snake", &snake, "--ports", &ports])?;
+        let start = i2ris::clock::now();
+        while !self.config.ports.iter().all(|port| port.device.exists()) {
+            emulator.check()?;
+            if i2ris::clock::now() - start > START_TIMEOUT {
+                return Err("the emulator does not offer its ports".into());
+            }
+            i2ris::clock::sleep(Nanos::from_millis(10));
+        }
+        Ok(emulator)
+    }
+
+    /// Starts a controller with a model or with none, brings it to ENABLED with its zero known, and returns it with a
+    /// client.
+    pub fn start_controller(&self, model: Option<&str>) -> Result<(Process, Client), Failure> {
+        let mut config = self.config.clone();
+        config.control.model = model.map(PathBuf::from);
+        let file = self.path("controller.toml");
+        fs::write(&file, toml::to_string(&config)?)?;
+        let arguments = ["--config".to_owned(), text(&file)?];
+        let mut controller = Process::start("controller", &self.controller_program, &arguments, &self.folder)?;
+        let mut client = self.connect(&mut controller)?;
+        enable(&mut client)?;
+        Ok((controller, client))
+    }
+
+    fn connect(&self, controller: &mut Process) -> Result<Client, Failure> {
+        let (domain, start) = (self.domain()?, i2ris::clock::now());
+        loop {
+            controller.check()?;
+            match Client::connect(&domain, Nanos::from_millis(100)) {
+                Err(error) if error.is_absent() && i2ris::clock::now() - start < START_TIMEOUT => {}
+                outcome => return Ok(outcome?),
+            }
+        }
+    }
+}
+
+impl Drop for Bench {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// The zero survives in the drives, so only the first controller has to home.
+fn enable(client: &mut Client) -> Result<(), Failure> {
+    let at_rest = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
+    let state = client.wait_for(START_TIMEOUT, at_rest)?;
+    if state.flags & OperatingStateMsg::HOMED == 0 {
+        client.state_command(StateCommand::Home)?;
+        client.wait_for(START_TIMEOUT, |state| at_rest(state) && state.flags & OperatingStateMsg::HOMED != 0)?;
+    }
+    client.state_command(StateCommand::Enable)?;
+    let enabled = OperatingState::Enabled.number();
+    client.wait_for(START_TIMEOUT, |state| at_rest(state) && state.state == enabled)?;
+    Ok(())
+}
+
+/// Command lines here are text; the demo's own folders are, unless the repository lies under an odd name.
+pub fn text(path: &Path) -> Result<String, Failure> {
+    path.to_str().map(str::to_owned).ok_or_else(|| format!("{} is not UTF-8", path.display()).into())
+}

@@ -1,0 +1,99 @@
+//! Child processes that never outlive the demo.
+
+use std::fs::{self, File};
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use nix::sys::prctl::set_pdeathsig;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use crate::Failure;
+
+/// How long a child may take to end after it was asked to: the controller brings the drives down in order first.
+const END_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// A running child. What it prints goes to a file; dropping it ends it.
+pub struct Process {
+    name: &'static str,
+    child: Child,
+    log: PathBuf,
+}
+
+impl Process {
+    /// Starts `program`, writing what it prints to `NAME.log` in `folder`.
+    pub fn start(name: &'static str, program: &Path, arguments: &[String], folder: &Path) -> Result<Self, Failure> {
+        let log = folder.join(format!("{name}.log"));
+        let output = File::options().create(true).append(true).open(&log)?;
+        let mut command = Command::new(program);
+        command.args(arguments).stdin(Stdio::null()).stderr(output.try_clone()?).stdout(output);
+        // SAFETY: prctl is async-signal-safe and touches no memory of the parent.
+        unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
+        let child = command.spawn().map_err(|error| format!("cannot start {}: {error}", program.display()))?;
+        Ok(Self { name, child, log })
+    }
+
+    /// Fails, with the end of what it printed, if it has ended.
+    pub fn check(&mut self) -> Result<(), Failure> {
+        match self.child.try_wait()? {
+            None => Ok(()),
+            Some(status) => Err(self.failure(status)),
+        }
+    }
+
+    /// Whether it has ended well; fails if it ended otherwise.
+    pub fn finished(&mut self) -> Result<bool, Failure> {
+        match self.child.try_wait()? {
+            None => Ok(false),
+            Some(status) if status.success() => Ok(true),
+            Some(status) => Err(self.failure(status)),
+        }
+    }
+
+    /// Asks it to end, and waits until it has. Anything but exit code 0 is a failure.
+    pub fn end(mut self) -> Result<(), Failure> {
+        self.ask_to_end();
+        match self.wait()? {
+            Some(status) if status.success() => Ok(()),
+            Some(status) => Err(self.failure(status)),
+            None => Err(format!("{} did not end within {} s of SIGTERM", self.name, END_TIMEOUT.as_secs()).into()),
+        }
+    }
+
+    fn ask_to_end(&self) {
+        // It may have ended already, which is as good.
+        let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
+    }
+
+    fn wait(&mut self) -> Result<Option<ExitStatus>, Failure> {
+        let deadline = Instant::now() + END_TIMEOUT;
+        while Instant::now() < deadline {
+            if let Some(status) = self.child.try_wait()? {
+                return Ok(Some(status));
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(None)
+    }
+
+    fn failure(&self, status: ExitStatus) -> Failure {
+        let text = fs::read_to_string(&self.log).unwrap_or_default();
+        let lines: Vec<&str> = text.lines().collect();
+        let tail = lines[lines.len().saturating_sub(8)..].join("\n  ");
+        format!("{} ended early ({status}); it said last:\n  {tail}", self.name).into()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if matches!(self.child.try_wait(), Ok(None)) {
+            self.ask_to_end();
+            if matches!(self.wait(), Ok(None) | Err(_)) {
+                let _ = self.child.kill();
+            }
+        }
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,163 @@
+//! Following the unseen motion: what was asked against what the camera saw, and how fast it went.
+
+use std::path::Path;
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::{ActuatorState, JointState, PeriodStatistics};
+use i2ris::units::Nanos;
+use indicatif::ProgressBar;
+
+use super::bench::{Bench, text};
+use super::motion::unseen_deg;
+use super::process::Process;
+use super::series::{Series, percentile};
+use super::watch_over;
+use crate::Failure;
+
+/// How long the unseen motion takes.
+pub const DURATION_S: f64 = 15.0;
+/// The motion stays within this, well inside what the calibration visits.
+const AMPLITUDE_DEG: f64 = 14.0;
+/// The controller tells the goal every millisecond.
+const GAP_NS: u64 = 60_000_000;
+/// How often streams are read.
+const READ_PERIOD: Nanos = Nanos::from_millis(5);
+/// The goal has come to the start of the motion when it is this near, degrees.
+const NEAR_DEG: f64 = 0.05;
+
+/// What one run showed.
+#[derive(Debug, Default)]
+pub struct Run {
+    /// Difference between goal and camera for every picture: pitch and yaw, degrees.
+    pub errors_deg: Vec<[f64; 2]>,
+    /// From the stamp of a command until its set-point had been handed to the serial line, microseconds, sorted.
+    pub command_to_wire_us: Vec<f64>,
+    /// One entry a second.
+    pub statistics: Vec<PeriodStatistics>,
+}
+
+/// Root mean square, per axis and of the length.
+pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
+    let mean =
+        |square: fn(&[f64; 2]) -> f64| (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt();
+    [mean(|e| e[0] * e[0]), mean(|e| e[1] * e[1]), mean(|e| e[0] * e[0] + e[1] * e[1])]
+}
+
+/// Length of the error that a share of all pictures stays below.
+pub fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
+    let mut lengths: Vec<f64> = errors_deg.iter().map(|e| e[0].hypot(e[1])).collect();
+    lengths.sort_by(f64::total_cmp);
+    percentile(&lengths, share)
+}
+
+/// Writes the unseen motion as a CSV of desired angles.
+pub fn write_motion(path: &Path) -> Result<(), Failure> {
+    let mut writer = csv::Writer::from_path(path)?;
+    writer.write_record(["t_s", "pitch_deg", "yaw_deg"])?;
+    for sample in 0..=(DURATION_S * 100.0) as u32 {
+        let t_s = f64::from(sample) * 0.01;
+        let [pitch, yaw] = unseen_deg(t_s, AMPLITUDE_DEG);
+        writer.write_record([t_s.to_string(), pitch.to_string(), yaw.to_string()])?;
+    }
+    Ok(writer.flush()?)
+}
+
+/// Has another process command the motion in `file` and watches until that process is done.
+pub fn follow(
+    bench: &Bench,
+    client: &Client,
+    children: &mut [&mut Process],
+    file: &Path,
+    bar: &ProgressBar,
+) -> Result<Run, Failure> {
+    let mut recorder = Recorder::new(client);
+    let mut commander = bench.tool_in_domain("command", &["command", "file", &text(file)?])?;
+    let start = clock::now();
+    while !commander.finished()? {
+        let now = clock::now();
+        watch_over(children)?;
+        recorder.read()?;
+        bar.set_position(((now - start).as_seconds() * 10.0) as u64);
+        clock::sleep_until(now + READ_PERIOD);
+    }
+    recorder.read()?;
+    Ok(recorder.finish())
+}
+
+struct Recorder {
+    goal: i2ris::ipc::client::Subscription<JointState>,
+    actuators: i2ris::ipc::client::Subscription<ActuatorState>,
+    camera: i2ris::ipc::client::Subscription<i2ris::ipc::payload::ExternalPosition>,
+    statistics: i2ris::ipc::client::Subscription<PeriodStatistics>,
+    goals: Series<2>,
+    pictures: Series<2>,
+    /// Sequence of the command that each motor carried out last.
+    carried_out: [u64; 2],
+    run: Run,
+}
+
+impl Recorder {
+    fn new(client: &Client) -> Self {
+        let watcher = client.watcher();
+        Self {
+            goal: watcher.goal_js(),
+            actuators: watcher.actuators(),
+            camera: watcher.external(),
+            statistics: watcher.period_statistics(),
+            goals: Series::default(),
+            pictures: Series::default(),
+            carried_out: [0; 2],
+            run: Run::default(),
+        }
+    }
+
+    fn read(&mut self) -> Result<(), Failure> {
+        let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
+        self.goal.drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
+        self.camera.drain(|seen| {
+            if seen.flags != 0 {
+                self.pictures.push(seen.stamp_ns, degrees(seen.position));
+            }
+        })?;
+        let (carried_out, latencies) = (&mut self.carried_out, &mut self.run.command_to_wire_us);
+        self.actuators.drain(|state| {
+            for (motor, last) in carried_out.iter_mut().enumerate() {
+                if state.command_stamp_ns[motor] != 0 && state.command_sequence[motor] != *last {
+                    *last = state.command_sequence[motor];
+                    let span = Nanos(state.written_stamp_ns[motor]) - Nanos(state.command_stamp_ns[motor]);
+                    latencies.push(span.as_seconds() * 1e6);
+                }
+            }
+        })?;
+        self.statistics.drain(|window| self.run.statistics.push(window))?;
+        Ok(())
+    }
+
+    fn finish(mut self) -> Run {
+        let begin = unseen_deg(0.0, AMPLITUDE_DEG);
+        let near = |goal: &[f64; 2]| (goal[0] - begin[0]).hypot(goal[1] - begin[1]) < NEAR_DEG;
+        let started = self.goals.iter().find(|(_, goal)| near(goal)).map_or(u64::MAX, |(stamp, _)| *stamp);
+        let error = |&(stamp, seen): &(u64, [f64; 2])| {
+            let goal = self.goals.at(stamp, GAP_NS)?;
+            Some([seen[0] - goal[0], seen[1] - goal[1]])
+        };
+        self.run.errors_deg = self.pictures.iter().filter(|(stamp, _)| *stamp >= started).filter_map(error).collect();
+        self.run.command_to_wire_us.sort_by(f64::total_cmp);
+        self.run
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn root_mean_square_per_axis_and_of_the_length() {
+        let [pitch, yaw, length] = rms_deg(&[[3.0, 0.0], [0.0, 4.0]]);
+        assert!((pitch - 4.5_f64.sqrt()).abs() < 1e-12);
+        assert!((yaw - 8.0_f64.sqrt()).abs() < 1e-12);
+        assert!((length - 12.5_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(length_percentile_deg(&[[3.0, 0.0], [0.0, 4.0]], 0.99), 4.0);
+    }
+}
