@@ -255,3 +255,6 @@ fn simplest_reason(candidates: Vec<Candidate>) -> FitError {
     let nothing = EmError::NoStartSucceeded { components: 1, failures: Vec::new() };
     candidates.into_iter().find_map(reason).unwrap_or(FitError::Mixture(nothing))
 }
+
+#[cfg(test)]
+mod tests;

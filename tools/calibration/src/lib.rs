@@ -10,7 +10,7 @@
 //! |---|---|
 //! | [`recording`] | CSV files: which column means what, reading, checking, writing |
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
-//! | [`split`] | training and held-out rows, by the last [`cycle`] of the motion |
+//! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`linear`] | affine least squares |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`family`] | the families of models and their model files |
@@ -19,7 +19,7 @@
 //! | [`table`], [`progress`] | rows of numbers; telling someone how far it has come |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
-pub mod cycle;
+mod cycle;
 pub mod em;
 pub mod family;
 pub mod fit;

@@ -1,4 +1,8 @@
-//! `i2ris calibrate`.
+//! `i2ris calibrate`: from recordings to models.
+
+mod fit;
+mod progress;
+mod report;
 
 use crate::Failure;
 
@@ -6,10 +10,12 @@ use crate::Failure;
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
     /// Fit a model to a recording of encoder counts and angles
-    Fit {},
+    Fit(fit::Arguments),
 }
 
 /// Runs it.
-pub fn run(_command: Command) -> Result<(), Failure> {
-    Err("not built yet".into())
+pub fn run(command: Command) -> Result<(), Failure> {
+    match command {
+        Command::Fit(arguments) => fit::run(&arguments),
+    }
 }

@@ -1,0 +1,59 @@
+//! The laboratory's own recording of the robot. It is not part of the repository; where it is absent, these tests say so
+//! and pass.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
+
+use std::path::PathBuf;
+
+use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::fit::{FitOptions, fit};
+use i2ris_calibration::motion::NoHysteresis;
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
+use i2ris_calibration::survey::Warning;
+
+fn recording() -> Option<(Recording, ReadReport)> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/i2ris/output_w_angles.csv");
+    if !path.exists() {
+        println!("skipped: {} is absent", path.display());
+        return None;
+    }
+    Some(Recording::read(&path, &ColumnMap::default()).unwrap())
+}
+
+#[test]
+fn the_file_is_read_as_it_is() {
+    let Some((recording, report)) = recording() else { return };
+    assert_eq!((report.rows, recording.rows().len()), (249, 244));
+    assert_eq!(report.dropped.iter().map(|row| row.line).collect::<Vec<_>>(), [38, 74, 97, 155, 160]);
+    assert!(report.dropped.iter().all(|row| row.column == "yaws"));
+    let first = recording.rows()[0];
+    assert_eq!((first.line, first.time_s, first.counts), (2, Some(1_746_051_712.544_110_3), [257.0, -237.0]));
+    assert_eq!(first.outputs, [0.025_360_903_652_710_93, -2.566_746_434_736_078_4, 0.0]);
+}
+
+#[test]
+fn the_fourth_turn_is_held_out_and_fitted_better_than_by_a_straight_model() {
+    let Some((recording, _)) = recording() else { return };
+    let options = FitOptions { em: EmOptions { restarts: 5, ..EmOptions::default() }, ..FitOptions::default() };
+    let outcome = fit(&recording, &options, &Silent).unwrap();
+    assert_eq!(outcome.report.split.held_out().len(), 63);
+    for (gmr, linear) in outcome.model.file().metrics.iter().zip(&outcome.linear.file().metrics) {
+        assert!(gmr.training.rmsd < linear.training.rmsd);
+        assert!(gmr.held_out.unwrap().rmsd < linear.held_out.unwrap().rmsd);
+    }
+}
+
+#[test]
+fn its_noise_and_its_limits_are_told() {
+    let Some((recording, _)) = recording() else { return };
+    let options = FitOptions { em: EmOptions { restarts: 1, ..EmOptions::default() }, ..FitOptions::default() };
+    let survey = fit(&recording, &options, &Silent).unwrap().report.survey;
+    let noise: Vec<_> = survey.noise.iter().map(|noise| noise.unwrap().deviation).collect();
+    assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");
+    assert!(survey.spikes.is_empty());
+    let [Warning::NoHysteresis(NoHysteresis::Circulation { turns })] = survey.warnings[..] else {
+        panic!("{:?}", survey.warnings)
+    };
+    assert!((turns - 3.97).abs() < 0.01);
+}

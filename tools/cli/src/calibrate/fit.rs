@@ -1,0 +1,149 @@
+//! `i2ris calibrate fit`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::builder::NonEmptyStringValueParser;
+use clap::value_parser;
+use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::family::Family;
+use i2ris_calibration::fit::{Components, FitOptions, fit};
+use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
+use i2ris_calibration::spike::SpikeOptions;
+use i2ris_calibration::split::HoldOut;
+
+use super::progress::Bar;
+use super::report::report;
+use crate::Failure;
+
+/// Arguments of `i2ris calibrate fit`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The recording: a CSV file with encoder counts and measured angles
+    file: PathBuf,
+    /// Where to write the model; an existing file is replaced, all at once, when everything went well
+    #[arg(long, short, value_name = "MODEL.json")]
+    output: PathBuf,
+    /// The robot that was recorded; the controller refuses models of another one
+    #[arg(long, value_name = "ID", default_value = "i2ris", value_parser = NonEmptyStringValueParser::new())]
+    robot_id: String,
+    #[command(flatten)]
+    model: ModelArguments,
+    #[command(flatten)]
+    columns: ColumnArguments,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Model")]
+struct ModelArguments {
+    /// Family of models: `linear` or `gmr`
+    #[arg(long, default_value_t = Family::Gmr)]
+    family: Family,
+    /// Number of components of the mixture [default: chosen by BIC]
+    #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64), conflicts_with = "max_components")]
+    components: Option<u8>,
+    /// Most components to choose from
+    #[arg(long, value_name = "K", default_value_t = 12, value_parser = value_parser!(u8).range(1..=64))]
+    max_components: u8,
+    /// Random starts per number of components
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u16).range(1..))]
+    restarts: u16,
+    /// Seed of the random starts: the same seed gives the same model
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Part of the covariance of the whole recording that every component is given, 0 to 1
+    #[arg(long, value_name = "PART", default_value_t = EmOptions::default().shrinkage, value_parser = part)]
+    shrinkage: f64,
+    /// What to hold out for testing: `last-cycle`, a fraction of the rows at the end, or `none`
+    #[arg(long, value_name = "WHAT", default_value_t = HoldOut::LastCycle)]
+    hold_out: HoldOut,
+    /// Train on readings that are flagged as spikes, too
+    #[arg(long)]
+    keep_spikes: bool,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Columns of the recording")]
+struct ColumnArguments {
+    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or `Encoder counts 0,Encoder counts 1`]
+    #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
+    counts: Vec<String>,
+    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or `pitches=pitch,yaws=yaw`]
+    #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
+    angles: Vec<OutputColumn>,
+    /// Time stamps, s [default: `t_s` or `Enc TS`, if there is one]
+    #[arg(long, value_name = "COLUMN", conflicts_with = "no_time")]
+    time: Option<String>,
+    /// Read the recording without time stamps
+    #[arg(long)]
+    no_time: bool,
+}
+
+fn part(text: &str) -> Result<f64, String> {
+    let part = text.parse().ok().filter(|part| (0.0..=1.0).contains(part));
+    part.ok_or_else(|| "must be a number from 0 to 1".to_owned())
+}
+
+impl Arguments {
+    fn options(&self) -> FitOptions {
+        let model = &self.model;
+        FitOptions {
+            robot_id: self.robot_id.clone(),
+            family: model.family,
+            components: match model.components {
+                Some(components) => Components::Exactly(components.into()),
+                None => Components::UpTo(model.max_components.into()),
+            },
+            em: EmOptions {
+                restarts: model.restarts.into(),
+                seed: model.seed,
+                shrinkage: model.shrinkage,
+                ..EmOptions::default()
+            },
+            hold_out: model.hold_out,
+            spikes: SpikeOptions { keep: model.keep_spikes, ..SpikeOptions::default() },
+        }
+    }
+}
+
+impl ColumnArguments {
+    fn map(&self) -> ColumnMap {
+        let time = match &self.time {
+            Some(column) => TimeColumn::Named(column.clone()),
+            None if self.no_time => TimeColumn::Ignored,
+            None => TimeColumn::Known,
+        };
+        ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }
+    }
+}
+
+/// Runs it. The model is written when all else has succeeded, and only then is anything printed.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { file, output, .. } = arguments;
+    check_output(file, output)?;
+    let options = arguments.options();
+    let (recording, read) = Recording::read(file, &arguments.columns.map())?;
+    let outcome = fit(&recording, &options, &Bar::new("fitting"))
+        .map_err(|error| format!("recording {}: {error}", file.display()))?;
+    outcome.model.file().write(output)?;
+    print!("{}", report(&recording, &read, &options, &outcome));
+    println!("\nwrote {}", output.display());
+    Ok(())
+}
+
+/// Finds out before the long work what would go wrong after it.
+fn check_output(file: &Path, output: &Path) -> Result<(), Failure> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if output.is_dir() {
+        return Err(format!("--output {}: is a folder; name a file in it", output.display()).into());
+    }
+    if !folder.is_dir() {
+        return Err(format!("--output {}: there is no folder {}; make it", output.display(), folder.display()).into());
+    }
+    match (fs::canonicalize(file), fs::canonicalize(output)) {
+        (Ok(file), Ok(output)) if file == output => {
+            Err(format!("--output {}: is the recording itself; name another file", output.display()).into())
+        }
+        _ => Ok(()),
+    }
+}
