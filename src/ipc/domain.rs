@@ -12,6 +12,9 @@
 //! lets the last owner remove their descriptions *by name*. In a shared root it would remove those of the next start.
 //! The same separation keeps new starts away from whatever a killed one left.
 //!
+//! A client in another language reads the boot id, the first word of `ready`, and configures iceoryx2 with the root path
+//! and the prefix of the table above (tried with the Python package of iceoryx2 0.10.0).
+//!
 //! The place is always `/dev/shm`: it is a tmpfs, where creating a service takes milliseconds and no disk is waited
 //! for, and it is the same for every process of one user, which `XDG_RUNTIME_DIR` is not (`sudo`, services).
 

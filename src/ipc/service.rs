@@ -101,7 +101,8 @@ impl Stream {
             .max_subscribers(self.subscribers)
             .max_nodes(NODES)
             .subscriber_max_buffer_size(self.buffer)
-            .subscriber_max_borrowed_samples(1)
+            // In languages that collect garbage a subscriber still holds the message before, or two.
+            .subscriber_max_borrowed_samples(4)
             .history_size(self.history)
             .enable_safe_overflow(true)
             .create()
