@@ -119,6 +119,61 @@ fn a_late_reply_that_equals_the_known_constant_is_told_apart() {
 }
 
 #[test]
+fn several_late_replies_are_never_taken_for_those_to_the_constants() {
+    for first in (0..200).step_by(7) {
+        for second in (0..200).step_by(7) {
+            for third in [0, 60, 130] {
+                let (bench, mut link) = line();
+                bench.misbehave([Mischief::LoseRequest]);
+                bench.misbehave([first, second, third].map(|late| Mischief::DelayReply(Nanos::from_millis(late))));
+                for _ in 0..4 {
+                    if let Ok(position) = link.read(NODE, POSITION) {
+                        assert_eq!(position, last_request(&bench), "late by {first}, {second} and {third} ms");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn two_replies_at_once_are_both_not_believed() {
+    let (bench, mut link) = line();
+    bench.world().stall = Nanos::from_millis(10);
+    bench.misbehave([Mischief::Stray]);
+    assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)));
+    assert_eq!(link.counters().retries, 1);
+}
+
+#[test]
+fn a_host_that_looks_late_still_takes_the_reply_that_is_there() {
+    let (bench, mut link) = line();
+    bench.world().stall = Nanos::from_millis(300);
+    assert_eq!(link.read(NODE, POSITION), Ok(1));
+    assert_eq!(link.counters().timeouts, 0);
+}
+
+#[test]
+fn replies_to_what_no_one_asked_put_the_line_out_of_step() {
+    let (bench, mut link) = line();
+    bench.leave_a_request();
+    bench.leave_a_request();
+    // The first has arrived, the second is still coming.
+    bench.world().now = bench.time() + Nanos::from_millis(3);
+    assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)));
+}
+
+#[test]
+fn what_may_not_be_repeated_is_not_sent_late_either() {
+    let (bench, mut link) = line();
+    bench.leave_a_request();
+    bench.world().now = bench.time() + Nanos::from_millis(10);
+    assert_eq!(link.write(NODE, TARGET.set(5), Repeat::Never), Err(LinkError::Unanswered));
+    assert!(bench.drive(NODE, |drive| drive.written(0x607A, 0)).is_empty());
+    assert!(link.write(NODE, TARGET.set(5), Repeat::Never).is_ok());
+}
+
+#[test]
 fn noise_before_a_reply_is_skipped() {
     let (bench, mut link) = line();
     bench.misbehave([Mischief::Noise]);
@@ -134,6 +189,7 @@ fn a_reply_cut_inside_a_doubled_byte_does_not_take_the_next_with_it() {
     // 90 02 00 04, four zeros of error code, then the first half of the doubled 0x90.
     bench.misbehave([Mischief::CutReply(9)]);
     assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)));
+    assert_eq!(link.counters().timeouts, 1);
 }
 
 #[test]

@@ -53,6 +53,9 @@ impl AbortCode {
     /// The request arrived damaged: it may be sent again.
     pub const CRC: Self = Self(0x0504_0004);
 
+    /// A gateway answers for a node that it does not reach.
+    pub const NO_NODE: Self = Self(0x0504_0000);
+
     /// What the code means.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -52,6 +52,8 @@ pub struct MiniDrive {
     pub homed: bool,
     /// Where the motor stands.
     pub position: i32,
+    /// Modes are taken, but do not come into force.
+    pub mode_stuck: bool,
     /// Commands to the state machine have no effect.
     pub stuck: bool,
     /// The cause of the fault is still there: a reset has no effect.
@@ -83,6 +85,7 @@ impl MiniDrive {
             state: SWITCH_ON_DISABLED,
             homed: true,
             position: 0,
+            mode_stuck: false,
             stuck: false,
             cause_remains: false,
             homing_fails: false,
@@ -188,7 +191,9 @@ impl MiniDrive {
         if !self.ignores.contains(&object) {
             self.objects.insert(object, value);
         }
-        self.objects.insert(MODE_DISPLAY, self.objects[&MODE]);
+        if !self.mode_stuck {
+            self.objects.insert(MODE_DISPLAY, self.objects[&MODE]);
+        }
         self.follow();
         Reply::error(0)
     }

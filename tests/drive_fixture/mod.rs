@@ -48,6 +48,8 @@ pub enum Mischief {
     CutReply(usize),
     /// Noise comes before the reply.
     Noise,
+    /// A reply to something else comes before the reply.
+    Stray,
 }
 
 /// A line in simulated time. Clones are handles to the same line.
@@ -64,6 +66,12 @@ pub struct World {
     pub dead: bool,
     /// Nothing answers before this instant.
     pub booting_until: Nanos,
+    /// This node answers nothing; the others do.
+    pub deaf: Option<u8>,
+    /// Happens to the next write of this value to this object.
+    pub ambush: Option<(u16, u32, Mischief)>,
+    /// The host looks at the line only this long after it meant to.
+    pub stall: Nanos,
     /// The cable is pulled.
     pub hung_up: bool,
     /// Requests that were sent before the former one was answered or its time was over.
@@ -86,6 +94,9 @@ impl Bench {
             mischief: VecDeque::new(),
             dead: false,
             booting_until: Nanos::ZERO,
+            deaf: None,
+            ambush: None,
+            stall: Nanos::ZERO,
             hung_up: false,
             pipelined: 0,
             requests: Vec::with_capacity(100_000),
@@ -134,7 +145,7 @@ impl World {
         if !self.inbox.is_empty() {
             self.pipelined += 1;
         }
-        let mischief = self.mischief.pop_front().unwrap_or(Mischief::Nothing);
+        let mischief = self.ambushed(bytes).or_else(|| self.mischief.pop_front()).unwrap_or(Mischief::Nothing);
         if self.dead || self.now < self.booting_until || mischief == Mischief::LoseRequest {
             return;
         }
@@ -151,12 +162,30 @@ impl World {
                 Parsed::Damaged(Damage::Crc) => Reply::error(0x0504_0004),
                 Parsed::Frame(frame) => {
                     let (opcode, node, index, subindex) = address(&frame);
+                    if self.deaf == Some(node) {
+                        return;
+                    }
                     self.requests.push((self.now, opcode, node, index, subindex));
                     answer(&mut self.drives, &frame)
                 }
             };
             self.reply(reply, arrival, mischief);
         }
+    }
+
+    fn ambushed(&mut self, bytes: &[u8]) -> Option<Mischief> {
+        let (index, value, mischief) = self.ambush?;
+        let mut parser = Parser::default();
+        let hit = bytes.iter().any(|byte| match parser.push(*byte) {
+            Parsed::Frame(Frame { opcode: 0x68, data: [_, low, high, _, written @ ..] }) => {
+                (u16::from_le_bytes([*low, *high]), u32::from_le_bytes(written.try_into().unwrap())) == (index, value)
+            }
+            _ => false,
+        });
+        if hit {
+            self.ambush = None;
+        }
+        hit.then_some(mischief)
     }
 
     fn reply(&mut self, reply: Reply, arrival: Nanos, mischief: Mischief) {
@@ -171,6 +200,10 @@ impl World {
             Mischief::DoubleReplyByte(place) => wire.insert(place % wire.len(), wire[place % wire.len()]),
             Mischief::CutReply(length) => wire.truncate(length % wire.len()),
             Mischief::Noise => drop(wire.splice(0..0, [0x00, 0x90, 0x41])),
+            Mischief::Stray => {
+                let stray = self.encoder.encode(Frame { opcode: 0, data: &[0, 0, 0, 0, 9, 9, 0, 0] }).unwrap();
+                drop(wire.splice(0..0, stray.iter().copied()));
+            }
             _ => {}
         }
         self.busy_until = begin;
@@ -219,6 +252,8 @@ impl Transport for Bench {
         if world.hung_up {
             return Err(io::ErrorKind::BrokenPipe.into());
         }
+        let stall = if deadline > world.now { world.stall } else { Nanos::ZERO };
+        world.now = world.now + stall;
         match world.inbox.front() {
             Some(&(arrival, _)) if arrival <= deadline => world.now = world.now.max(arrival),
             Some(&(arrival, _)) if arrival <= world.now => {}

@@ -91,6 +91,29 @@ fn a_refused_mode_stops_it() {
 }
 
 #[test]
+fn a_mode_that_does_not_come_into_force_stops_it() {
+    let mut rig = Rig::disabled();
+    rig.drive(|drive| {
+        drive.mode_stuck = true;
+        drive.objects.insert((0x6061, 0), 1);
+    });
+    assert!(matches!(fails(&mut rig), Failure::Deadline { .. }));
+    assert!(!rig.controlwords().contains(&0x000F));
+}
+
+#[test]
+fn what_was_written_before_is_not_reported_any_more() {
+    let mut rig = Rig::enabled();
+    rig.turns(4);
+    assert!(rig.feedback().written.is_some());
+    rig.demand(Demand::Disabled);
+    rig.until(AxisPhase::Disabled);
+    rig.demand(Demand::Enabled);
+    rig.until(AxisPhase::Enabled);
+    assert_eq!(rig.feedback().written, None);
+}
+
+#[test]
 fn a_drive_that_does_not_move_on_is_given_up() {
     let mut rig = Rig::disabled();
     rig.drive(|drive| drive.stuck = true);

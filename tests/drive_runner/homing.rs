@@ -63,23 +63,9 @@ fn an_error_ends_it_switched_off() {
 #[test]
 fn a_start_that_was_not_acknowledged_is_not_repeated() {
     let mut rig = not_homed();
+    rig.bench.world().ambush = Some((0x6040, 0x001F, Mischief::LoseReply));
     rig.request(|request| request.homings += 1);
-    while rig.controlwords().last() != Some(&0x000F) {
-        rig.turns(1);
-    }
-    // Everything goes well until the start, which is executed but not acknowledged.
-    let turns_to_start = (0..20).find(|turns| {
-        let mut probe = not_homed();
-        probe.request(|request| request.homings += 1);
-        while probe.controlwords().last() != Some(&0x000F) {
-            probe.turns(1);
-        }
-        probe.turns(*turns);
-        probe.controlwords().last() == Some(&0x001F)
-    });
-    let healthy = turns_to_start.unwrap() - 1;
-    rig.turns(healthy);
-    rig.bench.misbehave([Mischief::LoseReply]);
+    rig.until(AxisPhase::Homing);
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.controlwords().iter().filter(|word| **word == 0x001F).count(), 1);
     assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: Some(Failure::Interrupted) }));
@@ -121,4 +107,24 @@ fn a_restart_in_the_middle_ends_it_without_a_start_in_another_mode() {
         let starts = rig.drive(|drive| drive.starts_outside_homing);
         assert_eq!(starts, 0, "after {turns} turns");
     }
+}
+
+#[test]
+fn a_start_whose_reply_is_damaged_is_not_repeated_either() {
+    let mut rig = not_homed();
+    rig.bench.world().ambush = Some((0x6040, 0x001F, Mischief::FlipReply(7)));
+    rig.request(|request| request.homings += 1);
+    rig.until(AxisPhase::Homing);
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.controlwords().iter().filter(|word| **word == 0x001F).count(), 1);
+    assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: Some(Failure::Unanswered) }));
+}
+
+#[test]
+fn a_homing_mode_that_does_not_come_into_force_starts_nothing() {
+    let mut rig = not_homed();
+    rig.drive(|drive| drive.mode_stuck = true);
+    home(&mut rig);
+    rig.until(AxisPhase::Disabled);
+    assert!(rig.controlwords().iter().all(|word| *word != 0x000F && *word != 0x001F), "{:X?}", rig.controlwords());
 }

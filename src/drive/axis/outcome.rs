@@ -40,11 +40,11 @@ impl Axis {
                 }
                 self.advance(ask, reply.raw, now, events);
             }
+            Err(LinkError::Refused(AbortCode::NO_NODE) | LinkError::Unanswered) => self.unanswered(now, events),
             Err(LinkError::Refused(code)) => {
                 self.misses = 0;
                 self.refused(ask, code, now, events);
             }
-            Err(LinkError::Unanswered) => self.unanswered(now, events),
             Err(error @ (LinkError::Lost | LinkError::Broken(_))) => self.lose(error, events),
         }
     }

@@ -85,11 +85,11 @@ impl<T: Transport> Link<T> {
                         return Err(Miss::Disturbed);
                     }
                     Parsed::Frame(frame) => {
-                        let reply = decode(frame);
+                        // With more behind it, either may be the answer.
                         if place + 1 < count {
-                            self.fall_out_of_step(0);
+                            return Err(Miss::Disturbed);
                         }
-                        return reply.map_err(|error| match error {
+                        return decode(frame).map_err(|error| match error {
                             ReplyError::Refused(code) => Miss::Refused(code),
                             ReplyError::OutOfStep => Miss::Disturbed,
                         });
