@@ -76,15 +76,15 @@
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
 //!
-//! The reaction is the mildest that does not lean on what just failed. Cutting the power makes the wires lose their
-//! tension and lets tissue push the snake, so **a drive that works holds**, by its own quick stop, which needs neither this
+//! The reaction is the mildest that does not lean on what just failed. Cutting the power lets the wires lose their tension
+//! and tissue push the snake, so **a drive that works holds**, by its own quick stop, which once begun needs neither this
 //! loop nor the line. **The drive that is the cause is switched off**: one that reports a fault has switched itself off;
-//! one that cannot follow is blocked or pulls on something, and holding would keep pulling with the whole current limit;
+//! one that cannot follow is blocked or pulls on something, and holding would go on pulling with the whole current limit;
 //! one that left its state by itself is not to be trusted with power. The gear hardly turns backwards, so the snake stays
-//! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard, because no
-//! watchdog is known on its serial lines; it is told to quick stop, for the case that it still hears.
-//! If power was not yet on (enabling, homing) it stays off. A drive that does not reach its quick stop within 3 s is
-//! switched off. `disable` switches all off; `acknowledge` does too, so nothing moves when a fault is over.
+//! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard,
+//! because no watchdog is known on its serial lines; it is told to quick stop, for the case that it still hears. If power
+//! was not yet on (enabling, homing) it stays off. A drive that does not reach its quick stop within 3 s is switched off.
+//! `disable` switches all off, and so does `acknowledge`: when a fault is over, no drive is told to move.
 //!
 //! Milder than FAULT: with a position older than `feedback_stale_ms`, or an axis that lost its zero, the robot slows down
 //! and holds, servo commands are refused, and it goes on with the first valid command afterwards.
