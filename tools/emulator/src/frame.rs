@@ -41,16 +41,12 @@ pub enum Incoming {
 }
 
 /// A reply with these data, ready for the wire. A single last byte is padded to a whole word.
-///
-/// # Panics
-///
-/// Never: data beyond the longest frame are cut off.
 #[must_use]
 pub fn reply(data: &[u8]) -> Vec<u8> {
     encode(REPLY, data)
 }
 
-/// A frame ready for the wire.
+/// A frame ready for the wire. Data beyond the longest frame are cut off.
 #[must_use]
 pub fn encode(opcode: u8, data: &[u8]) -> Vec<u8> {
     let data = &data[..data.len().min(2 * usize::from(MOST_WORDS))];

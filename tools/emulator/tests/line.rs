@@ -5,6 +5,7 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::frame::{Incoming, Parser, encode};
@@ -61,12 +62,12 @@ impl Host {
         }
     }
 
-    /// Whether nothing arrives for a while.
-    fn is_silent(&mut self) -> bool {
+    /// How many replies arrive until nothing does for a while.
+    fn replies(&mut self) -> usize {
         self.port.set_timeout(Duration::from_millis(300)).unwrap();
-        let silent = self.port.read(&mut [0]).is_err();
+        let count = std::iter::from_fn(|| self.reply()).count();
         self.port.set_timeout(PATIENCE).unwrap();
-        silent
+        count
     }
 
     fn read(&mut self, index: u16, sub: u8) -> i32 {
@@ -148,10 +149,13 @@ fn both_axes_bend_the_snake() {
 fn a_host_that_does_not_wait_is_found_out() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
-    host.send(&[READ_STATUSWORD, READ_STATUSWORD].concat());
-    assert!(host.reply().is_some());
-    assert!(host.is_silent(), "the second request is lost");
-    assert_eq!(host_bugs(&emulator), [HostBug::Pipelined]);
+    // When the machine stalls, the host gets the benefit of the doubt; it does not stall every time.
+    wait_for("the host is found out", || {
+        host.send(&[READ_STATUSWORD, READ_STATUSWORD].concat());
+        let replies = host.replies();
+        assert!(replies == 1 || replies == 2);
+        replies == 1 && host_bugs(&emulator) == [HostBug::Pipelined]
+    });
     assert_eq!(host.read(0x1018, 1), 0xFB, "the line recovers");
 }
 
@@ -166,7 +170,7 @@ fn bytes_during_the_processing_are_found_out() {
     wait_for("request is taken", || emulator.snapshot().axes[0].requests == 1);
     host.send(&READ_STATUSWORD);
     assert!(host.reply().is_some());
-    assert!(host.is_silent());
+    assert_eq!(host.replies(), 0);
     assert_eq!(host_bugs(&emulator), [HostBug::Pipelined]);
 }
 
@@ -180,7 +184,7 @@ fn damaged_and_cut_frames() {
     host.send(&damaged);
     assert_eq!(host.reply().unwrap(), [0x04, 0x00, 0x04, 0x05]);
     host.send(&WRITE_CONTROLWORD[..9]);
-    assert!(host.is_silent());
+    assert_eq!(host.replies(), 0);
     wait_for("the cut frame is dropped", || {
         emulator.log().iter().any(|event| event.kind == EventKind::Line(LineTrouble::FrameTimeout))
     });
@@ -197,15 +201,20 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
     config.line.baud = 9_600;
     let emulator = Emulator::start(config).unwrap();
     let mut host = Host::open(&emulator, 0);
+    let before = clock::now();
     (0..6).for_each(|counts| host.write(0x607A, 0, counts));
-    let stamps: Vec<Nanos> = emulator
+    let stamps = emulator
         .log()
-        .iter()
-        .filter_map(|event| matches!(event.kind, EventKind::Setpoint(_)).then_some(event.stamp))
-        .collect();
-    // Request and reply are 24 bytes of ten bits, at least.
-    let exchange = Nanos(24 * 10 * 1_000_000_000 / 9_600);
-    assert!(stamps.len() == 6 && stamps.windows(2).all(|pair| pair[1] - pair[0] >= exchange), "{stamps:?}");
+        .into_iter()
+        .filter_map(|event| matches!(event.kind, EventKind::Setpoint(_)).then_some(event.stamp));
+    // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little before it was read.
+    let (exchange, slack) = (Nanos(24 * 10 * 1_000_000_000 / 9_600), Nanos::from_millis(1));
+    let mut earliest = before;
+    for stamp in stamps {
+        assert!(stamp + slack > earliest, "{stamp:?} is before {earliest:?}");
+        earliest = earliest + exchange;
+    }
+    assert_eq!(earliest - before, Nanos(6 * exchange.0));
 }
 
 #[test]
@@ -229,7 +238,7 @@ fn faults_mutes_and_power_cycles_can_be_made() {
     assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
     emulator.mute(1, true);
     host.send(&READ_STATUSWORD);
-    assert!(host.is_silent());
+    assert_eq!(host.replies(), 0);
     emulator.mute(1, false);
     assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
     emulator.power_cycle(1);

@@ -2,12 +2,13 @@
 
 use super::code::{Fault, Reaction};
 use super::motion::Task;
+use super::profile::Demand;
 use super::state::{Command, State};
 use super::{Drive, Homing, Mode, Setpoints};
 use crate::log::{EventKind, HostBug};
 
 /// Controlword bit 4: new set-point, or start homing.
-const START: u16 = 1 << 4;
+pub(super) const START: u16 = 1 << 4;
 /// Controlword bit 5: go there at once.
 const IMMEDIATELY: u16 = 1 << 5;
 /// Controlword bit 6: from here, not from zero.
@@ -15,7 +16,7 @@ const RELATIVE: u16 = 1 << 6;
 /// Controlword bit 7: reset the fault.
 const FAULT_RESET: u16 = 1 << 7;
 /// Controlword bit 8: stop and hold.
-const HALT: u16 = 1 << 8;
+pub(super) const HALT: u16 = 1 << 8;
 
 impl Drive {
     /// Carries out a controlword.
@@ -78,7 +79,7 @@ impl Drive {
 
     /// Powers the motor. In the cyclic position mode it goes to object 0x607A at once, however old that is.
     fn enable(&mut self) {
-        self.demand = super::Demand { position: self.motor.position, velocity: self.motor.velocity };
+        self.demand = Demand { position: self.motor.position, velocity: self.motor.velocity };
         self.setpoints = Setpoints::default();
         self.enter(State::OperationEnabled);
         self.start_mode();

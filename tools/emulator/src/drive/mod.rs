@@ -129,16 +129,7 @@ impl Drive {
     /// A drive that has just booted, its motor at `motor_counts`.
     #[must_use]
     pub fn new(config: &DriveConfig, motor_counts: f64) -> Self {
-        let mut dictionary = Dictionary::default();
-        for (index, sub, value) in [
-            (0x2000, 0, i64::from(config.node_id)),
-            (0x1014, 0, 0x80 + i64::from(config.node_id)),
-            (0x1018, 4, i64::from(config.serial_number)),
-            (0x2100, 1, 0x1_0000_0000 + i64::from(config.serial_number)),
-            (0x3010, 1, i64::from(config.motor.encoder_pulses)),
-        ] {
-            dictionary.set(index, sub, value);
-        }
+        let dictionary = factory_settings(config);
         let mut drive = Self {
             config: config.clone(),
             stored: dictionary.clone(),
@@ -184,7 +175,7 @@ impl Drive {
         self.power_off();
         self.lose_position();
         self.dictionary = self.stored.clone();
-        self.mode = Mode::ProfilePosition;
+        self.mode = Mode::from_number(self.dictionary.get(0x6060, 0)).unwrap_or(Mode::ProfilePosition);
         self.controlword = 0;
         self.fault = None;
         self.cause = false;
@@ -254,4 +245,19 @@ impl Drive {
 
 fn clamp_i32(value: i64) -> i32 {
     value.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32
+}
+
+/// The objects as they are when a drive is delivered.
+fn factory_settings(config: &DriveConfig) -> Dictionary {
+    let mut dictionary = Dictionary::default();
+    for (index, sub, value) in [
+        (0x2000, 0, i64::from(config.node_id)),
+        (0x1014, 0, 0x80 + i64::from(config.node_id)),
+        (0x1018, 4, i64::from(config.serial_number)),
+        (0x2100, 1, 0x1_0000_0000 + i64::from(config.serial_number)),
+        (0x3010, 1, i64::from(config.motor.encoder_pulses)),
+    ] {
+        dictionary.set(index, sub, value);
+    }
+    dictionary
 }

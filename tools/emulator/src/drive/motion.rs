@@ -1,10 +1,12 @@
 //! The modes of operation, from step to step.
 
+use super::code::Fault;
+use super::control::{HALT, START};
 use super::motor::Limits;
 use super::profile::{Demand, Pace};
 use super::state::State;
-use super::{Drive, Mode};
-use crate::drive::code::Fault;
+use super::{Drive, Homing, Mode, Setpoints};
+use crate::log::EventKind;
 
 /// What the drive does with its motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,7 +60,6 @@ impl Drive {
 
     /// Starts what the mode of operation does, unless the controlword says halt.
     pub(super) fn start_mode(&mut self) {
-        const HALT: u16 = 1 << 8;
         if self.controlword & HALT != 0 {
             self.brake(self.per_second(0x6084), None);
             return;
@@ -80,9 +81,9 @@ impl Drive {
             return;
         }
         self.mode = mode;
-        self.homing = super::Homing::Idle;
-        self.setpoints = super::Setpoints::default();
-        self.events.push(crate::log::EventKind::Mode(mode));
+        self.homing = Homing::Idle;
+        self.setpoints = Setpoints::default();
+        self.events.push(EventKind::Mode(mode));
         if self.state == State::OperationEnabled && !self.task.is_leaving() {
             self.demand = Demand { position: self.motor.position, velocity: self.motor.velocity };
             self.start_mode();
@@ -158,7 +159,6 @@ impl Drive {
     }
 
     fn next_setpoint(&mut self) {
-        const START: u16 = 1 << 4;
         self.setpoints.active = self.setpoints.queued.take();
         self.setpoints.acknowledged &= self.controlword & START != 0;
         if let Some(target) = self.setpoints.active {

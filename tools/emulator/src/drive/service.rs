@@ -5,7 +5,7 @@ use i2ris::units::Nanos;
 use super::code::Abort;
 use super::object::Kind;
 use super::state::State;
-use super::{Drive, Mode};
+use super::{Drive, Mode, factory_settings};
 use crate::frame::{self, Incoming, Request};
 use crate::log::{EventKind, HostBug, LineTrouble};
 
@@ -140,7 +140,7 @@ impl Drive {
                     return Err(Abort::CannotStore);
                 }
                 // Takes effect with the next reset.
-                self.stored = Self::new(&self.config, 0.0).stored;
+                self.stored = factory_settings(&self.config);
                 return Ok(());
             }
             (0x1003, 0) => (1..=5).for_each(|entry| self.dictionary.set(0x1003, entry, 0)),

@@ -49,6 +49,8 @@ pub(crate) struct Port {
     random: Pcg64Mcg,
     /// When the last byte arrived.
     last_byte: Nanos,
+    /// In the present exchange, the host has been found not to wait.
+    impatience_noted: bool,
     shared: Arc<Shared>,
 }
 
@@ -63,6 +65,7 @@ impl Port {
             parser: Parser::default(),
             random: Pcg64Mcg::seed_from_u64(seed),
             last_byte: Nanos::ZERO,
+            impatience_noted: false,
             shared,
         })
     }
@@ -94,9 +97,10 @@ impl Port {
             self.last_byte = self.wire.arrive(read);
             if let Some(incoming) = self.parser.push(*byte) {
                 if place + 1 < bytes.len() && !stalled {
-                    self.note(self.last_byte, EventKind::HostBug(HostBug::Pipelined));
+                    self.note_impatience(self.last_byte);
                 }
                 self.exchange(&incoming, self.last_byte);
+                self.impatience_noted = false;
                 // What came behind the frame found a drive that does not listen.
                 return;
             }
@@ -120,7 +124,6 @@ impl Port {
 
     /// Waits, and notices a host that sends before it has its reply. Its bytes are lost.
     fn listen_for_impatience(&mut self, until: Nanos) {
-        let mut noticed = false;
         loop {
             let now = clock::now();
             if now >= until {
@@ -131,13 +134,19 @@ impl Port {
                 if clock::now() >= until {
                     return;
                 }
-                let lost = self.pty.read(&mut [0; 512]);
-                if lost > 0 && !std::mem::replace(&mut noticed, true) {
-                    self.note(now, EventKind::HostBug(HostBug::Pipelined));
+                if self.pty.read(&mut [0; 512]) > 0 {
+                    self.note_impatience(now);
                 }
             } else if self.shared.stops() {
                 return;
             }
+        }
+    }
+
+    /// Once an exchange, in however many pieces the bytes come.
+    fn note_impatience(&mut self, stamp: Nanos) {
+        if !std::mem::replace(&mut self.impatience_noted, true) {
+            self.note(stamp, EventKind::HostBug(HostBug::Pipelined));
         }
     }
 
