@@ -26,6 +26,7 @@ use crate::drive::error::DriveError;
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::drive::port::{Opened, Port};
 use crate::drive::runner::{AxisLink, PortRunner};
+use crate::ipc::server::RELAY_LEAD;
 use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server};
 use crate::model::{Model, ModelError};
 use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
@@ -33,9 +34,6 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 /// How far the SCHED_FIFO priority of the port threads lies below that of the loop.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
-/// How long before each tick of the loop the thread of shared memory looks for commands: long enough to be done when the
-/// loop starts, short enough to bring a command that came just now.
-const RELAY_LEAD: Nanos = Nanos::from_micros(200);
 /// When the first tick is due after the threads were asked to start.
 const START_DELAY: Nanos = Nanos::from_millis(20);
 /// How long the port threads may take to read the first positions: a few exchanges, unless the machine stalls.

@@ -58,6 +58,6 @@ mod tests {
 
     #[test]
     fn the_unseen_motion_stays_within_its_amplitude() {
-        assert!((0..20_000).map(|i| unseen_deg(f64::from(i) * 0.01, 12.0)).flatten().all(|a| a.abs() <= 12.0));
+        assert!((0..20_000).flat_map(|i| unseen_deg(f64::from(i) * 0.01, 12.0)).all(|a| a.abs() <= 12.0));
     }
 }

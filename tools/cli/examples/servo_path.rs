@@ -1,5 +1,5 @@
 //! Measures the two ways by which a servo command can reach the control loop, and what a faulty client does to them:
-//! `cargo run --release --example servo_path`.
+//! `cargo run --release --package i2ris-cli --example servo_path`.
 //!
 //! A process sends a command about every millisecond at no fixed phase; a loop of 1 kHz (SCHED_FIFO, pinned, spinning,
 //! where granted) looks for the newest one at every tick. Printed: the age of the command when the loop has it, at best
