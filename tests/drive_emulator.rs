@@ -137,6 +137,15 @@ impl Running {
         self.until("reaches the phase", |feedback| feedback.phase == phase);
     }
 
+    /// Demands disabled, and waits until the port thread has seen it: it reads the newest request only, and one that is
+    /// overwritten at once was never there.
+    fn disable(&mut self) {
+        self.request(|request| request.demand = Demand::Disabled);
+        let seen = self.feedback().sequence + 2;
+        self.until("goes on reading", |feedback| feedback.sequence >= seen);
+        self.until_phase(AxisPhase::Disabled);
+    }
+
     /// Demands enabled, with the target where the motor stands.
     fn enable(&mut self) {
         let position = self.feedback().position;
@@ -378,7 +387,7 @@ fn a_drive_that_lost_its_power_is_configured_again_and_not_homed() {
     bench.emulator.power_cycle(0);
     // Whether the line is lost or the drive is found restarted depends on how long it boots.
     axis.until("notices", |feedback| feedback.phase != AxisPhase::Enabled);
-    axis.request(|request| request.demand = Demand::Disabled);
+    axis.disable();
     axis.until("is back", |feedback| feedback.phase == AxisPhase::Disabled && !feedback.homed);
     let mut enabled = false;
     for _ in 0..3 {
@@ -389,8 +398,7 @@ fn a_drive_that_lost_its_power_is_configured_again_and_not_homed() {
         if enabled {
             break;
         }
-        axis.request(|request| request.demand = Demand::Disabled);
-        axis.until_phase(AxisPhase::Disabled);
+        axis.disable();
     }
     assert!(enabled);
     // A step of 1900 is a following error by the limit that was written again; by the drive's own 2000 it is none.
