@@ -1,0 +1,66 @@
+//! What the detector is told about the picture.
+
+use serde::{Deserialize, Serialize};
+
+/// What the fibre lies on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ground {
+    /// Dark fibre on bright ground.
+    Bright,
+    /// Bright fibre on dark ground.
+    Dark,
+}
+
+/// The side of the picture where the base comes in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// It comes in from the left and points to the right.
+    Left,
+    /// It comes in from the right.
+    Right,
+    /// It comes in from above.
+    Top,
+    /// It comes in from below.
+    Bottom,
+}
+
+/// What the detector is told about the picture. Lengths in pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// What the fibre lies on.
+    pub ground: Ground,
+    /// Where the base comes in.
+    pub side: Side,
+    /// Where along that side, and how far from there at most, px. `None`: anywhere.
+    pub near: Option<[f64; 2]>,
+    /// Thickness of the base and of the bending section.
+    pub body_width: f64,
+    /// Thickness of the fibre at the tip; at most that of the body.
+    pub fibre_width: f64,
+    /// Length of the straight base that the picture shows.
+    pub base_length: f64,
+    /// Length of the bending section.
+    pub arc_length: f64,
+    /// Length of the straight stretch at the tip.
+    pub tip_length: f64,
+}
+
+impl Settings {
+    /// The tightest bend that the trace follows, 1/px: 75 deg over the bending section.
+    pub(super) fn max_curvature(&self) -> f64 {
+        75_f64.to_radians() / self.arc_length
+    }
+
+    /// The direction into the picture.
+    pub(super) fn inward_rad(&self) -> f64 {
+        use std::f64::consts::{FRAC_PI_2, PI};
+        match self.side {
+            Side::Left => 0.0,
+            Side::Right => PI,
+            Side::Top => -FRAC_PI_2,
+            Side::Bottom => FRAC_PI_2,
+        }
+    }
+}

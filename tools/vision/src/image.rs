@@ -1,0 +1,101 @@
+//! A grey picture.
+
+use std::hash::{DefaultHasher, Hasher};
+
+/// A picture with one byte of brightness per pixel, rows from top to bottom.
+///
+/// Coordinates are in pixels: `x` to the right, `y` down, the centre of the first pixel is (0, 0).
+#[derive(Clone, PartialEq, Eq)]
+pub struct Grey {
+    width: usize,
+    height: usize,
+    data: Vec<u8>,
+}
+
+impl Grey {
+    /// A picture from its bytes, row by row. `None` if there are not exactly `width * height` of them, or none at all.
+    #[must_use]
+    pub fn new(width: usize, height: usize, data: Vec<u8>) -> Option<Self> {
+        (!data.is_empty() && width.checked_mul(height) == Some(data.len())).then_some(Self { width, height, data })
+    }
+
+    /// The smallest picture: one black pixel.
+    pub(crate) fn black() -> Self {
+        Self { width: 1, height: 1, data: vec![0] }
+    }
+
+    /// Pixels per row.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The bytes, row by row.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        &self.data
+    }
+
+    /// Brightness at (x, y), interpolated between the four pixels around it. `None` outside the picture.
+    #[must_use]
+    pub fn sample(&self, x: f64, y: f64) -> Option<f32> {
+        // A comparison with NaN is false, so a NaN leaves here as well.
+        if !(x >= 0.0 && y >= 0.0) {
+            return None;
+        }
+        let (column, row) = (x as usize, y as usize);
+        if column + 1 >= self.width || row + 1 >= self.height {
+            return None;
+        }
+        let (fx, fy) = ((x - column as f64) as f32, (y - row as f64) as f32);
+        let start = row * self.width + column;
+        let upper = self.data.get(start..start + 2)?;
+        let lower = self.data.get(start + self.width..start + self.width + 2)?;
+        let top = f32::from(upper[0]) + fx * (f32::from(upper[1]) - f32::from(upper[0]));
+        let bottom = f32::from(lower[0]) + fx * (f32::from(lower[1]) - f32::from(lower[0]));
+        Some(top + fy * (bottom - top))
+    }
+
+    /// A number that differs between different pictures, for telling a frozen camera. Not stable between releases.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        hasher.write_usize(self.width);
+        hasher.write(&self.data);
+        hasher.finish()
+    }
+}
+
+impl std::fmt::Debug for Grey {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Grey({}x{})", self.width, self.height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interpolates_between_pixels_and_knows_its_borders() {
+        let picture = Grey::new(2, 2, vec![0, 100, 50, 150]).unwrap();
+        assert_eq!(picture.sample(0.5, 0.0), Some(50.0));
+        assert_eq!(picture.sample(0.5, 0.5), Some(75.0));
+        assert_eq!(picture.sample(-0.1, 0.0), None);
+        assert_eq!(picture.sample(1.0, 0.0), None, "no pixel to the right of it to interpolate with");
+        assert_eq!(picture.sample(f64::NAN, 0.0), None);
+    }
+
+    #[test]
+    fn refuses_bytes_that_do_not_fill_the_picture() {
+        assert!(Grey::new(2, 2, vec![0; 3]).is_none());
+        assert!(Grey::new(0, 0, Vec::new()).is_none());
+        assert!(Grey::new(usize::MAX, 2, vec![0; 4]).is_none());
+    }
+}

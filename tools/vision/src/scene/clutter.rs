@@ -1,0 +1,68 @@
+//! What lies between camera and snake.
+
+use super::canvas::{Canvas, Rod};
+
+/// A thing in front of the snake, in pixels.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Clutter {
+    /// A straight instrument that tapers from `from` to its free end `to`.
+    Instrument {
+        /// Where it comes from, usually outside the picture.
+        from: [f64; 2],
+        /// Its free end.
+        to: [f64; 2],
+        /// Half its thickness at both ends.
+        half_width: [f64; 2],
+        /// Brightness along its middle.
+        brightness: f32,
+        /// How much darker its rims are.
+        rim: f32,
+    },
+    /// A speck of dust, a bubble, a drop.
+    Speck {
+        /// Its middle.
+        centre: [f64; 2],
+        /// Its half axes.
+        half: [f64; 2],
+        /// Its turn.
+        turn_rad: f64,
+        /// Its brightness.
+        brightness: f32,
+    },
+    /// A thin bent thing.
+    Hair {
+        /// Its corners.
+        points: Vec<[f64; 2]>,
+        /// Half its thickness.
+        half_width: f64,
+        /// Its brightness.
+        brightness: f32,
+    },
+}
+
+impl Clutter {
+    /// Paints it over what is there.
+    pub(super) fn paint(&self, canvas: &mut Canvas) {
+        match self {
+            Self::Instrument { from, to, half_width, brightness, rim } => canvas.rod(&Rod {
+                points: vec![[from[0], from[1], half_width[0]], [to[0], to[1], half_width[1]]],
+                brightness: *brightness,
+                rim: *rim,
+                glint: 0.0,
+            }),
+            Self::Speck { centre, half, turn_rad, brightness } => canvas.blob(*centre, *half, *turn_rad, *brightness),
+            Self::Hair { points, half_width, brightness } => canvas.rod(&Rod {
+                points: points.iter().map(|p| [p[0], p[1], *half_width]).collect(),
+                brightness: *brightness,
+                rim: 0.0,
+                glint: 0.0,
+            }),
+        }
+    }
+}
+
+/// A sheet of one brightness over the circle of `radius` around `centre`: hides whatever is there.
+#[must_use]
+pub fn cover(centre: [f64; 2], radius: f64, brightness: f32) -> Clutter {
+    Clutter::Speck { centre, half: [radius, radius], turn_rad: 0.0, brightness }
+}

@@ -1,0 +1,145 @@
+//! From the painted scene to the bytes of a sensor.
+
+use rand::Rng;
+
+use super::canvas::Canvas;
+use crate::image::Grey;
+
+/// Blur, light and noise.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Optics {
+    /// Standard deviation of the blur, px.
+    pub blur_px: f64,
+    /// Standard deviation of the noise, grey levels.
+    pub noise: f32,
+    /// Part of the light that the corners lose.
+    pub vignette: f32,
+    /// Part of the light by which right and lower border are brighter than left and upper.
+    pub slope: [f32; 2],
+}
+
+impl Optics {
+    /// No blur, no noise, even light.
+    #[must_use]
+    pub const fn clean() -> Self {
+        Self { blur_px: 0.0, noise: 0.0, vignette: 0.0, slope: [0.0, 0.0] }
+    }
+
+    /// A well adjusted microscope.
+    #[must_use]
+    pub const fn light() -> Self {
+        Self { blur_px: 1.0, noise: 3.0, vignette: 0.25, slope: [0.1, -0.1] }
+    }
+
+    /// Out of focus, too little light, unevenly lit.
+    #[must_use]
+    pub const fn strong() -> Self {
+        Self { blur_px: 4.0, noise: 15.0, vignette: 0.5, slope: [0.3, 0.25] }
+    }
+
+    /// Exposes a painted scene.
+    pub(super) fn expose(&self, mut canvas: Canvas, random: &mut impl Rng) -> Grey {
+        blur(&mut canvas, self.blur_px);
+        let (width, height) = (canvas.width, canvas.height);
+        let mut noise = Noise { random, spare: None };
+        let (cx, cy) = (0.5 * width as f32, 0.5 * height as f32);
+        let corner = cx * cx + cy * cy;
+        let mut data = Vec::with_capacity(canvas.data.len());
+        for (row, line) in canvas.data.chunks_exact(width).enumerate() {
+            let dy = row as f32 - cy;
+            for (column, value) in line.iter().enumerate() {
+                let dx = column as f32 - cx;
+                let light = 1.0 - self.vignette * (dx * dx + dy * dy) / corner
+                    + 0.5 * (self.slope[0] * dx / cx + self.slope[1] * dy / cy);
+                // The cast saturates, as a sensor does.
+                data.push((value * light + self.noise * noise.next() + 0.5) as u8);
+            }
+        }
+        // A canvas has exactly as many values as pixels; an empty one gives the smallest picture there is.
+        Grey::new(width, height, data).unwrap_or_else(Grey::black)
+    }
+}
+
+/// Noise of mean 0 and standard deviation 1: sums of four uniform bytes, near enough to normal for a sensor.
+struct Noise<'a, R> {
+    random: &'a mut R,
+    spare: Option<u32>,
+}
+
+impl<R: Rng> Noise<'_, R> {
+    fn next(&mut self) -> f32 {
+        let bits = self.spare.take().unwrap_or_else(|| {
+            let bits = self.random.next_u64();
+            self.spare = Some((bits >> 32) as u32);
+            bits as u32
+        });
+        let sum: u32 = bits.to_le_bytes().iter().map(|byte| u32::from(*byte)).sum();
+        // Four times the variance (256^2 - 1) / 12 of a uniform byte.
+        (sum as f32 - 510.0) / 147.8
+    }
+}
+
+/// Gaussian blur, rows then columns; beyond the border the border goes on.
+fn blur(canvas: &mut Canvas, sigma: f64) {
+    if sigma <= 0.0 {
+        return;
+    }
+    let reach = (3.5 * sigma).ceil() as usize;
+    let mut kernel: Vec<f32> =
+        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) / sigma).powi(2)).exp() as f32).collect();
+    let sum: f32 = kernel.iter().sum();
+    kernel.iter_mut().for_each(|k| *k /= sum);
+
+    let (width, height) = (canvas.width, canvas.height);
+    let mut padded = vec![0.0_f32; width + 2 * reach];
+    for line in canvas.data.chunks_exact_mut(width) {
+        padded[..reach].fill(line[0]);
+        padded[reach..reach + width].copy_from_slice(line);
+        padded[reach + width..].fill(line[width - 1]);
+        line.fill(0.0);
+        for (k, weight) in kernel.iter().enumerate() {
+            for (out, value) in line.iter_mut().zip(&padded[k..]) {
+                *out += weight * value;
+            }
+        }
+    }
+    let source = canvas.data.clone();
+    for (row, line) in canvas.data.chunks_exact_mut(width).enumerate() {
+        line.fill(0.0);
+        for (k, weight) in kernel.iter().enumerate() {
+            let from = (row + k).saturating_sub(reach).min(height - 1) * width;
+            for (out, value) in line.iter_mut().zip(&source[from..from + width]) {
+                *out += weight * value;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    #[test]
+    fn the_noise_has_the_stated_deviation() {
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        let mut noise = Noise { random: &mut random, spare: None };
+        let values: Vec<f32> = (0..200_000).map(|_| noise.next()).collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32;
+        assert!(mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02, "{mean} {variance}");
+    }
+
+    #[test]
+    fn blur_keeps_light_and_spreads_it_by_its_deviation() {
+        let mut canvas = Canvas::new(61, 61, 0.0);
+        canvas.data[30 * 61 + 30] = 1000.0;
+        blur(&mut canvas, 2.0);
+        let sum: f32 = canvas.data.iter().sum();
+        let second: f32 = (0..61 * 61).map(|i| canvas.data[i] * ((i % 61) as f32 - 30.0).powi(2)).sum();
+        assert!((sum - 1000.0).abs() < 0.1);
+        assert!((second / sum - 4.0).abs() < 0.05, "{}", second / sum);
+    }
+}
