@@ -5,7 +5,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
-use i2ris::model::Model;
+use i2ris::model::{Model, Query};
 
 #[path = "model/samples.rs"]
 #[allow(dead_code)]
@@ -64,7 +64,7 @@ fn tick_for_a_second(model: &Model) {
         let reach = [4.0, 12.0, 60.0, 1e300, f64::NAN][tick as usize % 5] * DEG;
         let goal = [reach * turn.cos(), reach * turn.sin(), 0.3 * reach];
         let start = if tick % 3 == 0 { [1e9, f64::NEG_INFINITY] } else { last };
-        let inverse = black_box(model.invert(black_box(&goal), &memory, &start));
+        let inverse = black_box(model.invert(black_box(&goal), &memory, &Query::new(start)));
         last = model.hull().project(&inverse.counts);
         model.advance(&mut memory, &last);
         black_box(model.predict(&last, &memory).deviation());

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::JointReport;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{Estimate, Inverse, Memory, Model};
+use crate::model::{Estimate, Inverse, Memory, Model, Query};
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// Time constant of the filter on the measured velocity, seconds. One count is 0.022 deg, and a position is read every
@@ -109,7 +109,7 @@ impl Joints {
 
     /// The counts that bring the outputs to a goal.
     pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
-        let answer = self.model.invert(goal, &self.memory, &self.start);
+        let answer = self.model.invert(goal, &self.memory, &Query::new(self.start));
         if answer.counts.iter().all(|counts| counts.is_finite()) { Ok(answer) } else { Err(NotFinite) }
     }
 

@@ -46,8 +46,21 @@ pub struct Inverse {
     pub fell_back: bool,
 }
 
-/// What a model remembers of the past motion of the motors. Fixed size, no heap.
-///
-/// Models without hysteresis remember nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Memory {}
+/// How to search for an inverse.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Query {
+    /// Where the search starts: best the answer of the tick before.
+    pub start: MotorVec,
+    /// What to take for [`super::Model::correction`], rad (m): filtered, or the motors chatter. `None`: as it is.
+    pub correction: Option<OutputVec>,
+    /// Share of gaps and friction that is compensated, 0 to 1.
+    pub compensation: f64,
+}
+
+impl Query {
+    /// Full compensation with the correction as it is.
+    #[must_use]
+    pub const fn new(start: MotorVec) -> Self {
+        Self { start, correction: None, compensation: 1.0 }
+    }
+}

@@ -7,6 +7,9 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use super::hysteresis::play::PlayParameters;
+use super::hysteresis::residual::ResidualParameters;
+
 /// What the field `format` of every model file says.
 pub const FORMAT: &str = "i2ris-model";
 
@@ -92,6 +95,17 @@ pub enum FamilyParameters {
     Gmr {
         /// Mixture over `[counts; outputs]`.
         mixture: MixtureParameters,
+    },
+    /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.
+    GmrPlay {
+        /// From counts to virtual counts.
+        plays: PlayParameters,
+        /// Mixture over `[virtual counts; outputs]`.
+        mixture: MixtureParameters,
+        /// What is left, unless it is nothing.
+        residual: Option<ResidualParameters>,
+        /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
     },
 }
 

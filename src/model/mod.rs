@@ -18,6 +18,8 @@
 //! | `gmm` | the Gaussian mixture: validation, prepared form |
 //! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
 //! | `linear` | affine least squares |
+//! | `memory` | what a model remembers |
+//! | [`hysteresis`] | models with memory: operators, residual |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
 //! | `estimate` | what a model answers |
 //! | `hull`, `polygon`, `plane` | convex region of motor space, and the geometry for it |
@@ -31,8 +33,10 @@ pub mod file;
 mod gmm;
 mod gmr;
 mod hull;
+pub mod hysteresis;
 mod inverse;
 mod linear;
+mod memory;
 mod plane;
 mod polygon;
 mod regression;
@@ -42,14 +46,22 @@ mod store;
 use std::path::Path;
 
 pub use error::ModelError;
-pub use estimate::{Estimate, Inverse, JacobianMatrix, Memory, OutputMatrix};
+pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
 pub use gmm::MAX_COMPONENTS;
 pub use hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
+pub use memory::Memory;
+pub use regression::Local;
 pub use store::ModelId;
 
+use nalgebra::SVector;
+
 use crate::units::{MotorVec, OutputVec};
-use file::{FamilyParameters, ModelFile, OutputUnit};
+use file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit};
 use gmr::Gmr;
+use hysteresis::Operator;
+use hysteresis::chain::Chain;
+use hysteresis::play::Plays;
+use hysteresis::residual::{Residual, ResidualParameters};
 use linear::Linear;
 use regression::{Prepared, Runtime};
 
@@ -137,35 +149,61 @@ impl Model {
     /// A memory of nothing.
     #[must_use]
     pub fn new_memory(&self) -> Memory {
-        Memory {}
+        Memory::default()
     }
 
-    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in order.
-    pub fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
+    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in order. What is not
+    /// finite is not noted.
+    pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+        if counts.iter().all(|c| c.is_finite()) {
+            memory.note(*counts);
+            self.runtime.advance(memory, counts);
+        }
+    }
 
-    /// The outputs at given counts. Finite for every finite position, in the hull or not; far outside it extrapolates.
-    /// A position that is not a number gives estimates that are none.
+    /// Whether a memory has seen enough motion for everything before it to be wiped out. Until then predictions may be
+    /// off by the width of the hysteresis loop. Always true of families without memory, once there is a position.
     #[must_use]
-    pub fn predict(&self, counts: &MotorVec, _memory: &Memory) -> Estimate {
-        self.runtime.predict(counts)
+    pub fn knows(&self, memory: &Memory) -> bool {
+        memory.covered(&self.runtime.wipe_counts())
+    }
+
+    /// The range that every motor has to cover to wipe out what was remembered before, counts; 0 for families without
+    /// memory.
+    #[must_use]
+    pub fn wipe_counts(&self) -> MotorVec {
+        self.runtime.wipe_counts()
+    }
+
+    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m); see [`hysteresis`].
+    #[must_use]
+    pub fn correction(&self, memory: &Memory) -> OutputVec {
+        self.runtime.correction(memory)
+    }
+
+    /// The outputs if the motors went straight from where they are to `counts`. Finite for every finite position, in the
+    /// hull or not; far outside it extrapolates. A position that is not a number gives estimates that are none.
+    #[must_use]
+    pub fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
+        self.runtime.predict(counts, memory)
     }
 
     /// Derivative of the predicted mean with respect to the counts, rad (m) per count.
     #[must_use]
-    pub fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {
-        self.runtime.jacobian(counts)
+    pub fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
+        self.runtime.jacobian(counts, memory)
     }
 
-    /// The counts that bring the outputs to `goal`, rad (m), searched from `start`, which is best the answer of the
-    /// tick before. The answer lies in the hull, whatever the goal; rounded to whole counts, up to half a count beside it.
+    /// The counts that bring the outputs to `goal`, rad (m), from where the memory says that the motors are. The answer
+    /// lies in the hull, whatever the goal; rounded to whole counts, up to half a count beside it.
     ///
     /// - A goal that no position in the hull reaches gives a nearest one, by distance in output space, marked `clipped`.
     /// - With more outputs than motors the nearest one is all there is; `clipped` then says that the hull was in the way.
-    /// - With more motors than outputs, it is the position near `start` that does.
-    /// - A goal that is not finite gives `start`, moved into the hull, marked `clipped`, with an infinite residual.
+    /// - With more motors than outputs, it is the position near the start that does.
+    /// - A goal that is not finite gives the start, moved into the hull, marked `clipped`, with an infinite residual.
     #[must_use]
-    pub fn invert(&self, goal: &OutputVec, _memory: &Memory, start: &MotorVec) -> Inverse {
-        self.runtime.invert(goal, &self.hull, start)
+    pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
+        self.runtime.invert(goal, memory, &self.hull, query)
     }
 }
 
@@ -193,5 +231,24 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
             Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
         }
         FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
+        FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
+            Box::new(chain::<_, D, M>(Plays::prepare(plays)?, mixture, residual.as_ref(), virtual_hull, si)?)
+        }
+    })
+}
+
+fn chain<O: Operator<D>, const D: usize, const M: usize>(
+    operator: O,
+    mixture: &MixtureParameters,
+    residual: Option<&ResidualParameters>,
+    virtual_hull: &HullParameters,
+    si: f64,
+) -> Result<Chain<O, Gmr<D, M>, D, M>, ModelError> {
+    let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
+    Ok(Chain {
+        operator,
+        read_out: Gmr::prepare(mixture, si)?,
+        residual: residual.map(|residual| Residual::prepare(residual, lags, si)).transpose()?,
+        virtual_hull: Hull::new(virtual_hull, D)?,
     })
 }

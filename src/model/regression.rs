@@ -5,9 +5,10 @@ use std::fmt::Debug;
 use nalgebra::{SMatrix, SVector};
 
 use super::error::ModelError;
-use super::estimate::{Estimate, Inverse, JacobianMatrix};
+use super::estimate::{Estimate, Inverse, JacobianMatrix, Query};
 use super::file::OutputUnit;
 use super::hull::{Hull, MAX_COUNTS};
+use super::memory::Memory;
 use super::{inverse, round_trip};
 use crate::units::{MotorVec, OutputVec};
 
@@ -25,7 +26,8 @@ pub(super) trait Regression<const D: usize, const M: usize>: Debug + Send + Sync
 
 /// Mean and slope of a regression at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Local<const D: usize, const M: usize> {
+pub struct Local<const D: usize, const M: usize> {
+    /// The outputs.
     pub mean: SVector<f64, M>,
     /// d mean / d input.
     pub jacobian: SMatrix<f64, M, D>,
@@ -39,44 +41,63 @@ pub(super) struct Prediction<const M: usize> {
     pub covariance_within: SMatrix<f64, M, M>,
 }
 
-/// A regression behind a door of fixed size: the one place where sizes become types.
+/// A family behind a door of fixed size: the one place where sizes become types. What a family without memory leaves
+/// out is the right thing for it.
 pub(super) trait Runtime: Debug + Send + Sync {
-    fn predict(&self, counts: &MotorVec) -> Estimate;
-    fn jacobian(&self, counts: &MotorVec) -> JacobianMatrix;
-    fn invert(&self, goal: &OutputVec, hull: &Hull, start: &MotorVec) -> Inverse;
+    /// Brings the state of a memory, whose position has been noted, to that position.
+    fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
+
+    /// The range that every motor has to cover to wipe out what was remembered before, counts.
+    fn wipe_counts(&self) -> MotorVec {
+        MotorVec::default()
+    }
+
+    /// See [`super::Model::correction`].
+    fn correction(&self, _memory: &Memory) -> OutputVec {
+        OutputVec::default()
+    }
+
+    fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate;
+    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
+    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse;
     /// See [`round_trip::check`].
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
 }
 
-/// Gives a regression of sizes `D` and `M` the door of fixed size.
+/// Gives a regression on the counts, of sizes `D` and `M` the door of fixed size.
 #[derive(Debug)]
 pub(super) struct Prepared<R, const D: usize, const M: usize>(pub R);
 
 impl<R: Regression<D, M>, const D: usize, const M: usize> Runtime for Prepared<R, D, M> {
-    fn predict(&self, counts: &MotorVec) -> Estimate {
-        let prediction = self.0.predict(&vector(&bounded(counts)));
-        Estimate {
-            mean: array(&prediction.mean),
-            covariance: rows(&prediction.covariance),
-            covariance_within: rows(&prediction.covariance_within),
-        }
+    fn predict(&self, counts: &MotorVec, _memory: &Memory) -> Estimate {
+        estimate(&self.0.predict(&vector(&bounded(counts))))
     }
 
-    fn jacobian(&self, counts: &MotorVec) -> JacobianMatrix {
+    fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {
         rows(&self.0.local(&vector(&bounded(counts))).jacobian)
     }
 
-    fn invert(&self, goal: &OutputVec, hull: &Hull, start: &MotorVec) -> Inverse {
-        inverse::invert(&self.0, hull, goal, start)
+    fn invert(&self, goal: &OutputVec, _memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
+        inverse::invert(&self.0, hull, goal, &query.start)
     }
 
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
-        round_trip::check(&self.0, hull, unit)
+        let local = |counts: &MotorVec| Some(self.0.local(&vector::<D>(counts)));
+        round_trip::check(hull, unit, local, |goal| inverse::invert(&self.0, hull, goal, &hull.centre()))
+    }
+}
+
+/// A prediction in arrays of fixed size.
+pub(super) fn estimate<const M: usize>(prediction: &Prediction<M>) -> Estimate {
+    Estimate {
+        mean: array(&prediction.mean),
+        covariance: rows(&prediction.covariance),
+        covariance_within: rows(&prediction.covariance_within),
     }
 }
 
 /// Keeps squares from overflowing; no drive reports more.
-fn bounded(counts: &MotorVec) -> MotorVec {
+pub(super) fn bounded(counts: &MotorVec) -> MotorVec {
     counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS))
 }
 

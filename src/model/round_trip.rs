@@ -2,14 +2,13 @@
 
 use std::cmp::Ordering::Less;
 
-use nalgebra::SVector;
-
 use super::error::ModelError;
+use super::estimate::Inverse;
 use super::file::OutputUnit;
 use super::hull::Hull;
-use super::inverse::{invert, one_count};
-use super::regression::{Regression, array, vector};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec};
+use super::inverse::one_count;
+use super::regression::{Local, array};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
 /// Positions along each motor's range.
 const STEPS: usize = 17;
@@ -17,24 +16,25 @@ const STEPS: usize = 17;
 /// Where the model is nearly flat, one count is worth almost nothing; there it counts as this part of the mean worth.
 const LEAST_WORTH: f64 = 1e-3;
 
-/// Inverts the prediction at positions all over the hull, each from a cold start in the middle.
+/// Inverts the prediction at positions all over the hull, each from a cold start in the middle. `local` leaves out
+/// positions at which the model does not claim to know anything; the middle of the hull is none of them.
 ///
 /// # Errors
 ///
 /// Where the prediction at the answer is further from the prediction at the position than one count is worth there:
 /// the worst such position.
-pub(super) fn check<R: Regression<D, M>, const D: usize, const M: usize>(
-    regression: &R,
+pub(super) fn check<const D: usize, const M: usize>(
     hull: &Hull,
     unit: OutputUnit,
+    local: impl Fn(&MotorVec) -> Option<Local<D, M>>,
+    invert: impl Fn(&OutputVec) -> Inverse,
 ) -> Result<(), ModelError> {
-    let positions: Vec<MotorVec> = positions(hull);
-    let worth = |counts: &MotorVec| one_count(&regression.local(&vector::<D>(counts)).jacobian);
-    let floor = LEAST_WORTH * positions.iter().map(worth).sum::<f64>() / positions.len().max(1) as f64;
-    let missed = positions.into_iter().map(|counts| {
-        let goal: SVector<f64, M> = regression.local(&vector::<D>(&counts)).mean;
-        let inverse = invert(regression, hull, &array::<M, MAX_OUTPUTS>(&goal), &hull.centre());
-        (counts, inverse.residual, worth(&counts).max(floor))
+    let known: Vec<_> = positions(hull).into_iter().filter_map(|counts| local(&counts).map(|l| (counts, l))).collect();
+    let worth = |local: &Local<D, M>| one_count(&local.jacobian);
+    let floor = LEAST_WORTH * known.iter().map(|(_, local)| worth(local)).sum::<f64>() / known.len().max(1) as f64;
+    let missed = known.iter().map(|(counts, local)| {
+        let inverse = invert(&array::<M, MAX_OUTPUTS>(&local.mean));
+        (*counts, inverse.residual, worth(local).max(floor))
     });
     let in_counts = |(_, error, worth): &(MotorVec, f64, f64)| (error / worth).abs();
     let worst = missed.max_by(|a, b| in_counts(a).total_cmp(&in_counts(b)));

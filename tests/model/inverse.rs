@@ -1,7 +1,7 @@
 //! The inverse: there and back, inside the hull, whatever is asked.
 
 use i2ris::model::file::{FamilyParameters, MixtureParameters};
-use i2ris::model::{Inverse, Model};
+use i2ris::model::{Inverse, Model, Query};
 use i2ris::units::{MotorVec, OutputVec};
 use proptest::prelude::*;
 
@@ -21,7 +21,7 @@ fn one_count(model: &Model, counts: &MotorVec) -> f64 {
 }
 
 fn invert(model: &Model, goal: &OutputVec, start: &MotorVec) -> Inverse {
-    model.invert(goal, &model.new_memory(), start)
+    model.invert(goal, &model.new_memory(), &Query::new(*start))
 }
 
 fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {

@@ -27,7 +27,7 @@ fn recorded(rows: usize, size: usize, mut row: impl FnMut(f64) -> ([f64; 2], [f6
     for index in 0..rows {
         let time = index as f64 * 0.2;
         let (counts, [pitch, yaw]) = row(time);
-        writer.row(&Row { line: 0, time_s: Some(time), counts, outputs: [pitch, yaw, 0.0] }).unwrap();
+        writer.row(&Row { line: 0, time_s: Some(time), counts, outputs: [pitch, yaw, 0.0], place: 0 }).unwrap();
     }
     writer.finish().unwrap();
     Recording::read(file.path(), &ColumnMap::default()).unwrap().0

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::columns::{Column, Layout};
 use super::read::RawTable;
-use super::{Recording, RecordingError, Row};
+use super::{Position, Recording, RecordingError};
 
 /// The least rows that a recording must have: fewer hold no motion.
 pub const MIN_ROWS: usize = 20;
@@ -40,7 +40,7 @@ pub(super) fn rows_make_sense(recording: &Recording, layout: &Layout, path: &Pat
         return Err(RecordingError::TooFewRows { path: path.to_owned(), rows: rows.len(), least: MIN_ROWS });
     }
     if let Some(column) = &layout.time {
-        rows.windows(2).try_for_each(|pair| time_goes_forward(&pair[0], &pair[1], column, path))?;
+        recording.path().windows(2).try_for_each(|pair| time_goes_forward(&pair[0], &pair[1], column, path))?;
     }
     for (motor, column) in layout.counts.iter().enumerate() {
         changes(rows.iter().map(|row| row.counts[motor]), column, "that motor never moved", "--counts", path)?;
@@ -51,7 +51,7 @@ pub(super) fn rows_make_sense(recording: &Recording, layout: &Layout, path: &Pat
     Ok(())
 }
 
-fn time_goes_forward(before: &Row, after: &Row, column: &Column, path: &Path) -> Result<(), RecordingError> {
+fn time_goes_forward(before: &Position, after: &Position, column: &Column, path: &Path) -> Result<(), RecordingError> {
     let (Some(previous), Some(time)) = (before.time_s, after.time_s) else { return Ok(()) };
     if time > previous {
         return Ok(());

@@ -35,6 +35,19 @@ pub struct Row {
     pub counts: MotorVec,
     /// Measured outputs in the unit of the file (degrees or mm); entries beyond the number of outputs are 0.
     pub outputs: [f64; MAX_OUTPUTS],
+    /// Index of the position in [`Recording::path`].
+    pub place: usize,
+}
+
+/// A position on the way of the motors, with or without outputs that were measured there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Position {
+    /// Line in the file, counted from 1 with the header.
+    pub line: u64,
+    /// Time stamp, s, of whatever clock the file has.
+    pub time_s: Option<f64>,
+    /// Encoder counts; entries beyond the number of motors are 0.
+    pub counts: MotorVec,
 }
 
 /// A recording that has been checked: at least [`MIN_ROWS`] rows, every number finite and of a size that it can have,
@@ -45,6 +58,7 @@ pub struct Recording {
     sha256: String,
     motors: usize,
     outputs: Vec<OutputSpec>,
+    path: Vec<Position>,
     rows: Vec<Row>,
 }
 
@@ -73,7 +87,14 @@ impl Recording {
         &self.outputs
     }
 
-    /// The rows, in the order of the file.
+    /// The way of the motors: every position of the file, in order, also those at which nothing was measured. What
+    /// depends on history needs all of them.
+    #[must_use]
+    pub fn path(&self) -> &[Position] {
+        &self.path
+    }
+
+    /// The rows with outputs, in the order of the file.
     #[must_use]
     pub fn rows(&self) -> &[Row] {
         &self.rows
@@ -85,7 +106,9 @@ impl Recording {
 pub struct ReadReport {
     /// Rows of the file, without the header.
     pub rows: usize,
-    /// Rows that were left out because a cell is empty.
+    /// Rows with counts but no outputs at all: they only say where the motors went.
+    pub positions: usize,
+    /// Rows with some cells empty, which give no sample.
     pub dropped: Vec<DroppedRow>,
     /// The column of the time stamps, if any.
     pub time_column: Option<String>,

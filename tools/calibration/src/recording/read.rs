@@ -6,10 +6,11 @@ use std::path::Path;
 
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use i2ris::model::file::OutputUnit;
+use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use sha2::{Digest, Sha256};
 
 use super::columns::{Column, ColumnMap, Layout};
-use super::{DroppedRow, ReadReport, Recording, RecordingError, Row, check};
+use super::{DroppedRow, Position, ReadReport, Recording, RecordingError, Row, check};
 
 /// Angles beyond a half turn are no bending angles.
 const MAX_ANGLE_DEG: f64 = 180.0;
@@ -31,11 +32,12 @@ impl Recording {
         let (motors, outputs) =
             (layout.counts.len(), layout.outputs.iter().map(|(_, output)| output.clone()).collect());
         check::columns_are_filled(&table, &layout, path)?;
-        let recording = Self { name, sha256: hash(&bytes), motors, outputs, rows: table.rows };
+        let recording = Self { name, sha256: hash(&bytes), motors, outputs, path: table.path, rows: table.rows };
         check::rows_make_sense(&recording, &layout, path)?;
         let names = |columns: &mut dyn Iterator<Item = &Column>| columns.map(|column| column.name.clone()).collect();
         let report = ReadReport {
             rows: table.total,
+            positions: table.positions,
             dropped: table.dropped,
             time_column: layout.time.as_ref().map(|column| column.name.clone()),
             counts_columns: names(&mut layout.counts.iter()),
@@ -50,11 +52,43 @@ impl Recording {
 pub(super) struct RawTable {
     /// Complete ones.
     pub rows: Vec<Row>,
+    /// Positions of all rows that have one.
+    pub path: Vec<Position>,
+    /// Rows with a position but no outputs.
+    pub positions: usize,
     pub dropped: Vec<DroppedRow>,
     /// Complete or not.
     pub total: usize,
     /// Cells with something in them, per column of the file.
     pub filled: Vec<usize>,
+}
+
+impl RawTable {
+    fn take(&mut self, parsed: Parsed, line: u64) {
+        let place = self.path.len();
+        let Parsed { time_s, counts, outputs, measured, empty, located } = parsed;
+        if located {
+            self.path.push(Position { line, time_s, counts });
+        }
+        match empty {
+            None => self.rows.push(Row { line, time_s, counts, outputs, place }),
+            Some(_) if located && !measured => self.positions += 1,
+            Some(column) => self.dropped.push(DroppedRow { line, column }),
+        }
+    }
+}
+
+/// What a line says.
+struct Parsed {
+    time_s: Option<f64>,
+    counts: MotorVec,
+    outputs: [f64; MAX_OUTPUTS],
+    /// At least one output is there.
+    measured: bool,
+    /// The first column whose cell is empty.
+    empty: Option<String>,
+    /// Time (where there is one) and all counts are there.
+    located: bool,
 }
 
 fn parse(bytes: &[u8], columns: &ColumnMap, path: &Path) -> Result<(Layout, RawTable), RecordingError> {
@@ -74,10 +108,7 @@ fn parse(bytes: &[u8], columns: &ColumnMap, path: &Path) -> Result<(Layout, RawT
         line.check_length(header.len())?;
         table.total += 1;
         table.filled.iter_mut().zip(&record).for_each(|(filled, cell)| *filled += usize::from(!cell.is_empty()));
-        match line.row(&layout)? {
-            Ok(row) => table.rows.push(row),
-            Err(dropped) => table.dropped.push(dropped),
-        }
+        table.take(line.parse(&layout)?, line.number);
     }
     Ok((layout, table))
 }
@@ -122,25 +153,31 @@ impl Line<'_> {
         Err(RecordingError::RowLength { path: self.path.to_owned(), line: self.number, found, expected })
     }
 
-    /// The row, or why it is left out. Every cell is looked at, so that nonsense beside an empty cell is still found.
-    fn row(&self, layout: &Layout) -> Result<Result<Row, DroppedRow>, RecordingError> {
-        let mut row = Row { line: self.number, time_s: None, counts: Default::default(), outputs: Default::default() };
+    /// Every cell is looked at, so that nonsense beside an empty cell is still found.
+    fn parse(&self, layout: &Layout) -> Result<Parsed, RecordingError> {
         let mut empty = None;
+        let mut time_s = None;
         if let Some(column) = &layout.time {
-            row.time_s = self.number(column, f64::INFINITY, "", &mut empty)?;
+            time_s = self.number(column, f64::INFINITY, "", &mut empty)?;
         }
-        for (count, column) in row.counts.iter_mut().zip(&layout.counts) {
+        let mut counts = MotorVec::default();
+        for (count, column) in counts.iter_mut().zip(&layout.counts) {
             let reason = "is out of the range of an encoder, 32 bits; correct the cell or name another column";
             *count = self.number(column, f64::from(i32::MAX), reason, &mut empty)?.unwrap_or_default();
         }
-        for (output, (column, spec)) in row.outputs.iter_mut().zip(&layout.outputs) {
+        let located = empty.is_none();
+        let mut outputs = [0.0; MAX_OUTPUTS];
+        let mut measured = false;
+        for (output, (column, spec)) in outputs.iter_mut().zip(&layout.outputs) {
             let (most, reason) = match spec.unit {
                 OutputUnit::Deg => (MAX_ANGLE_DEG, "is not between -180 and 180 degrees; correct the cell or its unit"),
                 OutputUnit::Mm => (MAX_POSITION_MM, "is not between -1000 and 1000 mm; correct the cell or its unit"),
             };
-            *output = self.number(column, most, reason, &mut empty)?.unwrap_or_default();
+            let number = self.number(column, most, reason, &mut empty)?;
+            measured |= number.is_some();
+            *output = number.unwrap_or_default();
         }
-        Ok(empty.map_or(Ok(row), |column: &str| Err(DroppedRow { line: self.number, column: column.to_owned() })))
+        Ok(Parsed { time_s, counts, outputs, measured, empty: empty.map(str::to_owned), located })
     }
 
     /// The number in a cell; `None`, and the first such column noted in `empty`, when there is nothing in it.

@@ -207,6 +207,7 @@ fn any_row() -> impl Strategy<Value = Row> {
         time_s: Some(time).filter(|time| time.is_finite()),
         counts,
         outputs: [pitch, yaw, 0.0],
+        place: 0,
     })
 }
 
@@ -232,7 +233,7 @@ proptest! {
         for (i, step) in steps.iter().enumerate() {
             time += step;
             times.push(Some(time));
-            writer.row(&Row { line: 0, time_s: Some(time), counts: [i as f64, 0.0], outputs: [*step, 0.0, 0.0] }).unwrap();
+            writer.row(&Row { line: 0, time_s: Some(time), counts: [i as f64, 0.0], outputs: [*step, 0.0, 0.0], place: 0 }).unwrap();
         }
         let (recording, _) = read_as(&writer.finish().unwrap(), &ColumnMap::default()).unwrap();
         prop_assert_eq!(recording.rows().iter().map(|row| row.time_s).collect::<Vec<_>>(), times);
@@ -251,6 +252,23 @@ proptest! {
 fn a_cell_that_was_not_measured_is_left_empty() {
     let outputs = [OutputSpec { name: "x".to_owned(), unit: OutputUnit::Mm }];
     let mut writer = RecordingWriter::new(Vec::new(), true, 1, &outputs).unwrap();
-    writer.row(&Row { line: 0, time_s: Some(0.5), counts: [3.0, 9.0], outputs: [f64::NAN, 1.0, 1.0] }).unwrap();
+    writer
+        .row(&Row { line: 0, time_s: Some(0.5), counts: [3.0, 9.0], outputs: [f64::NAN, 1.0, 1.0], place: 0 })
+        .unwrap();
     assert_eq!(String::from_utf8(writer.finish().unwrap()).unwrap(), "t_s,q0_counts,x_mm\n0.5,3,\n");
+}
+
+#[test]
+fn positions_without_outputs_are_part_of_the_way_and_no_samples() {
+    let mut lines = good();
+    lines.insert(6, "4.95,55,0,,".to_owned());
+    lines.insert(8, "5.95,57,0,3,".to_owned());
+    let (recording, report) = read(&lines.join("\n")).unwrap();
+    let plain = read(&good().join("\n")).unwrap().0;
+    assert_eq!((recording.path().len(), recording.rows().len()), (plain.rows().len() + 2, plain.rows().len()));
+    assert_eq!((report.positions, report.dropped.len()), (1, 1));
+    for row in recording.rows() {
+        let place = recording.path()[row.place];
+        assert_eq!((place.line, place.counts), (row.line, row.counts));
+    }
 }

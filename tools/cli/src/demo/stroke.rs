@@ -56,7 +56,7 @@ pub fn record(
         let counts = [encoders[0].at(stamp, GAP_NS)?[0], encoders[1].at(stamp, GAP_NS)?[0]];
         let [pitch, yaw] = angles_deg;
         let time_s = Some((Nanos(stamp) - start).as_seconds());
-        Some(Row { line: 0, time_s, counts, outputs: [pitch, yaw, 0.0] })
+        Some(Row { line: 0, time_s, counts, outputs: [pitch, yaw, 0.0], place: 0 })
     };
     Ok(pictures.iter().filter_map(row).collect())
 }
