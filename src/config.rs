@@ -28,6 +28,9 @@ pub struct Config {
     /// Limits on the motion of every motor.
     #[serde(default)]
     pub limits: LimitConfig,
+    /// The stroke of the command `condition`.
+    #[serde(default)]
+    pub condition: ConditionConfig,
     /// The serial ports, each with the axes behind it.
     pub ports: Vec<PortConfig>,
 }
@@ -128,6 +131,25 @@ impl Default for LimitConfig {
             feedback_lost_ms: 250,
             following_error_counts: 300,
         }
+    }
+}
+
+/// The decaying stroke that wipes out what is not known about the past of the wires.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConditionConfig {
+    /// Half the width of the first turn, counts of every motor, around where it begins. The model's need and the position
+    /// limits come first. Absent: the calibrated hull of the model; 500 without one.
+    pub half_width_counts: Option<i32>,
+    /// Turns, the first in full width, the others shrinking, 1 to 20.
+    pub turns: u32,
+    /// Velocity of the faster motor, counts per second; not above that of the limits.
+    pub velocity_counts_s: f64,
+}
+
+impl Default for ConditionConfig {
+    fn default() -> Self {
+        Self { half_width_counts: None, turns: 4, velocity_counts_s: 1000.0 }
     }
 }
 
@@ -285,6 +307,7 @@ impl Config {
         self.check_control()?;
         self.check_command()?;
         self.check_limits()?;
+        self.check_condition()?;
         self.check_ports()
     }
 
@@ -345,6 +368,14 @@ impl Config {
             limits.following_error_counts,
             "must be above 0",
         )
+    }
+
+    fn check_condition(&self) -> Result<(), WrongValue> {
+        let condition = &self.condition;
+        let half_width = condition.half_width_counts.unwrap_or(1);
+        require(half_width > 0, "condition.half_width_counts", half_width, "must be above 0")?;
+        require((1..=20).contains(&condition.turns), "condition.turns", condition.turns, "must be 1 to 20")?;
+        positive("condition.velocity_counts_s", condition.velocity_counts_s)
     }
 
     fn check_ports(&self) -> Result<(), WrongValue> {
@@ -437,6 +468,8 @@ mod tests {
         assert!(error("[control]\nrate_hz = 7").contains("control.rate_hz = 7: must be 100 to 4000"));
         assert!(error("[limits]\nvelocity_counts_s = nan").contains("limits.velocity_counts_s = NaN"));
         assert!(error("[command]\ndeadline_ms = 0").contains("command.deadline_ms"));
+        assert!(error("[condition]\nturns = 0").contains("condition.turns = 0: must be 1 to 20"));
+        assert!(error("[condition]\nhalf_width_counts = 0").contains("condition.half_width_counts"));
     }
 
     #[test]

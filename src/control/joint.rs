@@ -68,6 +68,11 @@ impl Joints {
         }
     }
 
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     /// Number of outputs.
     pub fn outputs(&self) -> usize {
         self.model.outputs()
@@ -143,8 +148,7 @@ impl Joints {
             setpoint_velocity: setpoint.velocity,
             measured_velocity: measured.velocity,
             deviation: measured.estimate.deviation(),
-            // Families without memory know all that there is to know.
-            memory_known: true,
+            memory_known: self.model.knows(&self.seen),
         })
     }
 
