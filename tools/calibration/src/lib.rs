@@ -21,6 +21,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod chain;
+mod components;
 mod cycle;
 pub mod em;
 pub mod family;
