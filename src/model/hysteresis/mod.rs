@@ -11,10 +11,12 @@
 //! |---|---|
 //! | `chain` | the chain, forwards and backwards |
 //! | [`play`] | play operators |
+//! | [`read_out`] | the regression alone, for the fit |
 //! | [`residual`] | the residual and its features |
 
 pub(super) mod chain;
 pub mod play;
+pub mod read_out;
 pub mod residual;
 
 use std::fmt::Debug;
