@@ -62,6 +62,9 @@ impl Joints {
     pub fn new(model: Arc<Model>, config: &CompensationConfig, tick: Nanos) -> Self {
         let memory = model.new_memory();
         let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
+        // Without a memory the inverse does not jump at a turn.
+        let jumps = model.wipe_counts() != MotorVec::default();
+        let steady = Steady::new(config, unit, tick, jumps);
         Self {
             start: model.hull().centre(),
             model,
@@ -70,7 +73,7 @@ impl Joints {
             sequences: Default::default(),
             measured: None,
             setpoint: None,
-            steady: Steady::new(config, unit, tick),
+            steady,
             compensation: config.factor,
         }
     }

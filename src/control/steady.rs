@@ -48,11 +48,12 @@ pub(super) struct Settled {
 }
 
 impl Steady {
-    pub fn new(config: &CompensationConfig, unit: OutputUnit, tick: Nanos) -> Self {
+    /// `jumps`: the inverse crosses a gap at a turn, so there is something to be held back from.
+    pub fn new(config: &CompensationConfig, unit: OutputUnit, tick: Nanos, jumps: bool) -> Self {
         let angle = |degrees: f64| if unit == OutputUnit::Deg { degrees.to_radians() } else { 0.0 };
         let tick_s = tick.as_seconds();
         Self {
-            band: angle(config.turning_band_deg),
+            band: if jumps { angle(config.turning_band_deg) } else { 0.0 },
             share: tick_s / (tick_s + 1e-3 * config.correction_filter_ms),
             correction_band: angle(config.correction_band_deg),
             pen: None,
@@ -118,7 +119,7 @@ mod tests {
     fn steady() -> Steady {
         let config =
             CompensationConfig { turning_band_deg: 1.0, correction_band_deg: 0.5, ..CompensationConfig::default() };
-        Steady::new(&config, OutputUnit::Deg, Nanos::from_millis(1))
+        Steady::new(&config, OutputUnit::Deg, Nanos::from_millis(1), true)
     }
 
     fn degrees(pitch: f64, yaw: f64) -> OutputVec {
