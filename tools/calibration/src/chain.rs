@@ -203,7 +203,7 @@ fn padded<const D: usize>(virtual_counts: &SVector<f64, D>) -> MotorVec {
 }
 
 /// The least number of components that comes near the least error on blocks left out.
-fn choose_components<const D: usize>(
+pub(crate) fn choose_components<const D: usize>(
     joint: &Table,
     outputs: usize,
     em: &EmOptions,
