@@ -12,6 +12,7 @@
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`linear`] | affine least squares |
+//! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
 //! | [`family`] | the families of models and their model files |
@@ -23,6 +24,7 @@
 pub mod chain;
 mod components;
 mod cycle;
+pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
