@@ -1,6 +1,7 @@
 //! What a model remembers of the past motion of the motors.
 
 use super::hysteresis::play::PlayState;
+use super::hysteresis::stop::StopState;
 use crate::units::MotorVec;
 
 /// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks the past.
@@ -45,6 +46,8 @@ pub(super) enum State {
     None,
     /// Of play operators.
     Plays(PlayState),
+    /// Of stop operators.
+    Stops(StopState),
 }
 
 impl Memory {
