@@ -202,7 +202,8 @@ fn the_way_back_is_another_way() {
 
 #[test]
 fn a_file_that_makes_no_sense_is_refused() {
-    let spoil: [(&str, fn(&mut StopParameters)); 9] = [
+    type Spoil = fn(&mut StopParameters);
+    let spoil: [(&str, Spoil); 9] = [
         ("softness", |file| file.softness = 0.0),
         ("loose_stiffness", |file| file.loose_stiffness = 0.0),
         ("base_friction", |file| file.base_friction = f64::NAN),

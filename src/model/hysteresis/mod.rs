@@ -11,11 +11,13 @@
 //! |---|---|
 //! | `chain` | the chain, forwards and backwards |
 //! | [`play`] | play operators |
+//! | [`read_out`] | the regression alone, for the fit |
 //! | [`stop`] | stop operators, in a balance of forces |
 //! | [`residual`] | the residual and its features |
 
 pub(super) mod chain;
 pub mod play;
+pub mod read_out;
 pub mod residual;
 pub mod stop;
 

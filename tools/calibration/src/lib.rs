@@ -13,12 +13,14 @@
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`linear`] | affine least squares |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
+//! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
 //! | [`family`] | the families of models and their model files |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
 //! | [`table`], [`progress`] | rows of numbers; telling someone how far it has come |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod chain;
 mod cycle;
 pub mod em;
 pub mod family;
@@ -29,6 +31,8 @@ pub mod motion;
 pub mod noise;
 pub mod progress;
 pub mod recording;
+mod ridge;
+pub mod series;
 pub mod spike;
 pub mod split;
 pub mod survey;

@@ -4,18 +4,21 @@ use i2ris::model::Model;
 use i2ris::model::file::FitMetrics;
 use i2ris::units::{MAX_OUTPUTS, OutputVec};
 
-use crate::recording::Recording;
+use crate::recording::{Recording, Row};
 
 /// What a model says at every row of a recording, in the units of the recording; entries beyond the number of outputs
-/// are 0. The code is that of the controller, and its memory follows the counts from the first row on.
+/// are 0. The code is that of the controller, and its memory follows the way of the motors from the first position on.
 #[must_use]
 pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
     let mut memory = model.new_memory();
-    let mut predict = |counts| {
-        model.advance(&mut memory, counts);
-        in_file_units(&model.predict(counts, &memory).mean, recording)
+    let mut next = 0;
+    let mut predict = |row: &Row| {
+        let way = recording.path().get(next..=row.place).unwrap_or_default();
+        way.iter().for_each(|position| model.advance(&mut memory, &position.counts));
+        next = row.place + 1;
+        in_file_units(&model.predict(&row.counts, &memory).mean, recording)
     };
-    recording.rows().iter().map(|row| predict(&row.counts)).collect()
+    recording.rows().iter().map(&mut predict).collect()
 }
 
 fn in_file_units(outputs: &OutputVec, recording: &Recording) -> [f64; MAX_OUTPUTS] {
