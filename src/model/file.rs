@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::hysteresis::play::PlayParameters;
 use super::hysteresis::residual::ResidualParameters;
+use super::hysteresis::stop::StopParameters;
 
 /// What the field `format` of every model file says.
 pub const FORMAT: &str = "i2ris-model";
@@ -107,6 +108,17 @@ pub enum FamilyParameters {
     GmrPlay {
         /// From counts to virtual counts.
         plays: PlayParameters,
+        /// Mixture over `[virtual counts; outputs]`.
+        mixture: MixtureParameters,
+        /// What is left, unless it is nothing.
+        residual: Option<ResidualParameters>,
+        /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
+    },
+    /// Stop operators in a balance of forces, then Gaussian mixture regression on the virtual counts, then a residual.
+    GmrStop {
+        /// From counts to virtual counts.
+        stops: StopParameters,
         /// Mixture over `[virtual counts; outputs]`.
         mixture: MixtureParameters,
         /// What is left, unless it is nothing.

@@ -2,6 +2,7 @@
 
 use super::direction::Travels;
 use super::hysteresis::play::PlayState;
+use super::hysteresis::stop::StopState;
 use crate::units::MotorVec;
 
 /// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks the past.
@@ -48,6 +49,8 @@ pub(super) enum State {
     Travels(Travels),
     /// Of play operators.
     Plays(PlayState),
+    /// Of stop operators.
+    Stops(StopState),
 }
 
 impl Memory {

@@ -65,6 +65,7 @@ use hysteresis::Operator;
 use hysteresis::chain::Chain;
 use hysteresis::play::Plays;
 use hysteresis::residual::{Residual, ResidualParameters};
+use hysteresis::stop::Stops;
 use linear::Linear;
 use regression::{Prepared, Runtime};
 
@@ -239,6 +240,9 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
         }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             Box::new(chain::<_, D, M>(Plays::prepare(plays)?, mixture, residual.as_ref(), virtual_hull, si)?)
+        }
+        FamilyParameters::GmrStop { stops, mixture, residual, virtual_hull } => {
+            Box::new(chain::<_, D, M>(Stops::prepare(stops)?, mixture, residual.as_ref(), virtual_hull, si)?)
         }
     })
 }

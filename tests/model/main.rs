@@ -8,3 +8,4 @@ mod inverse;
 mod linear;
 mod refusals;
 mod samples;
+mod stop;

@@ -20,6 +20,8 @@ pub enum Family {
     Linear,
     /// Gaussian mixture regression on the counts, without memory.
     Gmr,
+    /// Gaussian mixture regression on the counts and the direction of travel: the published way.
+    GmrDirection,
 }
 
 impl fmt::Display for Family {
@@ -27,19 +29,21 @@ impl fmt::Display for Family {
         f.write_str(match self {
             Self::Linear => "linear",
             Self::Gmr => "gmr",
+            Self::GmrDirection => "gmr-direction",
         })
     }
 }
 
 impl Family {
     /// All of them, the simplest first.
-    pub const ALL: [Self; 2] = [Self::Linear, Self::Gmr];
+    pub const ALL: [Self; 3] = [Self::Linear, Self::Gmr, Self::GmrDirection];
 
     /// Whether models of the family remember the past.
     #[must_use]
     pub fn remembers(self) -> bool {
         match self {
             Self::Linear | Self::Gmr => false,
+            Self::GmrDirection => true,
         }
     }
 }

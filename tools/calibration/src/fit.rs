@@ -12,12 +12,14 @@ use i2ris::units::MotorVec;
 
 pub use gmr::{Candidate, Verdict};
 
+use crate::direction::{DirectionError, DirectionOptions, fit_direction};
 use crate::em::{EmError, EmOptions};
 use crate::family::{Family, Fitted, Frame, ParseFamilyError};
 use crate::linear::{LinearError, LinearFit, fit_linear};
 use crate::motion::{NoHysteresis, hides_hysteresis};
 use crate::progress::Progress;
 use crate::recording::Recording;
+use crate::series::Series;
 use crate::spike::SpikeOptions;
 use crate::split::{HoldOut, Split, SplitError};
 use crate::survey::{Survey, inputs, outputs};
@@ -157,6 +159,9 @@ pub enum FitError {
     /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
+    /// No mixture with directions.
+    #[error(transparent)]
+    Direction(#[from] DirectionError),
     /// The recording cannot tell what the family would have to remember.
     #[error("{0}")]
     NoHysteresis(NoHysteresis),
@@ -199,7 +204,8 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
         robot_id: &options.robot_id,
         seed: options.em.seed,
     };
-    let mut work = Work { frame, inputs, outputs, straight, options, progress, candidates: Vec::new() };
+    let series = Series::new(recording, &training);
+    let mut work = Work { frame, series, inputs, outputs, straight, options, progress, candidates: Vec::new() };
     let wanted: Vec<Family> = Family::ALL.into_iter().filter(|family| options.choice.wants(*family)).collect();
     let mut families: Vec<FamilyOutcome> = wanted.into_iter().map(|family| work.attempt(family)).collect();
     let candidates = work.candidates;
@@ -219,6 +225,7 @@ impl Choice {
 /// What all families are fitted from.
 struct Work<'a> {
     frame: Frame<'a>,
+    series: Series,
     inputs: Table,
     outputs: Table,
     straight: LinearFit,
@@ -243,8 +250,16 @@ impl Work<'_> {
         let fitted = match family {
             Family::Linear => Fitted::from(&self.straight),
             Family::Gmr => return self.gmr(),
+            Family::GmrDirection => self.direction()?,
         };
         self.frame.model(&fitted).map_err(|source| refused(family, source))
+    }
+
+    fn direction(&self) -> Result<Fitted, FitError> {
+        let options = DirectionOptions { components: None, em: self.options.em.clone() };
+        let fit = fit_direction(&self.series, &options, self.progress)?;
+        let restarts = options.em.restarts;
+        Ok(Fitted { family: fit.parameters, log_likelihood: Some(fit.log_likelihood), bic: Some(fit.bic), restarts })
     }
 
     fn gmr(&mut self) -> Result<Model, FitError> {
