@@ -11,8 +11,9 @@ use std::time::Instant;
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, ModelFile, OutputMetrics, SCHEMA_VERSION, TrainingRecord,
 };
-use i2ris::model::{Hull, Model};
+use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::MotorVec;
+use i2ris_calibration::chain::ChainOptions;
 use i2ris_calibration::em::{EmOptions, fit_mixture};
 use i2ris_calibration::play::baseline::LinearPlays;
 use i2ris_calibration::play::{PlayFit, PlayOptions, fit_play};
@@ -72,12 +73,33 @@ fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options
     report("gmr", &predictions(&gmr(recording, training, &options.chain.em), recording));
     let (known, all) = (Series::new(recording, training), series(recording));
     report("plays, linear read-out", &LinearPlays::fit(&known).unwrap().predict(&all).unwrap());
-    let mut plain = options.clone();
-    plain.chain.residual = false;
-    report("gmr-play without residual", &predictions(&model(recording, training, &fit(&known, &plain)), recording));
     let fit = fit(&known, options);
-    report("gmr-play", &predictions(&model(recording, training, &fit), recording));
+    let plain = ChainOptions { residual: false, ..options.chain.clone() };
+    let (_, plain) = accepted(recording, training, &known, fit.refit(&known, &plain, &Silent).unwrap(), &plain);
+    report("gmr-play without residual", &predictions(&plain, recording));
+    let (fit, model) = accepted(recording, training, &known, fit, &options.chain);
+    report("gmr-play", &predictions(&model, recording));
     show(&fit);
+}
+
+/// The model with the most components, up to those chosen, that the controller accepts.
+fn accepted(
+    recording: &Recording,
+    training: &[usize],
+    known: &Series,
+    mut fit: PlayFit,
+    options: &ChainOptions,
+) -> (PlayFit, Model) {
+    for components in (1..fit.chain.mixture.weights.len()).rev() {
+        match with_family(recording, training, fit.family()) {
+            Ok(model) => return (fit, model),
+            Err(error) => println!("    refused with {} components: {error}", components + 1),
+        }
+        let fewer = ChainOptions { components: Some(components), ..options.clone() };
+        fit = fit.refit(known, &fewer, &Silent).unwrap();
+    }
+    let model = with_family(recording, training, fit.family()).unwrap();
+    (fit, model)
 }
 
 fn series(recording: &Recording) -> Series {
@@ -134,14 +156,10 @@ fn gmr(recording: &Recording, training: &[usize], em: &EmOptions) -> Model {
         counts.chain(row.outputs.into_iter().take(recording.outputs().len())).collect::<Vec<_>>()
     });
     let fit = fit_mixture(&Table::from_rows(width, joint), 4, em, &Silent).unwrap();
-    with_family(recording, training, FamilyParameters::Gmr { mixture: fit.parameters })
+    with_family(recording, training, FamilyParameters::Gmr { mixture: fit.parameters }).unwrap()
 }
 
-fn model(recording: &Recording, training: &[usize], fit: &PlayFit) -> Model {
-    with_family(recording, training, fit.family())
-}
-
-fn with_family(recording: &Recording, training: &[usize], family: FamilyParameters) -> Model {
+fn with_family(recording: &Recording, training: &[usize], family: FamilyParameters) -> Result<Model, ModelError> {
     let counts: Vec<MotorVec> = training.iter().map(|row| recording.rows()[*row].counts).collect();
     let none = FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
     let file = ModelFile {
@@ -163,7 +181,7 @@ fn with_family(recording: &Recording, training: &[usize], family: FamilyParamete
         },
         metrics: vec![OutputMetrics { training: none, held_out: None }; recording.outputs().len()],
     };
-    Model::from_file(file).unwrap()
+    Model::from_file(file)
 }
 
 fn predictions(model: &Model, recording: &Recording) -> Vec<Outputs> {
@@ -183,8 +201,8 @@ fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> Strin
 
 fn sweeps(first: &Recording, second: &Recording, options: &PlayOptions) {
     let training: Vec<usize> = (0..first.rows().len()).collect();
-    let fit = fit(&series(first), options);
-    let model = model(first, &training, &fit);
+    let known = series(first);
+    let (fit, model) = accepted(first, &training, &known, fit(&known, options), &options.chain);
     show(&fit);
     println!("  gmr-play                     training {}", rms(aligned(&predictions(&model, first), first, 0), 1));
     let came = |from: f64| after(&model, second, from);

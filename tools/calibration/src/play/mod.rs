@@ -67,6 +67,16 @@ pub struct PlayFit {
 }
 
 impl PlayFit {
+    /// Fits what follows the same plays again: with fewer components, say, because the model has no inverse.
+    ///
+    /// # Errors
+    ///
+    /// As [`fit_play`].
+    pub fn refit(&self, series: &Series, options: &ChainOptions, progress: &dyn Progress) -> Result<Self, PlayError> {
+        let chain = behind(&self.plays, series, options, progress)?;
+        Ok(Self { chain, ..self.clone() })
+    }
+
     /// The parameters as they stand in a model file.
     #[must_use]
     pub fn family(&self) -> FamilyParameters {
@@ -140,6 +150,18 @@ fn fit_sized<const D: usize>(
         Table::from_rows(rows.ncols(), rows.row_iter().map(|row| row.iter().copied().collect::<Vec<_>>()))
     };
     let reading = Reading::new(&plays, &table(&virtual_counts), &table(&stage.outputs))?;
-    let chain = fit_chain(&Plays::<D>::prepare(&plays)?, series, &options.chain, progress)?;
+    let chain = behind(&plays, series, &options.chain, progress)?;
     Ok(PlayFit { plays, chain, reading, search_rms: chosen.error.sqrt(), passes })
+}
+
+fn behind(
+    plays: &PlayParameters,
+    series: &Series,
+    options: &ChainOptions,
+    progress: &dyn Progress,
+) -> Result<ChainFit, PlayError> {
+    Ok(match series.motors() {
+        1 => fit_chain(&Plays::<1>::prepare(plays)?, series, options, progress)?,
+        _ => fit_chain(&Plays::<2>::prepare(plays)?, series, options, progress)?,
+    })
 }
