@@ -96,6 +96,13 @@ pub enum FamilyParameters {
         /// Mixture over `[counts; outputs]`.
         mixture: MixtureParameters,
     },
+    /// Gaussian mixture regression on the counts and the direction of travel of every motor.
+    GmrDirection {
+        /// A motor has turned when it has come back by so much, counts; d.
+        dead_bands_counts: Vec<f64>,
+        /// Mixture over `[counts; directions; outputs]`; a direction is 1 upwards and -1 downwards.
+        mixture: MixtureParameters,
+    },
     /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.
     GmrPlay {
         /// From counts to virtual counts.

@@ -1,5 +1,6 @@
 //! What a model remembers of the past motion of the motors.
 
+use super::direction::Travels;
 use super::hysteresis::play::PlayState;
 use crate::units::MotorVec;
 
@@ -43,6 +44,8 @@ pub(super) enum State {
     /// Nothing.
     #[default]
     None,
+    /// Which way every motor travels.
+    Travels(Travels),
     /// Of play operators.
     Plays(PlayState),
 }

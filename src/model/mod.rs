@@ -18,6 +18,7 @@
 //! | `gmm` | the Gaussian mixture: validation, prepared form |
 //! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
 //! | `linear` | affine least squares |
+//! | [`direction`] | Gaussian mixture regression on the counts and the direction of travel |
 //! | `memory` | what a model remembers |
 //! | [`hysteresis`] | models with memory: operators, residual |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
@@ -27,6 +28,7 @@
 //! | `round_trip` | the proof that the inverse of a model leads back |
 
 mod check;
+pub mod direction;
 mod error;
 mod estimate;
 pub mod file;
@@ -56,6 +58,7 @@ pub use store::ModelId;
 use nalgebra::SVector;
 
 use crate::units::{MotorVec, OutputVec};
+use direction::DirectionGmr;
 use file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit};
 use gmr::Gmr;
 use hysteresis::Operator;
@@ -231,6 +234,9 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
             Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
         }
         FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
+        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
+            Box::new(DirectionGmr::<D, M>::prepare(dead_bands_counts, mixture, si)?)
+        }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             Box::new(chain::<_, D, M>(Plays::prepare(plays)?, mixture, residual.as_ref(), virtual_hull, si)?)
         }

@@ -12,6 +12,7 @@
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`linear`] | affine least squares |
+//! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
 //! | [`play`] | the fit of play operators |
@@ -22,7 +23,9 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod chain;
+mod components;
 mod cycle;
+pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
