@@ -15,6 +15,7 @@
 //! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
+//! | [`play`] | the fit of play operators |
 //! | [`family`] | the families of models and their model files |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
@@ -32,6 +33,7 @@ pub mod linear;
 pub mod metrics;
 pub mod motion;
 pub mod noise;
+pub mod play;
 pub mod progress;
 pub mod recording;
 mod ridge;
