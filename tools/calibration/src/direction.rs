@@ -13,7 +13,7 @@ use i2ris::model::hysteresis::residual::{count, features};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec};
 use nalgebra::{DMatrix, SVector};
 
-use crate::chain::{ChainError, choose_components};
+use crate::components::choose_components;
 use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture};
 use crate::progress::Progress;
 use crate::ridge::ridge;
@@ -69,9 +69,6 @@ pub enum DirectionError {
     /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
-    /// The number of components could not be chosen.
-    #[error(transparent)]
-    Choice(#[from] ChainError),
 }
 
 /// Fits Gaussian mixture regression on counts and directions.
@@ -90,8 +87,8 @@ pub fn fit_direction(
     let joint = joint(&rows, series);
     let components = match (options.components, series.motors()) {
         (Some(components), _) => components,
-        (None, 1) => choose_components::<2>(&joint, series.outputs(), &options.em, progress)?,
-        (None, _) => choose_components::<4>(&joint, series.outputs(), &options.em, progress)?,
+        (None, 1) => choose_components::<2>(&joint, series.outputs(), &options.em, progress),
+        (None, _) => choose_components::<4>(&joint, series.outputs(), &options.em, progress),
     };
     let MixtureFit { parameters: mixture, log_likelihood, bic, .. } =
         fit_mixture(&joint, components, &options.em, progress)?;

@@ -23,6 +23,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod chain;
+mod components;
 mod cycle;
 pub mod direction;
 pub mod em;

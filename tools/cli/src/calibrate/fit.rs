@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
 use i2ris_calibration::em::EmOptions;
-use i2ris_calibration::family::Family;
-use i2ris_calibration::fit::{Components, FitOptions, fit};
+use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
 use i2ris_calibration::spike::SpikeOptions;
 use i2ris_calibration::split::HoldOut;
@@ -36,10 +35,10 @@ pub struct Arguments {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Model")]
 struct ModelArguments {
-    /// Family of models: `linear` or `gmr`
-    #[arg(long, default_value_t = Family::Gmr)]
-    family: Family,
-    /// Number of components of the mixture [default: chosen by BIC]
+    /// Family of models, or `best`: all of them, and the one with the least error on the rows held out is written
+    #[arg(long, default_value_t = Choice::Best)]
+    family: Choice,
+    /// Number of components of the mixture of `gmr` [default: chosen by the error on blocks left out]
     #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64), conflicts_with = "max_components")]
     components: Option<u8>,
     /// Most components to choose from
@@ -89,7 +88,7 @@ impl Arguments {
         let model = &self.model;
         FitOptions {
             robot_id: self.robot_id.clone(),
-            family: model.family,
+            choice: model.family,
             components: match model.components {
                 Some(components) => Components::Exactly(components.into()),
                 None => Components::UpTo(model.max_components.into()),
