@@ -10,7 +10,7 @@
 //! mean of both branches.
 //!
 //! The inverse solves with the present directions first. If the way to the answer turns a motor, the answer does not hold,
-//! and the other directions are tried: at most 2^D + 1 solves in all.
+//! and the other directions are tried: at most 2^D solves in all, 3^D while no direction is known.
 
 mod condition;
 mod travel;
@@ -101,7 +101,7 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         }
         let mut best = first;
         let mut iterations = first.iterations;
-        for directions in known::<D>().filter(|directions| *directions != present) {
+        for directions in from::<D>(present).filter(|directions| *directions != present) {
             let found = self.attempt(goal, travels, hull, first.counts, directions);
             iterations += found.iterations;
             if found.residual < best.residual {
@@ -208,9 +208,12 @@ fn all<const D: usize>() -> impl Iterator<Item = Directions> {
     EACH.iter().flat_map(move |first| second.iter().map(move |second| [*first, *second]))
 }
 
-/// All directions of D motors that are known.
-fn known<const D: usize>() -> impl Iterator<Item = Directions> {
-    all::<D>().filter(|directions| directions.iter().take(D).all(|d| *d != Direction::Unknown))
+/// The directions that D motors can come to have: none that is known gets lost.
+fn from<const D: usize>(present: Directions) -> impl Iterator<Item = Directions> {
+    let possible = move |directions: &Directions| {
+        present.iter().zip(directions).all(|(from, to)| *from == Direction::Unknown || *to != Direction::Unknown)
+    };
+    all::<D>().filter(possible)
 }
 
 fn place<const D: usize>([first, second]: Directions) -> usize {

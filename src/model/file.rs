@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::hysteresis::play::PlayParameters;
 use super::hysteresis::residual::ResidualParameters;
 use super::hysteresis::stop::StopParameters;
+use super::kinematic::KinematicParameters;
 
 /// What the field `format` of every model file says.
 pub const FORMAT: &str = "i2ris-model";
@@ -88,6 +89,15 @@ pub enum FamilyParameters {
         /// m rows of d.
         gain: Vec<Vec<f64>>,
         /// m.
+        offset: Vec<f64>,
+        /// Covariance of the residuals, m rows of m.
+        covariance: Vec<Vec<f64>>,
+    },
+    /// The analytic chain of the robot.
+    Kinematic {
+        /// What differs from robot to robot.
+        kinematics: KinematicParameters,
+        /// Outputs of the straight snake, less those that the chain gives it; m.
         offset: Vec<f64>,
         /// Covariance of the residuals, m rows of m.
         covariance: Vec<Vec<f64>>,

@@ -18,6 +18,7 @@
 //! | `gmm` | the Gaussian mixture: validation, prepared form |
 //! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
 //! | `linear` | affine least squares |
+//! | [`kinematic`] | the analytic chain of the robot |
 //! | [`direction`] | Gaussian mixture regression on the counts and the direction of travel |
 //! | `memory` | what a model remembers |
 //! | [`hysteresis`] | models with memory: operators, residual |
@@ -37,6 +38,7 @@ mod gmr;
 mod hull;
 pub mod hysteresis;
 mod inverse;
+pub mod kinematic;
 mod linear;
 mod memory;
 mod plane;
@@ -66,6 +68,7 @@ use hysteresis::chain::Chain;
 use hysteresis::play::Plays;
 use hysteresis::residual::{Residual, ResidualParameters};
 use hysteresis::stop::Stops;
+use kinematic::Kinematic;
 use linear::Linear;
 use regression::{Prepared, Runtime};
 
@@ -233,6 +236,9 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
     Ok(match &file.family {
         FamilyParameters::Linear { gain, offset, covariance } => {
             Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
+        }
+        FamilyParameters::Kinematic { kinematics, offset, covariance } => {
+            Box::new(Prepared(Kinematic::<D, M>::prepare(kinematics, offset, covariance, unit(file))?))
         }
         FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
         FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {

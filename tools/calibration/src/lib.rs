@@ -12,6 +12,7 @@
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`linear`] | affine least squares |
+//! | [`kinematic`] | the analytic chain of the robot |
 //! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
@@ -29,6 +30,7 @@ pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
+pub mod kinematic;
 pub mod linear;
 pub mod metrics;
 pub mod motion;
