@@ -121,9 +121,8 @@ fn compensation_is_a_part_of_the_way_from_the_middle() {
     let (_, model) = one_motor();
     let memory = after(&model, &[[-300.0, 0.0], [100.0, 0.0]]);
     let goal = model.predict(&[150.0, 0.0], &memory).mean;
-    let counts = |compensation| {
-        model.invert(&goal, &memory, &Query { compensation, ..Query::new([100.0, 0.0]) }).counts[0]
-    };
+    let counts =
+        |compensation| model.invert(&goal, &memory, &Query { compensation, ..Query::new([100.0, 0.0]) }).counts[0];
     let without = model.invert(&goal, &model.new_memory(), &Query::new([100.0, 0.0])).counts[0];
     assert!((counts(1.0) - 150.0).abs() < 0.1 && (counts(0.0) - without).abs() < 1e-9);
     assert!((counts(0.5) - 0.5 * (counts(0.0) + counts(1.0))).abs() < 1e-9);

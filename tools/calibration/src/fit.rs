@@ -1,22 +1,23 @@
 //! From a recording to models: the whole of a calibration but reading and writing.
 
 mod gmr;
+mod work;
 
+use std::error::Error;
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
-use std::time::Instant;
 
 use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::MotorVec;
 
 pub use gmr::{Candidate, Verdict};
+use work::Work;
 
-use crate::direction::{DirectionError, DirectionOptions, fit_direction};
 use crate::em::{EmError, EmOptions};
-use crate::family::{Family, Fitted, Frame, ParseFamilyError};
-use crate::linear::{LinearError, LinearFit, fit_linear};
-use crate::motion::{NoHysteresis, hides_hysteresis};
+use crate::family::{Family, Frame, ParseFamilyError};
+use crate::linear::{LinearError, fit_linear};
+use crate::motion::NoHysteresis;
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::series::Series;
@@ -159,9 +160,14 @@ pub enum FitError {
     /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
-    /// No mixture with directions.
-    #[error(transparent)]
-    Direction(#[from] DirectionError),
+    /// The parameters of the family cannot be found.
+    #[error("family `{family}`: {source}")]
+    Family {
+        /// The family.
+        family: Family,
+        /// Why.
+        source: Box<dyn Error + Send + Sync>,
+    },
     /// The recording cannot tell what the family would have to remember.
     #[error("{0}")]
     NoHysteresis(NoHysteresis),
@@ -219,54 +225,6 @@ impl Choice {
             Self::Best => true,
             Self::One(one) => family == Family::Linear || family == one,
         }
-    }
-}
-
-/// What all families are fitted from.
-struct Work<'a> {
-    frame: Frame<'a>,
-    series: Series,
-    inputs: Table,
-    outputs: Table,
-    straight: LinearFit,
-    options: &'a FitOptions,
-    progress: &'a dyn Progress,
-    candidates: Vec<Candidate>,
-}
-
-impl Work<'_> {
-    fn attempt(&mut self, family: Family) -> FamilyOutcome {
-        let begin = Instant::now();
-        let result = self.fit(family).map(Arc::new);
-        FamilyOutcome { family, result, seconds: begin.elapsed().as_secs_f64() }
-    }
-
-    fn fit(&mut self, family: Family) -> Result<Model, FitError> {
-        if family.remembers()
-            && let Some(reason) = hides_hysteresis(self.frame.recording)
-        {
-            return Err(FitError::NoHysteresis(reason));
-        }
-        let fitted = match family {
-            Family::Linear => Fitted::from(&self.straight),
-            Family::Gmr => return self.gmr(),
-            Family::GmrDirection => self.direction()?,
-        };
-        self.frame.model(&fitted).map_err(|source| refused(family, source))
-    }
-
-    fn direction(&self) -> Result<Fitted, FitError> {
-        let options = DirectionOptions { components: None, em: self.options.em.clone() };
-        let fit = fit_direction(&self.series, &options, self.progress)?;
-        let restarts = options.em.restarts;
-        Ok(Fitted { family: fit.parameters, log_likelihood: Some(fit.log_likelihood), bic: Some(fit.bic), restarts })
-    }
-
-    fn gmr(&mut self) -> Result<Model, FitError> {
-        let joint = joint(&self.inputs, &self.outputs);
-        let (model, candidates) = gmr::fit(&self.frame, &joint, self.options, self.progress)?;
-        self.candidates = candidates;
-        Ok(model)
     }
 }
 

@@ -17,6 +17,7 @@
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
 //! | [`play`] | the fit of play operators |
+//! | [`stop`] | stop operators |
 //! | [`family`] | the families of models and their model files |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
@@ -42,6 +43,7 @@ mod ridge;
 pub mod series;
 pub mod spike;
 pub mod split;
+pub mod stop;
 pub mod survey;
 pub mod table;
 #[cfg(test)]

@@ -144,6 +144,18 @@ impl<const D: usize> Stops<D> {
         })
     }
 
+    /// The bend of a state.
+    #[must_use]
+    pub fn bend(&self, state: &StopState) -> SVector<f64, D> {
+        vector(&state.bend)
+    }
+
+    /// What the bend in the direction of every motor gains per count of it, with taut wires and without friction.
+    #[must_use]
+    pub fn gains(&self) -> SVector<f64, D> {
+        SVector::from_fn(|i, _| 1.0 / self.to_counts.row(i).norm())
+    }
+
     /// Wire travel of all motors at counts.
     fn travel(&self, counts: &SVector<f64, D>) -> SVector<f64, D> {
         let mut travel = *counts;
