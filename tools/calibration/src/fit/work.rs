@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use i2ris::model::Model;
-use i2ris::model::file::FamilyParameters;
+use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::hysteresis::stop::Stops;
 
 use super::{Candidate, FamilyOutcome, FitError, FitOptions, gmr, joint, refused};
@@ -70,7 +70,8 @@ impl Work<'_> {
     }
 
     fn kinematic(&self) -> Result<Fitted, Reason> {
-        Ok(Fitted::plain(fit_kinematic(&self.series, &KinematicOptions::default())?))
+        let unit = self.frame.recording.outputs().first().map_or(OutputUnit::Deg, |output| output.unit);
+        Ok(Fitted::plain(fit_kinematic(&self.series, &KinematicOptions::new(unit))?))
     }
 
     fn direction(&self) -> Result<Fitted, Reason> {
