@@ -21,6 +21,7 @@
 //! | [`kinematic`] | the analytic chain of the robot |
 //! | [`direction`] | Gaussian mixture regression on the counts and the direction of travel |
 //! | `memory` | what a model remembers |
+//! | `history` | where the motors have been, to rebuild a memory from |
 //! | [`hysteresis`] | models with memory: operators, residual |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
 //! | `estimate` | what a model answers |
@@ -35,6 +36,7 @@ mod estimate;
 pub mod file;
 mod gmm;
 mod gmr;
+mod history;
 mod hull;
 pub mod hysteresis;
 mod inverse;
@@ -52,6 +54,7 @@ use std::path::Path;
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
 pub use gmm::MAX_COMPONENTS;
+pub use history::History;
 pub use hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
 pub use memory::Memory;
 pub use regression::Local;

@@ -4,7 +4,7 @@ use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile};
 use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::play::{PlayParameters, PlayState, Plays};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
-use i2ris::model::{Inverse, Memory, Model, Query};
+use i2ris::model::{History, Inverse, Memory, Model, Query};
 use i2ris::units::MotorVec;
 use nalgebra::SVector;
 use proptest::collection::vec;
@@ -333,6 +333,38 @@ proptest! {
         // At a kink the slopes of both sides differ.
         if behind.jacobian == ahead.jacobian {
             prop_assert!((local - (ahead.mean[0] - behind.mean[0]) / (2.0 * STEP)).abs() < 1e-6);
+        }
+    }
+}
+
+/// From place to place in steps that an encoder would show.
+fn in_steps(way: &[MotorVec]) -> Vec<MotorVec> {
+    let straight = |ends: &[MotorVec]| {
+        let (from, to) = (ends[0], ends[1]);
+        let steps = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(1.0, f64::max).ceil() as u32;
+        let at =
+            move |step: u32, motor: usize| from[motor] + f64::from(step) / f64::from(steps) * (to[motor] - from[motor]);
+        (0..=steps).map(move |step| [at(step, 0).round(), at(step, 1).round()])
+    };
+    way.windows(2).flat_map(straight).collect()
+}
+
+proptest! {
+    #[test]
+    fn a_memory_is_rebuilt_from_the_history(file in play_file(2, 2), way in path(2)) {
+        let model = Model::from_file(file).unwrap();
+        let (mut lived, mut history) = (model.new_memory(), History::default());
+        for counts in in_steps(&way) {
+            model.advance(&mut lived, &counts);
+            history.note(&counts);
+        }
+        let rebuilt = model.recall(&history);
+        prop_assert_eq!(model.knows(&rebuilt), model.knows(&lived));
+        for counts in [[0.0, 0.0], [30.0, -20.0], *way.last().unwrap()] {
+            // Planar plays cut the corners of a way that is not straight: a few of 8 counts.
+            let (a, b) = (model.predict(&counts, &rebuilt).mean, model.predict(&counts, &lived).mean);
+            let apart = (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees();
+            prop_assert!(apart < 0.1, "{apart} deg");
         }
     }
 }
