@@ -98,6 +98,17 @@ impl<const D: usize> Kinematics<D> {
             }
         }
     }
+
+    /// The counts that come nearest to bending the snake by a pitch and a yaw, rad. The columns of the chain's matrix are
+    /// at right angles to each other.
+    fn counts(&self, pitch: f64, yaw: f64) -> SVector<f64, D> {
+        let joints = JOINTS_PER_AXIS as f64;
+        let half_sines = Vector2::new(joint::half_sine(pitch / joints), joint::half_sine(yaw / joints));
+        SVector::from_fn(|motor, _| {
+            let column = self.half_sines.column(motor);
+            column.dot(&half_sines) / column.norm_squared()
+        })
+    }
 }
 
 /// The family: the chain, where the outputs have their zero, and one covariance everywhere.
@@ -150,8 +161,12 @@ impl<const D: usize, const M: usize> Regression<D, M> for Kinematic<D, M> {
         Prediction { mean: self.local(input).mean, covariance: self.covariance, covariance_within: self.covariance }
     }
 
-    /// The bend grows with the counts all the way, so the search ends where it should from anywhere.
-    fn second_start(&self, _goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
-        None
+    /// The answer itself for pitch and yaw. For the tip the straight pose: the joints turn freely there.
+    fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
+        let bend = goal - self.offset;
+        Some(match (self.unit, bend.as_slice()) {
+            (OutputUnit::Deg, [pitch, yaw]) => self.chain.counts(*pitch, *yaw),
+            _ => SVector::zeros(),
+        })
     }
 }

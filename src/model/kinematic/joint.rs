@@ -33,6 +33,13 @@ pub(super) fn angle(half_sine: f64) -> (f64, f64) {
     if beyond == 0.0 { (2.0 * free.asin(), slope) } else { (2.0 * free.asin() + GIVE * slope * beyond, GIVE * slope) }
 }
 
+/// The sine of half the angle of a joint, from the angle, rad: the inverse of [`angle`].
+pub(super) fn half_sine(angle: f64) -> f64 {
+    let free = angle.clamp(-STOP_RAD, STOP_RAD);
+    let (sine, cosine) = (0.5 * free).sin_cos();
+    sine + (angle - free) * 0.5 * cosine / GIVE
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,5 +77,12 @@ mod tests {
         let ((at, free), (beyond, stiff)) = (angle(stop), angle(-2.0 * stop));
         assert!((at - STOP_RAD).abs() < 1e-12 && (stiff / free - GIVE).abs() < 1e-12);
         assert!(beyond < -STOP_RAD && beyond > -1.02 * STOP_RAD);
+    }
+
+    #[test]
+    fn the_half_sine_of_an_angle_leads_back() {
+        for at in [-0.3, -0.08, -0.01, 0.0, 0.05, 0.076, 0.2] {
+            assert!((half_sine(angle(at).0) - at).abs() < 1e-12, "{at}");
+        }
     }
 }

@@ -21,6 +21,7 @@ use crate::motion::NoHysteresis;
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::series::Series;
+use crate::slope::FlatSpot;
 use crate::spike::SpikeOptions;
 use crate::split::{HoldOut, Split, SplitError};
 use crate::survey::{Survey, inputs, outputs};
@@ -168,6 +169,14 @@ pub enum FitError {
         /// Why.
         source: Box<dyn Error + Send + Sync>,
     },
+    /// Every mixture is flat somewhere.
+    #[error("the mixture of {components} component(s) is refused: {spot}; record more of that region")]
+    TooFlat {
+        /// How many.
+        components: usize,
+        /// Where.
+        spot: FlatSpot,
+    },
     /// The recording cannot tell what the family would have to remember.
     #[error("{0}")]
     NoHysteresis(NoHysteresis),
@@ -273,12 +282,6 @@ fn hull(inputs: &Table) -> Result<Hull, ModelError> {
         counts
     };
     Hull::from_points(inputs.width(), &inputs.rows().map(padded).collect::<Vec<_>>())
-}
-
-/// `[counts; outputs]`, the variables of the mixture.
-fn joint(inputs: &Table, outputs: &Table) -> Table {
-    let rows = inputs.rows().zip(outputs.rows());
-    Table::from_rows(inputs.width() + outputs.width(), rows.map(|(x, y)| x.iter().chain(y).copied()))
 }
 
 #[cfg(test)]

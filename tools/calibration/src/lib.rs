@@ -19,6 +19,7 @@
 //! | [`play`] | the fit of play operators |
 //! | [`stop`] | stop operators |
 //! | [`family`] | the families of models and their model files |
+//! | [`slope`] | whether a model is flat where the robot is not |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
 //! | [`table`], [`progress`] | rows of numbers; telling someone how far it has come |
@@ -41,6 +42,7 @@ pub mod progress;
 pub mod recording;
 mod ridge;
 pub mod series;
+pub mod slope;
 pub mod spike;
 pub mod split;
 pub mod stop;

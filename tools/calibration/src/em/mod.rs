@@ -32,7 +32,7 @@ mod step;
 use i2ris::model::file::MixtureParameters;
 
 pub use error::{EmError, StartFailure};
-pub use search::{fit_mixture, fit_mixtures};
+pub use search::{fit_mixture, fit_mixture_from, fit_mixtures};
 
 /// The least and most variables of a mixture: one motor and one output; two motors, their directions and three outputs.
 pub const VARIABLES: std::ops::RangeInclusive<usize> = 2..=7;

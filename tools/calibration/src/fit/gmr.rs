@@ -7,7 +7,9 @@ use super::{Components, FitError, FitOptions, refused};
 use crate::components::{least_that_comes_near, left_out_errors};
 use crate::em::{EmError, MixtureFit, fit_mixture, fit_mixtures};
 use crate::family::{Family, Fitted, Frame};
+use crate::linear::LinearFit;
 use crate::progress::Progress;
+use crate::slope::{FlatSpot, flat_spot};
 use crate::table::Table;
 
 /// A number of components that was tried.
@@ -33,17 +35,29 @@ pub enum Verdict {
     Surpassed,
     /// It would have been taken, but its model was refused.
     Refused(ModelError),
+    /// It would have been taken, but its model is flat where the recording does not show that the robot is.
+    TooFlat(FlatSpot),
     /// There is no mixture.
     Failed(EmError),
+}
+
+/// What a mixture on the counts is fitted to.
+#[derive(Clone, Copy)]
+pub(super) struct Data<'a> {
+    pub inputs: &'a Table,
+    pub outputs: &'a Table,
+    /// The affine model of the same rows.
+    pub straight: &'a LinearFit,
 }
 
 /// A mixture on the counts and its candidates.
 pub(super) fn fit(
     frame: &Frame,
-    joint: &Table,
+    data: Data,
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<(Model, Vec<Candidate>), FitError> {
+    let joint = &joint(data.inputs, data.outputs);
     match options.components {
         Components::Exactly(components) => {
             let fit = fit_mixture(joint, components, &options.em, progress)?;
@@ -61,7 +75,7 @@ pub(super) fn fit(
                 _ => left_out_errors::<2>(joint, outputs, &tried, &options.em, progress),
             };
             let candidates = tried.into_iter().zip(fits).zip(&errors);
-            choose(frame, candidates.map(|((k, fit), error)| candidate(k, fit, *error)).collect(), options)
+            choose(frame, data, candidates.map(|((k, fit), error)| candidate(k, fit, *error)).collect(), options)
         }
     }
 }
@@ -86,6 +100,7 @@ fn candidate(components: usize, fit: Result<MixtureFit, EmError>, error: f64) ->
 /// Takes the simplest candidate that does about as well as the best, of those whose model passes.
 fn choose(
     frame: &Frame,
+    data: Data,
     mut candidates: Vec<Candidate>,
     options: &FitOptions,
 ) -> Result<(Model, Vec<Candidate>), FitError> {
@@ -100,13 +115,22 @@ fn choose(
         };
         let Some(fit) = &candidate.fit else { return Err(simplest_reason(candidates)) };
         match frame.model(&fitted(fit, options)) {
-            Ok(model) => {
-                candidate.verdict = Verdict::Chosen;
-                return Ok((model, candidates));
-            }
+            Ok(model) => match flat_spot(&model, data.inputs, data.outputs, data.straight) {
+                Some(spot) => candidate.verdict = Verdict::TooFlat(spot),
+                None => {
+                    candidate.verdict = Verdict::Chosen;
+                    return Ok((model, candidates));
+                }
+            },
             Err(error) => candidate.verdict = Verdict::Refused(error),
         }
     }
+}
+
+/// `[counts; outputs]`, the variables of the mixture.
+fn joint(inputs: &Table, outputs: &Table) -> Table {
+    let rows = inputs.rows().zip(outputs.rows());
+    Table::from_rows(inputs.width() + outputs.width(), rows.map(|(x, y)| x.iter().chain(y).copied()))
 }
 
 /// Why none of the candidates could be taken: the reason of the simplest one, which had the best chance.
@@ -114,6 +138,7 @@ fn simplest_reason(candidates: Vec<Candidate>) -> FitError {
     let reason = |candidate: Candidate| match candidate.verdict {
         Verdict::Refused(error) => Some(refused(Family::Gmr, error)),
         Verdict::Failed(error) => Some(FitError::Mixture(error)),
+        Verdict::TooFlat(spot) => Some(FitError::TooFlat { components: candidate.components, spot }),
         Verdict::Chosen | Verdict::Surpassed => None,
     };
     let nothing = EmError::NoStartSucceeded { components: 1, failures: Vec::new() };

@@ -8,7 +8,7 @@ use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::hysteresis::stop::Stops;
 
-use super::{Candidate, FamilyOutcome, FitError, FitOptions, gmr, joint, refused};
+use super::{Candidate, FamilyOutcome, FitError, FitOptions, gmr, refused};
 use crate::chain::{ChainFit, ChainOptions, fit_chain};
 use crate::direction::{DirectionOptions, fit_direction};
 use crate::family::{Family, Fitted, Frame};
@@ -63,8 +63,8 @@ impl Work<'_> {
     }
 
     fn gmr(&mut self) -> Result<Model, FitError> {
-        let joint = joint(&self.inputs, &self.outputs);
-        let (model, candidates) = gmr::fit(&self.frame, &joint, self.options, self.progress)?;
+        let data = gmr::Data { inputs: &self.inputs, outputs: &self.outputs, straight: &self.straight };
+        let (model, candidates) = gmr::fit(&self.frame, data, self.options, self.progress)?;
         self.candidates = candidates;
         Ok(model)
     }

@@ -149,6 +149,7 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
         Verdict::Surpassed => "",
         Verdict::Refused(ModelError::NotInvertible { .. }) => "refused: its inverse fails in the hull",
         Verdict::Refused(_) => "refused",
+        Verdict::TooFlat(_) => "refused: it is nearly flat where the rows do not show that",
         Verdict::Failed(_) => "no start succeeded",
     };
     let line = match &candidate.fit {
