@@ -191,6 +191,13 @@ impl Model {
         self.runtime.correction(memory)
     }
 
+    /// What the regression of the model takes in if the motors went straight from where they are to `counts`: the
+    /// virtual counts; of families without them, the counts.
+    #[must_use]
+    pub fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
+        self.runtime.virtual_counts(counts, memory)
+    }
+
     /// The outputs if the motors went straight from where they are to `counts`. Finite for every finite position, in the
     /// hull or not; far outside it extrapolates. A position that is not a number gives estimates that are none.
     #[must_use]

@@ -22,6 +22,7 @@
 //! | [`slope`] | whether a model is flat where the robot is not |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
+//! | [`report`] | all of it on one page, with figures |
 //! | [`table`], [`progress`] | rows of numbers; telling someone how far it has come |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
@@ -40,6 +41,7 @@ pub mod noise;
 pub mod play;
 pub mod progress;
 pub mod recording;
+pub mod report;
 mod ridge;
 pub mod series;
 pub mod slope;

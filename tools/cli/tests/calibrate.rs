@@ -134,6 +134,37 @@ fn a_good_recording_gives_a_model_and_a_table() {
 }
 
 #[test]
+fn a_report_with_figures_is_written_beside_the_model() {
+    let bench = Bench::new(&csv(&rows(300)));
+    let page = bench.path("report.html");
+    let option = page.to_str().unwrap();
+    let printed = bench.succeeds(&["--components", "2", "--restarts", "2", "--robot-id", "a<b>&c", "--report", option]);
+    assert!(printed.ends_with(&format!("wrote {option}\n")), "{printed}");
+    let text = fs::read_to_string(&page).unwrap();
+    let model = Model::load(&bench.model()).unwrap();
+    for part in [&model.id().to_string(), &model.file().training.data_sha256, "rows.csv", "a&lt;b&gt;&amp;c", "<svg "] {
+        assert!(text.contains(part), "`{part}` is missing");
+    }
+    let elsewhere = text.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("//") && !elsewhere.contains("<script") && !text.contains("NaN"));
+    let mut left: Vec<_> = fs::read_dir(bench.folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["model.json", "report.html", "rows.csv"]);
+}
+
+#[test]
+fn a_report_that_cannot_be_written_is_found_before_the_work() {
+    let bench = Bench::new(&csv(&rows(100)));
+    let sentence = |report: PathBuf| failure(&bench.fit(&["--report", report.to_str().unwrap()]));
+    assert!(sentence(bench.path("no/such/report.html")).contains("--report"));
+    assert!(sentence(bench.path("no/such/report.html")).contains("there is no folder"));
+    assert!(sentence(bench.folder.path().to_owned()).contains("is a folder; name a file in it"));
+    assert!(sentence(bench.path("rows.csv")).contains("is the recording itself"));
+    assert!(sentence(bench.model()).contains("is the model itself"));
+    assert!(!bench.model().exists());
+}
+
+#[test]
 fn the_linear_family_needs_no_mixture() {
     let bench = Bench::new(&csv(&rows(100)));
     let printed = bench.succeeds(&["--family", "linear", "--hold-out", "none"]);
