@@ -12,7 +12,7 @@ use crate::scene::{Optics, Paint, Pose, Rig};
 use crate::setup::{Axis, Setup, View};
 
 /// Pictures of the straight pose.
-const AT_REST: u64 = 12;
+const AT_REST: u64 = 8;
 
 /// Rigs with their names: light and strong blur and noise, dark and bright, cameras turned and out of square.
 #[must_use]
