@@ -6,7 +6,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
 
@@ -21,15 +21,18 @@ use nix::sys::stat::Mode;
 use crate::Failure;
 use crate::console::Interrupt;
 
+/// One picture per camera, and when they were taken.
+type Shots = (Nanos, Vec<Grey>);
+
 /// How often it is looked for new angles.
 const NAP: Nanos = Nanos::from_millis(2);
 
 /// Draws until interrupted, or until nobody reads.
 pub fn run(rig: &Rig, domain: &str, fifos: &[PathBuf], interrupt: &Interrupt) -> Result<(), Failure> {
     let mut server = Server::create(DomainGuard::acquire(&Domain::new(domain)?)?)?;
-    let feeds: Vec<SyncSender<(Nanos, Grey)>> = fifos.iter().map(|path| feed(path)).collect::<Result<_, _>>()?;
+    let feed = feed(fifos)?;
     let (mut number, mut dropped) = (0_u64, 0_u64);
-    'drawing: while !interrupt.came() {
+    while !interrupt.came() {
         server.maintain(clock::now());
         let Some(seen) = server.poll_external().filter(|seen| seen.flags & ExternalPosition::VALID != 0) else {
             clock::sleep(NAP);
@@ -37,16 +40,14 @@ pub fn run(rig: &Rig, domain: &str, fifos: &[PathBuf], interrupt: &Interrupt) ->
         };
         number += 1;
         let pose = Pose { pitch_rad: seen.position[0], yaw_rad: seen.position[1] };
-        for (feed, picture) in feeds.iter().zip(rig.shoot(pose, number)) {
-            match feed.try_send((Nanos(seen.stamp_ns), picture)) {
-                Ok(()) => {}
-                // The reader is slow, or has not come yet: a camera drops pictures then, too.
-                Err(TrySendError::Full(_)) => dropped += 1,
-                Err(TrySendError::Disconnected(_)) => break 'drawing,
-            }
+        match feed.try_send((Nanos(seen.stamp_ns), rig.shoot(pose, number))) {
+            Ok(()) => {}
+            // The reader is slow, or has not come yet: a camera drops pictures then, too. Both views or none.
+            Err(TrySendError::Full(_)) => dropped += 1,
+            Err(TrySendError::Disconnected(_)) => break,
         }
     }
-    println!("drew {number} poses; {dropped} pictures dropped because nobody took them in time");
+    println!("drew {number} poses; {dropped} of them dropped because nobody took them in time");
     for path in fifos {
         // Only tidying: it may be gone already.
         let _ = std::fs::remove_file(path);
@@ -54,35 +55,36 @@ pub fn run(rig: &Rig, domain: &str, fifos: &[PathBuf], interrupt: &Interrupt) ->
     Ok(())
 }
 
-/// Makes a FIFO, and a thread that writes pictures into it once somebody reads.
-fn feed(path: &Path) -> Result<SyncSender<(Nanos, Grey)>, Failure> {
-    nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR)
-        .map_err(|error| format!("cannot make the FIFO {}: {error}; remove what is there", path.display()))?;
+/// Makes the FIFOs, and a thread that writes pictures into them once somebody reads.
+fn feed(paths: &[PathBuf]) -> Result<SyncSender<Shots>, Failure> {
+    for path in paths {
+        nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR)
+            .map_err(|error| format!("cannot make the FIFO {}: {error}; remove what is there", path.display()))?;
+    }
     let (sender, receiver) = sync_channel(1);
-    let path = path.to_owned();
-    thread::spawn(move || {
-        // Waits for a reader.
-        if let Ok(file) = OpenOptions::new().write(true).open(&path)
-            && let Err(error) = write(file, &receiver)
-            && error.kind() != ErrorKind::BrokenPipe
-        {
-            eprintln!("{}: {error}", path.display());
-        }
+    let paths = paths.to_vec();
+    thread::spawn(move || match write(&paths, &receiver) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => eprintln!("FIFOs: {error}"),
+        _ => {}
     });
     Ok(sender)
 }
 
-fn write(file: File, from: &Receiver<(Nanos, Grey)>) -> io::Result<()> {
-    let mut to = BufWriter::with_capacity(1 << 16, file);
+/// Waits for a reader of every FIFO, then writes what comes. Ends when one of them goes.
+fn write(paths: &[PathBuf], from: &Receiver<Shots>) -> io::Result<()> {
+    let open = |path: &PathBuf| OpenOptions::new().write(true).open(path).map(BufWriter::new);
+    let mut to: Vec<BufWriter<File>> = paths.iter().map(open).collect::<io::Result<_>>()?;
     let mut begun = false;
-    for (stamp, picture) in from {
-        if !begun {
-            writeln!(to, "YUV4MPEG2 W{} H{} F30:1 Ip A1:1 Cmono", picture.width(), picture.height())?;
-            begun = true;
+    for (stamp, pictures) in from {
+        for (to, picture) in to.iter_mut().zip(&pictures) {
+            if !begun {
+                writeln!(to, "YUV4MPEG2 W{} H{} F30:1 Ip A1:1 Cmono", picture.width(), picture.height())?;
+            }
+            writeln!(to, "FRAME XT={}.{:09}", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000)?;
+            to.write_all(picture.data())?;
+            to.flush()?;
         }
-        writeln!(to, "FRAME XT={}.{:09}", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000)?;
-        to.write_all(picture.data())?;
-        to.flush()?;
+        begun = true;
     }
     Ok(())
 }
