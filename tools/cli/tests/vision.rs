@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris::units::Nanos;
 use i2ris_vision::accuracy::setup;
 use i2ris_vision::scene::{Pose, Rig};
 use i2ris_vision::setup::Setup;
@@ -209,14 +210,17 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let mut server = Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
     let setup = place.name("one.toml");
     let before = clock::now();
-    let command = vision(&["--setup", &setup, "-", "--rest-s", "0.01", "--publish", "--domain", &name]);
+    // Every picture says when it was taken: a millisecond after the one before.
+    let command = vision(&["--setup", &setup, "-", "--rest-s", "0.0055", "--publish", "--domain", &name]);
     let mut child = { command }.stdin(Stdio::piped()).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
         let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
         to.write_all(&bytes[..header]).unwrap();
-        for frame in bytes[header..].chunks(6 + 640 * 480) {
-            to.write_all(frame).unwrap();
+        for (number, frame) in bytes[header..].chunks(6 + 640 * 480).enumerate() {
+            let Nanos(stamp) = before + Nanos::from_millis(number as u64);
+            writeln!(to, "FRAME XT={}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000).unwrap();
+            to.write_all(&frame[6..]).unwrap();
             std::thread::sleep(Duration::from_millis(10));
         }
         // Time for the server to see the last one before its publisher goes.
@@ -237,7 +241,8 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     assert!((last.position[0] - 0.2).abs() < 0.003 && last.count == 1, "{last:?}");
     assert!(last.quality > 0.5 && last.deviation[0] > 0.0 && last.deviation[0] < 0.01, "{last:?}");
     assert!(seen.windows(2).all(|pair| pair[0].stamp_ns < pair[1].stamp_ns));
-    assert!(last.stamp_ns > before.0 && last.stamp_ns < clock::now().0, "the monotonic clock of this machine");
+    let number = (last.stamp_ns - before.0) / 1_000_000;
+    assert!(last.stamp_ns == before.0 + number * 1_000_000 && number < 29, "the picture's own stamp: {last:?}");
     assert_eq!(seen.last().unwrap().flags, 0, "an empty picture is said to show nothing");
 }
 
@@ -263,8 +268,8 @@ fn a_stage_tells_the_scale() {
     let place = Place::new();
     let before = rig();
     let mut after = before.clone();
-    // The stage moved by 0.8 mm along the base.
-    after.cameras[0].origin_px[0] += 80.0;
+    // The stage moved by 0.8 mm across the base.
+    after.cameras[0].origin_px[1] += 80.0;
     place.film("a", &before, &[]);
     place.film("b", &after, &[]);
     let (setup, a, b) = (place.name("vision.toml"), place.name("a0/image_0000.png"), place.name("b0/image_0000.png"));
@@ -286,7 +291,7 @@ fn bad_input_is_refused_with_a_reason() {
         (vec!["--setup", none, v0, v1], vec!["none.toml"]),
         (vec!["--setup", setup, v0], vec!["1 sources of pictures for 2 views"]),
         (vec!["--setup", setup, v0, empty], vec!["empty", "no PNG or JPEG"]),
-        (vec!["--setup", setup, v0, v0], vec!["0 of 6 pictures at rest can be measured"]),
+        (vec!["--setup", setup, v0, v0], vec!["of 6 pictures at rest can be measured"]),
         (vec!["--setup", setup, v0, v1, "--rest-s", "0"], vec!["no rest for view view0"]),
         (vec!["--setup", setup, v0, v1, "--publish"], vec!["--publish", "stream"]),
         (vec!["--setup", setup, setup, setup], vec!["YUV4MPEG2"]),
