@@ -80,18 +80,18 @@ impl<const D: usize> Plays<D> {
         Ok(Self { motors, planar })
     }
 
-    /// Where the plays of one motor would be, in order of the thresholds.
-    fn outputs(&self, state: &PlayState, motor: usize, counts: f64) -> impl Iterator<Item = (&Play, f64)> {
+    /// The plays of one motor and where they are, in order of the thresholds.
+    fn outputs(&self, state: &PlayState, motor: usize) -> impl Iterator<Item = (&Play, f64)> {
         let before = state.outputs.get(motor).map(<[f64; MAX_PLAYS]>::as_slice).unwrap_or_default();
         let plays = self.motors.get(motor).map(Vec::as_slice).unwrap_or_default();
-        plays.iter().zip(before).map(move |(play, output)| (play, play.drag(*output, counts)))
+        plays.iter().zip(before.iter().copied())
     }
 
     /// Sum and slope of one motor.
     fn sum(&self, state: &PlayState, motor: usize, counts: f64) -> (f64, f64) {
-        self.outputs(state, motor, counts).fold((0.0, 0.0), |(sum, slope), (play, output)| {
-            let moves = if (output - counts).abs() >= play.threshold { play.weight } else { 0.0 };
-            (sum + play.weight * output, slope + moves)
+        self.outputs(state, motor).fold((0.0, 0.0), |(sum, slope), (play, before)| {
+            let moves = if play.is_dragged(before, counts) { play.weight } else { 0.0 };
+            (sum + play.weight * play.drag(before, counts), slope + moves)
         })
     }
 
@@ -114,6 +114,12 @@ impl<const D: usize> Plays<D> {
 impl Play {
     fn drag(&self, output: f64, counts: f64) -> f64 {
         output.min(counts + self.threshold).max(counts - self.threshold)
+    }
+
+    /// Whether it moves with the counts. Asked of the output before: the distance between counts and an output that has
+    /// just been dragged is the threshold but for rounding, which may fall on either side.
+    fn is_dragged(&self, output: f64, counts: f64) -> bool {
+        output >= counts + self.threshold || output <= counts - self.threshold
     }
 }
 
@@ -179,8 +185,8 @@ impl<const D: usize> Operator<D> for Plays<D> {
     fn lags(&self, state: &PlayState) -> Lags {
         let mut lags = Lags::default();
         for (motor, at) in state.position.into_iter().take(D).enumerate() {
-            for (play, output) in self.outputs(state, motor, at).skip(1) {
-                lags.push((at - output) / play.threshold);
+            for (play, before) in self.outputs(state, motor).skip(1) {
+                lags.push((at - play.drag(before, at)) / play.threshold);
             }
         }
         for (disc, threshold) in state.planar.iter().zip(&self.planar) {
@@ -205,6 +211,38 @@ impl<const D: usize> Remember<D> for Plays<D> {
         match state {
             State::Plays(state) => Some(*state),
             _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_inverse_is_exact_for_thresholds_that_are_not_round(
+            low in 3.0..60.0_f64,
+            ratio in 1.2..2.0_f64,
+            first in 0.01..1.0_f64,
+            past in prop::collection::vec(-8000.0..8000.0_f64, 1..12),
+            goal in -7000.0..7000.0_f64,
+        ) {
+            let thresholds = std::iter::once(0.0).chain((0..10).map(|i| low * ratio.powi(i))).collect();
+            let weights = std::iter::once(first).chain([(1.0 - first) / 10.0; 10]).collect();
+            let file = PlayParameters {
+                thresholds_counts: vec![thresholds],
+                weights: vec![weights],
+                planar_thresholds_counts: Vec::new(),
+            };
+            let plays = Plays::<1>::prepare(&file).unwrap();
+            let mut state = plays.begin(&SVector::zeros());
+            past.iter().for_each(|counts| plays.advance(&mut state, &SVector::from([*counts])));
+            let counts = plays.invert(&state, &SVector::from([goal]), 1.0);
+            let reached = plays.local(&state, &counts).mean[0];
+            prop_assert!((reached - goal).abs() < 1e-6, "{reached} instead of {goal}");
         }
     }
 }
