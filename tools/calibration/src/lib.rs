@@ -15,6 +15,7 @@
 //! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
+//! | [`identify`] | whether a recording can tell hysteresis |
 //! | [`play`] | the fit of play operators |
 //! | [`family`] | the families of models and their model files |
 //! | [`metrics`] | how well predictions agree with measurements |
@@ -29,6 +30,7 @@ pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
+pub mod identify;
 pub mod linear;
 pub mod metrics;
 pub mod motion;
