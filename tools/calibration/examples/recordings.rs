@@ -74,9 +74,6 @@ fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options
     let (known, all) = (Series::new(recording, training), series(recording));
     report("plays, linear read-out", &LinearPlays::fit(&known).unwrap().predict(&all).unwrap());
     let fit = fit(&known, options);
-    let plain = ChainOptions { residual: false, ..options.chain.clone() };
-    let (_, plain) = accepted(recording, training, &known, fit.refit(&known, &plain, &Silent).unwrap(), &plain);
-    report("gmr-play without residual", &predictions(&plain, recording));
     let (fit, model) = accepted(recording, training, &known, fit, &options.chain);
     report("gmr-play", &predictions(&model, recording));
     show(&fit);
@@ -149,14 +146,19 @@ fn polynomial(recording: &Recording, training: &[usize], degree: i32) -> Vec<Out
     (0..rows.len()).map(|row| std::array::from_fn(|output| found[(row, output)])).collect()
 }
 
+/// Memoryless, with the most components up to 8 that the controller accepts.
 fn gmr(recording: &Recording, training: &[usize], em: &EmOptions) -> Model {
     let width = recording.motors() + recording.outputs().len();
     let joint = training.iter().map(|row| &recording.rows()[*row]).map(|row| {
         let counts = row.counts.into_iter().take(recording.motors());
         counts.chain(row.outputs.into_iter().take(recording.outputs().len())).collect::<Vec<_>>()
     });
-    let fit = fit_mixture(&Table::from_rows(width, joint), 4, em, &Silent).unwrap();
-    with_family(recording, training, FamilyParameters::Gmr { mixture: fit.parameters }).unwrap()
+    let joint = Table::from_rows(width, joint);
+    let with = |components| {
+        let mixture = fit_mixture(&joint, components, em, &Silent).unwrap().parameters;
+        with_family(recording, training, FamilyParameters::Gmr { mixture }).ok()
+    };
+    (1..=8).rev().find_map(with).unwrap()
 }
 
 fn with_family(recording: &Recording, training: &[usize], family: FamilyParameters) -> Result<Model, ModelError> {

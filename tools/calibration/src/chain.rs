@@ -22,7 +22,7 @@ use crate::series::{Point, Series};
 use crate::table::Table;
 
 /// Shape and lag degrees of the residuals that are tried.
-const DEGREES: [(usize, usize); 4] = [(5, 2), (5, 1), (3, 1), (1, 0)];
+const DEGREES: [(usize, usize); 6] = [(5, 2), (5, 1), (5, 0), (3, 1), (3, 0), (1, 0)];
 
 /// A residual has to lower the error on blocks left out by this part.
 const WORTH_IT: f64 = 0.01;

@@ -16,6 +16,7 @@
 //! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
+//! | [`identify`] | whether a recording can tell hysteresis |
 //! | [`play`] | the fit of play operators |
 //! | [`stop`] | stop operators |
 //! | [`family`] | the families of models and their model files |
@@ -33,6 +34,7 @@ pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
+pub mod identify;
 pub mod kinematic;
 pub mod linear;
 pub mod metrics;

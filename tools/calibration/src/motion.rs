@@ -9,7 +9,9 @@
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-use crate::recording::{Recording, Row};
+use i2ris::units::MotorVec;
+
+use crate::recording::Recording;
 
 /// A motor has turned back when it is this part of its range away from its turning point: noise and jitter stay below.
 const REVERSAL_PART: f64 = 0.02;
@@ -93,15 +95,18 @@ pub(crate) fn reversals(counts: impl Iterator<Item = f64> + Clone) -> usize {
 
 /// The phase of every row, rad, unwrapped, when the motors circulate.
 pub(crate) fn circulation(recording: &Recording) -> Option<Vec<f64>> {
-    if recording.motors() < 2 {
-        return None;
-    }
+    let counts: Vec<MotorVec> = recording.rows().iter().map(|row| row.counts).collect();
+    if recording.motors() < 2 { None } else { circles(&counts) }
+}
+
+/// The phase of every position of two motors, rad, unwrapped, when they circulate.
+pub(crate) fn circles(path: &[MotorVec]) -> Option<Vec<f64>> {
     let axes = [0, 1].map(|motor| {
-        let (low, high) = range(counts(recording, motor));
+        let (low, high) = range(path.iter().map(|counts| counts[motor]));
         (0.5 * (low + high), 0.5 * (high - low))
     });
-    let scaled = |row: &Row| [0, 1].map(|motor| (row.counts[motor] - axes[motor].0) / axes[motor].1);
-    let points: Vec<[f64; 2]> = recording.rows().iter().map(scaled).collect();
+    let scaled = |counts: &MotorVec| [0, 1].map(|motor| (counts[motor] - axes[motor].0) / axes[motor].1);
+    let points: Vec<[f64; 2]> = path.iter().map(scaled).collect();
     let central = points.iter().filter(|[x, y]| x.hypot(*y) < CENTRE_PART).count();
     if central * 20 > points.len() {
         return None;

@@ -14,11 +14,14 @@ use crate::progress::Progress;
 use crate::ridge::ridge;
 use crate::series::{Series, blocks};
 
+/// Degrees of the shape, and of the shape times lags, that stand for the mixture and the residual to come.
+const DEGREES: [(usize, usize); 2] = [(5, 0), (5, 1)];
+
 /// Blocks left out one at a time.
 pub(super) const BLOCKS: usize = 5;
 
 /// Samples that a choice takes.
-pub(super) const ROWS: usize = 3000;
+pub(super) const ROWS: usize = 4000;
 
 /// Tops that are tried for all motors together, as parts of the range.
 const TOPS: [f64; 6] = [0.4, 0.5, 0.6, 0.7, 0.8, 0.9];
@@ -77,7 +80,8 @@ pub(super) fn search<const D: usize>(
     ranges: &[Range],
     progress: &dyn Progress,
 ) -> Result<Option<Chosen>, ModelError> {
-    progress.begin(TOPS.len() + SHIFTS.len() * D + COUNTS.len() + PLANAR.len() - 2);
+    let planar = if D == 2 { PLANAR.len() - 1 } else { 0 };
+    progress.begin(TOPS.len() + SHIFTS.len() * D + COUNTS.len() - 1 + planar);
     let mut search = Search::<D> { series, ranges, rows: series.samples().len(), best: None, progress };
     let widest = search.stage(&search.start(TOPS[TOPS.len() - 1]))?;
     search.rows = widest.rows();
@@ -147,16 +151,22 @@ impl<const D: usize> Search<'_, D> {
     }
 }
 
-/// Mean square of the error on blocks that neither weights nor regression have seen.
+/// Mean square of the error on blocks that neither weights nor regression have seen, with the better of the degrees.
 fn left_out_error<const D: usize>(stage: &Stage<D>) -> Option<f64> {
-    let errors: Vec<Option<f64>> = blocks(stage.rows(), BLOCKS)
-        .into_par_iter()
-        .map(|block| {
-            let (seen, unseen) = stage.split(&block);
-            let weights = fit_weights(&seen)?;
-            let fit = ridge(&seen.features(&weights), &seen.outputs)?;
-            Some((&unseen.outputs - unseen.features(&weights) * fit.coefficients).norm_squared())
-        })
-        .collect();
-    Some(errors.into_iter().sum::<Option<f64>>()? / stage.rows() as f64)
+    let errors: Vec<Option<[f64; DEGREES.len()]>> =
+        blocks(stage.rows(), BLOCKS).into_par_iter().map(|block| block_errors(stage, &block)).collect();
+    let errors: Vec<_> = errors.into_iter().collect::<Option<_>>()?;
+    let sums = (0..DEGREES.len()).map(|degrees| errors.iter().map(|errors| errors[degrees]).sum::<f64>());
+    sums.min_by(f64::total_cmp).map(|least| least / stage.rows() as f64)
+}
+
+fn block_errors<const D: usize>(stage: &Stage<D>, block: &std::ops::Range<usize>) -> Option<[f64; DEGREES.len()]> {
+    let (seen, unseen) = stage.split(block);
+    let weights = fit_weights(&seen)?;
+    let mut errors = [0.0; DEGREES.len()];
+    for (error, degrees) in errors.iter_mut().zip(DEGREES) {
+        let fit = ridge(&seen.features(&weights, degrees), &seen.outputs)?;
+        *error = (&unseen.outputs - unseen.features(&weights, degrees) * fit.coefficients).norm_squared();
+    }
+    Some(errors)
 }

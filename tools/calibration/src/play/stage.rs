@@ -9,9 +9,6 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::series::{Point, Series};
 
-/// Degrees of the residual that stands for the real one in the search.
-const DEGREES: (usize, usize) = (5, 1);
-
 /// Thresholds of the plays of all motors, and of the planar plays, counts.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Thresholds {
@@ -98,15 +95,15 @@ impl<const D: usize> Stage<D> {
         DMatrix::from_columns(&columns)
     }
 
-    /// What a residual of all lags would see, with a shape of degree 5.
-    pub fn features(&self, weights: &[DVector<f64>]) -> DMatrix<f64> {
+    /// What a residual of all lags sees, with a shape and lags times a shape of given degrees.
+    pub fn features(&self, weights: &[DVector<f64>], (shape, lag): (usize, usize)) -> DMatrix<f64> {
         let lags = self.points.first().map_or(0, |point| point.lags.as_slice().len());
         let virtual_counts = self.virtual_counts(weights);
-        let mut matrix = DMatrix::zeros(self.rows(), count::<D>(DEGREES.0, DEGREES.1, lags));
+        let mut matrix = DMatrix::zeros(self.rows(), count::<D>(shape, lag, lags));
         for (index, (mut row, point)) in matrix.row_iter_mut().zip(&self.points).enumerate() {
             let scaled = nalgebra::SVector::<f64, D>::from_fn(|motor, _| virtual_counts[(index, motor)]);
             let mut cells = row.iter_mut();
-            features(&scaled, &point.lags, DEGREES.0, DEGREES.1, |feature| {
+            features(&scaled, &point.lags, shape, lag, |feature| {
                 if let Some(cell) = cells.next() {
                     *cell = feature;
                 }
