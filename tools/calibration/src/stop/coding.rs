@@ -105,7 +105,7 @@ mod tests {
     use nalgebra::{SMatrix, SVector};
 
     fn some() -> StopParameters {
-        start::<2>(&SMatrix::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, 3)
+        start::<2>(&SMatrix::<f64, 2, 2>::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, 3)
     }
 
     #[test]
