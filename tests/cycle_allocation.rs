@@ -78,7 +78,9 @@ fn a_day(bench: &mut Bench, day: u32) {
     assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
     bench.run(10);
     assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::Unsupported);
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.run(200);
+    assert!(bench.report().busy);
     break_down(bench, day);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
     bench.idle();

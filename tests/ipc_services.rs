@@ -199,11 +199,12 @@ fn a_sensor_is_heard_by_the_controller_and_by_watchers() {
     assert_eq!(subscription.read().unwrap(), None);
     let mut camera = i2ris::ipc::client::ExternalPublisher::new(&domain);
     camera.publish(Nanos(5), &[0.1, 0.2], &[]).unwrap();
-    camera.publish_nothing(Nanos(6)).unwrap();
+    camera.publish_judged(Nanos(6), &[0.1, 0.2], &[0.01, 0.02], 0.7).unwrap();
+    camera.publish_nothing(Nanos(7)).unwrap();
     let mut seen = Vec::new();
-    subscription.drain(|message| seen.push((message.stamp_ns, message.flags, message.count))).unwrap();
-    assert_eq!(seen, [(5, 1, 2), (6, 0, 0)]);
-    assert_eq!(server.poll_external().unwrap().stamp_ns, 6);
+    subscription.drain(|message| seen.push((message.stamp_ns, message.flags, message.count, message.quality))).unwrap();
+    assert_eq!(seen, [(5, 1, 2, 0.0), (6, 1, 2, 0.7), (7, 0, 0, 0.0)]);
+    assert_eq!(server.poll_external().unwrap().stamp_ns, 7);
 }
 
 #[test]

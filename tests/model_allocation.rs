@@ -5,15 +5,17 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::hint::black_box;
 
+use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters};
+use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::residual::{self, ResidualParameters};
+use i2ris::model::kinematic::KinematicParameters;
 use i2ris::model::{Model, Query};
 
 #[path = "model/samples.rs"]
 #[allow(dead_code)]
 mod samples;
 
-use i2ris::model::file::{FamilyParameters, HullParameters};
-use i2ris::model::hysteresis::residual::{self, ResidualParameters};
-use samples::{DEG, SmoothMap, file, linear, region, some_stops, square};
+use samples::{DEG, REACH, SmoothMap, file, linear, region, some_stops, square};
 
 /// The system's allocator, counting what this thread asks of it: the test harness has threads of its own.
 struct Counting;
@@ -66,9 +68,12 @@ fn tick_for_a_second(model: &Model) {
         let reach = [4.0, 12.0, 60.0, 1e300, f64::NAN][tick as usize % 5] * DEG;
         let goal = [reach * turn.cos(), reach * turn.sin(), 0.3 * reach];
         let start = if tick % 3 == 0 { [1e9, f64::NEG_INFINITY] } else { last };
-        let inverse = black_box(model.invert(black_box(&goal), &memory, &Query::new(start)));
+        let compensation = if tick % 2 == 0 { 1.0 } else { 0.7 };
+        let query = Query { compensation, ..Query::new(start) };
+        let inverse = black_box(model.invert(black_box(&goal), &memory, &query));
         last = model.hull().project(&inverse.counts);
         model.advance(&mut memory, &last);
+        black_box((model.knows(&memory), model.correction(&memory)));
         black_box(model.predict(&last, &memory).deviation());
         black_box(model.jacobian(&last, &memory));
         black_box((model.hull().contains(&goal_as_counts(goal)), model.motors(), model.outputs(), model.id()));
@@ -98,6 +103,51 @@ fn stops(motors: usize) -> Model {
     Model::from_file(file(motors, family, region(motors, 500.0))).unwrap()
 }
 
+fn mixture(map: &SmoothMap) -> MixtureParameters {
+    let FamilyParameters::Gmr { mixture } = map.family() else { panic!() };
+    mixture
+}
+
+/// Three plays per motor, two planar ones, and a residual.
+fn plays(map: &SmoothMap) -> Model {
+    let plays = PlayParameters {
+        thresholds_counts: vec![vec![0.0, 10.0, 30.0]; 2],
+        weights: vec![vec![0.3, 0.3, 0.4]; 2],
+        planar_thresholds_counts: vec![15.0, 40.0],
+    };
+    let coefficients = vec![vec![0.05; 6 + 8 * 3]; 2];
+    let residual = Some(ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients });
+    let virtual_hull = HullParameters { corners: square(REACH) };
+    let family = FamilyParameters::GmrPlay { plays, mixture: mixture(map), residual, virtual_hull };
+    Model::from_file(file(2, family, square(REACH))).unwrap()
+}
+
+/// Directions that say nothing, which takes as long.
+fn directions(map: &SmoothMap) -> Model {
+    let mut mixture = mixture(map);
+    mixture.means.iter_mut().for_each(|mean| drop(mean.splice(2..2, [0.0, 0.0])));
+    for covariance in &mut mixture.covariances {
+        covariance.iter_mut().for_each(|row| drop(row.splice(2..2, [0.0, 0.0])));
+        covariance.splice(2..2, [vec![0.0, 0.0, 1.0, 0.0, 0.0, 0.0], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0]]);
+    }
+    let family = FamilyParameters::GmrDirection { dead_bands_counts: vec![3.0, 3.0], mixture };
+    Model::from_file(file(2, family, square(REACH))).unwrap()
+}
+
+fn chain() -> Model {
+    let kinematics = KinematicParameters {
+        counts_per_turn: 1024.0,
+        gear_ratio: 64.0,
+        pulley_radii_mm: vec![3.0, 3.0],
+        axis_rotation_deg: 45.0,
+    };
+    let covariance = vec![vec![0.01, 0.0, 0.0], vec![0.0, 0.01, 0.0], vec![0.0, 0.0, 0.01]];
+    let family = FamilyParameters::Kinematic { kinematics, offset: vec![0.0; 3], covariance };
+    let mut file = file(3, family, square(REACH));
+    file.outputs.iter_mut().for_each(|output| output.unit = i2ris::model::file::OutputUnit::Mm);
+    Model::from_file(file).unwrap()
+}
+
 #[test]
 fn a_tick_with_a_model_allocates_nothing() {
     let rows = [vec![0.02, 0.01], vec![-0.01, 0.02], vec![0.005, 0.01]];
@@ -109,6 +159,8 @@ fn a_tick_with_a_model_allocates_nothing() {
     let family = linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[0.0, 0.0]);
     models.push(Model::from_file(file(2, family, square(500.0))).unwrap());
     models.extend([stops(1), stops(2)]);
+    let map = SmoothMap { gain: vec![vec![0.02, 0.01], vec![-0.01, 0.02]], bend: 0.3, steps: 4 };
+    models.extend([plays(&map), directions(&map), chain()]);
     for model in &models {
         assert_eq!(allocations(|| tick_for_a_second(model)), 0, "{} x {}", model.motors(), model.outputs());
     }

@@ -24,6 +24,7 @@ use super::progress::{fail, progress};
 use super::reach::{Steps, setpoints};
 use super::sight::{Sight, off};
 use super::state::{Cause, Follow, Inactive, Machine, Motion, State};
+use super::stroke::{Plan, Stroke};
 use super::table::{self, Verdict};
 use super::{EventKind, Inputs, Outputs, Report, ServoCommand, StateReply, StateRequest};
 use crate::config::Config;
@@ -43,6 +44,7 @@ pub struct Cycle {
     stale: Nanos,
     lost: Nanos,
     steps: Steps,
+    stroke_plan: Plan,
     axes: Vec<Axis>,
     joints: Option<Joints>,
     machine: Machine,
@@ -76,8 +78,9 @@ impl Cycle {
             stale: Nanos::from_millis(config.limits.feedback_stale_ms),
             lost: Nanos::from_millis(config.limits.feedback_lost_ms),
             steps: Steps::new(&config.command),
+            stroke_plan: Plan::new(config),
             axes: (0..motors).filter_map(|motor| config.axis(motor)).map(|axis| Axis::new(axis, config)).collect(),
-            joints: model.map(Joints::new),
+            joints: model.map(|model| Joints::new(model, &config.compensation, config.control.period())),
             machine: Machine::new(),
             gate: Gate::new(&config.command),
             ticks: 0,
@@ -203,10 +206,17 @@ impl Cycle {
                 self.axes.iter_mut().for_each(Axis::unhome);
                 *self.machine.state()
             }
+            Verdict::Condition => State::Enabled(Motion::Conditioning(self.condition(request.client_id)?)),
             Verdict::Release => return self.release(request.client_id, sight.now, events),
         };
         self.machine.change(to, Cause::Command(request.command), sight.now, events);
         Ok(())
+    }
+
+    /// A stroke is motion, so it is not for a client while another one commands.
+    fn condition(&self, client_id: u64) -> Result<Stroke, Refusal> {
+        self.gate.unheld_by_others(client_id)?;
+        self.stroke_plan.begin(setpoints(&self.axes), self.joints.as_ref().map(Joints::model))
     }
 
     /// A client that gives the lease back does not command any more, so the robot stops.
@@ -236,7 +246,13 @@ impl Cycle {
 
     fn accepts(&self, command: &ServoCommand, sight: &Sight) -> Result<Follow, Refusal> {
         let state = self.machine.state();
-        let scene = Scene { now: sight.now, state: state.operating(), homed: sight.homed, fresh: sight.fresh() };
+        let scene = Scene {
+            now: sight.now,
+            state: state.operating(),
+            conditioning: state.conditioning().is_some(),
+            homed: sight.homed,
+            fresh: sight.fresh(),
+        };
         let deadline = self.gate.permits(command, &scene)?;
         let course = self.steps.course(command, &self.axes, self.joints.as_ref(), state.following())?;
         let ServoCommand { client_id, sequence, stamp, .. } = *command;
@@ -255,7 +271,7 @@ impl Cycle {
 
     /// Moves the set-points. A model that gives nonsense is a fault, and then nothing moves.
     fn advance(&mut self, sight: &Sight, events: &mut Events) -> Guidance {
-        let moved = self.follow_or_stop(sight.now).and_then(|guidance| {
+        let moved = self.guide(sight.now, events).and_then(|guidance| {
             self.place()?;
             Ok(guidance)
         });
@@ -268,11 +284,33 @@ impl Cycle {
         })
     }
 
-    fn follow_or_stop(&mut self, now: Nanos) -> Result<Guidance, NotFinite> {
-        let Some(follow) = self.machine.state().following() else {
-            self.axes.iter_mut().for_each(Axis::stop);
-            return Ok(Guidance::default());
-        };
+    fn guide(&mut self, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
+        if !self.machine.state().following().is_some_and(|follow| follow.course.is_joint())
+            && let Some(joints) = &mut self.joints
+        {
+            joints.release();
+        }
+        match *self.machine.state() {
+            State::Enabled(Motion::Following(follow)) => self.follow(&follow, now),
+            State::Enabled(Motion::Conditioning(stroke)) => self.stroke(stroke, now, events),
+            State::Enabled(Motion::Holding) | State::Disabled(_) | State::Paused | State::Fault(_) => {
+                self.axes.iter_mut().for_each(Axis::stop);
+                Ok(Guidance::default())
+            }
+        }
+    }
+
+    fn stroke(&mut self, stroke: Stroke, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
+        let next = stroke.after_tick();
+        let stroke = next.unwrap_or(stroke);
+        self.axes.iter_mut().zip(stroke.targets()).for_each(|(axis, target)| axis.follow(target));
+        let goal = self.joints.as_ref().map(|joints| joints.pose(stroke.place())).transpose()?;
+        let motion = next.map_or(Motion::Holding, Motion::Conditioning);
+        self.machine.change(State::Enabled(motion), Cause::Progress(None), now, events);
+        Ok(Guidance { goal, ..Guidance::default() })
+    }
+
+    fn follow(&mut self, follow: &Follow, now: Nanos) -> Result<Guidance, NotFinite> {
         let aim = aim::take(&follow.course, &self.axes, self.joints.as_mut(), now, self.period)?;
         self.axes.iter_mut().zip(aim.targets).for_each(|(axis, target)| axis.follow(target));
         let (command_stamp, command_sequence) = (follow.stamp, follow.sequence);

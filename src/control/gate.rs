@@ -8,7 +8,8 @@
 //! | 2 | every entry finite | `NotFinite` | here |
 //! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | here |
 //! | 4 | younger than its deadline | `Stale` | here |
-//! | 5 | state ENABLED | `NotEnabled` | here |
+//! | 5 | state ENABLED, | `NotEnabled` | here |
+//! |   | and no conditioning under way | `Busy` | here |
 //! | 6 | every axis homed | `NotHomed` | here |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | here |
 //! | 8 | lease free, or held by this client | `Lease` | here |
@@ -43,6 +44,8 @@ pub(super) struct Scene {
     pub now: Nanos,
     /// The state.
     pub state: OperatingState,
+    /// The robot is being conditioned.
+    pub conditioning: bool,
     /// Every axis knows its zero.
     pub homed: bool,
     /// Every position is fresh.
@@ -93,6 +96,11 @@ impl Gate {
     /// The client that holds the lease; 0: no one.
     pub fn holder(&self) -> u64 {
         self.holder.map_or(0, |holder| holder.client_id)
+    }
+
+    /// That no other client commands.
+    pub fn unheld_by_others(&self, client_id: u64) -> Result<(), Refusal> {
+        if self.holder.is_some_and(|holder| holder.client_id != client_id) { Err(Refusal::Lease) } else { Ok(()) }
     }
 
     /// Checks 1 to 9. The answer is the deadline of the command: a commander that has lost its lease is not followed, so
@@ -160,9 +168,7 @@ impl Gate {
     }
 
     fn entitled(&self, command: &ServoCommand) -> Result<(), Refusal> {
-        if self.holder.is_some_and(|holder| holder.client_id != command.client_id) {
-            return Err(Refusal::Lease);
-        }
+        self.unheld_by_others(command.client_id)?;
         let repeats = |(client_id, sequence)| client_id == command.client_id && command.sequence <= sequence;
         if self.last.is_some_and(repeats) { Err(Refusal::Sequence) } else { Ok(()) }
     }
@@ -185,6 +191,9 @@ fn allowed_here(scene: &Scene) -> Result<(), Refusal> {
     match scene.state {
         OperatingState::Enabled => {}
         OperatingState::Disabled | OperatingState::Paused | OperatingState::Fault => return Err(Refusal::NotEnabled),
+    }
+    if scene.conditioning {
+        return Err(Refusal::Busy);
     }
     if !scene.homed {
         return Err(Refusal::NotHomed);

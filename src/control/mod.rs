@@ -11,9 +11,11 @@
 //! | `reach` | servo commands: model, range, step |
 //! | `trend` | the goal between two commands |
 //! | `aim` | from the goal to targets for the motors, by the inverse of the model |
+//! | `stroke` | the decaying stroke of the command `condition` |
 //! | `limit` | velocity and acceleration limits on the set-point of one motor |
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
 //! | `joint` | joint space: the model, its memory, estimates |
+//! | `steady` | turning band and correction filter: no chatter |
 //! | `event` | what happened in one tick |
 //! | `runtime` | the process: start, threads, end |
 //! | `lane` | what passes between the threads |
@@ -45,7 +47,7 @@
 //! | `resume` | State | Busy | State | ENABLED, holding | State | State |
 //! | `home` | homing (3) | Busy | State | State | State | State |
 //! | `unhome` | zero forgotten | Busy | State | State | State | State |
-//! | `condition` | Unsupported | Unsupported | Unsupported | Unsupported | Unsupported | Unsupported |
+//! | `condition` | State | Busy | a stroke, busy meanwhile (6) | State | State | State |
 //! | `acknowledge` | State | State | State | State | (4) | Busy |
 //! | `release` | lease free (5) | lease free (5) | lease free, holding (5) | lease free (5) | lease free (5) | lease free (5) |
 //!
@@ -62,6 +64,10 @@
 //!    sound. If a drive is at fault, its reset counter is raised and FAULT stays, busy, until the drive has left its
 //!    fault (or 1 s has passed: then the fault is latched again). Then DISABLED, powering off.
 //! 5. Lease if another client holds it. The robot holds if the client was being followed.
+//! 6. Busy if a stroke is under way; NotHomed and DrivesNotReady as for servo commands; Lease if another client holds
+//!    it, because a stroke is motion; Range if the position limits leave less room than the model needs to forget. Ends
+//!    the following of a command. Servo commands are refused with Busy until the stroke has ended, where it began, and
+//!    the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a zero that is lost end it at once.
 //!
 //! # What leads to FAULT, and what the drives do then
 //!
@@ -119,6 +125,8 @@ mod relay;
 pub mod runtime;
 mod sight;
 mod state;
+mod steady;
+mod stroke;
 mod table;
 mod trend;
 

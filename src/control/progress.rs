@@ -36,7 +36,7 @@ pub(super) fn progress(state: &State, sight: &Sight) -> Next {
     }
     match state {
         State::Disabled(stage) => disabled(stage, sight),
-        State::Enabled(Motion::Following(_)) if !sight.fresh() || !sight.homed => {
+        State::Enabled(Motion::Following(_) | Motion::Conditioning(_)) if !sight.fresh() || !sight.homed => {
             Some((State::Enabled(Motion::Holding), Cause::Progress(None)))
         }
         State::Enabled(_) | State::Paused | State::Fault(_) => None,

@@ -6,6 +6,7 @@
 use super::EventKind;
 use super::event::Events;
 use super::sight::Expected;
+use super::stroke::Stroke;
 use super::trend::Trend;
 use crate::drive::Demand;
 use crate::ipc::{Fault, OperatingState, StateCommand};
@@ -13,6 +14,7 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 /// What the robot is doing.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "no heap in the control loop")]
 pub(super) enum State {
     /// Drives are off, or on the way from off or to off. Servo commands are refused.
     Disabled(Inactive),
@@ -63,6 +65,8 @@ pub(super) enum Motion {
     Holding,
     /// The set-points follow a commander.
     Following(Follow),
+    /// The set-points go through a decaying stroke. Servo commands are refused.
+    Conditioning(Stroke),
 }
 
 /// The command that is being followed.
@@ -87,6 +91,13 @@ pub(super) enum Course {
     Joint(Trend<MAX_OUTPUTS>),
     /// Encoder positions, counts.
     Actuator(Trend<MAX_MOTORS>),
+}
+
+impl Course {
+    /// It is given in joint space.
+    pub fn is_joint(&self) -> bool {
+        matches!(self, Self::Joint(_))
+    }
 }
 
 /// What failed and what is done about it.
@@ -154,7 +165,8 @@ impl State {
     /// A change is under way.
     pub fn busy(&self, at_rest: bool) -> bool {
         match self {
-            Self::Disabled(Inactive::Idle) | Self::Enabled(_) => false,
+            Self::Disabled(Inactive::Idle) | Self::Enabled(Motion::Holding | Motion::Following(_)) => false,
+            Self::Enabled(Motion::Conditioning(_)) => true,
             Self::Paused => !at_rest,
             Self::Disabled(_) => true,
             Self::Fault(failure) => matches!(failure.stage, Stage::Resetting { .. }),
@@ -170,7 +182,15 @@ impl State {
     pub fn following(&self) -> Option<&Follow> {
         match self {
             Self::Enabled(Motion::Following(follow)) => Some(follow),
-            Self::Disabled(_) | Self::Enabled(Motion::Holding) | Self::Paused | Self::Fault(_) => None,
+            Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
+        }
+    }
+
+    /// The stroke that is under way.
+    pub fn conditioning(&self) -> Option<&Stroke> {
+        match self {
+            Self::Enabled(Motion::Conditioning(stroke)) => Some(stroke),
+            Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
         }
     }
 }

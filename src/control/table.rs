@@ -21,6 +21,8 @@ pub(super) enum Verdict {
     Reset(State),
     /// The zero is forgotten.
     Unhome,
+    /// A stroke begins, if the lease and the room allow it.
+    Condition,
     /// The lease is given back, if the client has it.
     Release,
 }
@@ -34,8 +36,7 @@ pub(super) fn judge(command: StateCommand, state: &State, sight: &Sight) -> Resu
         StateCommand::Resume => resume(state),
         StateCommand::Home => home(state, sight),
         StateCommand::Unhome => idle(state).map(|()| Verdict::Unhome),
-        // The families of today remember nothing that a stroke could wipe.
-        StateCommand::Condition => Err(Refusal::Unsupported),
+        StateCommand::Condition => condition(state, sight),
         StateCommand::Acknowledge => acknowledge(state, sight),
         StateCommand::Release => Ok(Verdict::Release),
     }
@@ -105,6 +106,18 @@ fn resume(state: &State) -> Result<Verdict, Refusal> {
     match state {
         State::Paused => Ok(Verdict::Change(State::Enabled(Motion::Holding))),
         State::Disabled(Inactive::Idle) | State::Enabled(_) | State::Fault(_) => Err(Refusal::State),
+        State::Disabled(_) => Err(Refusal::Busy),
+    }
+}
+
+/// The drives are on in ENABLED, so what has to be looked at is what a servo command needs, too.
+fn condition(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
+    match state {
+        State::Enabled(Motion::Conditioning(_)) => Err(Refusal::Busy),
+        State::Enabled(_) if !sight.homed => Err(Refusal::NotHomed),
+        State::Enabled(_) if !sight.fresh() => Err(Refusal::DrivesNotReady),
+        State::Enabled(_) => Ok(Verdict::Condition),
+        State::Disabled(Inactive::Idle) | State::Paused | State::Fault(_) => Err(Refusal::State),
         State::Disabled(_) => Err(Refusal::Busy),
     }
 }

@@ -245,7 +245,7 @@ pub struct PeriodStatistics {
 /// `external/measured_jp`, in: angles seen by a camera or another sensor.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("I2risExternalPositionV1")]
+#[type_name("I2risExternalPositionV2")]
 pub struct ExternalPosition {
     /// Counts up by one per message.
     pub sequence: u64,
@@ -255,6 +255,8 @@ pub struct ExternalPosition {
     pub position: [f64; MAX_OUTPUTS],
     /// Standard deviation of `position`. 0: unknown.
     pub deviation: [f64; MAX_OUTPUTS],
+    /// How far the sensor trusts what it saw, up to 1. 0: it does not say.
+    pub quality: f64,
     /// How many entries of the arrays count.
     pub count: u32,
     /// 1: valid; 0: the sensor saw nothing.
@@ -338,7 +340,8 @@ mod tests {
         assert_eq!(offset_of!(ActuatorState, measured_counts), 104);
         assert_eq!(size_of::<OperatingStateMsg>(), 80);
         assert_eq!(size_of::<PeriodStatistics>(), 208);
-        assert_eq!(size_of::<ExternalPosition>(), 72);
+        assert_eq!(size_of::<ExternalPosition>(), 80);
+        assert_eq!(offset_of!(ExternalPosition, quality), 64);
         assert_eq!(size_of::<StateCommandRequest>(), 16);
         assert_eq!(size_of::<StateCommandReply>(), 8);
         assert_eq!(size_of::<Version>(), 104);

@@ -74,7 +74,7 @@ words! {
         Home = 5, "home";
         /// Forget the zero. From DISABLED only.
         Unhome = 6, "unhome";
-        /// A decaying stroke that wipes the hysteresis memory.
+        /// A decaying stroke that wipes the hysteresis memory, from ENABLED only; busy meanwhile.
         Condition = 7, "condition";
         /// The operator has seen the fault: reset the drives, FAULT to DISABLED once the cause is gone.
         Acknowledge = 8, "acknowledge";

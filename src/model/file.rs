@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::hysteresis::play::PlayParameters;
 use super::hysteresis::residual::ResidualParameters;
 use super::hysteresis::stop::StopParameters;
+use super::kinematic::KinematicParameters;
 
 /// What the field `format` of every model file says.
 pub const FORMAT: &str = "i2ris-model";
@@ -92,9 +93,25 @@ pub enum FamilyParameters {
         /// Covariance of the residuals, m rows of m.
         covariance: Vec<Vec<f64>>,
     },
+    /// The analytic chain of the robot.
+    Kinematic {
+        /// What differs from robot to robot.
+        kinematics: KinematicParameters,
+        /// Outputs of the straight snake, less those that the chain gives it; m.
+        offset: Vec<f64>,
+        /// Covariance of the residuals, m rows of m.
+        covariance: Vec<Vec<f64>>,
+    },
     /// Gaussian mixture regression on the counts, without memory.
     Gmr {
         /// Mixture over `[counts; outputs]`.
+        mixture: MixtureParameters,
+    },
+    /// Gaussian mixture regression on the counts and the direction of travel of every motor.
+    GmrDirection {
+        /// A motor has turned when it has come back by so much, counts; d.
+        dead_bands_counts: Vec<f64>,
+        /// Mixture over `[counts; directions; outputs]`; a direction is 1 upwards and -1 downwards.
         mixture: MixtureParameters,
     },
     /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.

@@ -1,5 +1,6 @@
 //! What a model remembers of the past motion of the motors.
 
+use super::direction::Travels;
 use super::hysteresis::play::PlayState;
 use super::hysteresis::stop::StopState;
 use crate::units::MotorVec;
@@ -44,6 +45,8 @@ pub(super) enum State {
     /// Nothing.
     #[default]
     None,
+    /// Which way every motor travels.
+    Travels(Travels),
     /// Of play operators.
     Plays(PlayState),
     /// Of stop operators.

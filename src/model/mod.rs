@@ -18,7 +18,10 @@
 //! | `gmm` | the Gaussian mixture: validation, prepared form |
 //! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
 //! | `linear` | affine least squares |
+//! | [`kinematic`] | the analytic chain of the robot |
+//! | [`direction`] | Gaussian mixture regression on the counts and the direction of travel |
 //! | `memory` | what a model remembers |
+//! | `history` | where the motors have been, to rebuild a memory from |
 //! | [`hysteresis`] | models with memory: operators, residual |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
 //! | `estimate` | what a model answers |
@@ -27,14 +30,17 @@
 //! | `round_trip` | the proof that the inverse of a model leads back |
 
 mod check;
+pub mod direction;
 mod error;
 mod estimate;
 pub mod file;
 mod gmm;
 mod gmr;
+mod history;
 mod hull;
 pub mod hysteresis;
 mod inverse;
+pub mod kinematic;
 mod linear;
 mod memory;
 mod plane;
@@ -48,6 +54,7 @@ use std::path::Path;
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
 pub use gmm::MAX_COMPONENTS;
+pub use history::History;
 pub use hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
 pub use memory::Memory;
 pub use regression::Local;
@@ -56,6 +63,7 @@ pub use store::ModelId;
 use nalgebra::SVector;
 
 use crate::units::{MotorVec, OutputVec};
+use direction::DirectionGmr;
 use file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit};
 use gmr::Gmr;
 use hysteresis::Operator;
@@ -63,6 +71,7 @@ use hysteresis::chain::Chain;
 use hysteresis::play::Plays;
 use hysteresis::residual::{Residual, ResidualParameters};
 use hysteresis::stop::Stops;
+use kinematic::Kinematic;
 use linear::Linear;
 use regression::{Prepared, Runtime};
 
@@ -182,6 +191,13 @@ impl Model {
         self.runtime.correction(memory)
     }
 
+    /// What the regression of the model takes in if the motors went straight from where they are to `counts`: the
+    /// virtual counts; of families without them, the counts.
+    #[must_use]
+    pub fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
+        self.runtime.virtual_counts(counts, memory)
+    }
+
     /// The outputs if the motors went straight from where they are to `counts`. Finite for every finite position, in the
     /// hull or not; far outside it extrapolates. A position that is not a number gives estimates that are none.
     #[must_use]
@@ -231,7 +247,13 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
         FamilyParameters::Linear { gain, offset, covariance } => {
             Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
         }
+        FamilyParameters::Kinematic { kinematics, offset, covariance } => {
+            Box::new(Prepared(Kinematic::<D, M>::prepare(kinematics, offset, covariance, unit(file))?))
+        }
         FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
+        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
+            Box::new(DirectionGmr::<D, M>::prepare(dead_bands_counts, mixture, si)?)
+        }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             Box::new(chain::<_, D, M>(Plays::prepare(plays)?, mixture, residual.as_ref(), virtual_hull, si)?)
         }

@@ -57,6 +57,11 @@ pub(super) trait Runtime: Debug + Send + Sync {
         OutputVec::default()
     }
 
+    /// See [`super::Model::virtual_counts`].
+    fn virtual_counts(&self, counts: &MotorVec, _memory: &Memory) -> MotorVec {
+        bounded(counts)
+    }
+
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate;
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse;

@@ -12,9 +12,10 @@ use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
-    SCHEMA_VERSION, TrainingRecord,
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
+    OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
+use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use crate::drive::{Drive, Quirk};
@@ -56,20 +57,50 @@ fn output(name: &str, unit: OutputUnit) -> OutputSpec {
 
 /// A model whose motor axes are turned by 45 deg against pitch and yaw.
 pub fn model(unit: OutputUnit) -> Arc<Model> {
+    let family = FamilyParameters::Linear {
+        gain: vec![vec![GAIN_DEG, GAIN_DEG], vec![-GAIN_DEG, GAIN_DEG]],
+        offset: vec![0.0, 0.0],
+        covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
+    };
+    Arc::new(Model::from_file(file(unit, family)).unwrap())
+}
+
+/// The same behind gaps of 100 counts to either side of every motor.
+pub fn play_model() -> Arc<Model> {
+    let (spread, gain, noise) = (300.0_f64.powi(2), GAIN_DEG, 0.01);
+    let (cross, out) = (gain * spread, 2.0 * gain * gain * spread + noise);
+    let plays = PlayParameters {
+        thresholds_counts: vec![vec![0.0, 100.0]; 2],
+        weights: vec![vec![0.5, 0.5]; 2],
+        planar_thresholds_counts: vec![],
+    };
+    let mixture = MixtureParameters {
+        weights: vec![1.0],
+        means: vec![vec![0.0; 4]],
+        covariances: vec![vec![
+            vec![spread, 0.0, cross, -cross],
+            vec![0.0, spread, cross, cross],
+            vec![cross, cross, out, 0.0],
+            vec![-cross, cross, 0.0, out],
+        ]],
+    };
+    let family = FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull: square() };
+    Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
+}
+
+fn square() -> HullParameters {
+    HullParameters { corners: vec![vec![-HULL, -HULL], vec![HULL, -HULL], vec![HULL, HULL], vec![-HULL, HULL]] }
+}
+
+fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
     let metrics = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
-    let file = ModelFile {
+    ModelFile {
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
         outputs: vec![output("pitch", unit), output("yaw", unit)],
-        family: FamilyParameters::Linear {
-            gain: vec![vec![GAIN_DEG, GAIN_DEG], vec![-GAIN_DEG, GAIN_DEG]],
-            offset: vec![0.0, 0.0],
-            covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
-        },
-        hull: HullParameters {
-            corners: vec![vec![-HULL, -HULL], vec![HULL, -HULL], vec![HULL, HULL], vec![-HULL, HULL]],
-        },
+        family,
+        hull: square(),
         training: TrainingRecord {
             data_file: "none".to_owned(),
             data_sha256: "0".repeat(64),
@@ -81,8 +112,7 @@ pub fn model(unit: OutputUnit) -> Arc<Model> {
             software: "test".to_owned(),
         },
         metrics: vec![OutputMetrics { training: metrics, held_out: None }; 2],
-    };
-    Arc::new(Model::from_file(file).unwrap())
+    }
 }
 
 /// Angles in rad for angles in deg.

@@ -30,7 +30,7 @@ const BUSY: [(Refusal, OperatingState); 9] = [
     no(Refusal::Busy, D),
     no(Refusal::Busy, D),
     no(Refusal::Busy, D),
-    no(Refusal::Unsupported, D),
+    no(Refusal::Busy, D),
     no(Refusal::State, D),
     to(D),
 ];
@@ -42,10 +42,16 @@ const ENABLED: [(Refusal, OperatingState); 9] = [
     no(Refusal::State, E),
     no(Refusal::State, E),
     no(Refusal::State, E),
-    no(Refusal::Unsupported, E),
+    to(E),
     no(Refusal::State, E),
     to(E),
 ];
+
+const CONDITIONING: [(Refusal, OperatingState); 9] = {
+    let mut row = ENABLED;
+    row[6] = no(Refusal::Busy, E);
+    row
+};
 
 const TABLE: &[Row] = &[
     (
@@ -58,7 +64,7 @@ const TABLE: &[Row] = &[
             no(Refusal::State, D),
             to(D),
             to(D),
-            no(Refusal::Unsupported, D),
+            no(Refusal::State, D),
             no(Refusal::State, D),
             to(D),
         ],
@@ -70,6 +76,7 @@ const TABLE: &[Row] = &[
     ("powering off", powering_off, BUSY),
     ("holding", Bench::enabled, ENABLED),
     ("following", Bench::moving, ENABLED),
+    ("conditioning", conditioning, CONDITIONING),
     (
         "paused",
         Bench::paused,
@@ -80,7 +87,7 @@ const TABLE: &[Row] = &[
             to(E),
             no(Refusal::State, P),
             no(Refusal::State, P),
-            no(Refusal::Unsupported, P),
+            no(Refusal::State, P),
             no(Refusal::State, P),
             to(P),
         ],
@@ -95,7 +102,7 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             no(Refusal::State, F),
             no(Refusal::State, F),
-            no(Refusal::Unsupported, F),
+            no(Refusal::State, F),
             to(F),
             to(F),
         ],
@@ -110,7 +117,7 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             no(Refusal::State, F),
             no(Refusal::State, F),
-            no(Refusal::Unsupported, F),
+            no(Refusal::State, F),
             to(D),
             to(F),
         ],
@@ -125,7 +132,7 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             no(Refusal::State, F),
             no(Refusal::State, F),
-            no(Refusal::Unsupported, F),
+            no(Refusal::State, F),
             no(Refusal::CausePersists, F),
             to(F),
         ],
@@ -140,7 +147,7 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             no(Refusal::State, F),
             no(Refusal::State, F),
-            no(Refusal::Unsupported, F),
+            no(Refusal::State, F),
             no(Refusal::Busy, F),
             to(F),
         ],
@@ -167,6 +174,13 @@ fn homing() -> Bench {
 fn stopping() -> Bench {
     let mut bench = Bench::moving();
     bench.ask(StateCommand::Disable);
+    bench
+}
+
+fn conditioning() -> Bench {
+    let mut bench = Bench::enabled();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.run(100);
     bench
 }
 

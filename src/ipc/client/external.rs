@@ -34,7 +34,7 @@ impl ExternalPublisher {
         Self { link: Link::new(domain), port: Port::default(), sequence: 0 }
     }
 
-    /// Publishes one observation.
+    /// Publishes one observation of unknown quality.
     ///
     /// - `stamp`: when the picture was taken, on the clock of [`crate::clock::now`].
     /// - `position`: pitch and yaw, rad (x, y, z, m).
@@ -45,12 +45,28 @@ impl ExternalPublisher {
     /// [`ClientError::NoController`] while nobody serves the domain, [`ClientError::Count`] for a wrong number of
     /// values, [`ClientError::Transport`] when iceoryx2 refuses.
     pub fn publish(&mut self, stamp: Nanos, position: &[f64], deviation: &[f64]) -> Result<(), ClientError> {
+        self.publish_judged(stamp, position, deviation, 0.0)
+    }
+
+    /// As [`ExternalPublisher::publish`], for a sensor that says how far it trusts what it saw: `quality` up to 1.
+    ///
+    /// # Errors
+    ///
+    /// As [`ExternalPublisher::publish`].
+    pub fn publish_judged(
+        &mut self,
+        stamp: Nanos,
+        position: &[f64],
+        deviation: &[f64],
+        quality: f64,
+    ) -> Result<(), ClientError> {
         let (position, count) = padded(position)?;
         let deviation = if deviation.is_empty() { OutputVec::default() } else { padded(deviation)?.0 };
         self.send(ExternalPosition {
             stamp_ns: stamp.0,
             position,
             deviation,
+            quality,
             count,
             flags: ExternalPosition::VALID,
             ..ExternalPosition::default()

@@ -80,6 +80,10 @@ impl<O: Remember<D>, R: Regression<D, M>, const D: usize, const M: usize> Runtim
         self.operator.wipe_counts()
     }
 
+    fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
+        array(&self.operator.local(&self.state(memory), &vector(&bounded(counts))).mean)
+    }
+
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
         let state = self.state(memory);
         let position = memory.seen.map_or(*counts, |seen| seen.position);

@@ -80,18 +80,18 @@ impl<const D: usize> Plays<D> {
         Ok(Self { motors, planar })
     }
 
-    /// Where the plays of one motor would be, in order of the thresholds.
-    fn outputs(&self, state: &PlayState, motor: usize, counts: f64) -> impl Iterator<Item = (&Play, f64)> {
-        let before = state.outputs.get(motor).map(<[f64; MAX_PLAYS]>::as_slice).unwrap_or_default();
+    /// The plays of one motor and where they are, in order of the thresholds.
+    fn plays<'a>(&'a self, state: &'a PlayState, motor: usize) -> impl Iterator<Item = (&'a Play, f64)> {
+        let outputs = state.outputs.get(motor).map(<[f64; MAX_PLAYS]>::as_slice).unwrap_or_default();
         let plays = self.motors.get(motor).map(Vec::as_slice).unwrap_or_default();
-        plays.iter().zip(before).map(move |(play, output)| (play, play.drag(*output, counts)))
+        plays.iter().zip(outputs.iter().copied())
     }
 
     /// Sum and slope of one motor.
     fn sum(&self, state: &PlayState, motor: usize, counts: f64) -> (f64, f64) {
-        self.outputs(state, motor, counts).fold((0.0, 0.0), |(sum, slope), (play, output)| {
-            let moves = if (output - counts).abs() >= play.threshold { play.weight } else { 0.0 };
-            (sum + play.weight * output, slope + moves)
+        self.plays(state, motor).fold((0.0, 0.0), |(sum, slope), (play, output)| {
+            let moves = if play.drags(output, counts) { play.weight } else { 0.0 };
+            (sum + play.weight * play.drag(output, counts), slope + moves)
         })
     }
 
@@ -114,6 +114,12 @@ impl<const D: usize> Plays<D> {
 impl Play {
     fn drag(&self, output: f64, counts: f64) -> f64 {
         output.min(counts + self.threshold).max(counts - self.threshold)
+    }
+
+    /// Whether the input pushes an output. From the very sums of [`Play::drag`]: the distance of input and output would
+    /// be rounded, and a slope without one of its plays lets the inverse run away.
+    fn drags(&self, output: f64, counts: f64) -> bool {
+        counts - self.threshold >= output || counts + self.threshold <= output
     }
 }
 
@@ -179,8 +185,8 @@ impl<const D: usize> Operator<D> for Plays<D> {
     fn lags(&self, state: &PlayState) -> Lags {
         let mut lags = Lags::default();
         for (motor, at) in state.position.into_iter().take(D).enumerate() {
-            for (play, output) in self.outputs(state, motor, at).skip(1) {
-                lags.push((at - output) / play.threshold);
+            for (play, output) in self.plays(state, motor).skip(1) {
+                lags.push((at - play.drag(output, at)) / play.threshold);
             }
         }
         for (disc, threshold) in state.planar.iter().zip(&self.planar) {
@@ -204,7 +210,7 @@ impl<const D: usize> Remember<D> for Plays<D> {
     fn unpack(state: &State) -> Option<PlayState> {
         match state {
             State::Plays(state) => Some(*state),
-            State::None | State::Stops(_) => None,
+            _ => None,
         }
     }
 }

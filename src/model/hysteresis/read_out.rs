@@ -3,9 +3,10 @@
 use nalgebra::SVector;
 
 use crate::model::error::ModelError;
+use crate::model::estimate::Estimate;
 use crate::model::file::MixtureParameters;
 use crate::model::gmr::Gmr;
-use crate::model::regression::{Regression, array};
+use crate::model::regression::{Regression, array, estimate};
 use crate::units::OutputVec;
 
 /// Gaussian mixture regression on the virtual counts of D motors, in the units of the file.
@@ -40,6 +41,16 @@ impl<const D: usize> ReadOut<D> {
             Sized::One(gmr) => array(&gmr.local(virtual_counts).mean),
             Sized::Two(gmr) => array(&gmr.local(virtual_counts).mean),
             Sized::Three(gmr) => array(&gmr.local(virtual_counts).mean),
+        }
+    }
+
+    /// The outputs at virtual counts, with their covariances.
+    #[must_use]
+    pub fn estimate(&self, virtual_counts: &SVector<f64, D>) -> Estimate {
+        match &self.0 {
+            Sized::One(gmr) => estimate(&gmr.predict(virtual_counts)),
+            Sized::Two(gmr) => estimate(&gmr.predict(virtual_counts)),
+            Sized::Three(gmr) => estimate(&gmr.predict(virtual_counts)),
         }
     }
 }

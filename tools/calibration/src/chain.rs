@@ -11,29 +11,20 @@ use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::read_out::ReadOut;
 use i2ris::model::hysteresis::residual::{ResidualParameters, count, features};
 use i2ris::model::{Hull, ModelError};
-use i2ris::units::{MAX_OUTPUTS, MotorVec};
+use i2ris::units::MotorVec;
 use nalgebra::{DMatrix, SVector};
-use rayon::prelude::*;
 
-use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture, most_components};
-use crate::progress::{Progress, Silent};
+use crate::components::choose_components;
+use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture};
+use crate::progress::Progress;
 use crate::ridge::{RidgeFit, ridge};
-use crate::series::{Point, Series, blocks};
+use crate::series::{Point, Series};
 use crate::table::Table;
 
 /// Shape and lag degrees of the residuals that are tried.
 const DEGREES: [(usize, usize); 4] = [(5, 2), (5, 1), (3, 1), (1, 0)];
 
-/// Numbers of components that are tried.
-const COMPONENTS: [usize; 7] = [1, 2, 3, 4, 6, 8, 10];
-
-/// Blocks left out one at a time to choose the number of components.
-const BLOCKS: usize = 5;
-
-/// Rows that the choice of the number of components takes.
-const CHOICE_ROWS: usize = 3000;
-
-/// More components, or a residual, have to lower the error on blocks left out by this part.
+/// A residual has to lower the error on blocks left out by this part.
 const WORTH_IT: f64 = 0.01;
 
 /// How to fit what follows an operator.
@@ -104,7 +95,7 @@ pub fn fit_chain<O: Operator<D>, const D: usize>(
     let joint = data.joint(&data.without_lags()?);
     let components = match options.components {
         Some(components) => components,
-        None => choose_components::<D>(&joint, series.outputs(), &options.em, progress)?,
+        None => choose_components::<D>(&joint, series.outputs(), &options.em, progress),
     };
     let mixture = fit_mixture(&joint, components, &options.em, progress)?;
     let left = data.left_by(&ReadOut::prepare(&mixture.parameters, series.outputs())?);
@@ -202,61 +193,12 @@ fn padded<const D: usize>(virtual_counts: &SVector<f64, D>) -> MotorVec {
     padded
 }
 
-/// The least number of components that comes near the least error on blocks left out.
-fn choose_components<const D: usize>(
-    joint: &Table,
-    outputs: usize,
-    em: &EmOptions,
-    progress: &dyn Progress,
-) -> Result<usize, ChainError> {
-    let thinned = Table::from_rows(
-        joint.width(),
-        joint.rows().step_by(joint.len().div_ceil(CHOICE_ROWS).max(1)).map(|row| row.iter().copied()),
-    );
-    let blocks = blocks(thinned.len(), BLOCKS);
-    let smallest = blocks.iter().map(|block| thinned.len() - block.len()).min().unwrap_or_default();
-    let possible = most_components(smallest, joint.width());
-    let em = EmOptions { restarts: em.restarts.min(4), ..em.clone() };
-    let candidates: Vec<usize> = COMPONENTS.into_iter().filter(|components| *components <= possible.max(1)).collect();
-    progress.begin(candidates.len());
-    let errors: Vec<(usize, f64)> = candidates
-        .into_par_iter()
-        .map(|components| {
-            let left_out = blocks.iter().map(|block| block_error::<D>(&thinned, block, components, outputs, &em));
-            let error = left_out.sum::<Option<f64>>().unwrap_or(f64::INFINITY);
-            progress.step();
-            (components, error)
-        })
-        .collect();
-    progress.end();
-    let least = errors.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-    let near = |error: f64| error <= least * (1.0 + WORTH_IT);
-    Ok(errors.into_iter().find(|(_, error)| near(*error)).map_or(1, |(components, _)| components))
-}
-
-/// Sum of squared errors on a block, of a mixture that has not seen it.
-fn block_error<const D: usize>(
-    data: &Table,
-    block: &std::ops::Range<usize>,
-    components: usize,
-    outputs: usize,
-    em: &EmOptions,
-) -> Option<f64> {
-    let others = data.rows().enumerate().filter(|(row, _)| !block.contains(row)).map(|(_, row)| row.iter().copied());
-    let fit = fit_mixture(&Table::from_rows(data.width(), others), components, em, &Silent).ok()?;
-    let read_out = ReadOut::<D>::prepare(&fit.parameters, outputs).ok()?;
-    let error = |row: &[f64]| {
-        let predicted = read_out.at(&SVector::from_iterator(row.iter().copied().take(D)));
-        row.iter().skip(D).zip(predicted.iter().take(MAX_OUTPUTS)).map(|(y, p)| (y - p).powi(2)).sum::<f64>()
-    };
-    Some(data.rows().skip(block.start).take(block.len()).map(error).sum())
-}
-
 #[cfg(test)]
 mod tests {
     use i2ris::model::hysteresis::play::{PlayParameters, Plays};
 
     use super::*;
+    use crate::progress::Silent;
     use crate::recording::Recording;
     use crate::testing::{recording, straight, wander};
 
@@ -304,16 +246,5 @@ mod tests {
         assert!(with.residual.is_some() && without.residual.is_none());
         assert!(without.cross_validated_rms > 0.2, "{}", without.cross_validated_rms);
         assert!(with.cross_validated_rms < 0.02, "{}", with.cross_validated_rms);
-    }
-
-    #[test]
-    fn one_component_is_enough_for_a_straight_read_out() {
-        let recording = dragged(0.0);
-        let series = Series::new(&recording, &(0..recording.rows().len()).collect::<Vec<_>>());
-        let points = series.trace(&plays());
-        let data = Data { points: &points, outputs: 2, scale_counts: scale(&points) };
-        let joint = data.joint(&data.measured());
-        let em = EmOptions { restarts: 2, max_iterations: 50, ..EmOptions::default() };
-        assert_eq!(choose_components::<2>(&joint, 2, &em, &Silent).unwrap(), 1);
     }
 }

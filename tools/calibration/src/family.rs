@@ -8,7 +8,6 @@ use i2ris::model::file::{
 };
 use i2ris::model::{Model, ModelError};
 
-use crate::em::MixtureFit;
 use crate::linear::LinearFit;
 use crate::metrics::{metrics, predictions};
 use crate::recording::Recording;
@@ -19,52 +18,89 @@ use crate::split::Split;
 pub enum Family {
     /// Affine least squares: the baseline.
     Linear,
+    /// The analytic chain from counts to bend: the baseline with geometry.
+    Kinematic,
     /// Gaussian mixture regression on the counts, without memory.
     Gmr,
+    /// Gaussian mixture regression on the counts and the direction of travel: the published way.
+    GmrDirection,
+    /// Play operators, then Gaussian mixture regression and a residual.
+    GmrPlay,
+    /// Stop operators with friction that grows with the pull of the wires, then the same.
+    GmrStop,
 }
 
 impl fmt::Display for Family {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Linear => "linear",
+            Self::Kinematic => "kinematic",
             Self::Gmr => "gmr",
+            Self::GmrDirection => "gmr-direction",
+            Self::GmrPlay => "gmr-play",
+            Self::GmrStop => "gmr-stop",
         })
+    }
+}
+
+impl Family {
+    /// All of them, the simplest first.
+    pub const ALL: [Self; 6] =
+        [Self::Linear, Self::Kinematic, Self::Gmr, Self::GmrDirection, Self::GmrPlay, Self::GmrStop];
+
+    /// Whether models of the family remember the past.
+    #[must_use]
+    pub fn remembers(self) -> bool {
+        match self {
+            Self::Linear | Self::Kinematic | Self::Gmr => false,
+            Self::GmrDirection | Self::GmrPlay | Self::GmrStop => true,
+        }
     }
 }
 
 /// Text that names no family.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is no family of models: there are `linear` and `gmr`")]
-pub struct ParseFamilyError(String);
+#[error("`{found}` is no family of models: there are {}", names())]
+pub struct ParseFamilyError {
+    found: String,
+}
+
+fn names() -> String {
+    Family::ALL.map(|family| format!("`{family}`")).join(", ")
+}
 
 impl FromStr for Family {
     type Err = ParseFamilyError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        [Self::Linear, Self::Gmr]
-            .into_iter()
-            .find(|family| family.to_string() == text)
-            .ok_or_else(|| ParseFamilyError(text.to_owned()))
+        let named = Self::ALL.into_iter().find(|family| family.to_string() == text);
+        named.ok_or_else(|| ParseFamilyError { found: text.to_owned() })
     }
 }
 
-/// Parameters that were fitted.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Fitted<'a> {
-    Linear(&'a LinearFit),
-    Gmr(&'a MixtureFit),
+/// A family with its parameters, fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Fitted {
+    pub family: FamilyParameters,
+    /// Of the mixture, nats per row; `None` for families without one.
+    pub log_likelihood: Option<f64>,
+    /// Of the mixture.
+    pub bic: Option<f64>,
+    /// Random starts per mixture.
+    pub restarts: usize,
 }
 
-impl Fitted<'_> {
-    fn parameters(&self) -> FamilyParameters {
-        match self {
-            Self::Linear(fit) => FamilyParameters::Linear {
-                gain: fit.gain.clone(),
-                offset: fit.offset.clone(),
-                covariance: fit.covariance.clone(),
-            },
-            Self::Gmr(fit) => FamilyParameters::Gmr { mixture: fit.parameters.clone() },
-        }
+impl Fitted {
+    /// Of a family without a mixture.
+    pub fn plain(family: FamilyParameters) -> Self {
+        Self { family, log_likelihood: None, bic: None, restarts: 0 }
+    }
+}
+
+impl From<&LinearFit> for Fitted {
+    fn from(fit: &LinearFit) -> Self {
+        let LinearFit { gain, offset, covariance } = fit.clone();
+        Self::plain(FamilyParameters::Linear { gain, offset, covariance })
     }
 }
 
@@ -81,7 +117,6 @@ pub(crate) struct Frame<'a> {
     pub hull: &'a HullParameters,
     pub robot_id: &'a str,
     pub seed: u64,
-    pub restarts: usize,
 }
 
 impl Frame<'_> {
@@ -90,33 +125,29 @@ impl Frame<'_> {
     /// # Errors
     ///
     /// When the model is refused, as it would be by the controller.
-    pub fn model(&self, fitted: Fitted) -> Result<Model, ModelError> {
+    pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
         let mut file = self.file(fitted);
         file.metrics = self.measure(&Model::from_file(file.clone())?);
         Model::from_file(file)
     }
 
     /// The model file, with metrics that only hold the place of those that take the model to compute.
-    fn file(&self, fitted: Fitted) -> ModelFile {
-        let fit = match fitted {
-            Fitted::Linear(_) => None,
-            Fitted::Gmr(fit) => Some(fit),
-        };
+    fn file(&self, fitted: &Fitted) -> ModelFile {
         ModelFile {
             format: FORMAT.to_owned(),
             schema_version: SCHEMA_VERSION,
             robot_id: self.robot_id.to_owned(),
             outputs: self.recording.outputs().to_vec(),
-            family: fitted.parameters(),
+            family: fitted.family.clone(),
             hull: self.hull.clone(),
             training: TrainingRecord {
                 data_file: self.recording.name().to_owned(),
                 data_sha256: self.recording.sha256().to_owned(),
                 rows: self.training.len(),
                 seed: self.seed,
-                restarts: fit.map_or(0, |_| self.restarts),
-                log_likelihood: fit.map(|fit| fit.log_likelihood),
-                bic: fit.map(|fit| fit.bic),
+                restarts: fitted.restarts,
+                log_likelihood: fitted.log_likelihood,
+                bic: fitted.bic,
                 software: concat!("i2ris-calibration ", env!("CARGO_PKG_VERSION")).to_owned(),
             },
             metrics: vec![OutputMetrics { training: NONE, held_out: None }; self.recording.outputs().len()],

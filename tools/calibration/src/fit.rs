@@ -1,13 +1,27 @@
-//! From a recording to a model: the whole of a calibration but reading and writing.
+//! From a recording to models: the whole of a calibration but reading and writing.
 
-use i2ris::model::{Hull, MAX_COMPONENTS, Model, ModelError};
+mod gmr;
+mod work;
+
+use std::error::Error;
+use std::fmt;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::MotorVec;
 
-use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture, fit_mixtures};
-use crate::family::{Family, Fitted, Frame};
+pub use gmr::{Candidate, Verdict};
+use work::Work;
+
+use crate::em::{EmError, EmOptions};
+use crate::family::{Family, Frame, ParseFamilyError};
 use crate::linear::{LinearError, fit_linear};
+use crate::motion::NoHysteresis;
 use crate::progress::Progress;
 use crate::recording::Recording;
+use crate::series::Series;
+use crate::slope::FlatSpot;
 use crate::spike::SpikeOptions;
 use crate::split::{HoldOut, Split, SplitError};
 use crate::survey::{Survey, inputs, outputs};
@@ -19,8 +33,8 @@ pub struct FitOptions {
     /// The robot that was recorded.
     pub robot_id: String,
     /// What to fit.
-    pub family: Family,
-    /// Components of a mixture.
+    pub choice: Choice,
+    /// Components of a mixture on the counts.
     pub components: Components,
     /// How to fit a mixture.
     pub em: EmOptions,
@@ -34,8 +48,8 @@ impl Default for FitOptions {
     fn default() -> Self {
         Self {
             robot_id: "i2ris".to_owned(),
-            family: Family::Gmr,
-            components: Components::UpTo(12),
+            choice: Choice::Best,
+            components: Components::UpTo(MAX_COMPONENTS_TRIED),
             em: EmOptions::default(),
             hold_out: HoldOut::default(),
             spikes: SpikeOptions::default(),
@@ -43,28 +57,72 @@ impl Default for FitOptions {
     }
 }
 
-/// How many components a mixture has.
+/// Components of a mixture on the counts that are tried.
+const MAX_COMPONENTS_TRIED: usize = 12;
+
+/// Which families are fitted, and which of them is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// All of them; the one with the least error on the rows held out.
+    Best,
+    /// One of them, and `linear` to compare with.
+    One(Family),
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Best => f.write_str("best"),
+            Self::One(family) => family.fmt(f),
+        }
+    }
+}
+
+impl FromStr for Choice {
+    type Err = ParseFamilyError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "best" { Ok(Self::Best) } else { text.parse().map(Self::One) }
+    }
+}
+
+/// How many components a mixture on the counts has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Components {
     /// So many.
     Exactly(usize),
-    /// From one to so many, or as many as the rows can carry: the number with the lowest BIC among those whose model
-    /// can be inverted all over the hull.
+    /// From one to so many, or as many as the rows can carry: the least number that comes near the least error on blocks
+    /// left out, among those whose model can be inverted all over the hull.
     UpTo(usize),
 }
 
-/// A model, and how it came about.
+/// Models, and how they came about.
 #[derive(Debug)]
 pub struct FitOutcome {
-    /// Checked, prepared, and measured on the recording.
-    pub model: Model,
-    /// The affine model of the same rows, to compare with. It is the same model if the family is linear.
-    pub linear: Model,
+    /// The model that was taken: checked, prepared, and measured on the recording.
+    pub model: Arc<Model>,
+    /// Its family.
+    pub family: Family,
+    /// The affine model of the same rows, to compare with. It is the same model if `family` is linear.
+    pub linear: Arc<Model>,
+    /// What became of every family that was to be fitted, the simplest first.
+    pub families: Vec<FamilyOutcome>,
     /// The rest.
     pub report: FitReport,
 }
 
-/// How a model came about.
+/// What became of a family.
+#[derive(Debug)]
+pub struct FamilyOutcome {
+    /// Which.
+    pub family: Family,
+    /// The model, or why there is none.
+    pub result: Result<Arc<Model>, FitError>,
+    /// How long it took, s; the only thing here that is not the same in every run.
+    pub seconds: f64,
+}
+
+/// How models came about.
 #[derive(Debug)]
 pub struct FitReport {
     /// What was held out.
@@ -73,40 +131,16 @@ pub struct FitReport {
     pub survey: Survey,
     /// Indices of the rows used for training.
     pub training: Vec<usize>,
-    /// Numbers of components that were tried, in rising order; none for families without a mixture.
+    /// Numbers of components that were tried for `gmr`, in rising order; none where it was not fitted.
     pub candidates: Vec<Candidate>,
 }
 
 impl FitReport {
-    /// The number of components that was taken.
+    /// The number of components that was taken for `gmr`.
     #[must_use]
     pub fn chosen(&self) -> Option<&Candidate> {
         self.candidates.iter().find(|candidate| matches!(candidate.verdict, Verdict::Chosen))
     }
-}
-
-/// A number of components that was tried.
-#[derive(Debug)]
-pub struct Candidate {
-    /// The number.
-    pub components: usize,
-    /// The mixture, unless no start succeeded.
-    pub fit: Option<MixtureFit>,
-    /// What became of it.
-    pub verdict: Verdict,
-}
-
-/// What became of a candidate.
-#[derive(Debug)]
-pub enum Verdict {
-    /// Taken.
-    Chosen,
-    /// Another has a lower BIC.
-    Surpassed,
-    /// Its BIC is lower than that of the one chosen, but its model was refused.
-    Refused(ModelError),
-    /// There is no mixture.
-    Failed(EmError),
 }
 
 /// Why there is no model.
@@ -127,6 +161,28 @@ pub enum FitError {
     /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
+    /// The parameters of the family cannot be found.
+    #[error("family `{family}`: {source}")]
+    Family {
+        /// The family.
+        family: Family,
+        /// Why.
+        source: Box<dyn Error + Send + Sync>,
+    },
+    /// Every mixture is flat somewhere.
+    #[error("the mixture of {components} component(s) is refused: {spot}; record more of that region")]
+    TooFlat {
+        /// How many.
+        components: usize,
+        /// Where.
+        spot: FlatSpot,
+    },
+    /// The recording cannot tell what the family would have to remember.
+    #[error("{0}")]
+    NoHysteresis(NoHysteresis),
+    /// Nothing is held out to choose by.
+    #[error("choosing the best family takes rows held out; name a family with --family, or hold something out")]
+    NothingToChooseBy,
     /// The model is refused, as the controller would refuse it.
     #[error("the model of family `{family}` is refused: {source}")]
     Refused {
@@ -137,19 +193,23 @@ pub enum FitError {
     },
 }
 
-/// Fits a model to a recording: looks for spikes, holds rows out, fits, checks as the controller checks, and measures.
+/// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller checks, and measures.
 ///
 /// # Errors
 ///
-/// When the recording does not determine a model, or the model is refused; see [`FitError`].
+/// When the recording does not determine a model, or the model that was asked for is refused; see [`FitError`]. With
+/// [`Choice::Best`], families that fail are told in the outcome.
 pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress) -> Result<FitOutcome, FitError> {
     let survey = Survey::new(recording, &options.spikes)?;
     let split = Split::new(recording, options.hold_out)?;
+    if options.choice == Choice::Best && split.held_out().is_empty() {
+        return Err(FitError::NothingToChooseBy);
+    }
     let usable = |row: &usize| options.spikes.keep || !survey.is_flagged(*row);
     let training: Vec<usize> = split.training().filter(usable).collect();
     outputs_change(recording, &training)?;
     let (inputs, outputs) = (inputs(recording, training.iter().copied()), outputs(recording, training.iter().copied()));
-    let linear = fit_linear(&inputs, &outputs)?;
+    let straight = fit_linear(&inputs, &outputs)?;
     let hull = hull(&inputs).map_err(|source| refused(Family::Linear, source))?.parameters();
     let frame = Frame {
         recording,
@@ -158,15 +218,46 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
         hull: &hull,
         robot_id: &options.robot_id,
         seed: options.em.seed,
-        restarts: options.em.restarts,
     };
-    let baseline = || frame.model(Fitted::Linear(&linear)).map_err(|source| refused(Family::Linear, source));
-    let (model, candidates) = match options.family {
-        Family::Linear => (baseline()?, Vec::new()),
-        Family::Gmr => gmr(&frame, &joint(&inputs, &outputs), options, progress)?,
-    };
-    let linear = baseline()?;
-    Ok(FitOutcome { model, linear, report: FitReport { split, survey, training, candidates } })
+    let series = Series::new(recording, &training);
+    let mut work = Work { frame, series, inputs, outputs, straight, options, progress, candidates: Vec::new() };
+    let wanted: Vec<Family> = Family::ALL.into_iter().filter(|family| options.choice.wants(*family)).collect();
+    let mut families: Vec<FamilyOutcome> = wanted.into_iter().map(|family| work.attempt(family)).collect();
+    let candidates = work.candidates;
+    let (linear, family, model) = choose(&mut families, options.choice)?;
+    Ok(FitOutcome { model, family, linear, families, report: FitReport { split, survey, training, candidates } })
+}
+
+impl Choice {
+    fn wants(self, family: Family) -> bool {
+        match self {
+            Self::Best => true,
+            Self::One(one) => family == Family::Linear || family == one,
+        }
+    }
+}
+
+/// The affine model, and the family and model to take. An error where there is none.
+fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<(Arc<Model>, Family, Arc<Model>), FitError> {
+    let model = |outcome: &FamilyOutcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone()));
+    let wanted = |outcome: &&FamilyOutcome| choice == Choice::Best || choice == Choice::One(outcome.family);
+    let linear = families.iter().find(|outcome| outcome.family == Family::Linear).and_then(model);
+    let models = families.iter().filter(wanted).filter_map(model);
+    let best = models.min_by(|a, b| held_out_error(&a.1).total_cmp(&held_out_error(&b.1)));
+    match (linear, best) {
+        (Some((_, linear)), Some((family, model))) => Ok((linear, family, model)),
+        _ => {
+            let failed = families.iter().position(|outcome| outcome.result.is_err()).unwrap_or_default();
+            let reason = families.swap_remove(failed).result.err();
+            Err(reason.unwrap_or(FitError::NothingToChooseBy))
+        }
+    }
+}
+
+/// Mean square over the held-out rows of the length of the error, in the unit of the outputs.
+fn held_out_error(model: &Model) -> f64 {
+    let squares = model.file().metrics.iter().map(|metrics| metrics.held_out.map_or(0.0, |fit| fit.rmsd * fit.rmsd));
+    squares.sum()
 }
 
 fn refused(family: Family, source: ModelError) -> FitError {
@@ -191,69 +282,6 @@ fn hull(inputs: &Table) -> Result<Hull, ModelError> {
         counts
     };
     Hull::from_points(inputs.width(), &inputs.rows().map(padded).collect::<Vec<_>>())
-}
-
-/// `[counts; outputs]`, the variables of the mixture.
-fn joint(inputs: &Table, outputs: &Table) -> Table {
-    let rows = inputs.rows().zip(outputs.rows());
-    Table::from_rows(inputs.width() + outputs.width(), rows.map(|(x, y)| x.iter().chain(y).copied()))
-}
-
-fn gmr(
-    frame: &Frame,
-    data: &Table,
-    options: &FitOptions,
-    progress: &dyn Progress,
-) -> Result<(Model, Vec<Candidate>), FitError> {
-    match options.components {
-        Components::Exactly(components) => {
-            let fit = fit_mixture(data, components, &options.em, progress)?;
-            let model = frame.model(Fitted::Gmr(&fit)).map_err(|source| refused(Family::Gmr, source))?;
-            Ok((model, vec![Candidate { components, fit: Some(fit), verdict: Verdict::Chosen }]))
-        }
-        Components::UpTo(most) => {
-            let range = 1..=most.clamp(1, MAX_COMPONENTS);
-            let fits = fit_mixtures(data, range.clone(), &options.em, progress)?;
-            choose(frame, range.zip(fits).map(|(components, fit)| candidate(components, fit)).collect())
-        }
-    }
-}
-
-fn candidate(components: usize, fit: Result<MixtureFit, EmError>) -> Candidate {
-    match fit {
-        Ok(fit) => Candidate { components, fit: Some(fit), verdict: Verdict::Surpassed },
-        Err(error) => Candidate { components, fit: None, verdict: Verdict::Failed(error) },
-    }
-}
-
-/// Takes the candidate with the lowest BIC whose model passes.
-fn choose(frame: &Frame, mut candidates: Vec<Candidate>) -> Result<(Model, Vec<Candidate>), FitError> {
-    let bic = |candidate: &Candidate| candidate.fit.as_ref().map_or(f64::INFINITY, |fit| fit.bic);
-    let mut order: Vec<usize> = (0..candidates.len()).collect();
-    order.sort_by(|a, b| bic(&candidates[*a]).total_cmp(&bic(&candidates[*b])));
-    for index in order {
-        let candidate = &mut candidates[index];
-        let Some(fit) = &candidate.fit else { continue };
-        match frame.model(Fitted::Gmr(fit)) {
-            Ok(model) => {
-                candidate.verdict = Verdict::Chosen;
-                return Ok((model, candidates));
-            }
-            Err(error) => candidate.verdict = Verdict::Refused(error),
-        }
-    }
-    Err(simplest_reason(candidates))
-}
-
-/// Why none of the candidates could be taken: the reason of the simplest one, which had the best chance.
-fn simplest_reason(candidates: Vec<Candidate>) -> FitError {
-    let reason = |candidate: Candidate| match candidate.verdict {
-        Verdict::Refused(error) => Some(refused(Family::Gmr, error)),
-        Verdict::Failed(error) => Some(FitError::Mixture(error)),
-        Verdict::Chosen | Verdict::Surpassed => None,
-    };
-    let nothing = EmError::NoStartSucceeded { components: 1, failures: Vec::new() };
-    candidates.into_iter().find_map(reason).unwrap_or(FitError::Mixture(nothing))
 }
 
 #[cfg(test)]

@@ -12,28 +12,39 @@
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`linear`] | affine least squares |
+//! | [`kinematic`] | the analytic chain of the robot |
+//! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
+//! | [`play`] | the fit of play operators |
 //! | [`stop`] | stop operators |
 //! | [`family`] | the families of models and their model files |
+//! | [`slope`] | whether a model is flat where the robot is not |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
+//! | [`report`] | all of it on one page, with figures |
 //! | [`table`], [`progress`] | rows of numbers; telling someone how far it has come |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod chain;
+mod components;
 mod cycle;
+pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
+pub mod kinematic;
 pub mod linear;
 pub mod metrics;
 pub mod motion;
 pub mod noise;
+pub mod play;
 pub mod progress;
 pub mod recording;
+pub mod report;
 mod ridge;
 pub mod series;
+pub mod slope;
 pub mod spike;
 pub mod split;
 pub mod stop;

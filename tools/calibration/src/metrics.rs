@@ -60,6 +60,27 @@ pub fn metrics(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<FitMet
     })
 }
 
+/// The value that a share of all values does not exceed, by nearest rank; `None` for no values. Puts them in order.
+#[must_use]
+pub fn percentile(values: &mut [f64], share: f64) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    let rank = (share * values.len() as f64).ceil() as usize;
+    values.get(rank.clamp(1, values.len().max(1)) - 1).copied()
+}
+
+/// Length of the error over the first `outputs` outputs.
+#[must_use]
+pub fn length(measured: &[f64; MAX_OUTPUTS], predicted: &[f64; MAX_OUTPUTS], outputs: usize) -> f64 {
+    measured.iter().zip(predicted).take(outputs).map(|(m, p)| (m - p) * (m - p)).sum::<f64>().sqrt()
+}
+
+/// Root mean square; `None` for no values.
+#[must_use]
+pub fn root_mean_square(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (count, sum) = values.fold((0_usize, 0.0), |(count, sum), value| (count + 1, sum + value * value));
+    (count > 0).then(|| (sum / count as f64).sqrt())
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -93,6 +114,23 @@ mod tests {
         assert_eq!(metrics([(3.0, 1.0), (3.0, 2.0)].into_iter()), None);
         assert_eq!(metrics([(3.0, 1.0)].into_iter()), None);
         assert_eq!(metrics(std::iter::empty()), None);
+    }
+
+    #[test]
+    fn percentiles_are_by_nearest_rank() {
+        let mut values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!(
+            [0.0, 0.5, 0.99, 1.0].map(|share| percentile(&mut values, share).unwrap()),
+            [1.0, 50.0, 99.0, 100.0]
+        );
+        assert_eq!(percentile(&mut [], 0.5), None);
+    }
+
+    #[test]
+    fn lengths_are_over_the_outputs_that_there_are() {
+        assert_eq!(length(&[3.0, 4.0, 9.0], &[0.0, 0.0, 0.0], 2), 5.0);
+        assert_eq!(root_mean_square([3.0, -4.0].into_iter()), Some(12.5_f64.sqrt()));
+        assert_eq!(root_mean_square(std::iter::empty()), None);
     }
 
     proptest! {

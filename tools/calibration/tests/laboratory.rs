@@ -6,14 +6,22 @@
 use std::path::PathBuf;
 
 use i2ris_calibration::em::EmOptions;
-use i2ris_calibration::fit::{FitOptions, fit};
+use i2ris_calibration::family::Family;
+use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
+use i2ris_calibration::linear::fit_linear;
 use i2ris_calibration::motion::NoHysteresis;
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
+use i2ris_calibration::slope::{FlatSpot, flat_spot};
 use i2ris_calibration::survey::Warning;
+use i2ris_calibration::table::Table;
 
 fn recording() -> Option<(Recording, ReadReport)> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/i2ris/output_w_angles.csv");
+    read("i2ris/output_w_angles.csv")
+}
+
+fn read(name: &str) -> Option<(Recording, ReadReport)> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
     if !path.exists() {
         println!("skipped: {} is absent", path.display());
         return None;
@@ -56,4 +64,37 @@ fn its_noise_and_its_limits_are_told() {
         panic!("{:?}", survey.warnings)
     };
     assert!((turns - 3.97).abs() < 0.01);
+}
+
+/// Where the mixture of so many components is flatter than the recording shows.
+fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
+    let options = FitOptions {
+        choice: Choice::One(Family::Gmr),
+        components: Components::Exactly(components),
+        em: EmOptions { restarts: 5, ..EmOptions::default() },
+        ..FitOptions::default()
+    };
+    let outcome = fit(recording, &options, &Silent).unwrap();
+    let rows = || outcome.report.training.iter().map(|row| &recording.rows()[*row]);
+    let inputs = Table::from_rows(recording.motors(), rows().map(|row| row.counts));
+    let outputs = Table::from_rows(recording.outputs().len(), rows().map(|row| row.outputs));
+    flat_spot(&outcome.model, &inputs, &outputs, &fit_linear(&inputs, &outputs).unwrap())
+}
+
+#[test]
+fn three_components_are_flat_inside_the_ring_and_two_are_not() {
+    let Some((recording, _)) = recording() else { return };
+    let spot = flat(&recording, 3).unwrap();
+    assert!(spot.slope < 0.12 * spot.straight, "{spot}");
+    assert_eq!(flat(&recording, 2), None);
+}
+
+#[test]
+fn the_slack_zone_of_the_echo_probe_is_honest() {
+    for name in ["tee_probe/motor1_first.csv", "tee_probe/motor1_second.csv"] {
+        let Some((recording, _)) = read(name) else { return };
+        for components in [4, 6, 8, 10] {
+            assert_eq!(flat(&recording, components), None, "{name}, {components} components");
+        }
+    }
 }

@@ -121,6 +121,8 @@ enum StateWord {
     Home,
     /// Forget the zero
     Unhome,
+    /// A decaying stroke of all motors, after which the hysteresis of the wires is known
+    Condition,
     /// The operator has seen the fault
     Acknowledge,
     /// Give the lease back; of use only for the client that holds it
@@ -136,6 +138,7 @@ impl StateWord {
             Self::Resume => StateCommand::Resume,
             Self::Home => StateCommand::Home,
             Self::Unhome => StateCommand::Unhome,
+            Self::Condition => StateCommand::Condition,
             Self::Acknowledge => StateCommand::Acknowledge,
             Self::Release => StateCommand::Release,
         }

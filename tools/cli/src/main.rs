@@ -13,6 +13,7 @@ mod console;
 mod demo;
 mod emulate;
 mod monitor;
+mod vision;
 
 /// Whatever ends a subcommand: one sentence for a person.
 type Failure = Box<dyn std::error::Error>;
@@ -36,6 +37,8 @@ enum Task {
     Command(command::Arguments),
     /// Watch the robot
     Monitor(monitor::Arguments),
+    /// Measure angles in microscope pictures
+    Vision(vision::Arguments),
     /// Show the whole path on the emulator: calibrate, fit, follow, measure
     Demo(demo::Arguments),
 }
@@ -46,6 +49,7 @@ fn main() -> ExitCode {
         Task::Emulate(arguments) => emulate::run(arguments),
         Task::Command(arguments) => command::run(arguments),
         Task::Monitor(arguments) => monitor::run(arguments),
+        Task::Vision(arguments) => vision::run(arguments),
         Task::Demo(arguments) => demo::run(arguments),
     };
     match outcome {

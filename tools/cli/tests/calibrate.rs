@@ -124,13 +124,44 @@ fn a_good_recording_gives_a_model_and_a_table() {
         assert!(printed.contains(part), "`{part}` is missing in:\n{printed}");
     }
     for name in ["pitch (deg)", "yaw (deg)"] {
-        assert!(printed.contains(&format!("{name:<12}linear training ")), "{printed}");
+        assert!(printed.contains(&format!("{name:<12}linear")), "{printed}");
     }
     assert!(printed.lines().all(|line| line.chars().count() <= 100), "{printed}");
     let model = Model::load(&bench.model()).unwrap();
     assert_eq!(model.file().robot_id, "left");
     assert_eq!(model.file().training.data_file, "rows.csv");
     assert!(printed.contains(&format!("model id   {}", model.id())), "{printed}");
+}
+
+#[test]
+fn a_report_with_figures_is_written_beside_the_model() {
+    let bench = Bench::new(&csv(&rows(300)));
+    let page = bench.path("report.html");
+    let option = page.to_str().unwrap();
+    let printed = bench.succeeds(&["--components", "2", "--restarts", "2", "--robot-id", "a<b>&c", "--report", option]);
+    assert!(printed.ends_with(&format!("wrote {option}\n")), "{printed}");
+    let text = fs::read_to_string(&page).unwrap();
+    let model = Model::load(&bench.model()).unwrap();
+    for part in [&model.id().to_string(), &model.file().training.data_sha256, "rows.csv", "a&lt;b&gt;&amp;c", "<svg "] {
+        assert!(text.contains(part), "`{part}` is missing");
+    }
+    let elsewhere = text.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("//") && !elsewhere.contains("<script") && !text.contains("NaN"));
+    let mut left: Vec<_> = fs::read_dir(bench.folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["model.json", "report.html", "rows.csv"]);
+}
+
+#[test]
+fn a_report_that_cannot_be_written_is_found_before_the_work() {
+    let bench = Bench::new(&csv(&rows(100)));
+    let sentence = |report: PathBuf| failure(&bench.fit(&["--report", report.to_str().unwrap()]));
+    assert!(sentence(bench.path("no/such/report.html")).contains("--report"));
+    assert!(sentence(bench.path("no/such/report.html")).contains("there is no folder"));
+    assert!(sentence(bench.folder.path().to_owned()).contains("is a folder; name a file in it"));
+    assert!(sentence(bench.path("rows.csv")).contains("is the recording itself"));
+    assert!(sentence(bench.model()).contains("is the model itself"));
+    assert!(!bench.model().exists());
 }
 
 #[test]
@@ -173,7 +204,7 @@ fn columns_can_be_named() {
 fn an_existing_model_is_replaced_by_a_good_one_only() {
     let bench = Bench::new(&csv(&rows(100)));
     fs::write(bench.model(), "what was there").unwrap();
-    failure(&bench.fit(&["--components", "60"]));
+    failure(&bench.fit(&["--family", "gmr", "--components", "60"]));
     assert_eq!(fs::read_to_string(bench.model()).unwrap(), "what was there");
     bench.succeeds(&["--family", "linear"]);
 }
@@ -213,7 +244,8 @@ fn too_few_rows_are_refused() {
     Bench::new(&csv(&rows(1))).fails(&[], &["1 complete row(s), and a model takes at least 20"]);
     let few = Bench::new(&csv(&rows(60)));
     let most = ["60 rows of 4 variables carry at most 4", "9 are asked for"];
-    few.fails(&["--components", "9", "--hold-out", "none"], &most);
+    few.fails(&["--family", "gmr", "--components", "9", "--hold-out", "none"], &most);
+    few.fails(&["--hold-out", "none"], &["takes rows held out", "--family"]);
     few.fails(&["--hold-out", "0.9"], &["holding out 54 of 60 rows leaves 6 for training", "--hold-out"]);
 }
 
@@ -251,7 +283,10 @@ fn a_model_that_cannot_be_inverted_is_not_written() {
         [time, q0.round(), q1.round(), pitch, yaw]
     };
     let bench = Bench::new(&csv(&(0..250).map(on_a_circle).collect::<Vec<_>>()));
-    bench.fails(&["--components", "8"], &["the model of family `gmr` is refused", "the inverse fails at counts"]);
+    bench.fails(
+        &["--family", "gmr", "--components", "8"],
+        &["the model of family `gmr` is refused", "the inverse fails at counts"],
+    );
 }
 
 #[test]

@@ -82,6 +82,7 @@ impl Camera {
             stamp_ns: stamp.0,
             position,
             deviation: [noise, noise, 0.0],
+            quality: 1.0,
             count: 2,
             flags: ExternalPosition::VALID,
         });

@@ -206,8 +206,9 @@ impl Emulator {
         self.start_camera(move || {
             move |picture: ExternalPosition| {
                 let (stamp, count) = (Nanos(picture.stamp_ns), picture.count as usize);
+                let (position, deviation) = (&picture.position[..count], &picture.deviation[..count]);
                 // Without a controller a picture is lost, as it is when no one watches a camera.
-                let _ = publisher.publish(stamp, &picture.position[..count], &picture.deviation[..count]);
+                let _ = publisher.publish_judged(stamp, position, deviation, picture.quality);
             }
         })
     }

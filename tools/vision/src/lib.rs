@@ -18,16 +18,32 @@
 //! | module | holds |
 //! |---|---|
 //! | [`accuracy`] | how exact readings are, and how often wrong without saying so |
+//! | [`align`] | which view shows which axis, from motions of one axis |
 //! | [`image`] | a grey picture |
 //! | [`fibre`] | base line, tip line, tip position, quality, from one picture |
+//! | [`joint`] | one or two views to pitch, yaw and tip position |
+//! | [`look`] | one view: a shot in, a reading or a cause out |
+//! | [`pair`] | which pictures of two views belong together |
+//! | [`record`] | angles over time as CSV |
+//! | [`rest`] | the straight pose that angles count from |
 //! | [`scene`] | synthetic pictures at known angles |
+//! | [`session`] | the whole way of the pictures, rows out |
+//! | [`setup`] | what a person tells about the views, TOML |
 //! | [`source`] | pictures from folders and streams, with their stamps |
 //! | [`show`] | overlays and contact sheets |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod accuracy;
+pub mod align;
 pub mod fibre;
 pub mod image;
+pub mod joint;
+pub mod look;
+pub mod pair;
+pub mod record;
+pub mod rest;
 pub mod scene;
+pub mod session;
+pub mod setup;
 pub mod show;
 pub mod source;

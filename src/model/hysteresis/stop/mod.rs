@@ -286,7 +286,7 @@ impl<const D: usize> Remember<D> for Stops<D> {
     fn unpack(state: &State) -> Option<StopState> {
         match state {
             State::Stops(state) => Some(*state),
-            State::None | State::Plays(_) => None,
+            _ => None,
         }
     }
 }

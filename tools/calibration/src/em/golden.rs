@@ -4,14 +4,15 @@
 //! log-likelihood from scipy 1.17.1 (`multivariate_normal.logpdf`, `logsumexp`), the converged fit from scikit-learn 1.9.1
 //! (`GaussianMixture(2, tol=1e-14, reg_covar=0)` with weights, means and precisions given), all on the data below.
 
+use i2ris::model::file::MixtureParameters;
 use nalgebra::{DMatrix, Matrix1, Matrix2, SMatrix, SVector, Vector1, Vector2};
 
 use super::climb::{Rules, Summit, climb};
 use super::component::Component;
-use super::fit_mixture;
 use super::promises::{PLAIN, plane};
 use super::samples::Samples;
 use super::search::parameters;
+use super::{EmError, fit_mixture, fit_mixture_from};
 use crate::progress::Silent;
 use crate::table::Table;
 
@@ -87,6 +88,21 @@ fn a_converged_fit_is_scikit_learns() {
     let second = [4.151291449138506, 0.9358853413564329, 0.9358853413564329, 0.643154904846281];
     assert_near(&fit.covariances[0].concat(), &first, 1e-6);
     assert_near(&fit.covariances[1].concat(), &second, 1e-6);
+}
+
+#[test]
+fn a_start_in_the_units_of_the_data_leads_there_too() {
+    let samples = Samples::<2>::new(&plane());
+    let start = parameters(&plane_start(&samples), &samples.scaling);
+    let fit = fit_mixture_from(&plane(), &[start], &PLAIN).unwrap();
+    let rules = Rules { tolerance: PLAIN.tolerance, max_iterations: PLAIN.max_iterations, prior: SMatrix::zeros() };
+    let same = climb(&samples, plane_start(&samples), &rules).unwrap();
+    assert_eq!((fit.iterations, fit.starts.log_likelihoods.len()), (same.history.len(), 1));
+    assert_near(&[fit.log_likelihood], &[same.log_likelihood + samples.scaling.log_jacobian()], 1e-12);
+
+    let narrow =
+        MixtureParameters { weights: vec![1.0], means: vec![vec![0.0; 2]], covariances: vec![vec![vec![1.0]]] };
+    assert!(matches!(fit_mixture_from(&plane(), &[narrow], &PLAIN), Err(EmError::NoStartSucceeded { .. })));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 
 use i2ris::model::MAX_COMPONENTS;
 use i2ris::model::file::MixtureParameters;
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
@@ -34,6 +34,67 @@ pub fn fit_mixture(
     fits.pop().unwrap_or_else(|| Err(too_few_rows(data, components)))
 }
 
+/// Fits a mixture from given starts instead of random ones, to compare with other programs. The starts are in the units of
+/// the data and have equally many components; [`EmOptions::restarts`] and the seed do not matter.
+///
+/// # Errors
+///
+/// As [`EmError`] says; a start whose sizes are wrong counts as one that failed.
+pub fn fit_mixture_from(
+    data: &Table,
+    starts: &[MixtureParameters],
+    options: &EmOptions,
+) -> Result<MixtureFit, EmError> {
+    if let Some(row) = data.rows().position(|row| row.iter().any(|value| !value.is_finite())) {
+        return Err(EmError::NotFinite { row });
+    }
+    match data.width() {
+        2 => from_starts::<2>(data, starts, options),
+        3 => from_starts::<3>(data, starts, options),
+        4 => from_starts::<4>(data, starts, options),
+        5 => from_starts::<5>(data, starts, options),
+        6 => from_starts::<6>(data, starts, options),
+        7 => from_starts::<7>(data, starts, options),
+        found => Err(EmError::Variables { found }),
+    }
+}
+
+fn from_starts<const N: usize>(
+    data: &Table,
+    starts: &[MixtureParameters],
+    options: &EmOptions,
+) -> Result<MixtureFit, EmError> {
+    let samples = Samples::<N>::new(data);
+    let rules = rules(&samples, options);
+    let attempt = |start: &MixtureParameters| {
+        climb(&samples, standardised(start, &samples.scaling).ok_or(StartFailure::NotPositiveDefinite)?, &rules)
+    };
+    let summits: Vec<_> = starts.par_iter().map(attempt).collect();
+    best(&samples, starts.first().map_or(0, |start| start.weights.len()), &summits)
+}
+
+/// A mixture in standardised variables; `None` when its sizes are wrong.
+fn standardised<const N: usize>(mixture: &MixtureParameters, scaling: &Scaling<N>) -> Option<Vec<Component<N>>> {
+    let MixtureParameters { weights, means, covariances } = mixture;
+    let scale = scaling.deviation * scaling.deviation.transpose();
+    let component = |((weight, mean), covariance): ((&f64, &Vec<f64>), &Vec<Vec<f64>>)| {
+        let square = covariance.len() == N && covariance.iter().all(|row| row.len() == N);
+        let covariance = SMatrix::<f64, N, N>::from_row_iterator(covariance.iter().flatten().copied().chain(pad()));
+        let mean = SVector::<f64, N>::from_iterator(mean.iter().copied().chain(pad()));
+        square.then(|| Component {
+            weight: *weight,
+            mean: (mean - scaling.mean).component_div(&scaling.deviation),
+            covariance: covariance.component_div(&scale),
+        })
+    };
+    weights.iter().zip(means).zip(covariances).map(component).collect()
+}
+
+/// What a row that is too short is filled up with.
+fn pad() -> impl Iterator<Item = f64> {
+    std::iter::repeat(0.0)
+}
+
 /// Fits one mixture for every number of components in `range`, which ends early where the rows can carry no more
 /// ([`most_components`]).
 ///
@@ -52,11 +113,13 @@ pub fn fit_mixtures(
     }
     let (least, most) = (*range.start(), (*range.end()).min(most_components(data.len(), data.width())));
     match data.width() {
-        2..=5 if least == 0 || least > most.min(MAX_COMPONENTS) => Err(too_few_rows(data, least)),
+        2..=7 if least == 0 || least > most.min(MAX_COMPONENTS) => Err(too_few_rows(data, least)),
         2 => Ok(search::<2>(data, least..=most, options, progress)),
         3 => Ok(search::<3>(data, least..=most, options, progress)),
         4 => Ok(search::<4>(data, least..=most, options, progress)),
         5 => Ok(search::<5>(data, least..=most, options, progress)),
+        6 => Ok(search::<6>(data, least..=most, options, progress)),
+        7 => Ok(search::<7>(data, least..=most, options, progress)),
         found => Err(EmError::Variables { found }),
     }
 }

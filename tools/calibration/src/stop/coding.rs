@@ -102,10 +102,10 @@ mod tests {
 
     use super::super::start::start;
     use super::*;
-    use nalgebra::{SMatrix, SVector};
+    use nalgebra::{Matrix2, SVector};
 
     fn some() -> StopParameters {
-        start::<2>(&SMatrix::<f64, 2, 2>::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, 3)
+        start::<2>(&Matrix2::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, 3)
     }
 
     #[test]

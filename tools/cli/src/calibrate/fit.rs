@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
 use i2ris_calibration::em::EmOptions;
-use i2ris_calibration::family::Family;
-use i2ris_calibration::fit::{Components, FitOptions, fit};
+use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
+use i2ris_calibration::report::{html, of_fit};
 use i2ris_calibration::spike::SpikeOptions;
 use i2ris_calibration::split::HoldOut;
 
@@ -24,6 +24,9 @@ pub struct Arguments {
     /// Where to write the model; an existing file is replaced, all at once, when everything went well
     #[arg(long, short, value_name = "MODEL.json")]
     output: PathBuf,
+    /// Where to write a report with figures: one HTML file that needs nothing but itself
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
     /// The robot that was recorded; the controller refuses models of another one
     #[arg(long, value_name = "ID", default_value = "i2ris", value_parser = NonEmptyStringValueParser::new())]
     robot_id: String,
@@ -36,10 +39,10 @@ pub struct Arguments {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Model")]
 struct ModelArguments {
-    /// Family of models: `linear` or `gmr`
-    #[arg(long, default_value_t = Family::Gmr)]
-    family: Family,
-    /// Number of components of the mixture [default: chosen by BIC]
+    /// Family of models, or `best`: all of them, and the one with the least error on the rows held out is written
+    #[arg(long, default_value_t = Choice::Best)]
+    family: Choice,
+    /// Number of components of the mixture of `gmr` [default: chosen by the error on blocks left out]
     #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64), conflicts_with = "max_components")]
     components: Option<u8>,
     /// Most components to choose from
@@ -89,7 +92,7 @@ impl Arguments {
         let model = &self.model;
         FitOptions {
             robot_id: self.robot_id.clone(),
-            family: model.family,
+            choice: model.family,
             components: match model.components {
                 Some(components) => Components::Exactly(components.into()),
                 None => Components::UpTo(model.max_components.into()),
@@ -120,30 +123,62 @@ impl ColumnArguments {
 /// Runs it. The model is written when all else has succeeded, and only then is anything printed.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { file, output, .. } = arguments;
-    check_output(file, output)?;
+    check_output("--output", output, file)?;
+    if let Some(page) = &arguments.report {
+        check_output("--report", page, file)?;
+        if same(page, output) {
+            return Err(format!("--report {}: is the model itself; name another file", page.display()).into());
+        }
+    }
     let options = arguments.options();
     let (recording, read) = Recording::read(file, &arguments.columns.map())?;
     let outcome = fit(&recording, &options, &Bar::new("fitting"))
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
+    if let Some(page) = &arguments.report {
+        write(page, &html(&of_fit(&recording, &read, &options, &outcome)))?;
+    }
     outcome.model.file().write(output)?;
     print!("{}", report(&recording, &read, &options, &outcome));
     println!("\nwrote {}", output.display());
+    if let Some(page) = &arguments.report {
+        println!("wrote {}", page.display());
+    }
     Ok(())
 }
 
-/// Finds out before the long work what would go wrong after it.
-fn check_output(file: &Path, output: &Path) -> Result<(), Failure> {
+/// Finds out before the long work what would go wrong after it. `option` names the file to write.
+fn check_output(option: &str, output: &Path, recording: &Path) -> Result<(), Failure> {
+    let shown = output.display();
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if output.is_dir() {
-        return Err(format!("--output {}: is a folder; name a file in it", output.display()).into());
+        return Err(format!("{option} {shown}: is a folder; name a file in it").into());
     }
     if !folder.is_dir() {
-        return Err(format!("--output {}: there is no folder {}; make it", output.display(), folder.display()).into());
+        return Err(format!("{option} {shown}: there is no folder {}; make it", folder.display()).into());
     }
-    match (fs::canonicalize(file), fs::canonicalize(output)) {
-        (Ok(file), Ok(output)) if file == output => {
-            Err(format!("--output {}: is the recording itself; name another file", output.display()).into())
-        }
-        _ => Ok(()),
+    if same(output, recording) {
+        return Err(format!("{option} {shown}: is the recording itself; name another file").into());
     }
+    Ok(())
+}
+
+/// Whether two names mean one file, which need not exist yet.
+fn same(a: &Path, b: &Path) -> bool {
+    match (fs::canonicalize(a), fs::canonicalize(b)) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => std::path::absolute(a).ok().is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
+    }
+}
+
+/// Writes a file all at once: who looks at it finds the old one or the new one.
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    let part = path.with_file_name(name);
+    let written = fs::write(&part, text).and_then(|()| fs::rename(&part, path));
+    written.map_err(|error| {
+        // Nothing more can be done about what cannot be removed either.
+        let _ = fs::remove_file(&part);
+        format!("{}: {error}; choose another --report", path.display()).into()
+    })
 }

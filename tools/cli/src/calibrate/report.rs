@@ -83,9 +83,13 @@ impl Report<'_> {
         let starts = self.options.em.restarts;
         writeln!(
             f,
-            "\nmixture, best of {starts} starts each (log-likelihood and its spread over the starts: nats/row)"
+            "\ngmr: mixtures, best of {starts} starts each (log-likelihood and its spread over the starts: nats/row; left\nout: RMS length of the error on blocks left out)"
         )?;
-        writeln!(f, "{:>4} {:>15} {:>8} {:>7} {:>12}", "K", "log-likelihood", "spread", "failed", "BIC")?;
+        writeln!(
+            f,
+            "{:>4} {:>15} {:>8} {:>7} {:>12} {:>9}",
+            "K", "log-likelihood", "spread", "failed", "BIC", "left out"
+        )?;
         candidates.iter().try_for_each(|candidate| candidate_line(f, candidate))?;
         match (self.options.components, candidates.last().map(|last| &last.verdict)) {
             (Components::UpTo(most), Some(Verdict::Chosen)) => {
@@ -97,12 +101,19 @@ impl Report<'_> {
 
     fn metrics(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let header = ["R2", "RMSD", "NRMSD", "MAE", "max"].map(|name| format!("{name:>9}")).concat();
-        writeln!(f, "\n{:<28}{header}", "")?;
+        writeln!(f, "\n{:<38}{header}", "")?;
         for (index, output) in self.recording.outputs().iter().enumerate() {
-            let name = format!("{} ({})", output.name, output.unit);
-            self.family(f, &name, Family::Linear, &self.outcome.linear, index)?;
-            if self.options.family != Family::Linear {
-                self.family(f, "", self.options.family, &self.outcome.model, index)?;
+            let mut name = format!("{} ({})", output.name, output.unit);
+            for outcome in &self.outcome.families {
+                if let Ok(model) = &outcome.result {
+                    self.family(f, &name, outcome.family, model, index)?;
+                    name.clear();
+                }
+            }
+        }
+        for outcome in &self.outcome.families {
+            if let Err(reason) = &outcome.result {
+                write!(f, "{}", Wrapped(&format!("No `{}`: {reason}.", outcome.family)))?;
             }
         }
         let flagged = self.outcome.report.split.held_out().filter(|row| self.outcome.report.survey.is_flagged(*row));
@@ -114,21 +125,21 @@ impl Report<'_> {
 
     fn family(&self, f: &mut Formatter<'_>, name: &str, family: Family, model: &Model, output: usize) -> fmt::Result {
         let Some(metrics) = model.file().metrics.get(output) else { return Ok(()) };
-        let family = family.to_string();
-        metrics_line(f, &format!("{name:<12}{family:<7}training"), Some(&metrics.training))?;
+        let taken = if model.id() == self.outcome.model.id() { "*" } else { "" };
+        metrics_line(f, &format!("{name:<12}{:<15}training", format!("{family}{taken}")), Some(&metrics.training))?;
         if self.outcome.report.split.held_out().is_empty() {
             return Ok(());
         }
-        metrics_line(f, &format!("{:<19}held out", ""), metrics.held_out.as_ref())
+        metrics_line(f, &format!("{:<27}held out", ""), metrics.held_out.as_ref())
     }
 }
 
 fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>) -> fmt::Result {
     match metrics {
         Some(FitMetrics { r2, rmsd, nrmsd, mae, max }) => {
-            writeln!(f, "{name:<28}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{max:>9.3}")
+            writeln!(f, "{name:<38}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{max:>9.3}")
         }
-        None => writeln!(f, "{name:<28}{:>9}", "constant"),
+        None => writeln!(f, "{name:<38}{:>9}", "constant"),
     }
 }
 
@@ -138,6 +149,7 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
         Verdict::Surpassed => "",
         Verdict::Refused(ModelError::NotInvertible { .. }) => "refused: its inverse fails in the hull",
         Verdict::Refused(_) => "refused",
+        Verdict::TooFlat(_) => "refused: it is nearly flat where the rows do not show that",
         Verdict::Failed(_) => "no start succeeded",
     };
     let line = match &candidate.fit {
@@ -146,7 +158,10 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
             let climbing = if fit.converged { "" } else { " (not converged)" };
             let (likelihood, bic) = (fit.log_likelihood, fit.bic);
             let k = candidate.components;
-            format!("{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1}  {verdict}{climbing}")
+            let left_out = candidate.left_out_rms.map_or("-".to_owned(), |rms| format!("{rms:.3}"));
+            format!(
+                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9}  {verdict}{climbing}"
+            )
         }
         None => format!("{:>4} {verdict:>15}", candidate.components),
     };

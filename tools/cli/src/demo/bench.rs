@@ -14,10 +14,33 @@ use crate::Failure;
 
 /// A robot of the emulator's kind, so that models and configuration match.
 const CONTROLLER_CONFIG: &str = include_str!("../../../../config/emulator.toml");
-const SNAKE_CONFIG: &str = include_str!("../../../../config/snakes/steel.toml");
 
 /// Bringing up drives and shared memory takes well under a second; a loaded machine may need much longer.
 const START_TIMEOUT: Nanos = Nanos::from_millis(15_000);
+
+/// A stroke of conditioning takes so long at most.
+const CONDITION_TIMEOUT: Nanos = Nanos::from_millis(120_000);
+
+/// An emulated snake.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Snake {
+    /// Mild
+    Steel,
+    /// A wide gap that is not the same both ways, and slack around the straight pose
+    Brass,
+    /// Several slopes on one stroke
+    Multi,
+}
+
+impl Snake {
+    fn config(self) -> &'static str {
+        match self {
+            Self::Steel => include_str!("../../../../config/snakes/steel.toml"),
+            Self::Brass => include_str!("../../../../config/snakes/brass.toml"),
+            Self::Multi => include_str!("../../../../config/snakes/multi.toml"),
+        }
+    }
+}
 
 /// Folder, domain and programs of one demo.
 pub struct Bench {
@@ -30,9 +53,14 @@ pub struct Bench {
 
 impl Bench {
     /// Prepares an empty folder with the configuration of the emulated snake.
-    pub fn new(folder: PathBuf, this_program: PathBuf, controller_program: PathBuf) -> Result<Self, Failure> {
+    pub fn new(
+        folder: PathBuf,
+        snake: Snake,
+        this_program: PathBuf,
+        controller_program: PathBuf,
+    ) -> Result<Self, Failure> {
         fs::create_dir_all(&folder).map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
-        fs::write(folder.join("snake.toml"), SNAKE_CONFIG)?;
+        fs::write(folder.join("snake.toml"), snake.config())?;
         let domain = format!("demo-{}", std::process::id());
         let mut config = Config::parse(CONTROLLER_CONFIG, Path::new("config/emulator.toml"))?;
         config.ipc.domain.clone_from(&domain);
@@ -69,6 +97,19 @@ impl Bench {
         Ok(())
     }
 
+    /// Takes recording and models of an earlier demo.
+    pub fn take(&self, folder: &Path) -> Result<(), Failure> {
+        for entry in fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))? {
+            let path = entry?.path();
+            if path.extension().is_some_and(|extension| extension == "json" || extension == "csv")
+                && let Some(name) = path.file_name()
+            {
+                fs::copy(&path, self.folder.join(name))?;
+            }
+        }
+        Ok(())
+    }
+
     /// Starts `i2ris` with arguments.
     pub fn tool(&self, name: &'static str, arguments: &[&str]) -> Result<Process, Failure> {
         let arguments: Vec<String> = arguments.iter().map(|&argument| argument.to_owned()).collect();
@@ -82,10 +123,12 @@ impl Bench {
     }
 
     /// Starts the emulator and waits for its ports.
-    pub fn start_emulator(&self) -> Result<Process, Failure> {
+    pub fn start_emulator(&self, seed: u64) -> Result<Process, Failure> {
         let snake = text(&self.path("snake.toml"))?;
         let ports = text(&self.folder)?;
-        let mut emulator = self.tool_in_domain("emulator", &["emulate", "--snake", &snake, "--ports", &ports])?;
+        let seed = seed.to_string();
+        let arguments = ["emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed];
+        let mut emulator = self.tool_in_domain("emulator", &arguments)?;
         let start = i2ris::clock::now();
         while !self.config.ports.iter().all(|port| port.device.exists()) {
             emulator.check()?;
@@ -140,6 +183,13 @@ fn enable(client: &mut Client) -> Result<(), Failure> {
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
     client.wait_for(START_TIMEOUT, |state| at_rest(state) && state.state == enabled)?;
+    Ok(())
+}
+
+/// Wipes out what is not known about the past of the wires.
+pub fn condition(client: &mut Client) -> Result<(), Failure> {
+    client.state_command(StateCommand::Condition)?;
+    client.wait_for(CONDITION_TIMEOUT, |state| state.flags & OperatingStateMsg::BUSY == 0)?;
     Ok(())
 }
 

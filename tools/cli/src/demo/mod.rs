@@ -4,9 +4,8 @@
 //! |---|---|
 //! | `process` | children that never outlive the demo |
 //! | `bench` | folder, domain, emulator and controllers |
-//! | `motion` | the calibration stroke and the unseen motion |
-//! | `stroke` | recording the stroke |
-//! | `track` | following the unseen motion and measuring it |
+//! | `motion` | motions that no calibration has seen |
+//! | `track` | following a motion and measuring it |
 //! | `series` | values over time |
 //! | `summary` | what is printed at the end |
 
@@ -14,36 +13,56 @@ mod bench;
 mod motion;
 mod process;
 mod series;
-mod stroke;
 mod summary;
 mod track;
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use i2ris::model::file::{OutputSpec, OutputUnit};
-use i2ris_calibration::recording::{RecordingWriter, Row};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::Failure;
-use bench::{Bench, text};
+use bench::{Bench, Snake, text};
+use motion::Motion;
 use process::Process;
 use summary::Followed;
 
-/// Half of the stroke, counts: the snake bends by up to about 30 degrees, more than the unseen motion needs.
-const STROKE_COUNTS: f64 = 1100.0;
-
 /// Arguments of `i2ris demo`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris demo
+  i2ris demo --snake brass --calibration-s 300 --motions teleoperation,circle,square,points --motion-s 60")]
 pub struct Arguments {
+    /// The snake behind the drives
+    #[arg(long, value_enum, default_value_t = Snake::Steel)]
+    snake: Snake,
+    /// How long to calibrate
+    #[arg(long, value_name = "S", default_value_t = 90.0)]
+    calibration_s: f64,
+    /// Families of models to compare; `best` is the one with the least error on what was held out
+    #[arg(long, value_name = "FAMILY,..", value_delimiter = ',', default_values_t = ["linear", "gmr", "best"].map(str::to_owned))]
+    families: Vec<String>,
+    /// What to follow
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]
+    motions: Vec<Motion>,
+    /// How long teleoperation lasts
+    #[arg(long, value_name = "S", default_value_t = 20.0)]
+    motion_s: f64,
+    /// Seed of everything random; no calibration has the one of the motions
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Take an earlier recording instead of calibrating, and the models beside it that are called FAMILY.json
+    #[arg(long, value_name = "FOLDER")]
+    from: Option<PathBuf>,
     /// Copy the recording, the models and the logs to this folder before cleaning up
     #[arg(long, value_name = "FOLDER")]
     keep: Option<PathBuf>,
 }
+
+/// Motions have seeds that no calibration has.
+const MOTION_SEEDS: u64 = 1000;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -52,71 +71,82 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Release))?;
     let this_program = std::env::current_exe()?;
     let controller_program = controller_program(&this_program)?;
-    let bench = Bench::new(demo_folder(&this_program)?, this_program, controller_program)?;
-    let outcome = show(&bench);
+    let folder = demo_folder(&this_program)?;
+    let bench = Bench::new(folder, arguments.snake, this_program, controller_program)?;
+    let outcome = show(&bench, &arguments);
     if let Some(folder) = &arguments.keep {
         bench.keep(folder)?;
     }
     outcome
 }
 
-fn show(bench: &Bench) -> Result<(), Failure> {
-    let mut emulator = step("start two emulated drives with a snake behind them", || bench.start_emulator())?;
-    calibrate(bench, &mut emulator)?;
-    let recording = text(&bench.path("recording.csv"))?;
-    for family in ["linear", "gmr"] {
-        step(&format!("fit `{family}`"), || fit(bench, &recording, family))?;
+fn show(bench: &Bench, arguments: &Arguments) -> Result<(), Failure> {
+    let mut emulator =
+        step("start two emulated drives with a snake behind them", || bench.start_emulator(arguments.seed))?;
+    match &arguments.from {
+        Some(folder) => bench.take(folder)?,
+        None => calibrate(bench, &mut emulator, arguments)?,
     }
-    let motion = bench.path("motion.csv");
-    track::write_motion(&motion)?;
-    let followed = ["linear", "gmr"]
-        .into_iter()
-        .map(|family| follow(bench, &mut emulator, family, &motion))
-        .collect::<Result<Vec<_>, _>>()?;
+    for family in &arguments.families {
+        if !bench.path(&format!("{family}.json")).exists() {
+            step(&format!("fit `{family}`"), || fit(bench, family, arguments.seed))?;
+        }
+    }
+    let mut followed = Vec::new();
+    for family in &arguments.families {
+        let start = || bench.start_controller(Some(&format!("{family}.json")));
+        let (mut controller, mut client) = step(&format!("start the controller with `{family}`"), start)?;
+        step("condition the wires", || bench::condition(&mut client))?;
+        for motion in &arguments.motions {
+            let path = motion.path(arguments.motion_s, MOTION_SEEDS + arguments.seed);
+            let file = bench.path("motion.csv");
+            track::write_path(&file, &path)?;
+            let bar = bar(&format!("follow {motion} with `{family}`"), path.len() as f64 / motion::RATE_HZ);
+            let run = track::follow(bench, &client, &mut [&mut emulator, &mut controller], &file, &bar)?;
+            finish(&bar, &format!("{} pictures", run.errors_deg.len()));
+            followed.push(Followed { family: family.clone(), motion: *motion, run });
+        }
+        drop(client);
+        controller.end()?;
+    }
     step("stop the emulator", || emulator.end())?;
     summary::print(&followed);
     Ok(())
 }
 
-fn calibrate(bench: &Bench, emulator: &mut Process) -> Result<(), Failure> {
+fn calibrate(bench: &Bench, emulator: &mut Process, arguments: &Arguments) -> Result<(), Failure> {
     let (mut controller, client) = step("start the controller, home, enable", || bench.start_controller(None))?;
-    let bar = bar("calibration stroke through the controller", stroke::DURATION_S);
-    let rows = stroke::record(&client, &mut [emulator, &mut controller], STROKE_COUNTS, &bar)?;
-    finish(&bar, &format!("{} pictures", rows.len()));
-    write_recording(&bench.path("recording.csv"), &rows)?;
     drop(client);
+    let duration_s = arguments.calibration_s;
+    let bar = bar("calibration protocol through the controller", duration_s);
+    let (config, output) = (text(&bench.path("controller.toml"))?, text(&bench.path("recording.csv"))?);
+    let duration = duration_s.to_string();
+    let seed = arguments.seed.to_string();
+    let collect =
+        ["calibrate", "collect", "--config", &config, "--output", &output, "--duration-s", &duration, "--seed", &seed];
+    let mut collect = bench.tool("collect", &collect)?;
+    let start = i2ris::clock::now();
+    while !collect.finished()? {
+        watch_over(&mut [emulator, &mut controller])?;
+        bar.set_position(((i2ris::clock::now() - start).as_seconds() * 10.0) as u64);
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    finish(&bar, "done");
     controller.end()
 }
 
-fn write_recording(path: &Path, rows: &[Row]) -> Result<(), Failure> {
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
-    let mut writer = RecordingWriter::new(BufWriter::new(File::create(path)?), true, 2, &outputs)?;
-    rows.iter().try_for_each(|row| writer.row(row))?;
-    writer.finish()?;
-    Ok(())
-}
-
-fn fit(bench: &Bench, recording: &str, family: &'static str) -> Result<(), Failure> {
-    let output = text(&bench.path(&format!("{family}.json")))?;
+fn fit(bench: &Bench, family: &str, seed: u64) -> Result<(), Failure> {
+    let (recording, output) = (text(&bench.path("recording.csv"))?, text(&bench.path(&format!("{family}.json")))?);
     let robot = bench.config().robot_id.as_str();
-    let arguments = ["calibrate", "fit", recording, "--family", family, "--robot-id", robot, "--output", &output];
-    let mut fit = bench.tool(family, &arguments)?;
+    let seed = seed.to_string();
+    let fit =
+        ["calibrate", "fit", &recording, "--family", family, "--robot-id", robot, "--seed", &seed, "--output", &output];
+    let mut fit = bench.tool("fit", &fit)?;
     while !fit.finished()? {
         watch_over(&mut [])?;
         std::thread::sleep(Duration::from_millis(20));
     }
     Ok(())
-}
-
-fn follow(bench: &Bench, emulator: &mut Process, family: &'static str, motion: &Path) -> Result<Followed, Failure> {
-    let start = || bench.start_controller(Some(&format!("{family}.json")));
-    let (mut controller, client) = step(&format!("start the controller with `{family}`"), start)?;
-    let bar = bar(&format!("follow an unseen motion with `{family}`"), track::DURATION_S);
-    let run = track::follow(bench, &client, &mut [emulator, &mut controller], motion, &bar)?;
-    finish(&bar, &format!("{} pictures", run.errors_deg.len()));
-    drop(client);
-    controller.end()?;
-    Ok(Followed { family, run })
 }
 
 /// Fails when the demo is interrupted or a child has ended.

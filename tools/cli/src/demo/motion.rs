@@ -1,35 +1,178 @@
-//! The motions of the demo: a stroke that calibrates, and a motion that the calibration has not seen.
+//! Motions that no calibration has seen: what the tracking error is measured on.
 
 use std::f64::consts::TAU;
+use std::fmt;
 
-/// Triangle wave of period 1 and amplitude 1, starting at 0 and rising.
-fn triangle(phase: f64) -> f64 {
-    let p = (phase + 0.25).rem_euclid(1.0);
-    1.0 - 4.0 * (p - 0.5).abs()
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Samples per second: tremor of 10 Hz needs many.
+pub const RATE_HZ: f64 = 200.0;
+
+/// How far teleoperation strays, deg, and how fast it goes, deg/s.
+const SPAN_DEG: f64 = 30.0;
+const SPEED_DEG_S: f64 = 12.0;
+
+/// Amplitude of a hand's tremor per axis, deg, and its frequency, Hz.
+const TREMOR_DEG: f64 = 0.05;
+const TREMOR_HZ: f64 = 10.0;
+
+/// A motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Motion {
+    /// As a hand would move: wandering, with nested minor loops and tremor
+    Teleoperation,
+    /// Turns of 10 s on a circle of 20 deg
+    Circle,
+    /// Twice round a square of 36 deg, with a rest in every corner
+    Square,
+    /// From point to point, with a rest at each
+    Points,
 }
 
-/// Encoder positions of the calibration stroke at an instant, counts.
-///
-/// Two triangle waves whose periods have no common multiple in the stroke visit the whole square of motor positions, and
-/// their slowly changing amplitude adds reversals at many depths: one axis at a time would leave the plane between
-/// the axes unseen. It starts and ends at rest in the middle.
-pub fn calibration_counts(t_s: f64, duration_s: f64, amplitude_counts: f64) -> [i32; 2] {
-    let ends = (t_s / 2.0).min((duration_s - t_s) / 2.0).clamp(0.0, 1.0);
-    let depth = 0.75 - 0.25 * (TAU * t_s / 17.0).cos();
-    let wave = |period_s: f64| (amplitude_counts * ends * depth * triangle(t_s / period_s)).round() as i32;
-    [wave(3.7), wave(2.6)]
+impl fmt::Display for Motion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Teleoperation => "teleoperation",
+            Self::Circle => "circle",
+            Self::Square => "square",
+            Self::Points => "points",
+        })
+    }
 }
 
-/// Desired pitch and yaw of the unseen motion at an instant, degrees: slow sweeps with faster detail, as a hand would
-/// move, within `amplitude_deg` of the straight pose.
-pub fn unseen_deg(t_s: f64, amplitude_deg: f64) -> [f64; 2] {
-    // Frequencies in Hz, shares, and phases in turns; shares sum to 1, so the amplitude bounds the sum.
-    const PITCH: [(f64, f64, f64); 4] = [(0.11, 0.45, 0.13), (0.23, 0.3, 0.71), (0.41, 0.15, 0.37), (0.83, 0.1, 0.59)];
-    const YAW: [(f64, f64, f64); 4] = [(0.13, 0.45, 0.83), (0.19, 0.3, 0.29), (0.47, 0.15, 0.61), (0.71, 0.1, 0.17)];
-    let sum = |parts: &[(f64, f64, f64); 4]| {
-        parts.iter().map(|(hz, share, turns)| share * (TAU * (hz * t_s + turns)).sin()).sum::<f64>()
+impl Motion {
+    /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and `seed` are those of
+    /// teleoperation; the points have a seed too.
+    pub fn path(self, duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
+        match self {
+            Self::Teleoperation => teleoperation(duration_s, seed),
+            Self::Circle => circle(),
+            Self::Square => {
+                let round = [[18.0, 18.0], [18.0, -18.0], [-18.0, -18.0], [-18.0, 18.0]];
+                visit(round.into_iter().chain(round).chain([[18.0, 18.0], [0.0, 0.0]]))
+            }
+            Self::Points => {
+                let mut random = Pcg64::seed_from_u64(seed);
+                visit((0..12).map(|_| [0, 1].map(|_| random.random_range(-22.0..22.0))))
+            }
+        }
+    }
+}
+
+fn samples(duration_s: f64) -> impl Iterator<Item = f64> + Clone {
+    (0..(duration_s * RATE_HZ) as u32).map(|i| f64::from(i) / RATE_HZ)
+}
+
+/// From 0 to 1 without a jerk at the ends.
+fn ease(share: f64) -> f64 {
+    let s = share.clamp(0.0, 1.0);
+    s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+}
+
+fn circle() -> Vec<[f64; 2]> {
+    let at = |t_s: f64| {
+        let (sin, cos) = (TAU * t_s / 10.0).sin_cos();
+        [20.0 * ease(t_s / 4.0) * cos, 20.0 * ease(t_s / 4.0) * sin]
     };
-    [amplitude_deg * sum(&PITCH), amplitude_deg * sum(&YAW)]
+    samples(34.0).map(at).collect()
+}
+
+/// Straight from place to place, and half a second at each.
+fn visit(places: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+    let mut path = vec![[0.0; 2]];
+    let mut from = [0.0; 2];
+    for to in places {
+        let way = [to[0] - from[0], to[1] - from[1]];
+        let duration_s = (way[0].hypot(way[1]) / 10.0 * 1.3_f64).max(0.5);
+        path.extend(
+            samples(duration_s).map(|t_s| ease(t_s / duration_s)).map(|s| [from[0] + s * way[0], from[1] + s * way[1]]),
+        );
+        path.extend(samples(0.5).map(|_| to));
+        from = to;
+    }
+    path
+}
+
+/// Noise of deviation 1 below a frequency: a sum of sines.
+struct Wandering(Vec<(f64, f64)>);
+
+impl Wandering {
+    fn below(hz: f64, random: &mut Pcg64) -> Self {
+        Self((0..16).map(|_| (random.random_range(0.1..1.0) * hz, random.random_range(0.0..TAU))).collect())
+    }
+
+    fn at(&self, t_s: f64) -> f64 {
+        let sum: f64 = self.0.iter().map(|(hz, phase)| (TAU * hz * t_s + phase).sin()).sum();
+        sum * (2.0 / self.0.len() as f64).sqrt()
+    }
+}
+
+/// A swing to and fro that comes and goes.
+struct Loop {
+    middle_s: f64,
+    width_s: f64,
+    hz: f64,
+    size: [f64; 2],
+}
+
+impl Loop {
+    fn new(duration_s: f64, random: &mut Pcg64) -> Self {
+        let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
+        Self {
+            middle_s: random.random_range(0.0..duration_s),
+            width_s: random.random_range(1.0..2.5),
+            hz: random.random_range(0.4..1.2),
+            size: [size * f64::cos(angle), size * f64::sin(angle)],
+        }
+    }
+
+    fn at(&self, t_s: f64) -> f64 {
+        let since = t_s - self.middle_s;
+        (-(since / self.width_s).powi(2)).exp() * (TAU * self.hz * since).sin()
+    }
+}
+
+fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let parts = [0, 1].map(|_| {
+        [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)].map(|(hz, share)| (Wandering::below(hz, &mut random), share))
+    });
+    let loops: Vec<Loop> = (0..(duration_s / 8.0) as u32).map(|_| Loop::new(duration_s, &mut random)).collect();
+    let at = |t_s: f64| {
+        let mut goal = [0.0; 2];
+        for (axis, goal) in goal.iter_mut().enumerate() {
+            *goal = parts[axis].iter().map(|(noise, share)| share * noise.at(t_s)).sum::<f64>();
+            *goal += loops.iter().map(|swing| swing.size[axis] * swing.at(t_s)).sum::<f64>();
+        }
+        // A hand knows where the range ends.
+        let far = goal[0].hypot(goal[1]).max(1e-9);
+        goal.map(|g| SPAN_DEG * ease(t_s / 3.0) * g * (far / 1.6).tanh() / far)
+    };
+    let slowed = slow_down(&samples(duration_s).map(at).collect::<Vec<_>>());
+    let phases = [0, 1].map(|_| random.random_range(0.0..TAU));
+    let tremor = |t_s: f64, axis: usize| {
+        let strength = 1.0 + 0.4 * (TAU * 0.3 * t_s + phases[1 - axis]).sin();
+        TREMOR_DEG * strength * (TAU * TREMOR_HZ * t_s + phases[axis]).sin()
+    };
+    let trembling = |(goal, t_s): ([f64; 2], f64)| [goal[0] + tremor(t_s, 0), goal[1] + tremor(t_s, 1)];
+    slowed.into_iter().zip(samples(duration_s)).map(trembling).collect()
+}
+
+/// The same path, slower wherever it is too fast; what then lasts too long is cut off.
+fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let most = SPEED_DEG_S / RATE_HZ;
+    let mut slowed = Vec::with_capacity(path.len());
+    let mut place = 0.0;
+    while slowed.len() < path.len() {
+        let before = (place as usize).min(path.len() - 2);
+        let (from, to) = (path[before], path[before + 1]);
+        let share = place - before as f64;
+        let way = [to[0] - from[0], to[1] - from[1]];
+        slowed.push([from[0] + share * way[0], from[1] + share * way[1]]);
+        place += (most / way[0].hypot(way[1]).max(1e-12)).min(1.0);
+    }
+    slowed
 }
 
 #[cfg(test)]
@@ -37,27 +180,32 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_stroke_starts_and_ends_at_rest_and_stays_inside() {
-        assert_eq!(calibration_counts(0.0, 40.0, 1000.0), [0, 0]);
-        assert_eq!(calibration_counts(40.0, 40.0, 1000.0), [0, 0]);
-        let all: Vec<[i32; 2]> = (0..8000).map(|i| calibration_counts(f64::from(i) * 0.005, 40.0, 1000.0)).collect();
-        assert!(all.iter().flatten().all(|c| c.abs() <= 1000));
-        assert!(all.windows(2).all(|w| (w[1][0] - w[0][0]).abs() <= 9 && (w[1][1] - w[0][1]).abs() <= 9));
+    fn every_motion_begins_straight_and_stays_within_reach_and_speed() {
+        for motion in [Motion::Teleoperation, Motion::Circle, Motion::Square, Motion::Points] {
+            let path = motion.path(30.0, 5);
+            let far = path.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
+            assert!(path[0][0].hypot(path[0][1]) < 0.2 && (10.0..36.0).contains(&far), "{motion}: {far}");
+            let step = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) * RATE_HZ;
+            let fastest = path.windows(2).map(step).fold(0.0, f64::max);
+            // The tremor adds up to 2 pi 10 Hz 0.05 deg 1.4 per axis.
+            assert!(fastest < 22.0, "{motion}: {fastest} deg/s");
+        }
     }
 
     #[test]
-    fn the_stroke_visits_all_four_quadrants_far_out() {
-        let far = |a: i32, b: i32| {
-            (0..8000).any(|i| {
-                let [x, y] = calibration_counts(f64::from(i) * 0.005, 40.0, 1000.0);
-                x * a > 600 && y * b > 600
-            })
-        };
-        assert!(far(1, 1) && far(1, -1) && far(-1, 1) && far(-1, -1));
+    fn a_seed_is_a_motion() {
+        let path = |seed| Motion::Teleoperation.path(10.0, seed);
+        assert_eq!(path(1), path(1));
+        assert_ne!(path(1), path(2));
     }
 
     #[test]
-    fn the_unseen_motion_stays_within_its_amplitude() {
-        assert!((0..20_000).flat_map(|i| unseen_deg(f64::from(i) * 0.01, 12.0)).all(|a| a.abs() <= 12.0));
+    fn tremor_is_what_is_asked() {
+        let path = Motion::Teleoperation.path(20.0, 3);
+        // Second differences let the tremor through and hold the rest back.
+        let gain = 2.0 - 2.0 * (TAU * TREMOR_HZ / RATE_HZ).cos();
+        let second = |w: &[[f64; 2]]| (w[2][0] - 2.0 * w[1][0] + w[0][0]).powi(2);
+        let rms = (path.windows(3).map(second).sum::<f64>() / (path.len() - 2) as f64).sqrt() / gain;
+        assert!((0.03..0.05).contains(&rms), "{rms} instead of about 0.05 / sqrt 2");
     }
 }

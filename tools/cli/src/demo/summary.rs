@@ -2,13 +2,16 @@
 
 use i2ris::ipc::payload::PeriodStatistics;
 
+use super::motion::Motion;
 use super::series::percentile;
 use super::track::{Run, length_percentile_deg, rms_deg};
 
 /// One model and its run.
 pub struct Followed {
     /// Name of the model's family.
-    pub family: &'static str,
+    pub family: String,
+    /// What it followed.
+    pub motion: Motion,
     /// What it showed.
     pub run: Run,
 }
@@ -23,18 +26,28 @@ pub fn print(followed: &[Followed]) {
 }
 
 fn tracking(followed: &[Followed]) {
-    println!("\nTracking error on the unseen motion: goal against camera, degrees");
+    println!("\nTracking error on unseen motions: goal against camera, degrees");
     println!(
-        "  {:8} {:>8} {:>10} {:>10} {:>12} {:>12} {:>12}",
-        "model", "pictures", "pitch RMS", "yaw RMS", "length RMS", "length p99", "length max"
+        "  {:14} {:14} {:>8} {:>9} {:>9} {:>10} {:>10} {:>10} {:>13}",
+        "motion", "model", "pictures", "pitch RMS", "yaw RMS", "length RMS", "length p99", "length max", "below linear"
     );
-    for Followed { family, run } in followed {
+    for Followed { family, motion, run } in followed {
         let errors = &run.errors_deg;
         let [pitch, yaw, length] = rms_deg(errors);
         let (p99, max) = (length_percentile_deg(errors, 0.99), length_percentile_deg(errors, 1.0));
-        println!("  {family:8} {:>8} {pitch:>10.3} {yaw:>10.3} {length:>12.3} {p99:>12.3} {max:>12.3}", errors.len());
+        let linear = followed.iter().find(|other| other.family == "linear" && other.motion == *motion);
+        let below = match linear {
+            Some(linear) if family != "linear" => {
+                format!("{:.1} %", 100.0 * (1.0 - length / rms_deg(&linear.run.errors_deg)[2]))
+            }
+            _ => "-".to_owned(),
+        };
+        println!(
+            "  {motion:14} {family:14} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} {max:>10.3} {below:>13}",
+            errors.len()
+        );
     }
-    println!("  Both models have no memory of hysteresis; the camera adds its noise of about 0.05 degrees per axis.");
+    println!("  The camera adds its noise of about 0.05 degrees per axis.");
 }
 
 fn statistics(windows: &[PeriodStatistics]) {

@@ -9,22 +9,18 @@ use i2ris::units::Nanos;
 use indicatif::ProgressBar;
 
 use super::bench::{Bench, text};
-use super::motion::unseen_deg;
+use super::motion::RATE_HZ;
 use super::process::Process;
 use super::series::{Series, percentile};
 use super::watch_over;
 use crate::Failure;
 
-/// How long the unseen motion takes.
-pub const DURATION_S: f64 = 15.0;
-/// The motion stays within this, well inside what the calibration visits.
-const AMPLITUDE_DEG: f64 = 14.0;
 /// The controller tells the goal every millisecond.
 const GAP_NS: u64 = 60_000_000;
 /// How often streams are read.
 const READ_PERIOD: Nanos = Nanos::from_millis(5);
 /// The goal has come to the start of the motion when it is this near, degrees.
-const NEAR_DEG: f64 = 0.05;
+const NEAR_DEG: f64 = 0.2;
 
 /// What one run showed.
 #[derive(Debug, Default)]
@@ -51,13 +47,12 @@ pub fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
     percentile(&lengths, share)
 }
 
-/// Writes the unseen motion as a CSV of desired angles.
-pub fn write_motion(path: &Path) -> Result<(), Failure> {
-    let mut writer = csv::Writer::from_path(path)?;
+/// Writes a motion as a CSV of desired angles.
+pub fn write_path(file: &Path, path: &[[f64; 2]]) -> Result<(), Failure> {
+    let mut writer = csv::Writer::from_path(file)?;
     writer.write_record(["t_s", "pitch_deg", "yaw_deg"])?;
-    for sample in 0..=(DURATION_S * 100.0) as u32 {
-        let t_s = f64::from(sample) * 0.01;
-        let [pitch, yaw] = unseen_deg(t_s, AMPLITUDE_DEG);
+    for (sample, [pitch, yaw]) in path.iter().enumerate() {
+        let t_s = sample as f64 / RATE_HZ;
         writer.write_record([t_s.to_string(), pitch.to_string(), yaw.to_string()])?;
     }
     Ok(writer.flush()?)
@@ -135,8 +130,8 @@ impl Recorder {
     }
 
     fn finish(mut self) -> Run {
-        let begin = unseen_deg(0.0, AMPLITUDE_DEG);
-        let near = |goal: &[f64; 2]| (goal[0] - begin[0]).hypot(goal[1] - begin[1]) < NEAR_DEG;
+        // Every motion begins at the straight pose.
+        let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
         let started = self.goals.iter().find(|(_, goal)| near(goal)).map_or(u64::MAX, |(stamp, _)| *stamp);
         let error = |&(stamp, seen): &(u64, [f64; 2])| {
             let goal = self.goals.at(stamp, GAP_NS)?;

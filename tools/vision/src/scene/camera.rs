@@ -52,9 +52,12 @@ impl Camera {
         let (along, near) = (along * cos - near * sin, along * sin + near * cos);
         let scale = self.distance_mm / (self.distance_mm - near);
         let (sin, cos) = self.roll_rad.sin_cos();
-        let k = self.px_per_mm * scale;
+        let k = self.px_per_mm;
         let [ox, oy] = self.origin_px;
-        ([ox + k * (cos * along - sin * across), oy - k * (sin * along + cos * across)], scale)
+        let (x, y) = (ox + k * (cos * along - sin * across), oy - k * (sin * along + cos * across));
+        // The camera looks along its axis, through the middle of the picture: things grow away from there.
+        let [cx, cy] = [self.width, self.height].map(|size| 0.5 * (size as f64 - 1.0));
+        ([cx + scale * (x - cx), cy + scale * (y - cy)], scale)
     }
 }
 

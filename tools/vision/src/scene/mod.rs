@@ -14,6 +14,7 @@
 //! | `canvas` | painting of rods and blobs with soft edges |
 //! | `clutter` | what lies in front: instruments, specks, hairs |
 //! | `optics` | blur, uneven light, noise |
+//! | `rig` | the cameras around one snake |
 //! | `random` | scenes drawn by chance from a seed |
 
 mod camera;
@@ -21,6 +22,7 @@ mod canvas;
 mod clutter;
 mod optics;
 pub mod random;
+mod rig;
 mod snake;
 
 use rand::Rng;
@@ -30,6 +32,7 @@ use crate::image::Grey;
 pub use camera::Camera;
 pub use clutter::{Clutter, cover};
 pub use optics::Optics;
+pub use rig::Rig;
 pub use snake::{Pose, Snake};
 
 /// Brightness of everything, in grey levels before uneven light: 0 black, 255 white.

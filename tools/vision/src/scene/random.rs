@@ -5,10 +5,18 @@ use rand::{Rng, RngExt};
 
 use super::{Camera, Clutter, Optics, Paint, Pose, Scene, Snake, cover};
 
-/// A scene without clutter: any angle up to `max_rad`, any position of the base within a few degrees and pixels.
+/// A scene without clutter: any angle in the plane of the view and away from it up to `max_rad`, any position of the
+/// base within a few degrees and pixels.
 #[must_use]
-pub fn clear(random: &mut impl Rng, camera: Camera, snake: Snake, paint: Paint, optics: Optics, max_rad: f64) -> Scene {
-    let pose = Pose { pitch_rad: random.random_range(-max_rad..=max_rad), yaw_rad: 0.0 };
+pub fn clear(
+    random: &mut impl Rng,
+    camera: Camera,
+    snake: Snake,
+    paint: Paint,
+    optics: Optics,
+    [pitch, yaw]: [f64; 2],
+) -> Scene {
+    let pose = Pose { pitch_rad: random.random_range(-pitch..=pitch), yaw_rad: random.random_range(-yaw..=yaw) };
     let mut camera = camera;
     camera.roll_rad += random.random_range(-0.06..0.06);
     camera.origin_px[0] += random.random_range(-8.0..8.0);

@@ -1,7 +1,7 @@
 //! What the detector saw, drawn over what the camera saw.
 
 use super::paper::{Colour, Paper};
-use crate::fibre::{Doubt, Line, Reading};
+use crate::fibre::{Line, Reading};
 use crate::image::Grey;
 
 const BASE: Colour = [40, 220, 60];
@@ -11,9 +11,9 @@ const GOOD: Colour = [120, 255, 120];
 const POOR: Colour = [255, 110, 110];
 
 /// Draws a reading over its picture: base line green, tip line orange, trace blue, the end a cross, and in words the
-/// name, the angle, its standard deviation, the quality and the doubt.
+/// name, the angle, its standard deviation, the quality and the doubt; or why there is no reading.
 #[must_use]
-pub fn overlay(picture: &Grey, name: &str, reading: &Result<Reading, Doubt>) -> Paper {
+pub fn overlay(picture: &Grey, name: &str, reading: &Result<Reading, String>) -> Paper {
     let mut paper = Paper::of(picture);
     let scale = (picture.width() as i64 / 320).max(1);
     let (text, colour) = match reading {
@@ -21,10 +21,12 @@ pub fn overlay(picture: &Grey, name: &str, reading: &Result<Reading, Doubt>) -> 
             draw(&mut paper, reading, scale);
             (words(reading), if reading.is_good() { GOOD } else { POOR })
         }
-        Err(doubt) => (doubt.to_string(), POOR),
+        Err(cause) => (cause.clone(), POOR),
     };
-    paper.text(name, [0, 0], scale, [230, 230, 230]);
-    paper.text(&text, [0, 7 * scale], scale, colour);
+    // On a page of small overlays a dot of a letter is then two pixels, which can be read.
+    let letters = 2 * scale;
+    paper.text(name, [0, 0], letters, [230, 230, 230]);
+    paper.text(&text, [0, 7 * letters], letters, colour);
     paper
 }
 
@@ -35,7 +37,7 @@ fn words(reading: &Reading) -> String {
 }
 
 fn draw(paper: &mut Paper, reading: &Reading, scale: i64) {
-    let thick = (scale / 2).max(1);
+    let thick = scale.max(1);
     for at in reading.trace.iter().step_by(3) {
         paper.square(*at, thick, TRACE);
     }

@@ -5,12 +5,14 @@
 
 mod decode;
 mod folder;
+mod guard;
 mod raw;
 mod stamps;
 mod y4m;
 
 pub use decode::{DecodeError, decode};
 pub use folder::Folder;
+pub use guard::{Guard, Twins};
 pub use raw::{Clock, Raw, Size};
 pub use y4m::Y4m;
 
@@ -46,12 +48,24 @@ pub enum Gap {
     SameCamera,
     /// Taken before the picture that came before it.
     OutOfOrder,
+    /// The other view has no picture of the same time.
+    NoPartner,
+    /// The camera delivers nothing.
+    NoPicture,
 }
 
 impl Gap {
     /// Every cause.
-    pub const ALL: [Self; 6] =
-        [Self::MissingFile, Self::Undecodable, Self::WrongSize, Self::Frozen, Self::SameCamera, Self::OutOfOrder];
+    pub const ALL: [Self; 8] = [
+        Self::MissingFile,
+        Self::Undecodable,
+        Self::WrongSize,
+        Self::Frozen,
+        Self::SameCamera,
+        Self::OutOfOrder,
+        Self::NoPartner,
+        Self::NoPicture,
+    ];
 
     /// What people read.
     #[must_use]
@@ -63,6 +77,8 @@ impl Gap {
             Self::Frozen => "frozen: identical to the one before",
             Self::SameCamera => "identical to a picture of the other view",
             Self::OutOfOrder => "stamp out of order",
+            Self::NoPartner => "no picture of the other view at that time",
+            Self::NoPicture => "the camera delivers nothing",
         }
     }
 }

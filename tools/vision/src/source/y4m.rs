@@ -1,11 +1,15 @@
 //! YUV4MPEG2, what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a line for each picture,
 //! then its planes. Only the first plane, brightness, is kept. 8 bit only.
+//!
+//! A program that knows when it took a picture says so with `XT=` and seconds of the monotonic clock in the line of the
+//! picture (`FRAME XT=12.345678901`): words that begin with X are left to applications.
 
 use std::io::Read;
 
 use i2ris::units::Nanos;
 
 use super::raw::{Clock, Size, fill};
+use super::stamps::seconds;
 use super::{Frame, FrameSource, Shot, SourceError};
 use crate::image::Grey;
 
@@ -51,18 +55,21 @@ impl<R: Read + Send> Y4m<R> {
 impl<R: Read + Send> FrameSource for Y4m<R> {
     fn next(&mut self) -> Result<Option<Shot>, SourceError> {
         let number = self.number + 1;
-        match read_line(&mut self.reader)? {
+        let told = match read_line(&mut self.reader)? {
             None => return Ok(None),
-            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => {}
+            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => {
+                line.split(' ').find_map(|word| word.strip_prefix("XT=")).and_then(seconds)
+            }
             Some(line) => return Err(SourceError::NotY4m(format!("picture {number} begins with {line:?}, not FRAME"))),
-        }
+        };
         let size = self.header.size;
         let mut data = vec![0; size.bytes() + self.header.colour_bytes];
         let got = fill(&mut self.reader, &mut data)?;
         if got < data.len() {
             return Err(SourceError::Truncated { number, got, expected: data.len(), size });
         }
-        let stamp: Nanos = self.clock.stamp(self.number);
+        let by_clock: Nanos = self.clock.stamp(self.number);
+        let stamp = told.unwrap_or(by_clock);
         self.number = number;
         data.truncate(size.bytes());
         let picture = Grey::new(size.width, size.height, data);
@@ -153,6 +160,15 @@ mod tests {
             assert_eq!(frame.stamp, Nanos(stamp));
         }
         assert_eq!(source.next().unwrap(), None);
+    }
+
+    #[test]
+    fn a_picture_that_says_when_it_was_taken_is_believed() {
+        let mut bytes = b"YUV4MPEG2 W16 H16 Cmono\nFRAME Ip XT=12.345678901\n".to_vec();
+        bytes.extend([0; 256]);
+        let mut source = Y4m::open(&bytes[..], Clock::Rate(30.0)).unwrap();
+        let Some(Shot::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
+        assert_eq!(frame.stamp, Nanos(12_345_678_901));
     }
 
     #[test]

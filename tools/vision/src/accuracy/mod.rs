@@ -2,6 +2,8 @@
 //!
 //! A repeatable experiment, not a test of one picture: the same seed gives the same table.
 
+mod stereo;
+
 use std::collections::BTreeMap;
 
 use rand::SeedableRng;
@@ -11,10 +13,14 @@ use rayon::prelude::*;
 use crate::fibre::{Doubt, Ground, Settings, Side, measure};
 use crate::scene::{Camera, Optics, Paint, Scene, Snake, random};
 
+pub use stereo::{rigs, setup, stereo};
+
 /// A reading whose angle is off by more than this is wrong, deg.
 pub const WRONG_DEG: f64 = 1.0;
 /// Largest bend in the experiments, deg.
 pub const MAX_DEG: f64 = 45.0;
+/// Largest bend away from the plane of the view in the experiments that bend both ways, deg.
+pub const AWAY_DEG: f64 = 40.0;
 /// Part by which the fibre may seem shorter or longer than at rest.
 pub const LENGTH_TOLERANCE: f64 = 0.03;
 
@@ -124,25 +130,31 @@ pub fn settings(scene: &Scene) -> Settings {
 pub fn clear(condition: &Condition, frames: u64, seed: u64) -> Row {
     let outcomes: Vec<Outcome> =
         (0..frames).into_par_iter().filter_map(|number| clear_picture(condition, seed, number)).collect();
-    let count = outcomes.len().max(1) as f64;
-    let mean = |f: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(f).sum::<f64>() / count;
-    let error = mean(&|o| o.error_deg);
-    Row {
-        name: condition.name.clone(),
-        frames: frames as usize,
-        good: outcomes.len(),
-        bias_deg: worst_band(&outcomes),
-        std_deg: mean(&|o| (o.error_deg - error).powi(2)).sqrt(),
-        max_deg: outcomes.iter().map(|o| o.error_deg.abs()).fold(0.0, f64::max),
-        claimed_deg: mean(&|o| o.claimed_deg.powi(2)).sqrt(),
-        tip_um: mean(&|o| o.tip_um.powi(2)).sqrt(),
+    Row { frames: frames as usize, ..Row::of(&condition.name, &outcomes) }
+}
+
+impl Row {
+    fn of(name: &str, outcomes: &[Outcome]) -> Self {
+        let count = outcomes.len().max(1) as f64;
+        let mean = |f: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(f).sum::<f64>() / count;
+        let error = mean(&|o| o.error_deg);
+        Self {
+            name: name.to_owned(),
+            frames: outcomes.len(),
+            good: outcomes.len(),
+            bias_deg: worst_band(outcomes),
+            std_deg: mean(&|o| (o.error_deg - error).powi(2)).sqrt(),
+            max_deg: outcomes.iter().map(|o| o.error_deg.abs()).fold(0.0, f64::max),
+            claimed_deg: mean(&|o| o.claimed_deg.powi(2)).sqrt(),
+            tip_um: mean(&|o| o.tip_um.powi(2)).sqrt(),
+        }
     }
 }
 
 fn clear_picture(condition: &Condition, seed: u64, number: u64) -> Option<Outcome> {
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ number.wrapping_mul(0x9E37_79B9_7F4A_7C15));
     let Condition { camera, snake, paint, optics, .. } = condition.clone();
-    let scene = random::clear(&mut random, camera, snake, paint, optics, MAX_DEG.to_radians());
+    let scene = random::clear(&mut random, camera, snake, paint, optics, [MAX_DEG.to_radians(), 0.0]);
     let reading = measure(&scene.render(&mut random), &settings(&scene)).ok().filter(|r| r.is_good())?;
     let truth = scene.truth();
     let [dx, dy] = [reading.tip_px[0] - truth.tip_px[0], reading.tip_px[1] - truth.tip_px[1]];
@@ -182,7 +194,7 @@ pub fn cluttered_scene(seed: u64, number: u64) -> (Scene, Pcg64Mcg) {
     };
     let optics =
         if number.is_multiple_of(3) { Optics { blur_px: 1.8, noise: 8.0, ..Optics::light() } } else { Optics::light() };
-    let scene = random::clear(&mut random, camera, snake, paint, optics, MAX_DEG.to_radians());
+    let scene = random::clear(&mut random, camera, snake, paint, optics, [MAX_DEG.to_radians(), 0.0]);
     let scene = random::clutter(&mut random, scene);
     (scene, random)
 }

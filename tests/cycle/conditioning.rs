@@ -1,0 +1,161 @@
+//! The command `condition`: a decaying stroke after which the memory of the model is known.
+
+use std::sync::Arc;
+
+use i2ris::config::Config;
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+
+use crate::bench::{Bench, HULL, config, model, play_model};
+use crate::drive::Quirk;
+use i2ris::model::file::OutputUnit;
+
+/// Enabled, at some place that is not the middle.
+fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
+    let mut bench = Bench::new(config, model);
+    bench.home();
+    bench.enable();
+    for _ in 0..40 {
+        assert_eq!(bench.actuator([120, -80]), Refusal::None);
+        bench.run(4);
+    }
+    bench.run(600);
+    assert_eq!((bench.targets(), bench.report().lease_client_id), ([120, -80], 0));
+    bench
+}
+
+/// Runs a stroke to its end: the place of every tick.
+fn stroke(bench: &mut Bench) -> Vec<[i32; 2]> {
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    assert!(bench.report().busy && !bench.report().holding);
+    let mut places = vec![bench.targets()];
+    while bench.report().busy {
+        bench.tick();
+        places.push(bench.targets());
+        assert!(places.len() < 100_000, "it ends");
+    }
+    assert_eq!((bench.state(), bench.report().holding), (OperatingState::Enabled, true));
+    places
+}
+
+fn range(places: &[[i32; 2]], motor: usize) -> (i32, i32) {
+    let values = || places.iter().map(|place| place[motor]);
+    (values().min().unwrap(), values().max().unwrap())
+}
+
+#[test]
+fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
+    let mut bench = ready(config(""), Some(model(OutputUnit::Deg)));
+    let places = stroke(&mut bench);
+    assert_eq!(range(&places, 0), (-HULL as i32, HULL as i32));
+    assert_eq!(range(&places, 1), (-700, HULL as i32), "motor 1 ends at -700");
+    assert_eq!(places.last(), Some(&[120, -80]));
+    let swings: Vec<i32> = places.chunks(places.len() / 4).map(|part| range(part, 0).1 - range(part, 0).0).collect();
+    assert!(swings[1] > swings[3] && swings[3] < 900, "it decays: {swings:?}");
+}
+
+#[test]
+fn afterwards_the_memory_is_known() {
+    let mut bench = ready(config(""), Some(play_model()));
+    assert!(!bench.joints().memory_known, "the motors have covered 120 and 80 counts of the 200 that are needed");
+    stroke(&mut bench);
+    assert!(bench.joints().memory_known);
+}
+
+#[test]
+fn a_narrow_stroke_is_widened_to_what_the_model_needs() {
+    let mut bench = ready(config("[condition]\nhalf_width_counts = 20\nturns = 2"), Some(play_model()));
+    let places = stroke(&mut bench);
+    assert_eq!((range(&places, 0), range(&places, 1)), ((10, 230), (-190, 30)), "200 counts and a margin");
+    assert!(bench.joints().memory_known);
+}
+
+#[test]
+fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
+    let mut bench = ready(config("[condition]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"), None);
+    let places = stroke(&mut bench);
+    assert_eq!((range(&places, 0), range(&places, 1)), ((-530, 770), (-700, 600)), "as wide, but moved off the limit");
+    assert_eq!(places.last(), Some(&[120, -80]));
+    let mut steps = places.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
+    assert!(steps.clone().any(|step| step == 2) && steps.all(|step| step <= 2), "1.5 counts a tick");
+}
+
+#[test]
+fn one_motor_is_conditioned_too() {
+    let mut one = config("");
+    one.ports[0].axes.truncate(1);
+    let mut bench = Bench::new(one, None);
+    bench.home();
+    bench.enable();
+    let places = stroke(&mut bench);
+    assert_eq!((range(&places, 0), range(&places, 1)), ((-500, 500), (0, 0)));
+}
+
+#[test]
+fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
+    let mut narrow = config("");
+    narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-90);
+    narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(90);
+    let mut bench = Bench::new(narrow, Some(play_model()));
+    bench.home();
+    bench.enable();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
+    assert!(!bench.report().busy);
+}
+
+#[test]
+fn servo_commands_meanwhile_are_refused_and_change_nothing() {
+    let mut bench = ready(config(""), Some(play_model()));
+    let alone = stroke(&mut ready(config(""), Some(play_model())));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    for place in &alone[1..500] {
+        assert_eq!(bench.actuator([0, 0]), Refusal::Busy);
+        assert_eq!(bench.targets(), *place);
+    }
+    assert_eq!(bench.report().lease_client_id, 0);
+}
+
+#[test]
+fn a_client_that_commands_is_not_disturbed_by_another() {
+    let mut bench = Bench::moving();
+    assert_eq!(bench.ask_as(99, StateCommand::Condition).refusal, Refusal::Lease);
+    assert!(!bench.report().holding);
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    assert!(bench.report().busy);
+}
+
+#[test]
+fn pause_and_disable_stop_it_at_once() {
+    for (command, state) in
+        [(StateCommand::Pause, OperatingState::Paused), (StateCommand::Disable, OperatingState::Disabled)]
+    {
+        let mut bench = ready(config(""), None);
+        bench.ask(StateCommand::Condition);
+        bench.run(300);
+        assert_eq!(bench.ask(command), Refusal::None);
+        bench.tick();
+        let here = bench.targets();
+        bench.run(1000);
+        assert_eq!((bench.targets(), bench.state(), bench.report().busy), (here, state, false));
+    }
+}
+
+#[test]
+fn old_positions_stop_it_and_a_blocked_motor_is_a_fault() {
+    let mut bench = ready(config(""), None);
+    bench.ask(StateCommand::Condition);
+    bench.run(300);
+    bench.quirk(0, Quirk::Silent);
+    bench.run(60);
+    assert_eq!((bench.state(), bench.report().busy, bench.report().holding), (OperatingState::Enabled, false, true));
+
+    let mut bench = ready(config(""), None);
+    bench.ask(StateCommand::Condition);
+    bench.run(100);
+    bench.quirk(1, Quirk::Blocked);
+    bench.run(3000);
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::FollowingError));
+    let here = bench.targets();
+    bench.run(500);
+    assert_eq!(bench.targets(), here);
+}

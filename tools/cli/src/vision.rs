@@ -1,0 +1,48 @@
+//! `i2ris vision`: from microscope pictures to angles.
+
+mod accuracy;
+mod calibrate;
+mod check;
+mod input;
+mod measure;
+mod render;
+mod report;
+mod scale;
+
+use crate::Failure;
+
+/// Arguments of `i2ris vision`.
+#[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    task: Option<Task>,
+    #[command(flatten)]
+    measure: measure::Arguments,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    /// Draw what is measured over the pictures, for a person to look at
+    Check(check::Arguments),
+    /// Find which view shows which axis, and the straight pose, and write them into a setup
+    Calibrate(calibrate::Arguments),
+    /// Tell the scale from two pictures between which a stage moved by a known way
+    Scale(scale::Arguments),
+    /// Draw synthetic pictures of given angles
+    Render(render::Arguments),
+    /// Measure how exact the detector is on synthetic pictures
+    Accuracy(accuracy::Arguments),
+}
+
+/// Runs it.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.task {
+        None => measure::run(arguments.measure),
+        Some(Task::Check(arguments)) => check::run(&arguments),
+        Some(Task::Calibrate(arguments)) => calibrate::run(&arguments),
+        Some(Task::Scale(arguments)) => scale::run(&arguments),
+        Some(Task::Render(arguments)) => render::run(&arguments),
+        Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
+    }
+}

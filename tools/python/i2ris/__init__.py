@@ -1,0 +1,7 @@
+"""Python side of i2ris, the controller of the I2RIS snake robot.
+
+Modules are imported by name, so that none asks for packages that another one needs:
+
+- ``i2ris.markers``: bending angles from ArUco markers (extra ``markers``); ``python -m i2ris.markers``
+- ``i2ris.external``: publishing angles to the controller (extra ``publish``)
+"""

@@ -1,0 +1,237 @@
+"""Marker angles against pictures at known angles, and everything that must be a gap."""
+
+import io
+import itertools
+
+import cv2
+import numpy as np
+import pytest
+
+import scene
+from i2ris import markers, pictures
+from i2ris.joint import View, parse_view, solve
+
+USING = markers.detector()
+
+
+def errors(side_px, count=40, **conditions):
+    """Errors in degrees over +-45 degrees, and how many were not found."""
+    rng = np.random.default_rng(3)
+    found, missing = [], 0
+    tilt = np.cos(np.radians(conditions.get("tilt_deg", 0.0)))
+    for _ in range(count):
+        angle = rng.uniform(-45, 45)
+        truth = np.arctan(np.tan(np.radians(angle)) / tilt)
+        look = markers.find(scene.picture(9, angle, side_px, rng, **conditions), 9, USING)
+        if isinstance(look, markers.Marker):
+            found.append(np.degrees(markers.turn(look.angle, truth)))
+        else:
+            missing += 1
+    return np.array(found), missing
+
+
+@pytest.mark.parametrize("side_px, limit_deg", [(40, 0.15), (80, 0.06), (160, 0.03)])
+def test_accuracy_at_light_blur_and_noise(side_px, limit_deg):
+    found, missing = errors(side_px)
+    assert missing == 0
+    assert found.std() <= limit_deg and abs(found.mean()) <= limit_deg / 2, (found.mean(), found.std())
+
+
+def test_accuracy_at_strong_blur_and_noise():
+    found, missing = errors(80, blur_px=2.5, noise=12.0)
+    assert missing <= 4
+    assert found.std() <= 0.16 and np.abs(found).max() < 1.0, (found.mean(), found.std())
+
+
+def test_a_marker_that_is_bent_towards_the_camera_still_shows_the_angle_of_the_snake():
+    found, missing = errors(80, tilt_deg=40.0)
+    assert missing == 0 and found.std() <= 0.06 and abs(found.mean()) < 0.03, (found.mean(), found.std())
+
+
+def test_the_id_is_checked_and_what_is_not_seen_is_no_angle():
+    rng = np.random.default_rng(1)
+    other = scene.picture(14, 10, 80, rng)
+    assert markers.find(other, 9, USING) == "marker 9 not seen but [14]"
+    assert isinstance(markers.find(other, 14, USING), markers.Marker)
+    empty = np.clip(rng.normal(150, 5, (480, 640)), 0, 255).astype(np.uint8)
+    assert markers.find(empty, 9, USING) == "marker 9 not seen"
+    twice = np.hstack([scene.picture(9, 10, 80, rng), scene.picture(9, 20, 80, rng)])
+    assert markers.find(twice, 9, USING) == "marker 9 seen 2 times"
+    small = markers.find(scene.picture(9, 10, 20, rng, blur_px=0.5), 9, USING)
+    assert isinstance(small, str), "too small to be trusted"
+
+
+def pose(number):
+    step = max(0, number - 7)
+    return 5.0 * step, -3.0 * step
+
+
+def film(count=14):
+    """Shots of both views: eight at rest, mounted 4 and -7 degrees askew, then moving."""
+    rng = np.random.default_rng(2)
+    views = ([], [])
+    for number in range(count):
+        for view, (marker_id, angle, askew) in enumerate(zip((9, 14), pose(number), (4.0, -7.0))):
+            picture = scene.picture(marker_id, angle + askew, 80, rng)
+            views[view].append(pictures.Shot(number * 33_000_000, str(number), picture))
+    return views
+
+
+def run(views):
+    session = markers.Session([View("pitch"), View("yaw")], [9, 14], ["top", "side"], 8 * 33_000_000)
+    rows = []
+    for shots in pictures.pairs(iter(views[0]), iter(views[1]), 12_000_000):
+        rows += session.take(shots)
+    return rows + session.finish(), session
+
+
+def assert_right(row):
+    number = round(row["stamp_ns"] / 33_000_000)
+    assert np.allclose(np.degrees(row["angles"]), pose(number), atol=0.25), (number, np.degrees(row["angles"]))
+
+
+def test_two_views_give_angles_from_the_straight_pose():
+    rows, session = run(film())
+    assert len(rows) == 14 and session.good == 14
+    for row in rows:
+        assert_right(row)
+        assert row["quality"] >= 0.5 and 0 < row["deviations"][0] < 0.01
+    assert abs(np.degrees(session.references[0].angle) - 4.0) < 0.1
+
+
+def spoil_frozen(views):
+    views[0][11].picture = views[0][10].picture
+
+
+def spoil_size(views):
+    views[0][11].picture = views[0][11].picture[:-2]
+
+
+def spoil_order(views):
+    views[0][11].stamp_ns = views[0][10].stamp_ns
+
+
+def spoil_missing(views):
+    del views[1][11]
+
+
+def spoil_marker(views):
+    views[1][11].picture = np.random.default_rng(9).integers(100, 110, (480, 640)).astype(np.uint8)
+
+
+def spoil_file(views):
+    views[0][11] = pictures.Shot(views[0][11].stamp_ns, "11", None, pictures.MISSING)
+
+
+@pytest.mark.parametrize("spoil, cause", [
+    (spoil_frozen, pictures.FROZEN),
+    (spoil_size, pictures.WRONG_SIZE),
+    (spoil_order, pictures.OUT_OF_ORDER),
+    (spoil_missing, pictures.NO_PARTNER),
+    (spoil_marker, "marker 14 not seen"),
+    (spoil_file, pictures.MISSING),
+])
+def test_bad_pictures_are_named_and_counted_and_never_an_angle(spoil, cause):
+    views = film()
+    spoil(views)
+    rows, session = run(views)
+    gaps = [row for row in rows if "angles" not in row]
+    assert 1 <= len(gaps) <= 2 and any(cause in row["cause"] for row in gaps), gaps
+    assert sum(count for (_, words), count in session.causes.items() if words == cause) == 1
+    for row in rows:
+        if "angles" in row:
+            assert_right(row)
+
+
+def test_one_camera_in_both_views_is_noticed():
+    first, second = film()
+    for number in range(10, 14):
+        second[number].picture = first[number].picture
+    rows, session = run((first, second))
+    assert [("angles" in row) for row in rows] == [True] * 10 + [False] * 4
+    assert any(words == pictures.SAME_CAMERA for _, words in session.causes)
+
+
+def test_a_snake_that_moves_at_first_is_no_reference():
+    with pytest.raises(ValueError, match="hold the snake still"):
+        run([view[6:] for view in film(24)])
+
+
+def test_no_picture_is_an_error():
+    with pytest.raises(ValueError, match="no picture"):
+        run([[], []])
+
+
+@pytest.mark.parametrize("planes", [(0, 90), (7, 90), (180, 95), (90, 0), (-80, 170)])
+def test_views_that_are_turned_give_the_same_joint_angles(planes):
+    pitch, yaw = np.radians(25), np.radians(-31)
+    views = []
+    for deg in planes:
+        quarter = round(deg / 90) % 4
+        axis, turned = ("pitch", "yaw")[quarter % 2], deg - 90 * round(deg / 90)
+        views.append(View(axis, quarter >= 2, turned))
+    seen = [np.arctan(np.tan(pitch) * np.cos(v.plane) + np.tan(yaw) * np.sin(v.plane)) for v in views]
+    angles, deviations = solve(views, seen, [0.001, 0.001])
+    assert np.allclose(angles, [pitch, yaw]) and (deviations > 0).all()
+    with pytest.raises(ValueError, match="no axis"):
+        parse_view("roll")
+
+
+def folder(path, numbers, marker_id=9):
+    path.mkdir()
+    rng = np.random.default_rng(4)
+    for number in numbers:
+        cv2.imwrite(str(path / f"image_{number:04}.png"), scene.picture(marker_id, max(0, number - 7), 80, rng))
+    return path
+
+
+def test_a_folder_says_what_is_missing_and_what_is_broken(tmp_path):
+    path = folder(tmp_path / "top", [3, 4, 6, 7])
+    whole = (path / "image_0007.png").read_bytes()
+    (path / "image_0007.png").write_bytes(whole[: len(whole) // 2])
+    shots = list(pictures.folder(path, 30.0))
+    assert [shot.cause for shot in shots] == [None, None, pictures.MISSING, None, pictures.UNDECODABLE]
+    assert shots[3].stamp_ns == 100_000_000
+    with pytest.raises(ValueError, match="no PNG or JPEG"):
+        list(pictures.folder(tmp_path))
+
+
+def test_the_command_writes_the_columns_of_the_other_tool(tmp_path, capsys):
+    top, side = folder(tmp_path / "top", range(12)), folder(tmp_path / "side", range(12), 14)
+    markers.run(markers.parser().parse_args([str(top), str(side), "--rest-s", "0.2"]))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "t_s,pitch_deg,yaw_deg,pitch_std_deg,yaw_std_deg,quality,tip_along_mm,tip_pitch_mm,tip_yaw_mm,cause"
+    assert len(lines) == 13
+    cells = lines[12].split(",")
+    assert cells[0] == "0.366666667" and abs(float(cells[1]) - 4.0) < 0.2 and cells[6:] == ["", "", "", ""]
+    markers.run(markers.parser().parse_args([str(side), "--ids", "14", "--axes=-yaw", "--rest-s", "0.2"]))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "t_s,yaw_deg,yaw_std_deg,quality,tip_along_mm,tip_yaw_mm,cause"
+    assert abs(float(lines[12].split(",")[1]) + 4.0) < 0.2
+
+
+@pytest.mark.parametrize("words, reason", [
+    (["{top}", "--ids", "10"], "seen in 0 pictures at rest"),
+    (["{top}", "--publish"], "numbers of cameras"),
+    (["{top}", "{top}", "--axes", "pitch", "pitch"], "same axis"),
+    (["{top}", "{top}", "{top}"], "one or two"),
+])
+def test_wrong_use_is_refused_with_a_reason(tmp_path, words, reason):
+    top = folder(tmp_path / "top", range(8))
+    arguments = markers.parser().parse_args([word.format(top=top) for word in words])
+    with pytest.raises(ValueError, match=reason):
+        markers.run(arguments)
+
+
+def test_pairs_need_stamps_that_are_near():
+    shot = lambda ms: pictures.Shot(ms * 1_000_000, "", None)
+    seen = list(pictures.pairs(iter([shot(0), shot(33), shot(66)]), iter([shot(2), shot(65)]), 12_000_000))
+    assert [[s and s.stamp_ns // 1_000_000 for s in pair] for pair in seen] == [[0, 2], [33, None], [66, 65]]
+
+
+def test_rows_without_angles_leave_their_cells_empty():
+    to = io.StringIO()
+    table = markers.Table(to, [View("pitch"), View("yaw")])
+    table.row({"stamp_ns": 12_000_000_001, "cause": "top: frozen, or so"})
+    assert to.getvalue().splitlines()[1] == "12.000000001,,,,,,,,,top: frozen  or so"
+    assert len(list(itertools.chain(*[line.split(",") for line in to.getvalue().splitlines()]))) == 20

@@ -1,0 +1,305 @@
+//! What a person tells about the views: a small TOML file.
+//!
+//! `i2ris vision calibrate` finds axis, direction, turn and rest by itself; thicknesses, lengths and scale are measured
+//! once by a person. Lengths are millimetres, so a change of the magnification changes one number.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::fibre::{Ground, Settings, Side};
+use crate::rest::Rest;
+
+/// The two joint axes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Pitch.
+    Pitch,
+    /// Yaw.
+    Yaw,
+}
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Setup {
+    /// Pictures of both views belong together if their stamps differ by no more than this, ms. Below half the time
+    /// between two pictures, so that each has one partner.
+    #[serde(default = "default_pair_within_ms")]
+    pub pair_within_ms: f64,
+    /// One view or two.
+    #[serde(rename = "view")]
+    pub views: Vec<View>,
+}
+
+/// One view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    /// Its name in messages, and in the file name of overlays.
+    pub name: String,
+    /// The joint axis that it shows.
+    pub axis: Axis,
+    /// Whether the positive direction of the axis bends clockwise in the picture.
+    #[serde(default)]
+    pub reversed: bool,
+    /// Angle from the joint axis to what the view shows, from pitch towards yaw, deg.
+    #[serde(default)]
+    pub turn_deg: f64,
+    /// Scale at the base, px/mm.
+    pub px_per_mm: f64,
+    /// From the base to the entrance pupil of the lens, mm; leave it out for a telecentric lens. With two views the
+    /// perspective is taken out of the angles: up to 0.3 deg at 85 mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
+    /// `bright`: dark fibre on bright ground; `dark`: bright fibre on dark ground.
+    pub ground: Ground,
+    /// The side of the picture where the base comes in.
+    pub side: Side,
+    /// Where along that side, from the left or upper corner, and how far from there at most, px. Anywhere if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_px: Option<[f64; 2]>,
+    /// Thickness of the base and of the bending section.
+    pub body_width_mm: f64,
+    /// Thickness of the fibre at the tip.
+    pub fibre_width_mm: f64,
+    /// Length of the straight base that the picture shows.
+    pub base_length_mm: f64,
+    /// Length of the bending section.
+    pub arc_length_mm: f64,
+    /// Length of the straight stretch at the tip.
+    pub tip_length_mm: f64,
+    /// The straight pose, for pictures that do not begin at rest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<Rest>,
+}
+
+/// Why a setup cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SetupError {
+    /// The file cannot be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is no setup.
+    #[error("{path}: {reason}")]
+    Parse {
+        /// Which.
+        path: PathBuf,
+        /// What and where.
+        reason: String,
+    },
+    /// A value makes no sense.
+    #[error("{path}: {place}: {reason}")]
+    Value {
+        /// The file.
+        path: PathBuf,
+        /// Which value.
+        place: String,
+        /// What it must be.
+        reason: &'static str,
+    },
+}
+
+fn default_pair_within_ms() -> f64 {
+    12.0
+}
+
+impl Setup {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    ///
+    /// [`SetupError`] with file, place and reason.
+    pub fn load(path: &Path) -> Result<Self, SetupError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| SetupError::File { path: path.to_owned(), source })?;
+        let setup: Self = toml::from_str(&text)
+            .map_err(|error| SetupError::Parse { path: path.to_owned(), reason: error.to_string() })?;
+        setup.check().map_err(|(place, reason)| SetupError::Value { path: path.to_owned(), place, reason })?;
+        Ok(setup)
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    ///
+    /// [`SetupError`] with the path.
+    pub fn save(&self, path: &Path) -> Result<(), SetupError> {
+        let text = toml::to_string(self)
+            .map_err(|error| SetupError::Parse { path: path.to_owned(), reason: error.to_string() })?;
+        let text = format!("# Views of the camera process; `i2ris vision --help`.\n{text}");
+        std::fs::write(path, text).map_err(|source| SetupError::File { path: path.to_owned(), source })
+    }
+
+    fn check(&self) -> Result<(), (String, &'static str)> {
+        if !(self.pair_within_ms > 0.0 && self.pair_within_ms <= 1000.0) {
+            return Err(("pair_within_ms".into(), "must be above 0 and at most 1000"));
+        }
+        if !(1..=2).contains(&self.views.len()) {
+            return Err(("view".into(), "there must be one or two"));
+        }
+        for view in &self.views {
+            view.check().map_err(|(field, reason)| (format!("view {}: {field}", view.name), reason))?;
+        }
+        if let [view] = self.views.as_slice()
+            && view.turn_deg.abs() > 0.5
+        {
+            let reason = "must be 0 with one view: only a second one tells how much of the other axis it shows";
+            return Err((format!("view {}: turn_deg", view.name), reason));
+        }
+        if let [a, b] = self.views.as_slice() {
+            if a.name == b.name {
+                return Err((format!("view {}: name", a.name), "must differ from that of the other view"));
+            }
+            if (a.plane_rad() - b.plane_rad()).sin().abs() < 0.25 {
+                let reason = "both views show nearly the same axis; they must be 15 deg apart or more";
+                return Err((format!("views {} and {}", a.name, b.name), reason));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl View {
+    fn check(&self) -> Result<(), (&'static str, &'static str)> {
+        let lengths = [
+            ("px_per_mm", self.px_per_mm, 1.0, 10_000.0),
+            ("body_width_mm", self.body_width_mm, 0.01, 50.0),
+            ("fibre_width_mm", self.fibre_width_mm, 0.01, self.body_width_mm),
+            ("base_length_mm", self.base_length_mm, 0.01, 500.0),
+            ("arc_length_mm", self.arc_length_mm, 0.01, 500.0),
+            ("tip_length_mm", self.tip_length_mm, 0.01, 500.0),
+            ("distance_mm", self.distance_mm.unwrap_or(100.0), 1.0, 1e6),
+        ];
+        for (field, value, least, most) in lengths {
+            // A comparison with NaN is false.
+            if !(value >= least && value <= most) {
+                return Err((field, "is out of range (a fibre is at most as thick as the body)"));
+            }
+        }
+        if !self.turn_deg.is_finite() || self.turn_deg.abs() > 60.0 {
+            return Err(("turn_deg", "must be between -60 and 60; name the other axis or set reversed"));
+        }
+        let name_is_plain = self.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        if !name_is_plain || !(1..=16).contains(&self.name.len()) {
+            return Err(("name", "must be 1 to 16 letters, digits, - or _"));
+        }
+        if self.near_px.is_some_and(|near| near.iter().any(|v| !v.is_finite())) {
+            return Err(("near_px", "must be two numbers"));
+        }
+        if self.rest.as_ref().is_some_and(|rest| !rest.is_finite()) {
+            return Err(("rest", "must be numbers"));
+        }
+        Ok(())
+    }
+
+    /// What the detector is told.
+    #[must_use]
+    pub fn settings(&self) -> Settings {
+        let k = self.px_per_mm;
+        Settings {
+            ground: self.ground,
+            side: self.side,
+            near: self.near_px,
+            body_width: k * self.body_width_mm,
+            fibre_width: k * self.fibre_width_mm,
+            base_length: k * self.base_length_mm,
+            arc_length: k * self.arc_length_mm,
+            tip_length: k * self.tip_length_mm,
+        }
+    }
+
+    /// The direction that bends counter-clockwise in the picture, turned from positive pitch towards positive yaw, rad.
+    #[must_use]
+    pub fn plane_rad(&self) -> f64 {
+        let axis = if self.axis == Axis::Pitch { 0.0 } else { 90.0 };
+        let reversed = if self.reversed { 180.0 } else { 0.0 };
+        f64::to_radians(axis + self.turn_deg + reversed)
+    }
+
+    /// Sets axis, direction and turn from a direction as [`View::plane_rad`] gives it: the nearest axis, and the rest
+    /// as turn.
+    pub fn set_plane(&mut self, plane_rad: f64) {
+        let deg = plane_rad.to_degrees().rem_euclid(360.0);
+        let quarter = ((deg / 90.0).round() as u8) % 4;
+        self.axis = if quarter.is_multiple_of(2) { Axis::Pitch } else { Axis::Yaw };
+        self.reversed = quarter >= 2;
+        let turn = deg - 90.0 * (deg / 90.0).round();
+        // A thousandth of a degree is far below what can be measured.
+        self.turn_deg = (turn * 1000.0).round() / 1000.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const TEXT: &str = "
+        [[view]]
+        name = 'top'
+        axis = 'pitch'
+        px_per_mm = 200.0
+        ground = 'bright'
+        side = 'left'
+        body_width_mm = 0.9
+        fibre_width_mm = 0.25
+        base_length_mm = 1.7
+        arc_length_mm = 2.4
+        tip_length_mm = 1.4
+    ";
+
+    fn load(text: &str) -> Result<Setup, SetupError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("vision.toml");
+        std::fs::write(&path, text).unwrap();
+        Setup::load(&path)
+    }
+
+    #[test]
+    fn a_file_says_what_it_means_and_survives_saving() {
+        let setup = load(TEXT).unwrap();
+        assert_eq!(setup.views[0].settings().body_width, 180.0);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        setup.save(&path).unwrap();
+        assert_eq!(Setup::load(&path).unwrap(), setup);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_with_place_and_reason() {
+        let two = |a: &str, b: &str| format!("{a}{}", b.replace("'top'", "'side'"));
+        for (text, word) in [
+            (TEXT.replace("200.0", "nan"), "px_per_mm"),
+            (TEXT.replace("0.25", "1.5"), "fibre_width_mm"),
+            (TEXT.replace("'top'", "'a/b'"), "name"),
+            (TEXT.replace("axis = 'pitch'", "axis = 'pitch'\nturn_deg = 3.0"), "turn_deg"),
+            (TEXT.replace("axis = 'pitch'", "axis = 'roll'"), "roll"),
+            (two(TEXT, TEXT), "same axis"),
+            (format!("{TEXT}\nblur = 3"), "blur"),
+            (format!("pair_within_ms = 0.0\n{TEXT}"), "pair_within_ms"),
+            ("view = []".to_owned(), "one or two"),
+        ] {
+            let message = load(&text).unwrap_err().to_string();
+            assert!(message.contains(word) && message.contains("vision.toml"), "{message}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn axis_direction_and_turn_stand_for_any_plane(deg in -400.0..400.0_f64) {
+            let mut view = load(TEXT).unwrap().views.remove(0);
+            view.set_plane(deg.to_radians());
+            prop_assert!((view.plane_rad() - deg.to_radians()).sin().abs() < 2e-5);
+            prop_assert!((view.plane_rad() - deg.to_radians()).cos() > 0.0);
+            prop_assert!(view.turn_deg.abs() <= 45.0);
+        }
+    }
+}
