@@ -58,7 +58,7 @@ const SPREAD: f64 = 0.5;
 const BLOCKS: usize = 4;
 
 /// More stops have to lower the error on blocks left out by this part.
-const WORTH_IT: f64 = 0.02;
+const WORTH_IT: f64 = 0.01;
 
 /// Samples per parameter.
 const LEAST_SAMPLES: usize = 4;

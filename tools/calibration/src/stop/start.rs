@@ -6,9 +6,12 @@ use nalgebra::{SMatrix, SVector};
 /// Elastic stiffness over that of a taut wire.
 const STIFFNESS: f64 = 0.2;
 
-/// Stiffest and softest stop.
+/// Stiffness of the stiffest stop, and of the softest of few or of many stops. Many of them are for snakes that bend in
+/// stretches one after the other, where the last one yields late.
 const STIFFEST: f64 = 10.0;
-const SOFTEST: f64 = 0.4;
+const SOFTEST_OF_FEW: f64 = 0.4;
+const SOFTEST_OF_MANY: f64 = 0.12;
+const FEW: usize = 3;
 
 /// The share of a stop over that of the first.
 const SHARE: f64 = 0.7;
@@ -37,7 +40,8 @@ pub(super) fn start<const D: usize>(
     };
     let axis = |_| StopAxis { stiffness: STIFFNESS, stiffening: 2e-5, limit: LIMIT * furthest };
     let sum: f64 = 1.0 + SHARE * (stops as f64 - 1.0);
-    let ratio = (SOFTEST / STIFFEST).powf(1.0 / (stops as f64 - 1.0).max(1.0));
+    let softest = if stops <= FEW { SOFTEST_OF_FEW } else { SOFTEST_OF_MANY };
+    let ratio = (softest / STIFFEST).powf(1.0 / (stops as f64 - 1.0).max(1.0));
     let stop = |k: usize| StopElement {
         stiffness: STIFFEST * ratio.powi(k as i32),
         share: if k == 0 { 1.0 } else { SHARE } / sum,

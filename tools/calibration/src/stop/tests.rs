@@ -1,1 +1,108 @@
-//! The fit on snakes of its own kind.
+//! The fit on snakes of its own kind, where the truth is known.
+
+use i2ris::model::hysteresis::Operator;
+use i2ris::model::hysteresis::stop::Stops;
+use nalgebra::{SMatrix, SVector};
+
+use super::*;
+use crate::recording::Recording;
+use crate::testing::{noise, one_motor, recording, wander};
+
+/// Few guesses and few stops: the search is short.
+fn short() -> StopOptions {
+    StopOptions { stops: vec![2], starts: 1, seed: 7 }
+}
+
+fn whole(recording: &Recording) -> Series {
+    Series::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>())
+}
+
+/// A snake whose parameters are not those that the search starts from.
+fn truth() -> StopParameters {
+    let gain = SMatrix::<f64, 2, 2>::new(0.035, -0.03, 0.03, 0.035);
+    let mut truth = start::start(&gain, &SVector::from([20.0, -35.0]), 25.0, 2);
+    truth.base_friction = 1.6;
+    for (motor, slack) in truth.motors.iter_mut().zip([[0.9, 0.4], [0.3, 0.6]]) {
+        motor.slack = slack;
+        motor.friction = [0.12, 0.3];
+    }
+    truth
+}
+
+/// What a snake does, with noise.
+fn two_axes(rows: usize, noise_deg: f64) -> Recording {
+    let operator = Stops::<2>::prepare(&truth()).unwrap();
+    let mut state = operator.begin(&SVector::from(wander(0.0)));
+    let mut noise = noise(3);
+    recording(rows, |time| {
+        let counts = wander(time);
+        operator.advance(&mut state, &SVector::from(counts));
+        let bend = operator.bend(&state);
+        (counts, [bend[0] + 3.0 + noise_deg * noise(), bend[1] - 2.0 + noise_deg * noise()])
+    })
+}
+
+#[test]
+fn a_snake_of_this_kind_is_found_again() {
+    let fit = fit_stop(&whole(&two_axes(1500, 0.02)), &short(), &Silent).unwrap();
+    assert!(fit.rms < 0.06, "{} where a straight line leaves {}", fit.rms, fit.linear_rms);
+    assert!(fit.linear_rms > 0.5 && fit.warnings.is_empty(), "{}", fit.linear_rms);
+    let truth = StopReading::new::<2>(&truth(), 1.0).unwrap();
+    for (found, true_one) in fit.reading.motors.iter().zip(truth.motors) {
+        assert!((found.axis_deg - true_one.axis_deg).abs() < 1.0, "{found:?}");
+        assert!((found.slack / true_one.slack - 1.0).abs() < 0.35, "{found:?}");
+        assert!((found.gain_per_count / true_one.gain_per_count - 1.0).abs() < 0.05, "{found:?}");
+    }
+}
+
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let series = whole(&two_axes(200, 0.02));
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| fit_stop(&series, &short(), &Silent).unwrap())
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn one_motor_is_a_snake_as_well() {
+    let gain = SMatrix::<f64, 1, 1>::new(0.04);
+    let operator = Stops::<1>::prepare(&start::start(&gain, &SVector::from([10.0]), 20.0, 3)).unwrap();
+    let mut state = operator.begin(&SVector::from([wander(0.0)[0]]));
+    let recording = one_motor(900, |time| {
+        let count = wander(time)[0];
+        operator.advance(&mut state, &SVector::from([count]));
+        (count, operator.bend(&state)[0])
+    });
+    let fit = fit_stop(&whole(&recording), &StopOptions { stops: vec![1, 2], ..short() }, &Silent).unwrap();
+    assert!(fit.rms < 0.1 * fit.linear_rms, "{} of {}", fit.rms, fit.linear_rms);
+    let [(1, one), (2, two)] = fit.tried[..] else { panic!("{:?}", fit.tried) };
+    assert!(two < one && fit.parameters.stops.len() == 2, "{one} {two}");
+}
+
+#[test]
+fn what_shows_no_hysteresis_is_refused_or_doubted() {
+    let ramp = recording(300, |time| ([10.0 * time, (3.0 * time).sin() * 200.0], [0.2 * time, (3.0 * time).sin()]));
+    assert!(matches!(
+        fit_stop(&whole(&ramp), &short(), &Silent),
+        Err(StopError::FewReversals { motor: 0, reversals: 0 })
+    ));
+    let mut noise = noise(5);
+    let straight = recording(600, |time| {
+        let counts = wander(time);
+        (counts, crate::testing::straight(counts).map(|angle| angle + 0.4 * noise()))
+    });
+    let fit = fit_stop(&whole(&straight), &short(), &Silent).unwrap();
+    assert!(matches!(fit.warnings[..], [StopWarning::LittleGain { .. }]), "{} {}", fit.rms, fit.linear_rms);
+}
+
+#[test]
+fn options_and_recordings_that_make_no_sense_are_refused() {
+    let series = whole(&two_axes(100, 0.0));
+    for stops in [vec![], vec![0], vec![3, 6]] {
+        let options = StopOptions { stops, ..short() };
+        assert!(matches!(fit_stop(&series, &options, &Silent), Err(StopError::Stops { .. })));
+    }
+    assert!(matches!(fit_stop(&series, &short(), &Silent), Err(StopError::FewSamples { .. })));
+}

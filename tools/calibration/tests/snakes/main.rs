@@ -1,8 +1,8 @@
 //! How well a model of the emulator's snakes does, without drives and lines between: forwards on unseen motion, and as
-//! feed-forward in closed loop. Minutes of work, so it runs on demand, optimised:
+//! feed-forward in closed loop: within the limits of the motors, without the tremor of the hand, without limits. Minutes of work, so it runs on demand, optimised:
 //!
 //! `cargo test --release -p i2ris-calibration --test snakes -- --ignored --nocapture`
-#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
 mod motion;
 mod rig;
@@ -28,8 +28,7 @@ fn radius(name: &str) -> f64 {
 }
 
 fn calibrate(name: &str) -> Model {
-    let seed: u64 = std::env::var("CAL_SEED").map_or(6, |s| s.parse().unwrap());
-    let path = motion::plane(seed, radius(name), 300.0, 450.0);
+    let path = motion::plane(6, radius(name), 300.0, 450.0);
     let recording = record(&mut snake(name, 11), &path, 0.05, 11);
     let rows: Vec<usize> = (0..recording.rows().len()).collect();
     let series = Series::new(&recording, &rows);
@@ -66,16 +65,24 @@ fn report(name: &str, fit: &StopFit, seconds: f64) {
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "takes minutes; prints figures"]
 fn stops_on_snakes() {
+    let usual = Loop::default();
+    let free = Loop { velocity: 1e6, acceleration: 1e9, deceleration: 1e9, ..usual };
     let names = std::env::var("SNAKES").unwrap_or("steel,brass,multi".to_owned());
     for name in names.split(',') {
         let model = calibrate(name);
         for seed in [201, 202] {
             let goals = motion::teleoperation(seed, 60.0, 30.0, 12.0, 0.05);
-            let forward = rig::forward_error(&model, name, seed, &goals);
-            let tracking = Loop::default().run(&model, name, seed, &goals);
-            println!("{name} {seed}: forward {forward:.3}, closed loop {tracking}");
+            let calm = motion::teleoperation(seed, 60.0, 30.0, 12.0, 0.0);
+            println!("{name} {seed}: forward {:.3}", rig::forward_error(&model, name, seed, &goals));
+            for (tag, with, goals) in
+                [("closed loop", usual, &goals), ("no tremor", usual, &calm), ("no limits", free, &goals)]
+            {
+                let tracking = with.run(&model, name, seed, goals);
+                println!("  {tag}: {tracking}");
+                assert!(tracking.rms < 0.6, "{name} {tag}: {tracking}");
+            }
         }
     }
 }

@@ -58,12 +58,12 @@ pub fn teleoperation(seed: u64, seconds: f64, span: f64, fastest: f64, tremor: f
 }
 
 fn burst(random: &mut Pcg64, goals: &mut [[f64; 2]], seconds: f64) {
-    let (centre, width) = (random.random_range(0.0..seconds), random.random_range(1.0..2.5));
+    let (centre, width) = (random.random_range(0.0..seconds), random.random_range(1.0..2.5_f64));
     let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
     let frequency: f64 = random.random_range(0.4..1.2);
     for (tick, goal) in goals.iter_mut().enumerate() {
         let since = tick as f64 * TICK_S - centre;
-        let wave = size * (-(since / width as f64).powi(2)).exp() * (TAU * frequency * since).sin();
+        let wave = size * (-(since / width).powi(2)).exp() * (TAU * frequency * since).sin();
         *goal = [goal[0] + wave * f64::cos(angle), goal[1] + wave * f64::sin(angle)];
     }
 }

@@ -3,13 +3,14 @@
 use std::fmt;
 use std::io::Write;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use i2ris::control::limit::{Limiter, Limits, Target};
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, ModelFile, OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION,
     TrainingRecord,
 };
-use i2ris::model::{Hull, Model, Query};
+use i2ris::model::{Hull, Memory, Model, Query};
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_emulator::snake::{Snake, SnakeConfig};
@@ -146,66 +147,103 @@ impl fmt::Display for Tracking {
 impl Loop {
     pub fn run(&self, model: &Model, name: &str, seed: u64, goals: &[[f64; 2]]) -> Tracking {
         let mut snake = snake(name, seed);
-        let mut memory = model.new_memory();
-        model.advance(&mut memory, &[0.0; 2]);
-        let Self { velocity, acceleration, deceleration, .. } = *self;
-        let limits = Limits { velocity, acceleration, deceleration, lowest: -1e6, highest: 1e6 };
-        let mut limiters = [Limiter::new(&limits, Nanos::from_millis(1)); 2];
-        let mut aims: Option<[f64; 2]> = None;
-        let mut band = Band { at: goals[0] };
-        let mut held = goals[0];
-        let (mut low, mut high): (Option<[f64; 2]>, Band) = (None, Band { at: [0.0; 2] });
-        let mut errors = Vec::new();
-        let mut mean = [0.0; 2];
-        let mut travel = 0.0;
-        let mut last = [0.0; 2];
-        let begun = std::time::Instant::now();
-        let mut spent = std::time::Duration::ZERO;
+        let mut pilot = Pilot::new(self, model, goals[0]);
+        let mut spent = Duration::ZERO;
+        let (mut errors, mut travel, mut last) = (Vec::new(), 0.0, [0.0; 2]);
         for goal in goals {
-            let tick = std::time::Instant::now();
-            if band.drag(*goal, self.goal_band) {
-                held = *goal;
-            }
-            let [pitch, yaw, _] = model.correction(&memory).map(f64::to_degrees);
-            let before = low.unwrap_or([pitch, yaw]);
-            let share = TICK_S / self.correction_s;
-            let filtered = [before[0] + share * (pitch - before[0]), before[1] + share * (yaw - before[1])];
-            low = Some(filtered);
-            for axis in 0..2 {
-                high.at[axis] =
-                    high.at[axis].clamp(filtered[axis] - self.correction_band, filtered[axis] + self.correction_band);
-            }
-            let query =
-                Query { start: aims.unwrap_or_default(), correction: Some(radians(high.at)), compensation: 1.0 };
-            let aim = model.invert(&radians(held), &memory, &query).counts;
-            let mut counts = [0.0; 2];
-            for motor in 0..2 {
-                let moved = aims.map_or(0.0, |aims| aim[motor] - aims[motor]);
-                let moved = if moved.abs() < 2.0 { moved } else { 0.0 };
-                limiters[motor].follow(Target { position: aim[motor], moved });
-                counts[motor] = limiters[motor].position().round();
-            }
-            aims = Some(aim);
-            model.advance(&mut memory, &counts);
-            spent += tick.elapsed();
+            let begun = Instant::now();
+            let counts = pilot.tick(*goal);
+            spent += begun.elapsed();
             snake.step(TICK_S, counts);
             travel += (counts[0] - last[0]).abs() + (counts[1] - last[1]).abs();
             last = counts;
             let truth = snake.angles_deg();
-            let error = [truth[0] - goal[0], truth[1] - goal[1]];
-            mean = [mean[0] + error[0] / goals.len() as f64, mean[1] + error[1] / goals.len() as f64];
-            errors.push(error[0].hypot(error[1]));
+            errors.push([truth[0] - goal[0], truth[1] - goal[1]]);
         }
-        let _ = begun;
-        let mut errors = errors.split_off(SETTLING);
-        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt();
-        errors.sort_by(f64::total_cmp);
-        Tracking {
+        let ticks = goals.len() as f64;
+        Tracking::new(&errors[SETTLING..], travel / (ticks * TICK_S), spent.as_secs_f64() * 1e6 / ticks)
+    }
+}
+
+/// From goals to whole counts, a tick at a time.
+struct Pilot<'a> {
+    rules: &'a Loop,
+    model: &'a Model,
+    memory: Memory,
+    limiters: [Limiter; 2],
+    aim: Option<[f64; 2]>,
+    band: Band,
+    goal: [f64; 2],
+    low_passed: Option<[f64; 2]>,
+    correction: [f64; 2],
+}
+
+impl<'a> Pilot<'a> {
+    fn new(rules: &'a Loop, model: &'a Model, goal: [f64; 2]) -> Self {
+        let Loop { velocity, acceleration, deceleration, .. } = *rules;
+        let limits = Limits { velocity, acceleration, deceleration, lowest: -1e6, highest: 1e6 };
+        let mut memory = model.new_memory();
+        model.advance(&mut memory, &[0.0; 2]);
+        Self {
+            rules,
+            model,
+            memory,
+            limiters: [Limiter::new(&limits, Nanos::from_millis(1)); 2],
+            aim: None,
+            band: Band { at: goal },
+            goal,
+            low_passed: None,
+            correction: [0.0; 2],
+        }
+    }
+
+    fn tick(&mut self, goal: [f64; 2]) -> [f64; 2] {
+        if self.band.drag(goal, self.rules.goal_band) {
+            self.goal = goal;
+        }
+        self.correct();
+        let query = Query {
+            start: self.aim.unwrap_or_default(),
+            correction: Some(radians(self.correction)),
+            compensation: 1.0,
+        };
+        let aim = self.model.invert(&radians(self.goal), &self.memory, &query).counts;
+        let mut counts = [0.0; 2];
+        for motor in 0..2 {
+            let moved = self.aim.map_or(0.0, |before| aim[motor] - before[motor]);
+            // What is more is a gap, not the way of the goal.
+            let moved = if moved.abs() < 2.0 { moved } else { 0.0 };
+            self.limiters[motor].follow(Target { position: aim[motor], moved });
+            counts[motor] = self.limiters[motor].position().round();
+        }
+        self.aim = Some(aim);
+        self.model.advance(&mut self.memory, &counts);
+        counts
+    }
+
+    /// Low-pass and dead-band on the correction.
+    fn correct(&mut self) {
+        let [pitch, yaw, _] = self.model.correction(&self.memory).map(f64::to_degrees);
+        let low_passed = self.low_passed.get_or_insert([pitch, yaw]);
+        for ((low, now), held) in low_passed.iter_mut().zip([pitch, yaw]).zip(&mut self.correction) {
+            *low += TICK_S / self.rules.correction_s * (now - *low);
+            *held = held.clamp(*low - self.rules.correction_band, *low + self.rules.correction_band);
+        }
+    }
+}
+
+impl Tracking {
+    fn new(errors: &[[f64; 2]], counts_per_second: f64, microseconds: f64) -> Self {
+        let count = errors.len() as f64;
+        let mut lengths: Vec<f64> = errors.iter().map(|[pitch, yaw]| pitch.hypot(*yaw)).collect();
+        lengths.sort_by(f64::total_cmp);
+        let rms = (lengths.iter().map(|length| length * length).sum::<f64>() / count).sqrt();
+        Self {
             rms,
-            mean,
-            p99_over_rms: errors[errors.len() * 99 / 100] / rms,
-            counts_per_second: travel / (goals.len() as f64 * TICK_S),
-            microseconds: spent.as_secs_f64() * 1e6 / goals.len() as f64,
+            mean: [0, 1].map(|axis: usize| errors.iter().map(|error| error[axis]).sum::<f64>() / count),
+            p99_over_rms: lengths[lengths.len() * 99 / 100] / rms,
+            counts_per_second,
+            microseconds,
         }
     }
 }
