@@ -93,7 +93,7 @@ fn three_components_are_flat_inside_the_ring_and_two_are_not() {
 fn the_slack_zone_of_the_echo_probe_is_honest() {
     for name in ["tee_probe/motor1_first.csv", "tee_probe/motor1_second.csv"] {
         let Some((recording, _)) = read(name) else { return };
-        for components in [4, 6, 8, 10] {
+        for components in [4, 6] {
             assert_eq!(flat(&recording, components), None, "{name}, {components} components");
         }
     }
