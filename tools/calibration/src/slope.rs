@@ -3,8 +3,9 @@
 //! Where a regression has little slope in some direction of motor space, its inverse takes large steps for small goals.
 //! A mixture with too many components gets such places between its data. But a snake may be slack around its straight
 //! pose, and a model that says so is right. Hence the rule: a place is **too flat** when the least slope of the model is
-//! below [`LEAST_SHARE`] of that of the affine model, and the rows recorded around it do not show the same. They do when a
-//! local affine regression, with its uncertainty, lies below twice that slope in the direction in question.
+//! below [`LEAST_SHARE`] of that of the affine model, and the rows recorded around it do not agree: there are too few, or
+//! a local affine regression has more than twice that slope in the direction in question, beyond its uncertainty. A loop of
+//! hysteresis widens that uncertainty, as it should: its branches are slack at different counts.
 
 use std::fmt;
 
@@ -73,7 +74,7 @@ fn find(slope: impl Fn(&MotorVec) -> DMatrix<f64>, hull: &Hull, rows: &Rows, str
     let flat = |counts: MotorVec| {
         let (slope, direction) = flattest(slope(&counts))?;
         let suspicious = slope < LEAST_SHARE * straight;
-        let shown = || rows.upper_slope(&counts, &direction).is_some_and(|upper| upper < 2.0 * LEAST_SHARE * straight);
+        let shown = || rows.show_at_most(2.0 * LEAST_SHARE * straight, &counts, &direction);
         (suspicious && !shown()).then(|| FlatSpot {
             counts: counts.iter().take(rows.motors()).copied().collect(),
             slope,
@@ -128,8 +129,20 @@ impl<'a> Rows<'a> {
         self.inputs.width()
     }
 
-    /// The most that the rows around a place let a count in a direction move the outputs. `None` where they are too few.
-    fn upper_slope(&self, counts: &MotorVec, direction: &DVector<f64>) -> Option<f64> {
+    /// Whether there are rows at a place, or up to two widths off in a direction, that agree with a count in that direction
+    /// moving the outputs by at most so much. At the edge of a slack zone half of the rows around are beyond it.
+    fn show_at_most(&self, slope: f64, counts: &MotorVec, direction: &DVector<f64>) -> bool {
+        (-2..=2).any(|steps| {
+            let mut near = *counts;
+            for (motor, width) in self.widths.iter().enumerate() {
+                near[motor] += f64::from(steps) * width * direction[motor];
+            }
+            self.least_slope(&near, direction).is_some_and(|least| least <= slope)
+        })
+    }
+
+    /// The least that the rows around a place let a count in a direction move the outputs. `None` where they are too few.
+    fn least_slope(&self, counts: &MotorVec, direction: &DVector<f64>) -> Option<f64> {
         let numbers = self.motors() + 1;
         let mut near = Vec::new();
         for (input, output) in self.inputs.rows().zip(self.outputs.rows()) {
@@ -154,7 +167,7 @@ impl<'a> Rows<'a> {
         let left = near.iter().map(|(w, x, y)| w * (y - coefficients.tr_mul(x)).norm_squared()).sum::<f64>() / sums.0;
         let along = DVector::from_fn(numbers, |i, _| self.widths.get(i).map_or(0.0, |width| direction[i] / width));
         let variance = along.dot(&(&inverse * weighted * &inverse * &along)) * left;
-        Some(coefficients.tr_mul(&along).norm() + STANDARD_ERRORS * variance.max(0.0).sqrt())
+        Some(coefficients.tr_mul(&along).norm() - STANDARD_ERRORS * variance.max(0.0).sqrt())
     }
 }
 

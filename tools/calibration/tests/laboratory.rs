@@ -12,7 +12,7 @@ use i2ris_calibration::linear::fit_linear;
 use i2ris_calibration::motion::NoHysteresis;
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
-use i2ris_calibration::slope::{FlatSpot, flat_spot};
+use i2ris_calibration::slope::{FlatSpot, LEAST_SHARE, flat_spot};
 use i2ris_calibration::survey::Warning;
 use i2ris_calibration::table::Table;
 
@@ -85,7 +85,7 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
 fn three_components_are_flat_inside_the_ring_and_two_are_not() {
     let Some((recording, _)) = recording() else { return };
     let spot = flat(&recording, 3).unwrap();
-    assert!(spot.slope < 0.12 * spot.straight, "{spot}");
+    assert!(spot.slope < LEAST_SHARE * spot.straight, "{spot}");
     assert_eq!(flat(&recording, 2), None);
 }
 
@@ -93,7 +93,7 @@ fn three_components_are_flat_inside_the_ring_and_two_are_not() {
 fn the_slack_zone_of_the_echo_probe_is_honest() {
     for name in ["tee_probe/motor1_first.csv", "tee_probe/motor1_second.csv"] {
         let Some((recording, _)) = read(name) else { return };
-        for components in [4, 6, 8, 10] {
+        for components in [4, 6] {
             assert_eq!(flat(&recording, components), None, "{name}, {components} components");
         }
     }
