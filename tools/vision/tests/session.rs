@@ -1,4 +1,5 @@
 //! The whole way of the pictures, and everything that cameras and folders do wrong: named, counted, never an angle.
+#![allow(clippy::unwrap_used, reason = "a test may")]
 
 use i2ris::units::Nanos;
 use i2ris_vision::accuracy::setup;
