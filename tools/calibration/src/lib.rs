@@ -11,6 +11,7 @@
 //! | [`recording`] | CSV files: which column means what, reading, checking, writing |
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
+//! | [`latency`] | how late the stamps of a camera are |
 //! | [`linear`] | affine least squares |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
@@ -26,6 +27,7 @@ mod cycle;
 pub mod em;
 pub mod family;
 pub mod fit;
+pub mod latency;
 pub mod linear;
 pub mod metrics;
 pub mod motion;
