@@ -16,6 +16,7 @@
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
 //! | `joint` | joint space: the model, its memory, estimates |
 //! | `event` | what happened in one tick |
+//! | [`rehearse`] | the cycle without a robot |
 //! | `runtime` | the process: start, threads, end |
 //! | `lane` | what passes between the threads |
 //! | `relay` | the thread of shared memory |
@@ -120,6 +121,7 @@ pub mod limit;
 mod log;
 mod progress;
 mod reach;
+pub mod rehearse;
 mod relay;
 pub mod runtime;
 mod sight;

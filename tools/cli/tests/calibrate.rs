@@ -252,7 +252,10 @@ fn a_model_that_cannot_be_inverted_is_not_written() {
         [time, q0.round(), q1.round(), pitch, yaw]
     };
     let bench = Bench::new(&csv(&(0..250).map(on_a_circle).collect::<Vec<_>>()));
-    bench.fails(&["--family", "gmr", "--components", "8"], &["the model of family `gmr` is refused", "the inverse fails at counts"]);
+    bench.fails(
+        &["--family", "gmr", "--components", "8"],
+        &["the model of family `gmr` is refused", "the inverse fails at counts"],
+    );
 }
 
 #[test]

@@ -7,13 +7,12 @@
 //! | `motion` | the calibration stroke and the unseen motion |
 //! | `stroke` | recording the stroke |
 //! | `track` | following the unseen motion and measuring it |
-//! | `series` | values over time |
 //! | `summary` | what is printed at the end |
 
 mod bench;
 mod motion;
 mod process;
-mod series;
+
 mod stroke;
 mod summary;
 mod track;

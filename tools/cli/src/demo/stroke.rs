@@ -8,9 +8,9 @@ use indicatif::ProgressBar;
 
 use super::motion::calibration_counts;
 use super::process::Process;
-use super::series::Series;
 use super::watch_over;
 use crate::Failure;
+use crate::series::Series;
 
 /// How long the stroke takes.
 pub const DURATION_S: f64 = 40.0;

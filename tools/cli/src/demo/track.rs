@@ -11,9 +11,9 @@ use indicatif::ProgressBar;
 use super::bench::{Bench, text};
 use super::motion::unseen_deg;
 use super::process::Process;
-use super::series::{Series, percentile};
 use super::watch_over;
 use crate::Failure;
+use crate::series::{Series, percentile};
 
 /// How long the unseen motion takes.
 pub const DURATION_S: f64 = 15.0;
