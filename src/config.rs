@@ -28,6 +28,9 @@ pub struct Config {
     /// Limits on the motion of every motor.
     #[serde(default)]
     pub limits: LimitConfig,
+    /// How a model with memory is used.
+    #[serde(default)]
+    pub compensation: CompensationConfig,
     /// The stroke of the command `condition`.
     #[serde(default)]
     pub condition: ConditionConfig,
@@ -131,6 +134,27 @@ impl Default for LimitConfig {
             feedback_lost_ms: 250,
             following_error_counts: 300,
         }
+    }
+}
+
+/// How a model with memory is used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CompensationConfig {
+    /// Part of gaps and friction that is compensated, 0 to 1. Too much moves the tip at a turn, too little delays it.
+    pub factor: f64,
+    /// A goal that turns back by less than twice this is held, so that tremor does not send the motors across the gap,
+    /// in degrees, 0 to 2.
+    pub turning_band_deg: f64,
+    /// Time constant of the low-pass on the correction by the model's residual, in milliseconds, 0 to 1000.
+    pub correction_filter_ms: f64,
+    /// Changes of the correction below this are not followed, in degrees, 0 to 1.
+    pub correction_band_deg: f64,
+}
+
+impl Default for CompensationConfig {
+    fn default() -> Self {
+        Self { factor: 1.0, turning_band_deg: 0.05, correction_filter_ms: 50.0, correction_band_deg: 0.02 }
     }
 }
 
@@ -307,6 +331,7 @@ impl Config {
         self.check_control()?;
         self.check_command()?;
         self.check_limits()?;
+        self.check_compensation()?;
         self.check_condition()?;
         self.check_ports()
     }
@@ -368,6 +393,18 @@ impl Config {
             limits.following_error_counts,
             "must be above 0",
         )
+    }
+
+    fn check_compensation(&self) -> Result<(), WrongValue> {
+        let CompensationConfig { factor, turning_band_deg, correction_filter_ms, correction_band_deg } =
+            self.compensation;
+        let within = |key: &str, value: f64, most: f64, reason: &'static str| {
+            require((0.0..=most).contains(&value), key, value, reason)
+        };
+        within("compensation.factor", factor, 1.0, "must be 0 to 1")?;
+        within("compensation.turning_band_deg", turning_band_deg, 2.0, "must be 0 to 2")?;
+        within("compensation.correction_filter_ms", correction_filter_ms, 1000.0, "must be 0 to 1000")?;
+        within("compensation.correction_band_deg", correction_band_deg, 1.0, "must be 0 to 1")
     }
 
     fn check_condition(&self) -> Result<(), WrongValue> {
@@ -468,6 +505,8 @@ mod tests {
         assert!(error("[control]\nrate_hz = 7").contains("control.rate_hz = 7: must be 100 to 4000"));
         assert!(error("[limits]\nvelocity_counts_s = nan").contains("limits.velocity_counts_s = NaN"));
         assert!(error("[command]\ndeadline_ms = 0").contains("command.deadline_ms"));
+        assert!(error("[compensation]\nfactor = 1.5").contains("compensation.factor = 1.5: must be 0 to 1"));
+        assert!(error("[compensation]\nturning_band_deg = nan").contains("turning_band_deg = NaN: must be 0 to 2"));
         assert!(error("[condition]\nturns = 0").contains("condition.turns = 0: must be 1 to 20"));
         assert!(error("[condition]\nhalf_width_counts = 0").contains("condition.half_width_counts"));
     }

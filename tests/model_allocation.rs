@@ -11,7 +11,9 @@ use i2ris::model::{Model, Query};
 #[allow(dead_code)]
 mod samples;
 
-use samples::{DEG, SmoothMap, file, linear, square};
+use i2ris::model::file::{FamilyParameters, HullParameters};
+use i2ris::model::hysteresis::residual::{self, ResidualParameters};
+use samples::{DEG, SmoothMap, file, linear, region, some_stops, square};
 
 /// The system's allocator, counting what this thread asks of it: the test harness has threads of its own.
 struct Counting;
@@ -77,6 +79,25 @@ fn goal_as_counts(goal: [f64; 3]) -> [f64; 2] {
     [goal[0], goal[1]]
 }
 
+/// Stop operators, a smooth read-out and a residual with every feature there is.
+fn stops(motors: usize) -> Model {
+    let gain = [vec![0.02, 0.01], vec![-0.01, 0.02]][..motors].iter().map(|row| row[..motors].to_vec()).collect();
+    let map = SmoothMap { gain, bend: 0.2, steps: 3 };
+    let FamilyParameters::Gmr { mixture } = map.family() else { unreachable!("a smooth map is a mixture") };
+    let lags = motors * if motors == 1 { 4 } else { 7 };
+    let features = if motors == 1 { residual::count::<1>(3, 2, lags) } else { residual::count::<2>(3, 2, lags) };
+    let residual = ResidualParameters {
+        scale_counts: 500.0,
+        shape_degree: 3,
+        lag_degree: 2,
+        coefficients: vec![vec![0.01; features]; motors],
+    };
+    let hull = HullParameters { corners: region(motors, 500.0) };
+    let family =
+        FamilyParameters::GmrStop { stops: some_stops(motors), mixture, residual: Some(residual), virtual_hull: hull };
+    Model::from_file(file(motors, family, region(motors, 500.0))).unwrap()
+}
+
 #[test]
 fn a_tick_with_a_model_allocates_nothing() {
     let rows = [vec![0.02, 0.01], vec![-0.01, 0.02], vec![0.005, 0.01]];
@@ -87,6 +108,7 @@ fn a_tick_with_a_model_allocates_nothing() {
     let mut models: Vec<_> = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)].map(|(d, m)| gmr(d, m)).into();
     let family = linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[0.0, 0.0]);
     models.push(Model::from_file(file(2, family, square(500.0))).unwrap());
+    models.extend([stops(1), stops(2)]);
     for model in &models {
         assert_eq!(allocations(|| tick_for_a_second(model)), 0, "{} x {}", model.motors(), model.outputs());
     }

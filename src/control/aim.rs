@@ -4,6 +4,7 @@ use super::axis::Axis;
 use super::joint::{Joints, NotFinite};
 use super::limit::Target;
 use super::state::Course;
+use super::steady::Settled;
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// Where the motors should be.
@@ -32,9 +33,10 @@ pub(super) fn take(
     match (course, joints) {
         (Course::Joint(trend), Some(joints)) => {
             let (here, before) = trend.at(now, tick);
-            let now_at = land(&here, axes, joints)?;
+            let Settled { goal: settled, held } = joints.settle(&here);
+            let now_at = land(&settled, axes, joints)?;
             joints.start_from(now_at.counts);
-            let (before_at, asked) = if here == before {
+            let (before_at, asked) = if held || here == before {
                 (now_at, now_at)
             } else {
                 (land(&before, axes, joints)?, land(trend.goal(), axes, joints)?)

@@ -80,7 +80,7 @@ impl Cycle {
             steps: Steps::new(&config.command),
             stroke_plan: Plan::new(config),
             axes: (0..motors).filter_map(|motor| config.axis(motor)).map(|axis| Axis::new(axis, config)).collect(),
-            joints: model.map(Joints::new),
+            joints: model.map(|model| Joints::new(model, &config.compensation, config.control.period())),
             machine: Machine::new(),
             gate: Gate::new(&config.command),
             ticks: 0,
@@ -285,6 +285,11 @@ impl Cycle {
     }
 
     fn guide(&mut self, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
+        if !self.machine.state().following().is_some_and(|follow| follow.course.is_joint())
+            && let Some(joints) = &mut self.joints
+        {
+            joints.release();
+        }
         match *self.machine.state() {
             State::Enabled(Motion::Following(follow)) => self.follow(&follow, now),
             State::Enabled(Motion::Conditioning(stroke)) => self.stroke(stroke, now, events),

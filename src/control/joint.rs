@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use super::JointReport;
+use super::steady::{Settled, Steady};
+use crate::config::CompensationConfig;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
 use crate::model::{Estimate, Inverse, Memory, Model, Query};
@@ -47,6 +49,8 @@ pub(super) struct Joints {
     sequences: [u64; MAX_MOTORS],
     measured: Option<Measured>,
     setpoint: Option<Setpoint>,
+    steady: Steady,
+    compensation: f64,
 }
 
 /// The model gave a value that is not finite.
@@ -55,8 +59,12 @@ pub(super) struct NotFinite;
 
 impl Joints {
     /// A model that has seen no motion yet.
-    pub fn new(model: Arc<Model>) -> Self {
+    pub fn new(model: Arc<Model>, config: &CompensationConfig, tick: Nanos) -> Self {
         let memory = model.new_memory();
+        let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
+        // Without a memory the inverse does not jump at a turn.
+        let jumps = model.wipe_counts() != MotorVec::default();
+        let steady = Steady::new(config, unit, tick, jumps);
         Self {
             start: model.hull().centre(),
             model,
@@ -65,6 +73,8 @@ impl Joints {
             sequences: Default::default(),
             measured: None,
             setpoint: None,
+            steady,
+            compensation: config.factor,
         }
     }
 
@@ -93,6 +103,17 @@ impl Joints {
         self.seen = self.model.new_memory();
         self.memory = self.seen;
         self.measured = None;
+        self.steady.forget();
+    }
+
+    /// Takes the goal of this tick through the turning band.
+    pub fn settle(&mut self, goal: &OutputVec) -> Settled {
+        self.steady.settle(goal)
+    }
+
+    /// No angles are followed in this tick.
+    pub fn release(&mut self) {
+        self.steady.release();
     }
 
     /// Takes note of new positions and of set-points written after them. Needs every drive to have reported.
@@ -108,13 +129,15 @@ impl Joints {
             let expected = drives.iter().map(|drive| written_since(drive).unwrap_or(drive.position.as_f64()));
             self.model.advance(&mut self.memory, &vector(expected));
         }
+        self.steady.correct(self.model.correction(&self.memory))?;
         let stamp = drives.iter().map(|drive| drive.stamp).max().unwrap_or_default();
         if new || self.measured.is_none() { self.measure(&positions, stamp) } else { Ok(()) }
     }
 
     /// The counts that bring the outputs to a goal.
     pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
-        let answer = self.model.invert(goal, &self.memory, &Query::new(self.start));
+        let query = Query { start: self.start, correction: self.steady.correction(), compensation: self.compensation };
+        let answer = self.model.invert(goal, &self.memory, &query);
         if answer.counts.iter().all(|counts| counts.is_finite()) { Ok(answer) } else { Err(NotFinite) }
     }
 

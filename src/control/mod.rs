@@ -15,6 +15,7 @@
 //! | `limit` | velocity and acceleration limits on the set-point of one motor |
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
 //! | `joint` | joint space: the model, its memory, estimates |
+//! | `steady` | turning band and correction filter: no chatter |
 //! | `event` | what happened in one tick |
 //! | [`rehearse`] | the cycle without a robot |
 //! | `runtime` | the process: start, threads, end |
@@ -126,6 +127,7 @@ mod relay;
 pub mod runtime;
 mod sight;
 mod state;
+mod steady;
 mod stroke;
 mod table;
 mod trend;

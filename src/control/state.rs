@@ -93,6 +93,13 @@ pub(super) enum Course {
     Actuator(Trend<MAX_MOTORS>),
 }
 
+impl Course {
+    /// It is given in joint space.
+    pub fn is_joint(&self) -> bool {
+        matches!(self, Self::Joint(_))
+    }
+}
+
 /// What failed and what is done about it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Failure {

@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::hysteresis::play::PlayParameters;
 use super::hysteresis::residual::ResidualParameters;
+use super::hysteresis::stop::StopParameters;
+use super::kinematic::KinematicParameters;
 
 /// What the field `format` of every model file says.
 pub const FORMAT: &str = "i2ris-model";
@@ -91,15 +93,42 @@ pub enum FamilyParameters {
         /// Covariance of the residuals, m rows of m.
         covariance: Vec<Vec<f64>>,
     },
+    /// The analytic chain of the robot.
+    Kinematic {
+        /// What differs from robot to robot.
+        kinematics: KinematicParameters,
+        /// Outputs of the straight snake, less those that the chain gives it; m.
+        offset: Vec<f64>,
+        /// Covariance of the residuals, m rows of m.
+        covariance: Vec<Vec<f64>>,
+    },
     /// Gaussian mixture regression on the counts, without memory.
     Gmr {
         /// Mixture over `[counts; outputs]`.
+        mixture: MixtureParameters,
+    },
+    /// Gaussian mixture regression on the counts and the direction of travel of every motor.
+    GmrDirection {
+        /// A motor has turned when it has come back by so much, counts; d.
+        dead_bands_counts: Vec<f64>,
+        /// Mixture over `[counts; directions; outputs]`; a direction is 1 upwards and -1 downwards.
         mixture: MixtureParameters,
     },
     /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.
     GmrPlay {
         /// From counts to virtual counts.
         plays: PlayParameters,
+        /// Mixture over `[virtual counts; outputs]`.
+        mixture: MixtureParameters,
+        /// What is left, unless it is nothing.
+        residual: Option<ResidualParameters>,
+        /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
+    },
+    /// Stop operators in a balance of forces, then Gaussian mixture regression on the virtual counts, then a residual.
+    GmrStop {
+        /// From counts to virtual counts.
+        stops: StopParameters,
         /// Mixture over `[virtual counts; outputs]`.
         mixture: MixtureParameters,
         /// What is left, unless it is nothing.

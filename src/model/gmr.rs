@@ -55,8 +55,16 @@ impl<const D: usize, const M: usize> Gmr<D, M> {
     /// As [`components`], and when a component is too narrow to compute with.
     pub(super) fn prepare(mixture: &MixtureParameters, si: f64) -> Result<Self, ModelError> {
         let scale: Vec<f64> = (0..D).map(|_| 1.0).chain((0..M).map(|_| si)).collect();
-        let components = components(mixture, &scale)?;
-        Ok(Self { forward: Conditional::new(&components, 0, D)?, backward: Conditional::new(&components, D, 0)? })
+        Self::new(&components(mixture, &scale)?)
+    }
+
+    /// From checked and scaled components over `[counts; outputs]`.
+    ///
+    /// # Errors
+    ///
+    /// When a component is too narrow to compute with.
+    pub(super) fn new(components: &[Component]) -> Result<Self, ModelError> {
+        Ok(Self { forward: Conditional::new(components, 0, D)?, backward: Conditional::new(components, D, 0)? })
     }
 }
 

@@ -1,6 +1,8 @@
 //! What a model remembers of the past motion of the motors.
 
+use super::direction::Travels;
 use super::hysteresis::play::PlayState;
+use super::hysteresis::stop::StopState;
 use crate::units::MotorVec;
 
 /// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks the past.
@@ -43,8 +45,12 @@ pub(super) enum State {
     /// Nothing.
     #[default]
     None,
+    /// Which way every motor travels.
+    Travels(Travels),
     /// Of play operators.
     Plays(PlayState),
+    /// Of stop operators.
+    Stops(StopState),
 }
 
 impl Memory {

@@ -18,6 +18,8 @@
 //! | `gmm` | the Gaussian mixture: validation, prepared form |
 //! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
 //! | `linear` | affine least squares |
+//! | [`kinematic`] | the analytic chain of the robot |
+//! | [`direction`] | Gaussian mixture regression on the counts and the direction of travel |
 //! | `memory` | what a model remembers |
 //! | [`hysteresis`] | models with memory: operators, residual |
 //! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
@@ -27,6 +29,7 @@
 //! | `round_trip` | the proof that the inverse of a model leads back |
 
 mod check;
+pub mod direction;
 mod error;
 mod estimate;
 pub mod file;
@@ -35,6 +38,7 @@ mod gmr;
 mod hull;
 pub mod hysteresis;
 mod inverse;
+pub mod kinematic;
 mod linear;
 mod memory;
 mod plane;
@@ -56,12 +60,15 @@ pub use store::ModelId;
 use nalgebra::SVector;
 
 use crate::units::{MotorVec, OutputVec};
+use direction::DirectionGmr;
 use file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit};
 use gmr::Gmr;
 use hysteresis::Operator;
 use hysteresis::chain::Chain;
 use hysteresis::play::Plays;
 use hysteresis::residual::{Residual, ResidualParameters};
+use hysteresis::stop::Stops;
+use kinematic::Kinematic;
 use linear::Linear;
 use regression::{Prepared, Runtime};
 
@@ -230,9 +237,18 @@ fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box
         FamilyParameters::Linear { gain, offset, covariance } => {
             Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
         }
+        FamilyParameters::Kinematic { kinematics, offset, covariance } => {
+            Box::new(Prepared(Kinematic::<D, M>::prepare(kinematics, offset, covariance, unit(file))?))
+        }
         FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
+        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
+            Box::new(DirectionGmr::<D, M>::prepare(dead_bands_counts, mixture, si)?)
+        }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             Box::new(chain::<_, D, M>(Plays::prepare(plays)?, mixture, residual.as_ref(), virtual_hull, si)?)
+        }
+        FamilyParameters::GmrStop { stops, mixture, residual, virtual_hull } => {
+            Box::new(chain::<_, D, M>(Stops::prepare(stops)?, mixture, residual.as_ref(), virtual_hull, si)?)
         }
     })
 }

@@ -1,10 +1,14 @@
 //! The model runtime through its public interface.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod direction;
 mod file;
 mod gmr;
 mod hull;
 mod inverse;
+mod kinematic;
 mod linear;
+mod plays;
 mod refusals;
 mod samples;
+mod stop;

@@ -4,6 +4,7 @@ use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
     OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
+use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters};
 use proptest::prelude::*;
 
 /// One degree in radians.
@@ -163,4 +164,48 @@ pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = Smooth
 /// A position in the hull of [`smooth_gmr`].
 pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
     (-REACH..REACH, -REACH..REACH).prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
+}
+
+/// Stop operators of a snake with slack and friction, in degrees: a middling one of [`stops`].
+pub fn some_stops(motors: usize) -> StopParameters {
+    stops_of(motors, [0.5, 0.3, 0.2, 0.6], [0.2, 0.1, 0.15, 0.25], [0.025, 0.03], [38.0, 135.0], 0.08)
+}
+
+fn stops_of(
+    motors: usize,
+    slack: [f64; 4],
+    friction: [f64; 4],
+    travel: [f64; 2],
+    axes_deg: [f64; 2],
+    loose_stiffness: f64,
+) -> StopParameters {
+    let motor = |i: usize| StopMotor {
+        neutral_counts: [15.0, -20.0][i],
+        travel_per_count: travel[i],
+        axis_deg: if motors == 1 { 0.0 } else { axes_deg[i] },
+        slack: [slack[2 * i], slack[2 * i + 1]],
+        friction: [friction[2 * i], friction[2 * i + 1]],
+    };
+    let stop = |(stiffness, share)| StopElement { stiffness, share };
+    StopParameters {
+        motors: (0..motors).map(motor).collect(),
+        axes: (0..motors).map(|_| StopAxis { stiffness: 0.15, stiffening: 2e-5, limit: 45.0 }).collect(),
+        softness: 0.25,
+        loose_stiffness,
+        base_friction: 1.1,
+        friction_growth: 0.005,
+        shared: if motors == 1 { 0.0 } else { 0.25 },
+        stops: [(8.0, 0.5), (3.0, 0.3), (1.2, 0.2)].map(stop).into(),
+    }
+}
+
+/// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, axes askew.
+pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
+    let slack = prop::array::uniform4(0.0..1.0_f64);
+    let friction = prop::array::uniform4(0.0..0.3_f64);
+    let travel = prop::array::uniform2(0.02..0.035_f64);
+    let axes = (20.0..60.0_f64, 110.0..150.0_f64);
+    (slack, friction, travel, axes, 0.03..0.2_f64).prop_map(move |(slack, friction, travel, axes, loose)| {
+        stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose)
+    })
 }

@@ -14,7 +14,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig, PortConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
+    PortConfig,
 };
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -66,6 +67,7 @@ impl Rig {
             command: CommandConfig { deadline_ms: 200, lease_ms: 1000, ..CommandConfig::default() },
             // A stall of the machine is not what these tests are about.
             limits: LimitConfig { feedback_stale_ms: 2000, feedback_lost_ms: 10_000, ..LimitConfig::default() },
+            compensation: CompensationConfig::default(),
             condition: ConditionConfig::default(),
             ports,
         };

@@ -12,12 +12,14 @@
 //! | `chain` | the chain, forwards and backwards |
 //! | [`play`] | play operators |
 //! | [`read_out`] | the regression alone, for the fit |
+//! | [`stop`] | stop operators, in a balance of forces |
 //! | [`residual`] | the residual and its features |
 
 pub(super) mod chain;
 pub mod play;
 pub mod read_out;
 pub mod residual;
+pub mod stop;
 
 use std::fmt::Debug;
 
@@ -44,7 +46,8 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     fn advance(&self, state: &mut Self::State, counts: &SVector<f64, D>);
 
     /// The virtual counts, and their derivative, if the motors moved straight from the state to `counts`. Increasing:
-    /// the symmetric part of the derivative is positive definite.
+    /// the principal minors of the derivative are positive, so no two positions have the same virtual counts (D. Gale
+    /// and H. Nikaido 1965).
     fn local(&self, state: &Self::State, counts: &SVector<f64, D>) -> Local<D, D>;
 
     /// The counts that bring the virtual counts to `goal`, from the state. `compensation` scales the part of the way

@@ -204,7 +204,7 @@ impl<const D: usize> Remember<D> for Plays<D> {
     fn unpack(state: &State) -> Option<PlayState> {
         match state {
             State::Plays(state) => Some(*state),
-            State::None => None,
+            _ => None,
         }
     }
 }

@@ -14,7 +14,7 @@ use i2ris::model::{Hull, ModelError};
 use i2ris::units::MotorVec;
 use nalgebra::{DMatrix, SVector};
 
-use crate::components::{least_that_comes_near, left_out_errors};
+use crate::components::choose_components;
 use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture};
 use crate::progress::Progress;
 use crate::ridge::{RidgeFit, ridge};
@@ -23,9 +23,6 @@ use crate::table::Table;
 
 /// Shape and lag degrees of the residuals that are tried.
 const DEGREES: [(usize, usize); 4] = [(5, 2), (5, 1), (3, 1), (1, 0)];
-
-/// Numbers of components that are tried.
-const COMPONENTS: [usize; 7] = [1, 2, 3, 4, 6, 8, 10];
 
 /// A residual has to lower the error on blocks left out by this part.
 const WORTH_IT: f64 = 0.01;
@@ -98,10 +95,7 @@ pub fn fit_chain<O: Operator<D>, const D: usize>(
     let joint = data.joint(&data.without_lags()?);
     let components = match options.components {
         Some(components) => components,
-        None => {
-            let errors = left_out_errors::<D>(&joint, series.outputs(), &COMPONENTS, &options.em, progress);
-            least_that_comes_near(&errors).and_then(|index| COMPONENTS.get(index).copied()).unwrap_or(1)
-        }
+        None => choose_components::<D>(&joint, series.outputs(), &options.em, progress),
     };
     let mixture = fit_mixture(&joint, components, &options.em, progress)?;
     let left = data.left_by(&ReadOut::prepare(&mixture.parameters, series.outputs())?);

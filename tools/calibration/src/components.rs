@@ -15,6 +15,9 @@ use crate::progress::{Progress, Silent};
 use crate::series::blocks;
 use crate::table::Table;
 
+/// Numbers of components that are tried behind an operator.
+const USUAL: [usize; 7] = [1, 2, 3, 4, 6, 8, 10];
+
 /// Blocks left out one at a time.
 const BLOCKS: usize = 5;
 
@@ -53,6 +56,17 @@ pub(crate) fn left_out_errors<const D: usize>(
         .collect();
     progress.end();
     squares.chunks(blocks.len().max(1)).map(|blocks| blocks.iter().sum::<f64>() / thinned.len() as f64).collect()
+}
+
+/// The least of some usual numbers of components that comes near the least error.
+pub(crate) fn choose_components<const D: usize>(
+    joint: &Table,
+    outputs: usize,
+    em: &EmOptions,
+    progress: &dyn Progress,
+) -> usize {
+    let errors = left_out_errors::<D>(joint, outputs, &USUAL, em, progress);
+    least_that_comes_near(&errors).and_then(|index| USUAL.get(index).copied()).unwrap_or(1)
 }
 
 /// Index of the first error that is hardly above the least one.

@@ -18,28 +18,42 @@ use crate::split::Split;
 pub enum Family {
     /// Affine least squares: the baseline.
     Linear,
+    /// The analytic chain from counts to bend: the baseline with geometry.
+    Kinematic,
     /// Gaussian mixture regression on the counts, without memory.
     Gmr,
+    /// Gaussian mixture regression on the counts and the direction of travel: the published way.
+    GmrDirection,
+    /// Play operators, then Gaussian mixture regression and a residual.
+    GmrPlay,
+    /// Stop operators with friction that grows with the pull of the wires, then the same.
+    GmrStop,
 }
 
 impl fmt::Display for Family {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Linear => "linear",
+            Self::Kinematic => "kinematic",
             Self::Gmr => "gmr",
+            Self::GmrDirection => "gmr-direction",
+            Self::GmrPlay => "gmr-play",
+            Self::GmrStop => "gmr-stop",
         })
     }
 }
 
 impl Family {
     /// All of them, the simplest first.
-    pub const ALL: [Self; 2] = [Self::Linear, Self::Gmr];
+    pub const ALL: [Self; 6] =
+        [Self::Linear, Self::Kinematic, Self::Gmr, Self::GmrDirection, Self::GmrPlay, Self::GmrStop];
 
     /// Whether models of the family remember the past.
     #[must_use]
     pub fn remembers(self) -> bool {
         match self {
-            Self::Linear | Self::Gmr => false,
+            Self::Linear | Self::Kinematic | Self::Gmr => false,
+            Self::GmrDirection | Self::GmrPlay | Self::GmrStop => true,
         }
     }
 }

@@ -1,23 +1,26 @@
 //! From a recording to models: the whole of a calibration but reading and writing.
 
 mod gmr;
+mod work;
 
+use std::error::Error;
 use std::fmt;
 use std::str::FromStr;
 use std::sync::Arc;
-use std::time::Instant;
 
 use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::MotorVec;
 
 pub use gmr::{Candidate, Verdict};
+use work::Work;
 
 use crate::em::{EmError, EmOptions};
-use crate::family::{Family, Fitted, Frame, ParseFamilyError};
-use crate::linear::{LinearError, LinearFit, fit_linear};
-use crate::motion::{NoHysteresis, hides_hysteresis};
+use crate::family::{Family, Frame, ParseFamilyError};
+use crate::linear::{LinearError, fit_linear};
+use crate::motion::NoHysteresis;
 use crate::progress::Progress;
 use crate::recording::Recording;
+use crate::series::Series;
 use crate::spike::SpikeOptions;
 use crate::split::{HoldOut, Split, SplitError};
 use crate::survey::{Survey, inputs, outputs};
@@ -157,6 +160,14 @@ pub enum FitError {
     /// No mixture.
     #[error(transparent)]
     Mixture(#[from] EmError),
+    /// The parameters of the family cannot be found.
+    #[error("family `{family}`: {source}")]
+    Family {
+        /// The family.
+        family: Family,
+        /// Why.
+        source: Box<dyn Error + Send + Sync>,
+    },
     /// The recording cannot tell what the family would have to remember.
     #[error("{0}")]
     NoHysteresis(NoHysteresis),
@@ -199,7 +210,8 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
         robot_id: &options.robot_id,
         seed: options.em.seed,
     };
-    let mut work = Work { frame, inputs, outputs, straight, options, progress, candidates: Vec::new() };
+    let series = Series::new(recording, &training);
+    let mut work = Work { frame, series, inputs, outputs, straight, options, progress, candidates: Vec::new() };
     let wanted: Vec<Family> = Family::ALL.into_iter().filter(|family| options.choice.wants(*family)).collect();
     let mut families: Vec<FamilyOutcome> = wanted.into_iter().map(|family| work.attempt(family)).collect();
     let candidates = work.candidates;
@@ -213,45 +225,6 @@ impl Choice {
             Self::Best => true,
             Self::One(one) => family == Family::Linear || family == one,
         }
-    }
-}
-
-/// What all families are fitted from.
-struct Work<'a> {
-    frame: Frame<'a>,
-    inputs: Table,
-    outputs: Table,
-    straight: LinearFit,
-    options: &'a FitOptions,
-    progress: &'a dyn Progress,
-    candidates: Vec<Candidate>,
-}
-
-impl Work<'_> {
-    fn attempt(&mut self, family: Family) -> FamilyOutcome {
-        let begin = Instant::now();
-        let result = self.fit(family).map(Arc::new);
-        FamilyOutcome { family, result, seconds: begin.elapsed().as_secs_f64() }
-    }
-
-    fn fit(&mut self, family: Family) -> Result<Model, FitError> {
-        if family.remembers()
-            && let Some(reason) = hides_hysteresis(self.frame.recording)
-        {
-            return Err(FitError::NoHysteresis(reason));
-        }
-        let fitted = match family {
-            Family::Linear => Fitted::from(&self.straight),
-            Family::Gmr => return self.gmr(),
-        };
-        self.frame.model(&fitted).map_err(|source| refused(family, source))
-    }
-
-    fn gmr(&mut self) -> Result<Model, FitError> {
-        let joint = joint(&self.inputs, &self.outputs);
-        let (model, candidates) = gmr::fit(&self.frame, &joint, self.options, self.progress)?;
-        self.candidates = candidates;
-        Ok(model)
     }
 }
 

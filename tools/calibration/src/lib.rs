@@ -13,8 +13,12 @@
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`latency`] | how late the stamps of a camera are |
 //! | [`linear`] | affine least squares |
+//! | [`kinematic`] | the analytic chain of the robot |
+//! | [`direction`] | mixtures over counts, directions and outputs |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`series`], [`chain`] | models with memory: the way of the motors, and what follows a hysteresis operator |
+//! | [`play`] | the fit of play operators |
+//! | [`stop`] | stop operators |
 //! | [`family`] | the families of models and their model files |
 //! | [`metrics`] | how well predictions agree with measurements |
 //! | [`fit`](mod@fit) | all of it in order, and the choice of the number of components |
@@ -24,20 +28,24 @@
 pub mod chain;
 mod components;
 mod cycle;
+pub mod direction;
 pub mod em;
 pub mod family;
 pub mod fit;
+pub mod kinematic;
 pub mod latency;
 pub mod linear;
 pub mod metrics;
 pub mod motion;
 pub mod noise;
+pub mod play;
 pub mod progress;
 pub mod recording;
 mod ridge;
 pub mod series;
 pub mod spike;
 pub mod split;
+pub mod stop;
 pub mod survey;
 pub mod table;
 #[cfg(test)]

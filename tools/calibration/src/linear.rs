@@ -110,7 +110,7 @@ fn least_squares(x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     factors.r().solve_upper_triangular(&turned.rows(0, x.ncols()))
 }
 
-fn residual_covariance(residuals: &DMatrix<f64>, outputs: &Table, freedom: f64) -> DMatrix<f64> {
+pub(crate) fn residual_covariance(residuals: &DMatrix<f64>, outputs: &Table, freedom: f64) -> DMatrix<f64> {
     let mut covariance = residuals.transpose() * residuals / freedom;
     let spread = centred(outputs, &means(outputs));
     for (i, column) in spread.column_iter().enumerate() {
@@ -129,7 +129,7 @@ fn centred(table: &Table, mean: &DVector<f64>) -> DMatrix<f64> {
     DMatrix::from_row_iterator(table.len(), table.width(), values)
 }
 
-fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+pub(crate) fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
 

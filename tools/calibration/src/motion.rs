@@ -69,7 +69,7 @@ pub fn hides_hysteresis(recording: &Recording) -> Option<NoHysteresis> {
 }
 
 /// How often a motor turns back by more than [`REVERSAL_PART`] of its range.
-fn reversals(counts: impl Iterator<Item = f64> + Clone) -> usize {
+pub(crate) fn reversals(counts: impl Iterator<Item = f64> + Clone) -> usize {
     let (low, high) = range(counts.clone());
     let band = REVERSAL_PART * (high - low);
     let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);

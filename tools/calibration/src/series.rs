@@ -96,7 +96,7 @@ impl Series {
     }
 
     /// The place from which on every motor has covered a range.
-    fn wiped(&self, ranges: &MotorVec) -> usize {
+    pub(crate) fn wiped(&self, ranges: &MotorVec) -> usize {
         let Some(first) = self.path.first() else { return 0 };
         let (mut low, mut high) = (*first, *first);
         let covers = |counts: &MotorVec| {

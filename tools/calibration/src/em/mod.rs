@@ -34,8 +34,8 @@ use i2ris::model::file::MixtureParameters;
 pub use error::{EmError, StartFailure};
 pub use search::{fit_mixture, fit_mixtures};
 
-/// The least and most variables of a mixture: one motor and one output, two motors and three outputs.
-pub const VARIABLES: std::ops::RangeInclusive<usize> = 2..=5;
+/// The least and most variables of a mixture: one motor and one output; two motors, their directions and three outputs.
+pub const VARIABLES: std::ops::RangeInclusive<usize> = 2..=7;
 
 /// How to fit a mixture.
 #[derive(Debug, Clone, PartialEq)]

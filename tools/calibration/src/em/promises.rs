@@ -67,8 +67,8 @@ fn what_cannot_be_fitted_is_named() {
     let few = fit_mixture(&plane(), 11, &PLAIN, &Silent).unwrap_err();
     assert_eq!(few, EmError::TooFewRows { rows: 60, variables: 2, components: 11, most: 10 });
     assert!(matches!(fit_mixture(&plane(), 0, &PLAIN, &Silent), Err(EmError::TooFewRows { .. })));
-    let wide = Table::from_rows(6, [[0.0; 6]; 100]);
-    assert_eq!(fit_mixture(&wide, 1, &PLAIN, &Silent), Err(EmError::Variables { found: 6 }));
+    let wide = Table::from_rows(8, [[0.0; 8]; 100]);
+    assert_eq!(fit_mixture(&wide, 1, &PLAIN, &Silent), Err(EmError::Variables { found: 8 }));
     let hole = Table::from_rows(2, [[0.0, 1.0], [1.0, f64::NAN]]);
     assert_eq!(fit_mixture(&hole, 1, &PLAIN, &Silent), Err(EmError::NotFinite { row: 1 }));
     let same = Table::from_rows(2, [[1.0, 2.0]; 100]);

@@ -4,7 +4,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::table::Table;
 
-/// Rows per block. A block of five variables and one column of responsibilities stay in the first-level cache.
+/// Rows per block. A block of seven variables and one column of responsibilities stay in the first-level cache.
 pub(super) const BLOCK: usize = 64;
 
 /// Some rows, one array per variable. Rows at and beyond `used` are padding.

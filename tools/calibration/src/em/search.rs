@@ -52,11 +52,13 @@ pub fn fit_mixtures(
     }
     let (least, most) = (*range.start(), (*range.end()).min(most_components(data.len(), data.width())));
     match data.width() {
-        2..=5 if least == 0 || least > most.min(MAX_COMPONENTS) => Err(too_few_rows(data, least)),
+        2..=7 if least == 0 || least > most.min(MAX_COMPONENTS) => Err(too_few_rows(data, least)),
         2 => Ok(search::<2>(data, least..=most, options, progress)),
         3 => Ok(search::<3>(data, least..=most, options, progress)),
         4 => Ok(search::<4>(data, least..=most, options, progress)),
         5 => Ok(search::<5>(data, least..=most, options, progress)),
+        6 => Ok(search::<6>(data, least..=most, options, progress)),
+        7 => Ok(search::<7>(data, least..=most, options, progress)),
         found => Err(EmError::Variables { found }),
     }
 }

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig, PortConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
+    PortConfig,
 };
 use i2ris::control::Goal;
 use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
@@ -151,7 +152,8 @@ fn approach(rehearsal: &mut Rehearsal, wanted: &Wanted, at_once: bool) -> Result
     let to = wanted.at(wanted.start_s());
     let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
     let distance = from.iter().zip(&to).map(|(from, to)| (to - from).powi(2)).sum::<f64>().sqrt();
-    let ticks = if at_once { 1.0 } else { (distance / (APPROACH * wanted.si * rehearsal.period().as_seconds())).ceil() };
+    let ticks =
+        if at_once { 1.0 } else { (distance / (APPROACH * wanted.si * rehearsal.period().as_seconds())).ceil() };
     for tick in 1..=ticks as u64 {
         let share = tick as f64 / ticks;
         let here = std::array::from_fn(|output| from[output] + share * (to[output] - from[output]));
@@ -200,7 +202,10 @@ fn play(
 fn told(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Failure {
     let remedy = match error {
         RehearsalError::Goal(Refusal::Step) => {
-            format!("; more than {} deg in one tick: smooth it, or lift the limits with --no-limits", config.command.step_deg)
+            format!(
+                "; more than {} deg in one tick: smooth it, or lift the limits with --no-limits",
+                config.command.step_deg
+            )
         }
         _ => String::new(),
     };
@@ -244,6 +249,7 @@ fn standard(model: &Model) -> Config {
         ipc: IpcConfig::default(),
         command: CommandConfig::default(),
         limits: LimitConfig::default(),
+        compensation: CompensationConfig::default(),
         condition: ConditionConfig::default(),
         ports: vec![PortConfig { device: PathBuf::new(), baud: 115_200, reply_timeout_ms: 20, axes }],
     }

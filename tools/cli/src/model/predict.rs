@@ -50,10 +50,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let time = row.values.iter().take(1).copied();
         rows.push(time.chain(angles).chain(counts.into_iter().take(model.motors())).collect());
     }
-    let header: Vec<String> = std::iter::once("t_s".to_owned())
-        .chain(output_columns(&model))
-        .chain(counts_columns(&model))
-        .collect();
+    let header: Vec<String> =
+        std::iter::once("t_s".to_owned()).chain(output_columns(&model)).chain(counts_columns(&model)).collect();
     table::write(output, &header, &rows)?;
     println!("wrote {} rows to {}", rows.len(), output.display());
     if unknown > 0 {

@@ -58,7 +58,7 @@ fn disc([x, y]: MotorVec) -> MotorVec {
     [scale * x, scale * y]
 }
 
-/// A smooth way through random points of the disc: a Catmull-Rom spline.
+/// A smooth way through random points of the disc.
 fn wander(from: MotorVec, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Vec<MotorVec> {
     let mut way = Vec::with_capacity(steps);
     let next = somewhere(from, random);
@@ -86,13 +86,20 @@ fn somewhere(near: MotorVec, random: &mut Pcg64Mcg) -> MotorVec {
     disc([middle[0] + radius * angle.cos(), middle[1] + radius * angle.sin()])
 }
 
-/// Between the second and the third knot.
+/// Between the second and the third knot: a cubic Hermite curve with the directions of Catmull and Rom, and tangents no
+/// longer than the way, so that a near knot between far ones makes no loop.
 fn spline(knots: &[MotorVec; 4], t: f64) -> MotorVec {
-    std::array::from_fn(|motor| {
-        let [p, a, b, n] = knots.map(|knot| knot[motor]);
-        let (first, second, third) = (b - p, 2.0 * p - 5.0 * a + 4.0 * b - n, 3.0 * (a - b) + n - p);
-        a + 0.5 * t * (first + t * (second + t * third))
-    })
+    let [before, a, b, after] = knots;
+    let way = (b[0] - a[0]).hypot(b[1] - a[1]);
+    let tangent = |from: &MotorVec, to: &MotorVec| {
+        let along = [0.5 * (to[0] - from[0]), 0.5 * (to[1] - from[1])];
+        let length = along[0].hypot(along[1]);
+        along.map(|part| if length > way { part * way / length } else { part })
+    };
+    let (leaving, arriving) = (tangent(before, b), tangent(a, after));
+    let (left, gone) = ((1.0 + 2.0 * t) * (1.0 - t).powi(2), t * t * (3.0 - 2.0 * t));
+    let (first, last) = (t * (1.0 - t).powi(2), t * t * (t - 1.0));
+    std::array::from_fn(|motor| left * a[motor] + first * leaving[motor] + gone * b[motor] + last * arriving[motor])
 }
 
 /// One motor, to and fro.

@@ -1,0 +1,338 @@
+//! Models with play operators: what a hysteresis model promises.
+
+use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile};
+use i2ris::model::hysteresis::Operator;
+use i2ris::model::hysteresis::play::{PlayParameters, PlayState, Plays};
+use i2ris::model::hysteresis::residual::{ResidualParameters, count};
+use i2ris::model::{Inverse, Memory, Model, Query};
+use i2ris::units::MotorVec;
+use nalgebra::SVector;
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+use crate::samples::{REACH, file, position, region, smooth_gmr};
+
+/// The least weight of threshold 0 here: counts may differ by its reciprocal where virtual counts differ by one.
+const LEAST_WEIGHT: f64 = 0.1;
+
+/// Thresholds and weights of one motor.
+fn one_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    (LEAST_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
+        let total: f64 = others.iter().map(|(_, weight)| weight).sum::<f64>().max(1e-9);
+        let mut thresholds = vec![0.0];
+        let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
+        for (step, weight) in others {
+            thresholds.push(thresholds[thresholds.len() - 1] + step);
+            weights.push((1.0 - first) * weight / total);
+        }
+        let sum: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|weight| *weight /= sum);
+        (thresholds, weights)
+    })
+}
+
+fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> {
+    (vec(one_motor(), motors), vec(5.0..50.0_f64, 0..=planar)).prop_map(|(each, steps)| {
+        let (thresholds_counts, weights) = each.into_iter().unzip();
+        let planar_thresholds_counts = steps.iter().scan(0.0, |sum, step| {
+            *sum += step;
+            Some(*sum)
+        });
+        PlayParameters {
+            thresholds_counts,
+            weights,
+            planar_thresholds_counts: planar_thresholds_counts.collect::<Vec<f64>>(),
+        }
+    })
+}
+
+/// A residual of some tenths of a degree that goes with the shape and the lags.
+fn residual(plays: &PlayParameters, outputs: usize, size: f64) -> ResidualParameters {
+    let motors = plays.weights.len();
+    let lags = plays.weights.iter().map(|w| w.len() - 1).sum::<usize>() + 2 * plays.planar_thresholds_counts.len();
+    let features = if motors == 1 { count::<1>(2, 1, lags) } else { count::<2>(2, 1, lags) };
+    let coefficient = |i: usize, j: usize| size * (1.7 * i as f64 + 2.3 * j as f64).sin();
+    let coefficients = (0..outputs).map(|i| (0..features).map(|j| coefficient(i, j)).collect()).collect();
+    ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients }
+}
+
+fn play_file(motors: usize, outputs: usize) -> impl Strategy<Value = ModelFile> {
+    let parts = (smooth_gmr(motors, outputs), plays(motors, if motors == 2 { 3 } else { 0 }), 0.0..0.3_f64);
+    parts.prop_map(move |(map, plays, size)| {
+        let FamilyParameters::Gmr { mixture } = map.family() else { panic!() };
+        let corners = region(motors, REACH);
+        let residual = Some(residual(&plays, outputs, size));
+        let virtual_hull = HullParameters { corners: corners.clone() };
+        file(outputs, FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull }, corners)
+    })
+}
+
+/// The same model without memory.
+fn memoryless(file: &ModelFile) -> Model {
+    let FamilyParameters::GmrPlay { mixture, .. } = &file.family else { panic!() };
+    let family = FamilyParameters::Gmr { mixture: mixture.clone() };
+    Model::from_file(ModelFile { family, ..file.clone() }).unwrap()
+}
+
+fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
+    vec(position(motors), 1..12)
+}
+
+fn after(model: &Model, path: &[MotorVec]) -> Memory {
+    let mut memory = model.new_memory();
+    path.iter().for_each(|counts| model.advance(&mut memory, counts));
+    memory
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
+    let jacobian = model.jacobian(counts, memory);
+    (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)
+}
+
+fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: MotorVec) {
+    let model = Model::from_file(file).unwrap();
+    let memory = after(&model, path);
+    let goal = model.predict(&at, &memory).mean;
+    let inverse = model.invert(&goal, &memory, &Query::new(start));
+    let missed = distance(&model.predict(&inverse.counts, &memory).mean, &goal);
+    assert!(missed <= one_count(&model, &at, &memory), "{inverse:?} for {at:?} misses {missed}");
+    assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
+    assert!(!inverse.clipped && model.hull().contains(&inverse.counts), "{inverse:?}");
+}
+
+fn check_wild_goals(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: MotorVec) {
+    let model = Model::from_file(file).unwrap();
+    let memory = after(&model, path);
+    let inverse = model.invert(&goal, &memory, &Query::new(start));
+    assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
+    assert!(inverse.residual >= 0.0, "{inverse:?}");
+    if goal[..model.outputs()].iter().any(|g| !g.is_finite()) {
+        assert!(inverse.clipped && inverse.residual.is_infinite(), "{inverse:?}");
+    } else if distance(&goal[..model.outputs()], &[0.0; 3]) > 3.0 {
+        // No map here reaches 3 rad.
+        assert!(inverse.clipped && inverse.residual > 0.0, "{inverse:?}");
+    }
+}
+
+fn wild() -> impl Strategy<Value = f64> {
+    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn there_and_back_with_memory_1x1(f in play_file(1, 1), p in path(1), at in position(1), start in position(1)) {
+        check_round_trip(f, &p, at, start);
+    }
+
+    #[test]
+    fn there_and_back_with_memory_2x2(f in play_file(2, 2), p in path(2), at in position(2), start in position(2)) {
+        check_round_trip(f, &p, at, start);
+    }
+
+    #[test]
+    fn there_and_back_with_memory_2x3(f in play_file(2, 3), p in path(2), at in position(2), start in position(2)) {
+        check_round_trip(f, &p, at, start);
+    }
+
+    #[test]
+    fn any_goal_gets_counts_in_the_hull_1x1(
+        f in play_file(1, 1), p in path(1), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    ) {
+        check_wild_goals(f, &p, goal, start);
+    }
+
+    #[test]
+    fn any_goal_gets_counts_in_the_hull_2x2(
+        f in play_file(2, 2), p in path(2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    ) {
+        check_wild_goals(f, &p, goal, start);
+    }
+
+    #[test]
+    fn any_goal_gets_counts_in_the_hull_2x3(
+        f in play_file(2, 3), p in path(2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    ) {
+        check_wild_goals(f, &p, goal, start);
+    }
+
+    /// Compensation goes from where the motors would be without memory to the exact inverse, in a straight line.
+    #[test]
+    fn compensation_is_a_part_of_the_way(f in play_file(2, 2), p in path(2), at in position(2), part in 0.0..1.0_f64) {
+        let (plain, model) = (memoryless(&f), Model::from_file(f).unwrap());
+        let memory = after(&model, &p);
+        let goal = model.predict(&at, &memory).mean;
+        let with = |compensation| {
+            let query = Query { correction: Some([0.0; 3]), compensation, ..Query::new([0.0; 2]) };
+            model.invert(&goal, &memory, &query)
+        };
+        let (none, some, all): (Inverse, Inverse, Inverse) = (with(0.0), with(part), with(1.0));
+        let without = plain.invert(&goal, &plain.new_memory(), &Query::new([0.0; 2]));
+        prop_assert!(distance(&none.counts, &without.counts) < 0.1, "{:?} is not {:?}", none, without);
+        if !none.clipped && !all.clipped {
+            for motor in 0..2 {
+                let expected = none.counts[motor] + part * (all.counts[motor] - none.counts[motor]);
+                prop_assert!((some.counts[motor] - expected).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn a_correction_that_is_given_takes_the_place_of_the_models(f in play_file(2, 2), p in path(2), at in position(2)) {
+        let model = Model::from_file(f).unwrap();
+        let memory = after(&model, &p);
+        let goal = model.predict(&at, &memory).mean;
+        let correction = Some(model.correction(&memory));
+        let query = Query { correction, ..Query::new([0.0; 2]) };
+        prop_assert_eq!(model.invert(&goal, &memory, &query), model.invert(&goal, &memory, &Query::new([0.0; 2])));
+    }
+
+    #[test]
+    fn a_memory_rebuilt_from_the_same_way_is_the_same(f in play_file(2, 2), p in path(2), extra in 0..12_usize) {
+        let model = Model::from_file(f).unwrap();
+        let memory = after(&model, &p);
+        prop_assert_eq!(after(&model, &p), memory);
+        // Standing still, and readings that are none, change nothing.
+        let mut again = p.clone();
+        again.insert((extra % p.len()) + 1, p[extra % p.len()]);
+        again.push([f64::NAN, 0.0]);
+        prop_assert_eq!(after(&model, &again), memory);
+    }
+
+    #[test]
+    fn only_the_ends_of_a_straight_way_matter_to_one_motor(f in play_file(1, 1), p in path(1)) {
+        let model = Model::from_file(f).unwrap();
+        let between = p.windows(2).flat_map(|pair| {
+            let (from, to) = (pair[0][0], pair[1][0]);
+            (1..=7).map(move |step| [from + (to - from) * f64::from(step) / 7.0, 0.0])
+        });
+        let fine: Vec<_> = p.iter().take(1).copied().chain(between).collect();
+        let (fine, coarse) = (after(&model, &fine), after(&model, &p));
+        for at in [-REACH, -100.0, 0.0, 321.0] {
+            let [fine, coarse] = [fine, coarse].map(|memory| model.predict(&[at, 0.0], &memory).mean[0]);
+            prop_assert!((fine - coarse).abs() < 1e-12);
+        }
+    }
+
+    /// A loop as wide as the model asks for makes the past forgotten, whatever it was.
+    #[test]
+    fn a_wide_loop_wipes_out_everything(f in play_file(2, 2), a in path(2), b in path(2)) {
+        let FamilyParameters::GmrPlay { plays, .. } = &f.family else { panic!() };
+        let plain = PlayParameters { planar_thresholds_counts: Vec::new(), ..plays.clone() };
+        let family = FamilyParameters::GmrPlay {
+            residual: None,
+            plays: plain,
+            mixture: { let FamilyParameters::GmrPlay { mixture, .. } = &f.family else { panic!() }; mixture.clone() },
+            virtual_hull: HullParameters { corners: region(2, REACH) },
+        };
+        let model = Model::from_file(ModelFile { family, ..f }).unwrap();
+        let wide = [[-REACH, -REACH], [REACH, REACH]];
+        let [a, b] = [a, b].map(|path| after(&model, &[path.as_slice(), &wide].concat()));
+        prop_assert!(model.knows(&a));
+        prop_assert_eq!(a, b);
+    }
+
+    #[test]
+    fn nothing_is_known_before_the_range_is_covered(f in play_file(2, 2)) {
+        let model = Model::from_file(f).unwrap();
+        let wipe = model.wipe_counts();
+        prop_assert!(!model.knows(&model.new_memory()));
+        if wipe[0] > 1.0 {
+            let almost = [[0.0, 0.0], [wipe[0] - 0.5, wipe[1]]];
+            prop_assert!(!model.knows(&after(&model, &almost)));
+        }
+        prop_assert!(model.knows(&after(&model, &[[0.0, 0.0], wipe])));
+    }
+}
+
+fn operator(parameters: &PlayParameters) -> Plays<1> {
+    Plays::prepare(parameters).unwrap()
+}
+
+fn ways(operator: &Plays<1>, way: &[f64]) -> PlayState {
+    let mut state = operator.begin(&SVector::from([way[0]]));
+    way.iter().for_each(|at| operator.advance(&mut state, &SVector::from([*at])));
+    state
+}
+
+fn virtual_counts(operator: &Plays<1>, state: &PlayState, at: f64) -> f64 {
+    operator.local(state, &SVector::from([at])).mean[0]
+}
+
+fn way() -> impl Strategy<Value = Vec<f64>> {
+    vec(-REACH..REACH, 1..10)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// An excursion that comes back to where it turned leaves no trace.
+    #[test]
+    fn a_closed_minor_loop_is_forgotten(p in plays(1, 0), w in way(), to in -REACH..REACH, part in 0.0..1.0_f64) {
+        let operator = operator(&p);
+        let from = w[w.len() - 1];
+        let inside = from + part * (to - from);
+        let (without, with) = ([w.as_slice(), &[to]].concat(), [w.as_slice(), &[to, inside, to]].concat());
+        let [without, with] = [without, with].map(|way| ways(&operator, &way));
+        for at in [-REACH, -77.0, 0.0, 200.0, REACH] {
+            let apart = virtual_counts(&operator, &without, at) - virtual_counts(&operator, &with, at);
+            prop_assert!(apart.abs() < 1e-9);
+        }
+    }
+
+    /// Minor loops between the same counts have the same shape, wherever the past has put them.
+    #[test]
+    fn minor_loops_are_congruent(
+        p in plays(1, 0), a in way(), b in way(), low in -REACH..0.0_f64, high in 0.0..REACH, part in 0.0..1.0_f64,
+    ) {
+        let operator = operator(&p);
+        let rise = |way: &[f64]| {
+            let state = ways(&operator, &[way, &[low, high, low]].concat());
+            virtual_counts(&operator, &state, low + part * (high - low)) - virtual_counts(&operator, &state, low)
+        };
+        prop_assert!((rise(&a) - rise(&b)).abs() < 1e-9);
+    }
+
+    /// Higher counts give higher virtual counts, by no less than the first weight says and no more than one for one.
+    #[test]
+    fn virtual_counts_rise_with_the_counts(p in plays(1, 0), w in way(), at in -REACH..REACH, by in 0.01..50.0_f64) {
+        let operator = operator(&p);
+        let state = ways(&operator, &w);
+        let rise = virtual_counts(&operator, &state, at + by) - virtual_counts(&operator, &state, at);
+        prop_assert!(rise >= p.weights[0][0] * by - 1e-9 && rise <= by + 1e-9, "{rise} over {by}");
+    }
+
+    /// The inverse is exact, takes bounded steps, and never goes further than the widest gap from the virtual counts.
+    #[test]
+    fn the_inverse_of_the_plays_is_exact_and_bounded(
+        p in plays(1, 0), w in way(), goal in -REACH..REACH, by in 0.0..50.0_f64,
+    ) {
+        let operator = operator(&p);
+        let state = ways(&operator, &w);
+        let inverse = |goal: f64| operator.invert(&state, &SVector::from([goal]), 1.0)[0];
+        let found = inverse(goal);
+        prop_assert!((virtual_counts(&operator, &state, found) - goal).abs() < 1e-6);
+        let step = inverse(goal + by) - found;
+        prop_assert!(step >= by - 1e-6 && step <= by / p.weights[0][0] + 1e-6, "{step} for {by}");
+        let widest = p.thresholds_counts[0][p.thresholds_counts[0].len() - 1];
+        prop_assert!((found - goal).abs() <= widest + 1e-6, "{found} for {goal}, gap {widest}");
+    }
+
+    #[test]
+    fn the_slope_of_the_plays_is_that_of_the_virtual_counts(p in plays(1, 0), w in way(), at in -REACH..REACH) {
+        const STEP: f64 = 1e-4;
+        let operator = operator(&p);
+        let state = ways(&operator, &w);
+        let local = operator.local(&state, &SVector::from([at])).jacobian[(0, 0)];
+        let [behind, ahead] = [-STEP, STEP].map(|by| operator.local(&state, &SVector::from([at + by])));
+        // At a kink the slopes of both sides differ.
+        if behind.jacobian == ahead.jacobian {
+            prop_assert!((local - (ahead.mean[0] - behind.mean[0]) / (2.0 * STEP)).abs() < 1e-6);
+        }
+    }
+}

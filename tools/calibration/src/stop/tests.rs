@@ -1,0 +1,1 @@
+//! The fit on snakes of its own kind.

@@ -1,0 +1,81 @@
+//! How well a model of the emulator's snakes does, without drives and lines between: forwards on unseen motion, and as
+//! feed-forward in closed loop. Minutes of work, so it runs on demand, optimised:
+//!
+//! `cargo test --release -p i2ris-calibration --test snakes -- --ignored --nocapture`
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod motion;
+mod rig;
+
+use rig::{Loop, record, snake};
+use std::time::Instant;
+
+use i2ris::model::Model;
+use i2ris::model::file::FamilyParameters;
+use i2ris::model::hysteresis::stop::Stops;
+use i2ris_calibration::chain::{ChainOptions, fit_chain};
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::series::Series;
+use i2ris_calibration::stop::{StopFit, StopOptions, fit_stop};
+
+/// Radius of the calibration motion, counts.
+fn radius(name: &str) -> f64 {
+    match name {
+        "steel" => 1900.0,
+        "brass" => 2000.0,
+        _ => 1800.0,
+    }
+}
+
+fn calibrate(name: &str) -> Model {
+    let seed: u64 = std::env::var("CAL_SEED").map_or(6, |s| s.parse().unwrap());
+    let path = motion::plane(seed, radius(name), 300.0, 450.0);
+    let recording = record(&mut snake(name, 11), &path, 0.05, 11);
+    let rows: Vec<usize> = (0..recording.rows().len()).collect();
+    let series = Series::new(&recording, &rows);
+    let begun = Instant::now();
+    let options = StopOptions::default();
+    let fit = fit_stop(&series, &options, &Silent).unwrap();
+    report(name, &fit, begun.elapsed().as_secs_f64());
+    let begun = Instant::now();
+    let chain =
+        fit_chain(&Stops::<2>::prepare(&fit.parameters).unwrap(), &series, &ChainOptions::default(), &Silent).unwrap();
+    println!(
+        "  chain {:.1} s, cv {:.4}, K {}, residual {:?}",
+        begun.elapsed().as_secs_f64(),
+        chain.cross_validated_rms,
+        chain.mixture.weights.len(),
+        chain.residual.as_ref().map(|r| (r.shape_degree, r.lag_degree))
+    );
+    let family = FamilyParameters::GmrStop {
+        stops: fit.parameters,
+        mixture: chain.mixture,
+        residual: chain.residual,
+        virtual_hull: chain.virtual_hull,
+    };
+    Model::from_file(rig::model_file(family, &recording)).unwrap()
+}
+
+fn report(name: &str, fit: &StopFit, seconds: f64) {
+    println!("{name}: fit {seconds:.1} s, rms {:.4}, linear {:.3}, tried {:.4?}", fit.rms, fit.linear_rms, fit.tried);
+    let p = &fit.parameters;
+    println!(
+        "  {:.4?}\n  axes {:.5?} soft {:.3} loose {:.4} base {:.3} nu {:.5} eta {:.3} {:.3?}",
+        p.motors, p.axes, p.softness, p.loose_stiffness, p.base_friction, p.friction_growth, p.shared, p.stops
+    );
+}
+
+#[test]
+#[ignore = "minutes"]
+fn stops_on_snakes() {
+    let names = std::env::var("SNAKES").unwrap_or("steel,brass,multi".to_owned());
+    for name in names.split(',') {
+        let model = calibrate(name);
+        for seed in [201, 202] {
+            let goals = motion::teleoperation(seed, 60.0, 30.0, 12.0, 0.05);
+            let forward = rig::forward_error(&model, name, seed, &goals);
+            let tracking = Loop::default().run(&model, name, seed, &goals);
+            println!("{name} {seed}: forward {forward:.3}, closed loop {tracking}");
+        }
+    }
+}
