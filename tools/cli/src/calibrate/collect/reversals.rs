@@ -155,7 +155,8 @@ mod tests {
     #[test]
     fn it_has_no_jumps() {
         for pair in points(10_000, 1000.0, 500.0, 3).windows(2) {
-            let jump = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
+            let [from, to] = [disc(pair[0]), disc(pair[1])];
+            let jump = (to[0] - from[0]).hypot(to[1] - from[1]);
             assert!(jump < 0.05, "{jump}");
         }
     }

@@ -37,6 +37,9 @@ const AFTERGLOW: Nanos = Nanos::from_millis(1000);
 /// How long a conditioning stroke may take: with the slowest that a configuration is likely to ask for.
 const CONDITIONING: Nanos = Nanos::from_millis(300_000);
 
+/// How long the controller may take to read the last command: many ticks.
+const LAST_COMMAND: Nanos = Nanos::from_millis(50);
+
 /// How a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
@@ -156,6 +159,8 @@ impl Session<'_> {
             return Ok(Ending::Interrupted);
         }
         let outcome = self.place(take).and_then(|from| self.play(take, motion(from)));
+        // A command that is still on its way would take the lease again.
+        clock::sleep(LAST_COMMAND);
         let released = self.client.state_command(StateCommand::Release);
         let ending = outcome?;
         released?;
