@@ -17,6 +17,7 @@
 //! | `joint` | joint space: the model, its memory, estimates |
 //! | `steady` | turning band and correction filter: no chatter |
 //! | `event` | what happened in one tick |
+//! | [`rehearse`] | the cycle without a robot |
 //! | `runtime` | the process: start, threads, end |
 //! | `lane` | what passes between the threads |
 //! | `relay` | the thread of shared memory |
@@ -121,6 +122,7 @@ pub mod limit;
 mod log;
 mod progress;
 mod reach;
+pub mod rehearse;
 mod relay;
 pub mod runtime;
 mod sight;

@@ -13,6 +13,7 @@ mod following;
 mod gate;
 mod invariant;
 mod random;
+mod rehearsing;
 mod report;
 mod shutdown;
 mod stopping;

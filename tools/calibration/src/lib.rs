@@ -11,6 +11,7 @@
 //! | [`recording`] | CSV files: which column means what, reading, checking, writing |
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
+//! | [`latency`] | how late the stamps of a camera are |
 //! | [`linear`] | affine least squares |
 //! | [`kinematic`] | the analytic chain of the robot |
 //! | [`direction`] | mixtures over counts, directions and outputs |
@@ -36,6 +37,7 @@ pub mod family;
 pub mod fit;
 pub mod identify;
 pub mod kinematic;
+pub mod latency;
 pub mod linear;
 pub mod metrics;
 pub mod motion;

@@ -1,5 +1,7 @@
 //! `i2ris calibrate`: from recordings to models.
 
+mod collect;
+mod compare;
 mod fit;
 mod progress;
 mod report;
@@ -9,6 +11,10 @@ use crate::Failure;
 /// What `i2ris calibrate` can do.
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
+    /// Move the motors through a calibration protocol and record them with what a camera sees
+    Collect(collect::Arguments),
+    /// Compare models on a recording
+    Compare(compare::Arguments),
     /// Fit a model to a recording of encoder counts and angles
     Fit(fit::Arguments),
 }
@@ -16,6 +22,8 @@ pub enum Command {
 /// Runs it.
 pub fn run(command: Command) -> Result<(), Failure> {
     match command {
+        Command::Collect(arguments) => collect::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
     }
 }

@@ -2,8 +2,9 @@
 
 mod path;
 mod player;
+pub mod prepare;
 mod stream;
-mod watch;
+pub mod watch;
 
 use std::path::PathBuf;
 

@@ -12,7 +12,10 @@ mod command;
 mod console;
 mod demo;
 mod emulate;
+mod files;
+mod model;
 mod monitor;
+mod series;
 mod vision;
 
 /// Whatever ends a subcommand: one sentence for a person.
@@ -31,6 +34,9 @@ enum Task {
     /// Fit a model to a recording
     #[command(subcommand)]
     Calibrate(calibrate::Command),
+    /// Look at a model, and run it without a robot
+    #[command(subcommand)]
+    Model(model::Command),
     /// Run two emulated drives with a snake behind them
     Emulate(emulate::Arguments),
     /// Command the robot
@@ -46,6 +52,7 @@ enum Task {
 fn main() -> ExitCode {
     let outcome = match Cli::parse().task {
         Task::Calibrate(command) => calibrate::run(command),
+        Task::Model(command) => model::run(command),
         Task::Emulate(arguments) => emulate::run(arguments),
         Task::Command(arguments) => command::run(arguments),
         Task::Monitor(arguments) => monitor::run(arguments),

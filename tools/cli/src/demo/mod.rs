@@ -6,13 +6,11 @@
 //! | `bench` | folder, domain, emulator and controllers |
 //! | `motion` | motions that no calibration has seen |
 //! | `track` | following a motion and measuring it |
-//! | `series` | values over time |
 //! | `summary` | what is printed at the end |
 
 mod bench;
 mod motion;
 mod process;
-mod series;
 mod summary;
 mod track;
 

@@ -3,8 +3,8 @@
 use i2ris::ipc::payload::PeriodStatistics;
 
 use super::motion::Motion;
-use super::series::percentile;
 use super::track::{Run, length_percentile_deg, rms_deg};
+use crate::series::percentile;
 
 /// One model and its run.
 pub struct Followed {

@@ -11,9 +11,9 @@ use indicatif::ProgressBar;
 use super::bench::{Bench, text};
 use super::motion::RATE_HZ;
 use super::process::Process;
-use super::series::{Series, percentile};
 use super::watch_over;
 use crate::Failure;
+use crate::series::{Series, percentile};
 
 /// The controller tells the goal every millisecond.
 const GAP_NS: u64 = 60_000_000;

@@ -8,7 +8,8 @@ use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
 use i2ris::ipc::payload::{
-    ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ServoJp, StateCommandReply, StateCommandRequest,
+    ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply,
+    StateCommandRequest,
 };
 use i2ris::ipc::{Domain, DomainGuard, Fault, OperatingState, Refusal, Server, StateCommand, random_id};
 use i2ris::units::Nanos;
@@ -22,6 +23,10 @@ pub struct Robot {
     pub model: bool,
     /// Pitch and yaw, degrees.
     pub pose: [f64; 2],
+    /// Motors, counts.
+    pub counts: [i32; 2],
+    /// Knows `condition`, which takes no time.
+    pub conditions: bool,
     pub lease: u64,
     pub refused: u64,
     /// Every servo command is refused with this.
@@ -30,6 +35,8 @@ pub struct Robot {
     pub asked: Vec<StateCommand>,
     /// Every accepted pose with its stamp.
     pub poses: Vec<(Nanos, [f64; 2])>,
+    /// Every accepted position of the motors.
+    pub places: Vec<[i32; 2]>,
     sequence: u64,
 }
 
@@ -41,11 +48,14 @@ impl Robot {
             homed: false,
             model: true,
             pose: [1.0, -1.0],
+            counts: [40, -20],
+            conditions: true,
             lease: 0,
             refused: 0,
             refuse: None,
             asked: Vec::new(),
             poses: Vec::new(),
+            places: Vec::new(),
             sequence: 0,
         }
     }
@@ -66,6 +76,7 @@ impl Robot {
                 self.lease = 0;
                 Refusal::None
             }
+            StateCommand::Condition if self.conditions => Refusal::None,
             _ => Refusal::Unsupported,
         }
     }
@@ -76,16 +87,29 @@ impl Robot {
     }
 
     fn servo(&mut self, command: ServoJp) {
-        let allowed = self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == command.client_id);
-        if !allowed || self.refuse.is_some() {
-            self.refused += 1;
+        if !self.takes(command.client_id, command.sequence) {
             return;
         }
-        assert!(command.sequence > self.sequence, "numbers rise");
-        self.sequence = command.sequence;
-        self.lease = command.client_id;
         self.pose = [command.position[0].to_degrees(), command.position[1].to_degrees()];
         self.poses.push((Nanos(command.stamp_ns), self.pose));
+    }
+
+    fn actuator(&mut self, command: ServoActuator) {
+        if self.takes(command.client_id, command.sequence) {
+            self.counts = command.position_counts;
+            self.places.push(self.counts);
+        }
+    }
+
+    fn takes(&mut self, client_id: u64, sequence: u64) -> bool {
+        let allowed = self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == client_id);
+        if !allowed || self.refuse.is_some() {
+            self.refused += 1;
+            return false;
+        }
+        assert!(sequence > self.sequence, "numbers rise");
+        (self.sequence, self.lease) = (sequence, client_id);
+        true
     }
 
     fn tell(&self, server: &mut Server, now: Nanos) {
@@ -99,12 +123,19 @@ impl Robot {
         server.publish_goal(joint);
         server.publish_setpoint(joint);
         server.publish_measured(joint);
-        server.publish_actuators(ActuatorState { stamp_ns: now.0, count: 2, ..ActuatorState::default() });
+        server.publish_actuators(ActuatorState {
+            stamp_ns: now.0,
+            measured_stamp_ns: [now.0; 2],
+            measured_counts: self.counts,
+            setpoint_counts: self.counts,
+            count: 2,
+            ..ActuatorState::default()
+        });
         server.publish_period_statistics(PeriodStatistics { stamp_ns: now.0, ..PeriodStatistics::default() });
         server.publish_operating_state(OperatingStateMsg {
             stamp_ns: now.0,
             lease_client_id: self.lease,
-            accepted: self.poses.len() as u64,
+            accepted: (self.poses.len() + self.places.len()) as u64,
             refused: self.refused,
             state: self.state.number(),
             fault: self.fault.number(),
@@ -134,6 +165,7 @@ impl Controller {
             let (domain, robot, stop) = (domain.clone(), Arc::clone(&robot), Arc::clone(&stop));
             move || {
                 let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+                server.describe([2, 0], [0; 32], Default::default());
                 ready.send(()).unwrap();
                 while !stop.load(Ordering::Relaxed) {
                     pass(&mut server, &robot);
@@ -177,6 +209,9 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     }
     if let Some(command) = server.poll_servo(robot.lease) {
         robot.servo(command);
+    }
+    if let Some(command) = server.poll_actuator(robot.lease) {
+        robot.actuator(command);
     }
     robot.tell(server, now);
     server.maintain(now);

@@ -30,6 +30,16 @@ impl<const N: usize> Series<N> {
         Some(std::array::from_fn(|i| a[i] + share * (b[i] - a[i])))
     }
 
+    /// A sample by its number.
+    pub fn get(&self, index: usize) -> Option<&(u64, [f64; N])> {
+        self.samples.get(index)
+    }
+
+    /// The newest sample.
+    pub fn last(&self) -> Option<&(u64, [f64; N])> {
+        self.samples.last()
+    }
+
     /// All samples.
     pub fn iter(&self) -> impl Iterator<Item = &(u64, [f64; N])> {
         self.samples.iter()

@@ -1,0 +1,325 @@
+//! `i2ris calibrate collect`: moves the motors through a protocol and records them with what a camera sees.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `protocol`, `reversals` | the motions that calibrate |
+//! | `motion` | a motion as places, and playing it |
+//! | `session` | driving the robot while listening to motors and camera |
+//! | `take`, `pictures`, `flag` | from what arrives to rows, and what was wrong with some moments |
+//! | `shift` | the latency of the camera |
+//! | `sidecar` | what the recording does not say by itself |
+//! | `report` | what is printed in the end |
+
+mod flag;
+mod motion;
+mod pictures;
+mod protocol;
+mod report;
+mod reversals;
+mod session;
+mod shift;
+mod sidecar;
+mod take;
+
+use std::fs::File;
+use std::io::LineWriter;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use clap::value_parser;
+use i2ris::clock;
+use i2ris::config::Config;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::Version;
+use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::Failure;
+use crate::command::prepare::prepare;
+use crate::console::Interrupt;
+use protocol::{Protocol, Region, Wish};
+use session::{Ears, Ending, Session};
+use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};
+use take::{Take, Taken};
+
+/// How long to wait for a controller that is just starting.
+const CONNECT: Nanos = Nanos::from_millis(2000);
+
+/// Part of the way to the nearest position limit that a protocol uses by itself.
+const USED_PART: f64 = 0.75;
+
+/// Arguments of `i2ris calibrate collect`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris calibrate collect --config config/emulator.toml --enable --output steel.csv
+  i2ris calibrate collect --config robot.toml --range-counts 300 --speed-counts-s 200 --output first.csv
+  i2ris calibrate collect --config robot.toml --protocol cycles --apply-latency --json --output cycles.csv
+
+The controller has to run, and a camera process that publishes external/measured_jp. Ctrl-C stops the robot and keeps
+what was recorded. Beside FILE.csv, FILE.toml tells what was asked, how it went and which moments to distrust.")]
+pub struct Arguments {
+    /// The configuration that the controller runs with: its limits, its robot, its domain
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// Where to record: a CSV file that does not exist yet
+    #[arg(long, short, value_name = "FILE.csv")]
+    output: PathBuf,
+    /// What to do with the motors
+    #[arg(long, value_enum, default_value_t = Protocol::Reversals)]
+    protocol: Protocol,
+    /// How long [default: what suits the protocol; 300 for reversals]
+    #[arg(long, value_name = "S", value_parser = above_zero)]
+    duration_s: Option<f64>,
+    /// How far to go from the centre [default: three quarters of the way to the nearest position limit]
+    #[arg(long, value_name = "COUNTS", value_parser = above_zero)]
+    range_counts: Option<f64>,
+    /// The centre, motor by motor [default: 0,0]
+    #[arg(long, value_name = "COUNTS,..", value_delimiter = ',', num_args = 1, allow_negative_numbers = true,
+          value_parser = value_parser!(i32))]
+    centre_counts: Vec<i32>,
+    /// Speed limit of the motors
+    #[arg(long, value_name = "COUNTS_PER_S", default_value_t = 450.0, value_parser = above_zero)]
+    speed_counts_s: f64,
+    /// Seed of what is random: the same seed gives the same motion
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Home and enable the robot first, where necessary
+    #[arg(long)]
+    enable: bool,
+    /// Do without the conditioning stroke: the hysteresis at the beginning is then unknown
+    #[arg(long)]
+    no_condition: bool,
+    /// Take so much off the stamps of the camera
+    #[arg(long, value_name = "MS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = latency)]
+    camera_latency_ms: f64,
+    /// Take the estimated latency off the stamps when the recording has ended
+    #[arg(long)]
+    apply_latency: bool,
+    /// Distance from the pictures before and after, which agree, that makes a picture an outlier, deg (mm)
+    #[arg(long, value_name = "DEG", default_value_t = 3.0, value_parser = above_zero)]
+    outlier_deg: f64,
+    /// Domain of the controller [default: as in the configuration]
+    #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME")]
+    domain: Option<String>,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "must be a number above 0".to_owned())
+}
+
+fn latency(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.abs() <= 1000.0);
+    number.ok_or_else(|| "must be a number from -1000 to 1000".to_owned())
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let config = Config::load(&arguments.config)?;
+    let wish = wish(arguments, &config)?;
+    check_output(&arguments.output)?;
+    if arguments.protocol == Protocol::Axes {
+        eprintln!(
+            "warning: moving one motor at a time is a trap: a model of it does not know the plane between the axes, and its \
+             inverse runs off there. Use it to look at one axis, and --protocol reversals to calibrate."
+        );
+    }
+    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
+    let interrupt = Interrupt::catch()?;
+    let mut client = Client::connect(&domain, CONNECT)?;
+    let version = client.version()?;
+    check_robot(&version, &config, &arguments.config)?;
+    let (mut ears, count) = Ears::open(&client, domain.name(), &interrupt)?;
+    let outputs = outputs(&version, count);
+    prepare(&mut client, arguments.enable, &interrupt)?;
+
+    let mut sidecar = begin(arguments, &config, &wish, &version);
+    let file = File::create_new(&arguments.output).map_err(|error| cannot_write(&arguments.output, &error))?;
+    sidecar.write(&arguments.output)?;
+    let latency_s = arguments.camera_latency_ms / 1e3;
+    let (start, motors) = (clock::now(), wish.region.motors);
+    let mut take = Take::new(LineWriter::new(file), start, motors, &outputs, arguments.outlier_deg, latency_s)
+        .map_err(|error| cannot_write(&arguments.output, &error))?;
+    let bar = bar(arguments.protocol.name());
+    let mut session = Session { client: &mut client, interrupt: &interrupt, ears: &mut ears, bar: &bar };
+    let ending = session.perform(&mut take, !arguments.no_condition, |from| wish.motion(from));
+    bar.finish_and_clear();
+    let taken = take.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
+
+    sidecar.outcome = Some(outcome(&taken, &ending, ears.missed()));
+    sidecar.latency = shift::latency(&taken.rows, motors).map(|latency| report::record(&latency));
+    if let (true, Some(latency)) = (arguments.apply_latency, &mut sidecar.latency) {
+        let rows = shift::shifted(&taken.rows, latency.estimate_ms / 1e3);
+        shift::rewrite(&arguments.output, &rows, motors, &outputs)
+            .map_err(|error| cannot_write(&arguments.output, &error))?;
+        latency.applied = true;
+    }
+    sidecar.flags = taken.flags;
+    sidecar.write(&arguments.output)?;
+    report::print(&sidecar, &arguments.output, arguments.json)?;
+    match ending? {
+        Ending::Complete => Ok(()),
+        Ending::Interrupted => Err("interrupted; the robot holds, and what was recorded is kept".into()),
+    }
+}
+
+/// Where and how fast, within the limits of the controller.
+fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
+    let motors = config.motors().min(MAX_MOTORS);
+    let file = arguments.config.display();
+    let mut centre = MotorVec::default();
+    if !arguments.centre_counts.is_empty() && arguments.centre_counts.len() != motors {
+        let given = arguments.centre_counts.len();
+        return Err(format!("--centre-counts: {given} value(s) for the {motors} motor(s) of {file}").into());
+    }
+    centre.iter_mut().zip(&arguments.centre_counts).for_each(|(centre, given)| *centre = f64::from(*given));
+    let mut room = f64::INFINITY;
+    for (motor, centre) in centre.iter().enumerate().take(motors) {
+        let Some(axis) = config.axis(motor) else { continue };
+        room = room.min(axis.position_max_counts.as_f64() - centre).min(centre - axis.position_min_counts.as_f64());
+    }
+    if room <= 0.0 {
+        return Err(format!("--centre-counts: is not within the position limits of {file}").into());
+    }
+    let radius = arguments.range_counts.unwrap_or(USED_PART * room);
+    if radius > room {
+        return Err(format!(
+            "--range-counts {radius}: the position limits of {file} leave {room} counts around the centre; ask for less, \
+             move the centre with --centre-counts, or widen the limits there and restart the controller"
+        )
+        .into());
+    }
+    let most = config.limits.velocity_counts_s;
+    if arguments.speed_counts_s > most {
+        let given = arguments.speed_counts_s;
+        return Err(format!(
+            "--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s of {file})"
+        )
+        .into());
+    }
+    Ok(Wish {
+        protocol: arguments.protocol,
+        region: Region { centre, radius, motors },
+        speed_counts_s: arguments.speed_counts_s,
+        duration_s: arguments.duration_s,
+        seed: arguments.seed,
+    })
+}
+
+/// Finds out before the robot moves what would go wrong after it.
+fn check_output(output: &Path) -> Result<(), Failure> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let shown = output.display();
+    if output.extension().is_none_or(|extension| extension != "csv") {
+        return Err(format!("--output {shown}: must end in .csv; a .toml of the same name is written beside it").into());
+    }
+    if let Some(taken) = [output.to_owned(), Sidecar::path(output)].iter().find(|path| path.exists()) {
+        return Err(format!(
+            "--output {shown}: {} exists, and recordings are not written over; name another file",
+            taken.display()
+        )
+        .into());
+    }
+    if !folder.is_dir() {
+        return Err(format!("--output {shown}: there is no folder {}; make it", folder.display()).into());
+    }
+    Ok(())
+}
+
+fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Failure> {
+    let (running, named) = (usize::from(version.shape[0]), config.motors());
+    if running == named {
+        return Ok(());
+    }
+    let file = file.display();
+    Err(format!("the controller turns {running} motor(s), but {file} names {named}: it runs with another file").into())
+}
+
+/// What the camera measures: as the controller's model names it, if there is one that fits.
+fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
+    let (unit, known): (_, &[&str]) =
+        if count == 3 { (OutputUnit::Mm, &["x", "y", "z"]) } else { (OutputUnit::Deg, &["pitch", "yaw"]) };
+    let named = usize::from(version.shape[1]) == count;
+    let name = |output: usize| {
+        let bytes: Vec<u8> = version.output_names[output].iter().copied().take_while(|byte| *byte != 0).collect();
+        let name = String::from_utf8(bytes).ok().filter(|name| named && !name.is_empty());
+        name.unwrap_or_else(|| known.get(output).copied().unwrap_or("angle").to_owned())
+    };
+    (0..count).map(|output| OutputSpec { name: name(output), unit }).collect()
+}
+
+fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version) -> Sidecar {
+    let motors = wish.region.motors;
+    let axes = || (0..motors).filter_map(|motor| config.axis(motor));
+    let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let [major, minor, patch] = version.software;
+    Sidecar {
+        format: "i2ris-recording",
+        schema_version: 1,
+        recording: name,
+        robot_id: config.robot_id.clone(),
+        software: format!("i2ris {}", env!("CARGO_PKG_VERSION")),
+        controller: format!("i2ris-control {major}.{minor}.{patch}"),
+        model_id: (version.model_id != [0; 32])
+            .then(|| version.model_id.iter().map(|byte| format!("{byte:02x}")).collect()),
+        started_unix_s: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+        protocol: ProtocolRecord {
+            name: wish.protocol.name(),
+            seed: wish.seed,
+            duration_s: wish.duration_s(),
+            centre_counts: wish.region.centre[..motors].to_vec(),
+            range_counts: wish.region.radius,
+            speed_counts_s: wish.speed_counts_s,
+            conditioned: !arguments.no_condition,
+            camera_latency_ms: arguments.camera_latency_ms,
+            limits: Limits {
+                position_min_counts: axes().map(|axis| axis.position_min_counts.0).collect(),
+                position_max_counts: axes().map(|axis| axis.position_max_counts.0).collect(),
+                velocity_counts_s: config.limits.velocity_counts_s,
+                acceleration_counts_s2: config.limits.acceleration_counts_s2,
+            },
+        },
+        outcome: None,
+        latency: None,
+        flags: Vec::new(),
+    }
+}
+
+fn outcome(taken: &Taken, ending: &Result<Ending, Failure>, missed_messages: u64) -> Outcome {
+    let time = |row: Option<&i2ris_calibration::recording::Row>| row.and_then(|row| row.time_s).unwrap_or_default();
+    let length_s = time(taken.rows.last()) - time(taken.rows.first());
+    let (rows, samples) = (taken.rows.len(), taken.samples().count());
+    let rate = |count: usize| if length_s > 0.0 { count as f64 / length_s } else { 0.0 };
+    Outcome {
+        complete: matches!(ending, Ok(Ending::Complete)),
+        reason: match ending {
+            Ok(Ending::Complete) => String::new(),
+            Ok(Ending::Interrupted) => "interrupted".to_owned(),
+            Err(error) => error.to_string(),
+        },
+        rows,
+        samples,
+        length_s,
+        encoder_rate_hz: rate(rows - samples),
+        camera_rate_hz: rate(samples),
+        missed_messages,
+    }
+}
+
+fn bar(what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new(1).with_message(what);
+    // The template is fixed; were it wrong, the bar would look plain.
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {
+    format!("cannot write {}: {error}", path.display()).into()
+}

@@ -1,0 +1,113 @@
+//! What a recording does not say by itself, in a TOML file beside it.
+//!
+//! Written when the recording begins, so that one that is cut off has it, too, and again when it has ended.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::flag::Flag;
+use crate::files::replace;
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Sidecar {
+    /// Always `i2ris-recording`.
+    pub format: &'static str,
+    /// Of this file's layout.
+    pub schema_version: u32,
+    /// Name of the recording, without folders.
+    pub recording: String,
+    /// As in the controller's configuration.
+    pub robot_id: String,
+    /// This program.
+    pub software: String,
+    /// The controller.
+    pub controller: String,
+    /// Identity of the model that the controller had loaded; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model_id: Option<String>,
+    /// When `t_s` was 0, on the wall clock, seconds since 1970.
+    pub started_unix_s: u64,
+    /// What was asked.
+    pub protocol: ProtocolRecord,
+    /// How it went; absent while it goes on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outcome: Option<Outcome>,
+    /// Of the camera's stamps; absent where it cannot be told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latency: Option<LatencyRecord>,
+    /// Moments to know of.
+    pub flags: Vec<Flag>,
+}
+
+/// What was asked.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ProtocolRecord {
+    pub name: &'static str,
+    pub seed: u64,
+    pub duration_s: f64,
+    pub centre_counts: Vec<f64>,
+    pub range_counts: f64,
+    pub speed_counts_s: f64,
+    /// A conditioning stroke came first; it is part of the recording.
+    pub conditioned: bool,
+    /// Taken off every stamp of the camera while recording, ms.
+    pub camera_latency_ms: f64,
+    pub limits: Limits,
+}
+
+/// The controller's limits, from its configuration.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Limits {
+    pub position_min_counts: Vec<i32>,
+    pub position_max_counts: Vec<i32>,
+    pub velocity_counts_s: f64,
+    pub acceleration_counts_s2: f64,
+}
+
+/// How it went.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Outcome {
+    /// The protocol was gone through to its end.
+    pub complete: bool,
+    /// Why not; empty when complete.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub reason: String,
+    pub rows: usize,
+    /// Rows with angles.
+    pub samples: usize,
+    /// From the first row to the last, s.
+    pub length_s: f64,
+    /// Rows without angles, per second.
+    pub encoder_rate_hz: f64,
+    /// Rows with angles, per second.
+    pub camera_rate_hz: f64,
+    /// Messages that this program was too slow to read.
+    pub missed_messages: u64,
+}
+
+/// The camera's latency.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LatencyRecord {
+    /// What is left in the stamps of the recording as it was taken, ms.
+    pub estimate_ms: f64,
+    /// Standard deviation of the estimate, ms.
+    pub deviation_ms: f64,
+    /// The estimate was taken off the stamps afterwards.
+    pub applied: bool,
+}
+
+impl Sidecar {
+    /// The name of the file beside a recording.
+    pub fn path(recording: &Path) -> PathBuf {
+        recording.with_extension("toml")
+    }
+
+    /// Writes it, all at once.
+    pub fn write(&self, recording: &Path) -> Result<(), String> {
+        let path = Self::path(recording);
+        let text = toml::to_string(self).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        replace(&path, text.as_bytes()).map_err(|error| format!("cannot write {}: {error}", path.display()))
+    }
+}

@@ -1,0 +1,256 @@
+//! `i2ris model invert`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use i2ris::config::{
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
+    PortConfig,
+};
+use i2ris::control::Goal;
+use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
+use i2ris::ipc::Refusal;
+use i2ris::model::Model;
+use i2ris::units::{Counts, MotorVec, OutputVec};
+use serde::Serialize;
+
+use super::table::{self, Row, Table};
+use super::{check_output, counts_columns, history, output_columns, outputs, si};
+use crate::Failure;
+
+/// Speed of the approach to the first pose, degrees (mm) per second.
+const APPROACH: f64 = 10.0;
+
+/// The approach has come to rest when the set-points have stood for so many ticks; it gets so many to do so.
+const REST_TICKS: u32 = 50;
+const LONGEST_REST_TICKS: u32 = 10_000;
+
+/// Arguments of `i2ris model invert`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris model invert steel.json --trajectory wanted.csv --output counts.csv
+  i2ris model invert steel.json --trajectory wanted.csv --history before.csv --config robot.toml --output counts.csv
+
+The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight lines; the history has
+q0_counts, q1_counts. What comes out is what the control loop would send, tick by tick. The snake first goes to the
+beginning of the trajectory, at 10 deg/s.")]
+pub struct Arguments {
+    /// The model
+    model: PathBuf,
+    /// The angles that are wanted
+    #[arg(long, value_name = "DESIRED.csv")]
+    trajectory: PathBuf,
+    /// The way of the motors before: it sets the memory
+    #[arg(long, value_name = "COUNTS.csv")]
+    history: Option<PathBuf>,
+    /// Where to write time, wanted angles and counts
+    #[arg(long, short, value_name = "COUNTS.csv")]
+    output: PathBuf,
+    /// The configuration of the controller: rate, limits, filters [default: what a configuration has by default]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Without limits on velocity, acceleration, steps and position; the calibrated hull stays
+    #[arg(long)]
+    no_limits: bool,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// How it went.
+#[derive(Debug, Serialize)]
+struct Outcome {
+    ticks: usize,
+    /// Ticks whose goal lay outside the hull or the position limits.
+    clipped_ticks: usize,
+    /// The memory was known when the trajectory began.
+    memory_known: bool,
+    /// Way of every motor, counts.
+    travel_counts: Vec<f64>,
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { trajectory, output, .. } = arguments;
+    check_output(output, &[&arguments.model, trajectory])?;
+    let model = Arc::new(Model::load(&arguments.model)?);
+    let config = config(arguments, &model)?;
+    let columns: Vec<String> = std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
+    let table = Table::read(trajectory, &columns)?;
+    let wanted = Wanted { rows: &table.rows, si: si(&model), outputs: model.outputs() };
+    let mut past = history(arguments.history.as_ref(), &model)?;
+    if past.is_empty() {
+        past.push(beginning(&model, &wanted.at(wanted.start_s())));
+    }
+    let mut rehearsal = Rehearsal::new(&config, &model, &past)?;
+    approach(&mut rehearsal, &wanted, arguments.no_limits)
+        .map_err(|error| told(error, trajectory, wanted.start_s(), &config))?;
+    let known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
+    let mut outcome =
+        Outcome { ticks: 0, clipped_ticks: 0, memory_known: known, travel_counts: vec![0.0; model.motors()] };
+    let rows = play(&mut rehearsal, &wanted, &mut outcome).map_err(|(error, t)| told(error, trajectory, t, &config))?;
+    let header: Vec<String> = columns.into_iter().chain(counts_columns(&model)).collect();
+    table::write(output, &header, &rows)?;
+    print(&outcome, output, arguments.json)
+}
+
+fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
+    if !outcome.memory_known {
+        eprintln!(
+            "warning: the memory is not known where the trajectory begins, so the counts may be off by the width of the \
+             hysteresis loop; give the way of the motors before it with --history"
+        );
+    }
+    if json {
+        println!("{}", serde_json::to_string_pretty(outcome)?);
+        return Ok(());
+    }
+    println!("wrote {} ticks to {}", outcome.ticks, output.display());
+    if outcome.clipped_ticks > 0 {
+        println!("{} of them could not be reached and were clipped to the nearest pose", outcome.clipped_ticks);
+    }
+    Ok(())
+}
+
+/// The trajectory.
+struct Wanted<'a> {
+    rows: &'a [Row],
+    si: f64,
+    outputs: usize,
+}
+
+impl Wanted<'_> {
+    fn start_s(&self) -> f64 {
+        self.rows.first().and_then(|row| row.values.first()).copied().unwrap_or_default()
+    }
+
+    fn end_s(&self) -> f64 {
+        self.rows.last().and_then(|row| row.values.first()).copied().unwrap_or_default()
+    }
+
+    /// rad (m), linearly between the rows.
+    fn at(&self, time_s: f64) -> OutputVec {
+        let time = |row: &Row| row.values.first().copied().unwrap_or_default();
+        let after = self.rows.partition_point(|row| time(row) < time_s).min(self.rows.len().saturating_sub(1));
+        let (Some(from), Some(to)) = (self.rows.get(after.saturating_sub(1)), self.rows.get(after)) else {
+            return OutputVec::default();
+        };
+        let (start, end) = (time(from), time(to));
+        let share = if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
+        let values: Vec<f64> =
+            from.values.iter().zip(&to.values).skip(1).map(|(from, to)| from + share * (to - from)).collect();
+        outputs(&values, self.si)
+    }
+
+    fn goal(&self, angles: OutputVec) -> Goal {
+        Goal::Joint(angles, self.outputs as u32)
+    }
+}
+
+/// Goes to the first pose, straight in the outputs, and waits until the motors stand.
+fn approach(rehearsal: &mut Rehearsal, wanted: &Wanted, at_once: bool) -> Result<(), RehearsalError> {
+    let to = wanted.at(wanted.start_s());
+    let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
+    let distance = from.iter().zip(&to).map(|(from, to)| (to - from).powi(2)).sum::<f64>().sqrt();
+    let ticks =
+        if at_once { 1.0 } else { (distance / (APPROACH * wanted.si * rehearsal.period().as_seconds())).ceil() };
+    for tick in 1..=ticks as u64 {
+        let share = tick as f64 / ticks;
+        let here = std::array::from_fn(|output| from[output] + share * (to[output] - from[output]));
+        rehearsal.follow(wanted.goal(here))?;
+    }
+    let (mut before, mut rested) = (rehearsal.report().setpoints, 0);
+    for _ in 0..LONGEST_REST_TICKS {
+        let now = rehearsal.follow(wanted.goal(to))?.setpoints;
+        rested = if now == before { rested + 1 } else { 0 };
+        before = now;
+        if rested >= REST_TICKS {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// One row per tick: time, what is wanted, and the counts.
+fn play(
+    rehearsal: &mut Rehearsal,
+    wanted: &Wanted,
+    outcome: &mut Outcome,
+) -> Result<Vec<Vec<f64>>, (RehearsalError, f64)> {
+    let (start, period) = (wanted.start_s(), rehearsal.period().as_seconds());
+    let ticks = ((wanted.end_s() - start) / period + 1e-9) as u64;
+    let mut before = rehearsal.report().setpoints;
+    let mut rows = Vec::new();
+    for tick in 0..=ticks {
+        let time_s = start + tick as f64 * period;
+        let angles = wanted.at(time_s);
+        let report = rehearsal.follow(wanted.goal(angles)).map_err(|error| (error, time_s))?;
+        outcome.ticks += 1;
+        outcome.clipped_ticks += usize::from(report.clipped);
+        let counts = report.setpoints;
+        for ((travel, counts), before) in outcome.travel_counts.iter_mut().zip(counts).zip(before) {
+            *travel += (counts.as_f64() - before.as_f64()).abs();
+        }
+        before = counts;
+        let angles = angles.into_iter().take(wanted.outputs).map(|angle| angle / wanted.si);
+        let counts = counts.iter().take(outcome.travel_counts.len()).map(|counts| counts.as_f64());
+        rows.push(std::iter::once(time_s).chain(angles).chain(counts).collect());
+    }
+    Ok(rows)
+}
+
+fn told(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Failure {
+    let remedy = match error {
+        RehearsalError::Goal(Refusal::Step) => {
+            format!(
+                "; more than {} deg in one tick: smooth it, or lift the limits with --no-limits",
+                config.command.step_deg
+            )
+        }
+        _ => String::new(),
+    };
+    format!("{} at t_s = {time_s:.3}: {error}{remedy}", file.display()).into()
+}
+
+fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
+    let config = match &arguments.config {
+        Some(file) => {
+            let config = Config::load(file)?;
+            model.check_robot(&config.robot_id, config.motors())?;
+            config
+        }
+        None => standard(model),
+    };
+    Ok(if arguments.no_limits { without_limits(&config) } else { config })
+}
+
+/// A robot for a model: every default, and position limits around the calibrated hull.
+fn standard(model: &Model) -> Config {
+    let corners: Vec<MotorVec> = model.hull().corners().collect();
+    let axis = |motor: usize| {
+        let values = corners.iter().map(|corner| corner[motor]);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        AxisConfig {
+            motor,
+            node_id: 0,
+            serial_number: 0,
+            position_min_counts: Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN)),
+            position_max_counts: Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX)),
+            current_limit_ma: 1,
+            following_error_counts: 1,
+            motor_speed_rpm: 1,
+            quick_stop_rpm_s: 1,
+        }
+    };
+    let axes = (0..model.motors()).map(axis).collect();
+    Config {
+        robot_id: model.file().robot_id.clone(),
+        control: ControlConfig::default(),
+        ipc: IpcConfig::default(),
+        command: CommandConfig::default(),
+        limits: LimitConfig::default(),
+        compensation: CompensationConfig::default(),
+        condition: ConditionConfig::default(),
+        ports: vec![PortConfig { device: PathBuf::new(), baud: 115_200, reply_timeout_ms: 20, axes }],
+    }
+}
