@@ -128,9 +128,10 @@ mod tests {
         let mut sum = [0.0; 2];
         for joint in 0..6 {
             let before = f64::from(joint) * theta;
-            for i in 0..2 {
-                let rolled = 2.0 * unit(before + 0.5 * theta)[i] - unit(before + theta)[i] - unit(before)[i];
-                sum[i] += ROLLING_RADIUS_MM * rolled + 2.0 * JOINT_PITCH_MM * unit(before + theta)[i];
+            let (half, whole, none) = (unit(before + 0.5 * theta), unit(before + theta), unit(before));
+            for (i, sum) in sum.iter_mut().enumerate() {
+                let rolled = 2.0 * half[i] - whole[i] - none[i];
+                *sum += ROLLING_RADIUS_MM * rolled + 2.0 * JOINT_PITCH_MM * whole[i];
             }
         }
         let found = tip(theta, 0.0).position_mm;

@@ -123,7 +123,7 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
             if ahead < -DEAD_BAND_COUNTS {
                 *now = !*now;
             }
-            if furthest.is_none() || ahead >= 0.0 || ahead < -DEAD_BAND_COUNTS {
+            if furthest.is_none() || !(-DEAD_BAND_COUNTS..0.0).contains(&ahead) {
                 *furthest = Some(at);
             }
         }
