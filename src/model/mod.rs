@@ -84,6 +84,7 @@ pub struct Model {
     id: ModelId,
     motors: usize,
     hull: Hull,
+    wipe_counts: MotorVec,
     runtime: Box<dyn Runtime>,
 }
 
@@ -108,7 +109,8 @@ impl Model {
         let hull = Hull::new(&file.hull, motors)?;
         let runtime = prepare(&file, motors)?;
         runtime.check_round_trip(&hull, unit(&file))?;
-        Ok(Self { id: file.id()?, file, motors, hull, runtime })
+        let wipe_counts = within(runtime.wipe_counts(), &hull);
+        Ok(Self { id: file.id()?, file, motors, hull, wipe_counts, runtime })
     }
 
     /// That the model belongs to a robot.
@@ -175,14 +177,15 @@ impl Model {
     /// off by the width of the hysteresis loop. Always true of families without memory, once there is a position.
     #[must_use]
     pub fn knows(&self, memory: &Memory) -> bool {
-        memory.covered(&self.runtime.wipe_counts())
+        memory.covered(&self.wipe_counts)
     }
 
     /// The range that every motor has to cover to wipe out what was remembered before, counts; 0 for families without
-    /// memory.
+    /// memory. Never more than the calibrated hull is wide: what its whole width does not wipe out, calibration could not
+    /// know either.
     #[must_use]
     pub fn wipe_counts(&self) -> MotorVec {
-        self.runtime.wipe_counts()
+        self.wipe_counts
     }
 
     /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m); see [`hysteresis`].
@@ -222,6 +225,16 @@ impl Model {
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
         self.runtime.invert(goal, memory, &self.hull, query)
     }
+}
+
+/// Ranges of the motors, cut to the extent of the hull.
+fn within(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
+    for (motor, range) in ranges.iter_mut().enumerate() {
+        let of_motor = || hull.corners().map(|corner| corner[motor]);
+        let extent = of_motor().fold(f64::NEG_INFINITY, f64::max) - of_motor().fold(f64::INFINITY, f64::min);
+        *range = range.min(extent);
+    }
+    ranges
 }
 
 /// The unit of all outputs; [`check::check`] saw to it that they have the same.

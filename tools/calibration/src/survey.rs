@@ -2,10 +2,12 @@
 
 use std::fmt;
 
+use crate::identify::{Finding, findings};
 use crate::linear::{LinearError, LinearFit, fit_linear, independence};
 use crate::motion::{NoHysteresis, hides_hysteresis};
 use crate::noise::{NoiseFloor, noise_floor};
 use crate::recording::Recording;
+use crate::series::Series;
 use crate::spike::{Spike, SpikeOptions, spikes};
 use crate::table::Table;
 
@@ -28,6 +30,8 @@ pub struct Survey {
 pub enum Warning {
     /// Hysteresis cannot be told from the shape of the curve.
     NoHysteresis(NoHysteresis),
+    /// Hysteresis can be told, but not all of it.
+    Limited(Finding),
     /// Motors that move nearly as one.
     HardlySeparable {
         /// Part of the motion that is independent, percent.
@@ -39,6 +43,7 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoHysteresis(reason) => reason.fmt(f),
+            Self::Limited(finding) => finding.fmt(f),
             Self::HardlySeparable { percent } => write!(
                 f,
                 "the motors move nearly together ({percent:.1} % of their motion is independent): their effects are \
@@ -88,7 +93,15 @@ fn warnings(recording: &Recording, inputs: &Table) -> Vec<Warning> {
     let independent = independence(inputs);
     let percent = 100.0 * independent;
     let hardly = (independent < HARDLY_SEPARABLE).then_some(Warning::HardlySeparable { percent });
-    hardly.into_iter().chain(hides_hysteresis(recording).map(Warning::NoHysteresis)).collect()
+    let hardly = hardly.into_iter();
+    match hides_hysteresis(recording) {
+        Some(reason) => hardly.chain([Warning::NoHysteresis(reason)]).collect(),
+        None => {
+            let rows: Vec<usize> = (0..recording.rows().len()).collect();
+            let findings = findings(&Series::new(recording, &rows)).into_iter();
+            hardly.chain(findings.filter(|finding| !finding.hides_hysteresis()).map(Warning::Limited)).collect()
+        }
+    }
 }
 
 /// The counts of some rows, one column per motor.
