@@ -15,9 +15,9 @@ fn options() -> FitOptions {
 }
 
 /// A snake that bends less and less, with noise of 0.05 deg.
-fn bent() -> Recording {
+fn bent(rows: usize) -> Recording {
     let mut random = noise(1);
-    recording(400, |time| {
+    recording(rows, |time| {
         let angles = straight(wander(time)).map(|angle| 12.0 * (angle / 12.0).tanh() + 0.05 * random());
         (wander(time), angles)
     })
@@ -40,7 +40,7 @@ fn held_out(model: &Model, output: usize) -> f64 {
 
 #[test]
 fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
-    let outcome = fit(&bent(), &options(), &Silent).unwrap();
+    let outcome = fit(&bent(2000), &options(), &Silent).unwrap();
     for output in 0..2 {
         let (gmr, linear) = (held_out(&outcome.model, output), held_out(&outcome.linear, output));
         assert!(gmr < 0.6 * linear && gmr < 0.4, "{gmr} beside {linear}");
@@ -78,7 +78,7 @@ fn one_motor_and_one_output_are_enough() {
 
 #[test]
 fn the_model_file_says_where_it_comes_from() {
-    let recording = bent();
+    let recording = bent(400);
     let options = FitOptions { robot_id: "left".to_owned(), hold_out: HoldOut::Fraction(0.3), ..options() };
     let outcome = fit(&recording, &options, &Silent).unwrap();
     let file = outcome.model.file();
@@ -90,7 +90,7 @@ fn the_model_file_says_where_it_comes_from() {
 
 #[test]
 fn the_same_seed_gives_the_same_model() {
-    let recording = bent();
+    let recording = bent(400);
     let id = |seed| {
         let options = FitOptions { em: EmOptions { seed, restarts: 2, ..EmOptions::default() }, ..options() };
         fit(&recording, &options, &Silent).unwrap().model.id()
@@ -101,7 +101,7 @@ fn the_same_seed_gives_the_same_model() {
 
 #[test]
 fn without_held_out_rows_there_are_no_held_out_metrics() {
-    let outcome = fit(&bent(), &FitOptions { hold_out: HoldOut::Nothing, ..options() }, &Silent).unwrap();
+    let outcome = fit(&bent(400), &FitOptions { hold_out: HoldOut::Nothing, ..options() }, &Silent).unwrap();
     assert_eq!(outcome.report.training.len(), 400);
     assert!(outcome.model.file().metrics.iter().all(|metrics| metrics.held_out.is_none()));
 }
@@ -168,9 +168,9 @@ fn what_cannot_be_fitted_is_explained() {
     assert!(matches!(&error, FitError::Constant { output } if output == "yaw"), "{error}");
 
     let greedy = FitOptions { components: Components::Exactly(60), ..options() };
-    let error = refused(&bent(), &greedy);
+    let error = refused(&bent(400), &greedy);
     assert!(error.to_string().contains("component(s), and 60 are asked for; record more"), "{error}");
 
     let greedy = FitOptions { hold_out: HoldOut::Fraction(0.99), ..options() };
-    assert!(matches!(refused(&bent(), &greedy), FitError::Split(_)));
+    assert!(matches!(refused(&bent(400), &greedy), FitError::Split(_)));
 }

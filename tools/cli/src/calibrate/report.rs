@@ -55,7 +55,11 @@ impl Report<'_> {
         let time = read.time_column.iter().map(|column| format!("time `{column}`"));
         let columns: Vec<_> = motors.chain(outputs).chain(time).collect();
         writeln!(f, "columns    {}", columns.join(", "))?;
-        write!(f, "rows       {}; {} dropped for an empty cell", read.rows, read.dropped.len())?;
+        let positions = match read.positions {
+            0 => String::new(),
+            positions => format!(", {positions} of them without angles"),
+        };
+        write!(f, "rows       {}{positions}; {} dropped for an empty cell", read.rows, read.dropped.len())?;
         list(f, read.dropped.iter().map(|row| format!("{} ({})", row.line, row.column)))
     }
 
