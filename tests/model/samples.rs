@@ -4,7 +4,7 @@ use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
     OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
-use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters};
+use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
 use proptest::prelude::*;
 
 /// One degree in radians.
@@ -168,7 +168,7 @@ pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
 
 /// Stop operators of a snake with slack and friction, in degrees: a middling one of [`stops`].
 pub fn some_stops(motors: usize) -> StopParameters {
-    stops_of(motors, [0.5, 0.3, 0.2, 0.6], [0.2, 0.1, 0.15, 0.25], [0.025, 0.03], [38.0, 135.0], 0.08)
+    stops_of(motors, [0.5, 0.3, 0.2, 0.6], [0.2, 0.1, 0.15, 0.25], [0.025, 0.03], [38.0, 135.0], 0.08, 1)
 }
 
 fn stops_of(
@@ -178,6 +178,7 @@ fn stops_of(
     travel: [f64; 2],
     axes_deg: [f64; 2],
     loose_stiffness: f64,
+    count: usize,
 ) -> StopParameters {
     let motor = |i: usize| StopMotor {
         neutral_counts: [15.0, -20.0][i],
@@ -189,7 +190,7 @@ fn stops_of(
     let stop = |(stiffness, share)| StopElement { stiffness, share };
     StopParameters {
         motors: (0..motors).map(motor).collect(),
-        axes: (0..motors).map(|_| StopAxis { stiffness: 0.15, stiffening: 2e-5, limit: 45.0 }).collect(),
+        segments: segments(motors, count),
         softness: 0.25,
         loose_stiffness,
         base_friction: 1.1,
@@ -199,13 +200,24 @@ fn stops_of(
     }
 }
 
+/// In a row, the later the harder to bend.
+fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
+    let segment = |s: usize| {
+        let rank = 2.0 * (s as f64 + 1.0) / (count as f64 + 1.0);
+        let axis = |_| StopAxis { stiffness: 0.15 * count as f64, stiffening: 2e-5, limit: 45.0 * rank / count as f64 };
+        StopSegment { axes: (0..motors).map(axis).collect(), friction: rank }
+    };
+    (0..count).map(segment).collect()
+}
+
 /// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, axes askew.
 pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
     let slack = prop::array::uniform4(0.0..1.0_f64);
     let friction = prop::array::uniform4(0.0..0.3_f64);
     let travel = prop::array::uniform2(0.02..0.035_f64);
     let axes = (20.0..60.0_f64, 110.0..150.0_f64);
-    (slack, friction, travel, axes, 0.03..0.2_f64).prop_map(move |(slack, friction, travel, axes, loose)| {
-        stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose)
+    let rest = (0.03..0.2_f64, 1..=3_usize);
+    (slack, friction, travel, axes, rest).prop_map(move |(slack, friction, travel, axes, (loose, segments))| {
+        stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
     })
 }

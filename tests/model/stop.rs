@@ -138,8 +138,8 @@ proptest! {
         let mut file = some_stops(1);
         file.motors[0].friction = [0.0; 2];
         file.motors[0].slack = [0.0; 2];
-        file.axes[0].stiffening = 0.0;
-        file.axes[0].limit = 1000.0;
+        file.segments[0].axes[0].stiffening = 0.0;
+        file.segments[0].axes[0].limit = 1000.0;
         file.softness = 1e3;
         let operator = Stops::<1>::prepare(&file).unwrap();
         let (low, high, between) = ([low, 0.0], [low + width, 0.0], [low + part * width, 0.0]);
@@ -203,7 +203,7 @@ fn the_way_back_is_another_way() {
 #[test]
 fn a_file_that_makes_no_sense_is_refused() {
     type Spoil = fn(&mut StopParameters);
-    let spoil: [(&str, Spoil); 9] = [
+    let spoil: [(&str, Spoil); 12] = [
         ("softness", |file| file.softness = 0.0),
         ("loose_stiffness", |file| file.loose_stiffness = 0.0),
         ("base_friction", |file| file.base_friction = f64::NAN),
@@ -211,6 +211,9 @@ fn a_file_that_makes_no_sense_is_refused() {
         ("stops.share", |file| file.stops[0].share = 0.9),
         ("stops:", |file| file.stops.clear()),
         ("stops =", |file| file.stops = vec![StopElement { stiffness: 1.0, share: 1.0 / 6.0 }; 6]),
+        ("segments:", |file| file.segments.clear()),
+        ("segments[0].axes", |file| file.segments[0].axes.truncate(1)),
+        ("segments[0].friction", |file| file.segments[0].friction = 0.0),
         ("axis_deg", |file| file.motors[1].axis_deg = file.motors[0].axis_deg + 179.0),
         ("travel_per_count", |file| file.motors[1].travel_per_count = -0.1),
     ];

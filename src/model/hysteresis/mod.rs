@@ -30,7 +30,7 @@ use super::regression::Local;
 use crate::units::MotorVec;
 
 /// The most normalised lags that an operator shows; see [`Lags`].
-pub const MAX_LAGS: usize = 56;
+pub const MAX_LAGS: usize = 64;
 
 /// A hysteresis operator on D motors. Rate-independent: what matters is where the motors went, not how fast.
 ///

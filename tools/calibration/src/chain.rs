@@ -14,7 +14,7 @@ use i2ris::model::{Hull, ModelError};
 use i2ris::units::MotorVec;
 use nalgebra::{DMatrix, SVector};
 
-use crate::components::choose_components;
+use crate::components::{choose_components, fewer};
 use crate::em::{EmError, EmOptions, MixtureFit, fit_mixture};
 use crate::progress::Progress;
 use crate::ridge::{RidgeFit, ridge};
@@ -30,7 +30,7 @@ const WORTH_IT: f64 = 0.01;
 /// How to fit what follows an operator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainOptions {
-    /// Components of the mixture; chosen by leaving out blocks if `None`.
+    /// The most components of the mixture; chosen by leaving out blocks if `None`.
     pub components: Option<usize>,
     /// Whether to look for a residual.
     pub residual: bool,
@@ -97,12 +97,27 @@ pub fn fit_chain<O: Operator<D>, const D: usize>(
         Some(components) => components,
         None => choose_components::<D>(&joint, series.outputs(), &options.em, progress),
     };
-    let mixture = fit_mixture(&joint, components, &options.em, progress)?;
+    let mixture = mixture(&joint, components, &options.em, progress)?;
     let left = data.left_by(&ReadOut::prepare(&mixture.parameters, series.outputs())?);
     let (residual, error) = if options.residual { data.residual(&left) } else { (None, mean_square(&left)) };
     let MixtureFit { parameters, log_likelihood, bic, .. } = mixture;
     let cross_validated_rms = error.sqrt();
     Ok(ChainFit { mixture: parameters, residual, virtual_hull, log_likelihood, bic, cross_validated_rms })
+}
+
+/// A mixture of so many components, or of fewer where some of them starve.
+fn mixture(
+    joint: &Table,
+    mut components: usize,
+    em: &EmOptions,
+    progress: &dyn Progress,
+) -> Result<MixtureFit, EmError> {
+    loop {
+        match (fit_mixture(joint, components, em, progress), fewer(components)) {
+            (Err(EmError::NoStartSucceeded { .. }), Some(fewer)) => components = fewer,
+            (fit, _) => return fit,
+        }
+    }
 }
 
 struct Data<'a, const D: usize> {

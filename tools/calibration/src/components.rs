@@ -69,6 +69,11 @@ pub(crate) fn choose_components<const D: usize>(
     least_that_comes_near(&errors).and_then(|index| USUAL.get(index).copied()).unwrap_or(1)
 }
 
+/// The next number below, of those that are tried.
+pub(crate) fn fewer(components: usize) -> Option<usize> {
+    USUAL.into_iter().rev().find(|usual| *usual < components)
+}
+
 /// Index of the first error that is hardly above the least one.
 pub(crate) fn least_that_comes_near(errors: &[f64]) -> Option<usize> {
     let least = errors.iter().copied().fold(f64::INFINITY, f64::min);

@@ -16,8 +16,8 @@ use work::Work;
 
 use crate::em::{EmError, EmOptions};
 use crate::family::{Family, Frame, ParseFamilyError};
+use crate::identify::Finding;
 use crate::linear::{LinearError, fit_linear};
-use crate::motion::NoHysteresis;
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::series::Series;
@@ -179,7 +179,7 @@ pub enum FitError {
     },
     /// The recording cannot tell what the family would have to remember.
     #[error("{0}")]
-    NoHysteresis(NoHysteresis),
+    NoHysteresis(Finding),
     /// Nothing is held out to choose by.
     #[error("choosing the best family takes rows held out; name a family with --family, or hold something out")]
     NothingToChooseBy,
@@ -220,7 +220,8 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
         seed: options.em.seed,
     };
     let series = Series::new(recording, &training);
-    let mut work = Work { frame, series, inputs, outputs, straight, options, progress, candidates: Vec::new() };
+    let hidden = survey.hides_hysteresis();
+    let mut work = Work { frame, series, hidden, inputs, outputs, straight, options, progress, candidates: Vec::new() };
     let wanted: Vec<Family> = Family::ALL.into_iter().filter(|family| options.choice.wants(*family)).collect();
     let mut families: Vec<FamilyOutcome> = wanted.into_iter().map(|family| work.attempt(family)).collect();
     let candidates = work.candidates;

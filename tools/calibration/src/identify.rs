@@ -1,6 +1,6 @@
 //! Whether a recording can tell hysteresis from the shape of the curve, judged by the way of the motors alone.
 //!
-//! Words are those of [`crate::motion`]; a **turning point** is where a motor turns back by more than a dead-band.
+//! A **turning point** is where a motor turns back by more than a dead-band, so that play or friction can show.
 
 use std::fmt;
 
@@ -69,7 +69,8 @@ impl fmt::Display for Finding {
             Self::Circulation { turns } => write!(
                 f,
                 "both motors go round one closed curve in one direction ({turns:.2} turns), so every position is reached \
-                 from one side only and hysteresis looks like a shift in phase; record motion with many reversals"
+                 from one side only and hysteresis looks like a shift in phase: the recording cannot tell it from the shape \
+                 of the curve; record motion with many reversals"
             ),
             Self::OneLoop { motor } => write!(
                 f,
@@ -85,11 +86,14 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What the path of a series cannot tell; nothing for one that can tell hysteresis.
+/// What the path of a series cannot tell; nothing for one that can tell hysteresis. Where it cannot tell any, lesser
+/// findings are left out.
 #[must_use]
 pub fn findings(series: &Series) -> Vec<Finding> {
     let motors = (0..series.motors()).filter_map(|motor| of_motor(series, motor));
-    motors.chain(of_plane(series)).collect()
+    let all: Vec<Finding> = motors.chain(of_plane(series)).collect();
+    let hidden = all.iter().any(Finding::hides_hysteresis);
+    all.into_iter().filter(|finding| finding.hides_hysteresis() || !hidden).collect()
 }
 
 fn of_motor(series: &Series, motor: usize) -> Option<Finding> {
@@ -183,7 +187,7 @@ mod tests {
             (counts, straight(counts))
         });
         let found = of(&circle);
-        let circulation = found.iter().find(|finding| matches!(finding, Finding::Circulation { .. })).unwrap();
+        let [circulation @ Finding::Circulation { .. }] = &found[..] else { panic!("{found:?}") };
         assert!(circulation.hides_hysteresis() && circulation.to_string().contains("one side only"), "{found:?}");
     }
 

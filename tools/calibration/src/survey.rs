@@ -4,7 +4,6 @@ use std::fmt;
 
 use crate::identify::{Finding, findings};
 use crate::linear::{LinearError, LinearFit, fit_linear, independence};
-use crate::motion::{NoHysteresis, hides_hysteresis};
 use crate::noise::{NoiseFloor, noise_floor};
 use crate::recording::Recording;
 use crate::series::Series;
@@ -28,10 +27,8 @@ pub struct Survey {
 /// Something to keep in mind about a recording; no error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Warning {
-    /// Hysteresis cannot be told from the shape of the curve.
-    NoHysteresis(NoHysteresis),
-    /// Hysteresis can be told, but not all of it.
-    Limited(Finding),
+    /// Hysteresis cannot be told from the shape of the curve, or not all of it.
+    Hysteresis(Finding),
     /// Motors that move nearly as one.
     HardlySeparable {
         /// Part of the motion that is independent, percent.
@@ -42,8 +39,7 @@ pub enum Warning {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NoHysteresis(reason) => reason.fmt(f),
-            Self::Limited(finding) => finding.fmt(f),
+            Self::Hysteresis(finding) => finding.fmt(f),
             Self::HardlySeparable { percent } => write!(
                 f,
                 "the motors move nearly together ({percent:.1} % of their motion is independent): their effects are \
@@ -77,6 +73,15 @@ impl Survey {
         Ok(survey)
     }
 
+    /// Why hysteresis cannot be told at all, if it cannot.
+    #[must_use]
+    pub fn hides_hysteresis(&self) -> Option<Finding> {
+        self.warnings.iter().find_map(|warning| match warning {
+            Warning::Hysteresis(finding) if finding.hides_hysteresis() => Some(*finding),
+            _ => None,
+        })
+    }
+
     /// Whether a row was flagged, for any output.
     #[must_use]
     pub fn is_flagged(&self, row: usize) -> bool {
@@ -93,15 +98,9 @@ fn warnings(recording: &Recording, inputs: &Table) -> Vec<Warning> {
     let independent = independence(inputs);
     let percent = 100.0 * independent;
     let hardly = (independent < HARDLY_SEPARABLE).then_some(Warning::HardlySeparable { percent });
-    let hardly = hardly.into_iter();
-    match hides_hysteresis(recording) {
-        Some(reason) => hardly.chain([Warning::NoHysteresis(reason)]).collect(),
-        None => {
-            let rows: Vec<usize> = (0..recording.rows().len()).collect();
-            let findings = findings(&Series::new(recording, &rows)).into_iter();
-            hardly.chain(findings.filter(|finding| !finding.hides_hysteresis()).map(Warning::Limited)).collect()
-        }
-    }
+    let rows: Vec<usize> = (0..recording.rows().len()).collect();
+    let findings = findings(&Series::new(recording, &rows)).into_iter().map(Warning::Hysteresis);
+    hardly.into_iter().chain(findings).collect()
 }
 
 /// The counts of some rows, one column per motor.

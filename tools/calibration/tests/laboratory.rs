@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::family::Family;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
+use i2ris_calibration::identify::Finding;
 use i2ris_calibration::linear::fit_linear;
-use i2ris_calibration::motion::NoHysteresis;
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
 use i2ris_calibration::slope::{FlatSpot, LEAST_SHARE, flat_spot};
@@ -60,7 +60,7 @@ fn its_noise_and_its_limits_are_told() {
     let noise: Vec<_> = survey.noise.iter().map(|noise| noise.unwrap().deviation).collect();
     assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");
     assert!(survey.spikes.is_empty());
-    let [Warning::NoHysteresis(NoHysteresis::Circulation { turns })] = survey.warnings[..] else {
+    let [Warning::Hysteresis(Finding::Circulation { turns })] = survey.warnings[..] else {
         panic!("{:?}", survey.warnings)
     };
     assert!((turns - 3.97).abs() < 0.01);

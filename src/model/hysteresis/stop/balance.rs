@@ -1,13 +1,17 @@
-//! The balance of forces: wires against springs and stops.
+//! The balance of forces: wires against the segments, which bend one after the other by the same forces.
+//!
+//! Both searches are Newton's method on the slope of a convex function of the bends of all segments. A step takes no
+//! matrix larger than D x D: the segments hang together only through the sum of their bends, so with `H_s` the slope of
+//! segment `s` and `C = sum_s 1 / H_s` the whole is solved by the formula of Woodbury (1950).
 
 use nalgebra::{SMatrix, SVector};
 
 use super::Stops;
-use super::parameters::MAX_STOPS;
-use super::wire::contact;
+use super::parameters::MAX_SEGMENTS;
+use super::segment::{Bends, Holds, Pull};
 
 /// The most evaluations of one balance. In steps of the control loop it takes two to four.
-const MAX_EVALUATIONS: u32 = 30;
+const MAX_EVALUATIONS: u32 = 40;
 
 /// A balance that is off by less than this part of the wire travel is found: far below what a count moves.
 const BALANCED: f64 = 1e-10;
@@ -16,157 +20,168 @@ const BALANCED: f64 = 1e-10;
 const SHORTENING: f64 = 0.4;
 const LEAST_STEP: f64 = 0.01;
 
-/// Stiffness of the ends of the joints, and the part of the limit over which they are met.
-const LIMIT_STIFFNESS: f64 = 3.0;
-const LIMIT_SOFTNESS: f64 = 0.1;
-
-/// What stays put while the balance is sought: the bend and the stops before the step, and how far stops reach.
+/// Bends, and what every segment holds against its own.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hold<const D: usize> {
-    pub bend: SVector<f64, D>,
-    /// Stops of the motors, one row of motors per stop.
-    pub own: [SVector<f64, D>; MAX_STOPS],
-    pub shared: [SVector<f64, D>; MAX_STOPS],
-    pub own_reach: [SVector<f64, D>; MAX_STOPS],
-    pub shared_reach: [f64; MAX_STOPS],
-}
-
-/// A force and its slope.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pull<const D: usize> {
-    pub force: SVector<f64, D>,
-    pub slope: SMatrix<f64, D, D>,
+struct Stand<const D: usize> {
+    bends: Bends<D>,
+    pulls: [Pull<D>; MAX_SEGMENTS],
 }
 
 /// Where the balance is, and what the wires pull there.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Settled<const D: usize> {
-    pub bend: SVector<f64, D>,
+    pub bends: Bends<D>,
     /// Of the wires, per motor.
     pub force: SVector<f64, D>,
-    /// Of the wires over their stretch.
-    pub wire_slope: SVector<f64, D>,
-    /// What is not in balance yet, and how it changes with the bend.
-    rest: Pull<D>,
+    /// How the whole bend follows the wire travel of the motors.
+    pub follow: SMatrix<f64, D, D>,
 }
 
-impl<const D: usize> Hold<D> {
-    /// Own stops and shared stop of one element after the bend went to `bend`.
-    pub fn moved(
-        &self,
-        stop: usize,
-        along: &SVector<f64, D>,
-        moved: &SVector<f64, D>,
-    ) -> Option<(SVector<f64, D>, SVector<f64, D>)> {
-        let reach = self.own_reach.get(stop)?;
-        let own = (self.own.get(stop)? + along).zip_map(reach, |x, reach| x.clamp(-reach, reach));
-        let free = self.shared.get(stop)? + moved;
-        let length = free.norm();
-        let reach = *self.shared_reach.get(stop)?;
-        Some((own, if length > reach { free * (reach / length) } else { free }))
-    }
+/// Force of the wires along the axes of the bend, what it would lose with more bend, and the same per motor.
+struct Wires<const D: usize> {
+    pull: Pull<D>,
+    force: SVector<f64, D>,
+    slope: SVector<f64, D>,
 }
 
 impl<const D: usize> Stops<D> {
-    /// What springs and stops hold against a bend; without a hold, the springs alone.
-    pub(super) fn resistance(&self, hold: Option<&Hold<D>>, bend: &SVector<f64, D>) -> Pull<D> {
-        let mut pull = self.elastic(bend);
-        let Some(hold) = hold else { return pull };
-        let moved = bend - hold.bend;
-        let along = self.axes.tr_mul(&moved);
-        let mut own = SVector::<f64, D>::zeros();
-        let mut own_slope = SVector::<f64, D>::zeros();
-        for (k, stop) in self.elements.iter().enumerate() {
-            let (Some(at), Some(reach)) = (hold.own.get(k), hold.own_reach.get(k)) else { break };
-            for i in 0..D {
-                let free = at[i] + along[i];
-                own[i] += stop.own * free.clamp(-reach[i], reach[i]);
-                own_slope[i] += if free.abs() < reach[i] { stop.own } else { 0.0 };
-            }
-            if let (Some(at), Some(reach)) = (hold.shared.get(k), hold.shared_reach.get(k)) {
-                disc(stop.shared, &(at + moved), *reach, &mut pull);
-            }
-        }
-        pull.force += self.axes * own;
-        pull.slope += self.axes * SMatrix::from_diagonal(&own_slope) * self.axes.transpose();
-        pull
-    }
-
-    /// Springs along the axes of the bend, with the ends of the joints.
-    fn elastic(&self, bend: &SVector<f64, D>) -> Pull<D> {
-        let mut pull = Pull { force: SVector::zeros(), slope: SMatrix::zeros() };
-        for (axis, spring) in self.springs.iter().enumerate() {
-            let b = bend[axis];
-            let (over, over_slope) = contact(b - spring.limit, LIMIT_SOFTNESS * spring.limit);
-            let (under, under_slope) = contact(-b - spring.limit, LIMIT_SOFTNESS * spring.limit);
-            let cubed = spring.stiffening * b * b;
-            pull.force[axis] = (spring.stiffness + cubed) * b + LIMIT_STIFFNESS * (over - under);
-            pull.slope[(axis, axis)] = spring.stiffness + 3.0 * cubed + LIMIT_STIFFNESS * (over_slope + under_slope);
-        }
-        pull
-    }
-
-    /// The bend at which the wires, pulled so far, balance springs and stops. Both sides are gradients of convex
-    /// functions, so there is one, and a Newton step that is short enough always helps.
-    pub(super) fn settle(
-        &self,
-        hold: Option<&Hold<D>>,
-        travel: &SVector<f64, D>,
-        start: &SVector<f64, D>,
-    ) -> Settled<D> {
+    /// The bends at which the wires, pulled so far, balance all segments. There is one such balance, and a Newton step that
+    /// is short enough always helps.
+    pub(super) fn settle(&self, holds: Option<&Holds<D>>, travel: &SVector<f64, D>, start: &Bends<D>) -> Settled<D> {
         let near = BALANCED * (1.0 + travel.amax());
-        let mut here = self.stand(hold, travel, *start);
+        let mut here = self.stand(holds, *start);
+        let mut wires = self.wires(travel, &here);
         let mut evaluations = 1;
-        while evaluations < MAX_EVALUATIONS && here.rest.force.norm() > near {
-            let Some(inverse) = here.rest.slope.try_inverse() else { break };
-            let step = inverse * here.rest.force;
-            let mut share = 1.0;
-            let next = loop {
-                let there = self.stand(hold, travel, here.bend - step * share);
-                evaluations += 1;
-                let better = there.rest.force.norm() < here.rest.force.norm();
-                if better || evaluations >= MAX_EVALUATIONS || share < LEAST_STEP {
-                    break better.then_some(there);
-                }
-                share *= SHORTENING;
-            };
-            let Some(next) = next else { break };
-            here = next;
+        while evaluations < MAX_EVALUATIONS && self.rest(&here, &wires.pull.force) > near {
+            let Some(step) = self.towards_balance(&here, &wires.pull) else { break };
+            let before = self.rest(&here, &wires.pull.force);
+            let tried = self.shorten(holds, &here, &step, &mut evaluations, |there| {
+                let wires = self.wires(travel, there);
+                (self.rest(there, &wires.pull.force) < before).then_some(wires)
+            });
+            let Some((there, there_wires)) = tried else { break };
+            (here, wires) = (there, there_wires);
         }
-        here
+        let follow = self.compliance(&here).map_or_else(SMatrix::zeros, |compliance| {
+            let yielding = (SMatrix::identity() + compliance * wires.pull.slope).try_inverse();
+            yielding.unwrap_or_else(SMatrix::zeros) * compliance * self.axes * SMatrix::from_diagonal(&wires.slope)
+        });
+        Settled { bends: here.bends, force: wires.force, follow }
     }
 
-    fn stand(&self, hold: Option<&Hold<D>>, travel: &SVector<f64, D>, bend: SVector<f64, D>) -> Settled<D> {
-        let mut rest = self.resistance(hold, &bend);
-        let stretch = travel - self.axes.tr_mul(&bend);
-        let (mut force, mut wire_slope) = (SVector::<f64, D>::zeros(), SVector::<f64, D>::zeros());
+    /// The force along the axes that holds a whole bend, with stops as they are held; without a hold, against the springs
+    /// alone. One segment has the whole bend; of several, each takes as much as that force gives it.
+    pub(super) fn holding(&self, holds: Option<&Holds<D>>, bend: &SVector<f64, D>) -> SVector<f64, D> {
+        let mut bends = holds.map_or([SVector::zeros(); MAX_SEGMENTS], |holds| holds.each_ref().map(|hold| hold.bend));
+        if self.segments.len() == 1 {
+            bends[0] = *bend;
+            return self.stand(holds, bends).pulls[0].force;
+        }
+        let near = BALANCED * (1.0 + bend.amax());
+        let mut here = self.stand(holds, bends);
+        let mut evaluations = 1;
+        // The first step closes the gap between the bend and the sum; all others keep it closed.
+        let mut first = true;
+        while evaluations < MAX_EVALUATIONS && (first || self.apart(&here) > near) {
+            let Some(step) = self.towards_agreement(&here, bend) else { break };
+            let before = if first { f64::INFINITY } else { self.apart(&here) };
+            let tried =
+                self.shorten(holds, &here, &step, &mut evaluations, |there| (self.apart(there) < before).then_some(()));
+            let Some((there, ())) = tried else { break };
+            here = there;
+            first = false;
+        }
+        self.mean_force(&here)
+    }
+
+    fn stand(&self, holds: Option<&Holds<D>>, bends: Bends<D>) -> Stand<D> {
+        let mut pulls = [Pull::default(); MAX_SEGMENTS];
+        for (s, (segment, pull)) in self.segments.iter().zip(&mut pulls).enumerate() {
+            *pull = segment.resistance(&self.elements, &self.axes, holds.and_then(|holds| holds.get(s)), &bends[s]);
+        }
+        Stand { bends, pulls }
+    }
+
+    fn wires(&self, travel: &SVector<f64, D>, stand: &Stand<D>) -> Wires<D> {
+        let stretch = travel - self.axes.tr_mul(&stand.bends.iter().sum::<SVector<f64, D>>());
+        let (mut force, mut slope) = (SVector::<f64, D>::zeros(), SVector::<f64, D>::zeros());
         for (i, motor) in self.motors.iter().enumerate() {
-            (force[i], wire_slope[i]) = motor.wire.pull(stretch[i]);
+            (force[i], slope[i]) = motor.wire.pull(stretch[i]);
         }
-        rest.force -= self.axes * force;
-        rest.slope += self.axes * SMatrix::from_diagonal(&wire_slope) * self.axes.transpose();
-        Settled { bend, force, wire_slope, rest }
+        let along = self.axes * SMatrix::from_diagonal(&slope) * self.axes.transpose();
+        Wires { pull: Pull { force: self.axes * force, slope: along }, force, slope }
     }
-}
 
-impl<const D: usize> Settled<D> {
-    /// How the bend follows the wire travel of the motors.
-    pub fn follow(&self, axes: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
-        let inverse = self.rest.slope.try_inverse().unwrap_or_else(SMatrix::zeros);
-        inverse * axes * SMatrix::from_diagonal(&self.wire_slope)
+    fn pulls<'a>(&self, stand: &'a Stand<D>) -> impl Iterator<Item = &'a Pull<D>> + use<'a, D> {
+        stand.pulls.iter().take(self.segments.len())
     }
-}
 
-/// Adds the force of a stop whose reach is a disc.
-fn disc<const D: usize>(stiffness: f64, free: &SVector<f64, D>, reach: f64, pull: &mut Pull<D>) {
-    let length = free.norm();
-    if length <= reach {
-        pull.force += free * stiffness;
-        pull.slope += SMatrix::identity() * stiffness;
-        return;
+    /// How far all segments are from holding a force.
+    fn rest(&self, stand: &Stand<D>, force: &SVector<f64, D>) -> f64 {
+        self.pulls(stand).map(|pull| (pull.force - force).norm_squared()).sum::<f64>().sqrt()
     }
-    let direction = free / length;
-    pull.force += direction * (stiffness * reach);
-    let across = SMatrix::identity() - direction * direction.transpose();
-    pull.slope += across * (stiffness * reach / length);
+
+    fn mean_force(&self, stand: &Stand<D>) -> SVector<f64, D> {
+        self.pulls(stand).map(|pull| pull.force).sum::<SVector<f64, D>>() / self.segments.len() as f64
+    }
+
+    /// How far the segments are from holding the same force.
+    fn apart(&self, stand: &Stand<D>) -> f64 {
+        self.rest(stand, &self.mean_force(stand))
+    }
+
+    /// Bend of all segments per force.
+    fn compliance(&self, stand: &Stand<D>) -> Option<SMatrix<f64, D, D>> {
+        self.pulls(stand).map(|pull| pull.slope.try_inverse()).sum()
+    }
+
+    /// The Newton step of all segments towards what the wires pull.
+    fn towards_balance(&self, stand: &Stand<D>, wires: &Pull<D>) -> Option<Bends<D>> {
+        let coupled = (SMatrix::identity() + self.compliance(stand)? * wires.slope).try_inverse()?;
+        let alone = self.each(stand, |pull| wires.force - pull.force)?;
+        let whole = coupled * alone.iter().sum::<SVector<f64, D>>();
+        self.each(stand, |pull| wires.force - pull.force - wires.slope * whole)
+    }
+
+    /// The Newton step of all segments towards one force, whose sum closes the gap to the whole bend.
+    fn towards_agreement(&self, stand: &Stand<D>, bend: &SVector<f64, D>) -> Option<Bends<D>> {
+        let gap = bend - stand.bends.iter().sum::<SVector<f64, D>>();
+        let alone = self.each(stand, |pull| pull.force)?;
+        let force = self.compliance(stand)?.try_inverse()? * (gap + alone.iter().sum::<SVector<f64, D>>());
+        self.each(stand, |pull| force - pull.force)
+    }
+
+    /// What a force on every segment moves it.
+    fn each(&self, stand: &Stand<D>, force: impl Fn(&Pull<D>) -> SVector<f64, D>) -> Option<Bends<D>> {
+        let mut bends = [SVector::zeros(); MAX_SEGMENTS];
+        for (bend, pull) in bends.iter_mut().zip(self.pulls(stand)) {
+            *bend = pull.slope.try_inverse()? * force(pull);
+        }
+        Some(bends)
+    }
+
+    /// The longest part of a step that is accepted, and what accepted it.
+    fn shorten<T>(
+        &self,
+        holds: Option<&Holds<D>>,
+        from: &Stand<D>,
+        step: &Bends<D>,
+        evaluations: &mut u32,
+        accept: impl Fn(&Stand<D>) -> Option<T>,
+    ) -> Option<(Stand<D>, T)> {
+        let mut share = 1.0;
+        loop {
+            let mut bends = from.bends;
+            bends.iter_mut().zip(step).for_each(|(bend, step)| *bend += step * share);
+            let there = self.stand(holds, bends);
+            *evaluations += 1;
+            if let Some(accepted) = accept(&there) {
+                return Some((there, accepted));
+            }
+            if *evaluations >= MAX_EVALUATIONS || share < LEAST_STEP {
+                return None;
+            }
+            share *= SHORTENING;
+        }
+    }
 }

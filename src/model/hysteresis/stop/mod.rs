@@ -15,30 +15,34 @@
 //! - **stop**: an elastic hair of stiffness `kappa`. It follows the bend until it reaches `rho`, then slips:
 //!   `sigma <- clip(sigma + movement, -rho, rho)`.
 //! - **own, shared**: an own stop holds one motor's direction; a shared one holds the plane, and its reach is a disc.
+//! - **segment**: a stretch of the snake with stiffness, ends and friction of its own. All segments are bent by the same
+//!   forces, and their bends add up: they begin to move one after the other, so one stroke has several slopes.
 //!
 //! # Balance
 //!
 //! ```text
-//! sum_i A_i W_i(e_i) = K(b) + sum_k kappa_k [(1 - eta) sum_i A_i sigma_ki + eta Sigma_k]
-//! K_a(b) = k_a b_a + k3_a b_a^3 + ends of the joints
-//! rho_ki = share_k (base + l_i) / kappa_k,  l_i = mu_i |F_i| (1 + nu |b|)  (shared: l = |(l_1, l_2)|)
+//! sum_i A_i W_i(e_i) = K_s(b_s) + sum_k kappa_k [(1 - eta) sum_i A_i sigma_ski + eta Sigma_sk]  for every segment s
+//! K_sa(b_s) = k_sa b_sa + k3_sa b_sa^3 + ends of the joints,  b = sum_s b_s
+//! rho_ski = phi_s share_k (base + l_i) / kappa_k,  l_i = mu_i |F_i| (1 + nu |b|)  (shared: l = |(l_1, l_2)|)
 //! ```
 //!
 //! with the forces `F_i` of the step before, and `mu` one of two numbers by the sign of the force. Given what the stops
-//! remember, both sides are gradients of convex functions of `b`: there is one balance, it grows with every motor, and
-//! Newton's method finds it. Backwards no search is needed: a bend gives the force that holds it, the forces of the
-//! wires, their stretch, and so the counts.
+//! remember, both sides are gradients of convex functions of the bends: there is one balance, it grows with every motor,
+//! and Newton's method finds it. Backwards, a bend gives the force that holds it (of one segment without a search), the
+//! forces of the wires, their stretch, and so the counts.
 //!
 //! **Virtual counts** are the bend in counts: `v_i = n_i + A_i . b / c'_i`, where `c'_i` is what the bend in direction `i`
-//! gains per count of motor `i` with taut wires and without friction, `c_i [A^T (diag(k) + A A^T)^-1 A]_ii`. So a motor
-//! moves its virtual counts by one per count, on the whole, and tolerances in counts mean the same as elsewhere.
+//! gains per count of motor `i` with taut wires and without friction, `c_i [A^T (diag(k) + A A^T)^-1 A]_ii` with the
+//! stiffness `k` of all segments in a row. So a motor moves its virtual counts by one per count, on the whole, and
+//! tolerances in counts mean the same as elsewhere.
 //!
 //! The emulator's snakes are of the same kind of physics, bristles under a load that grows with tension, written
-//! independently and in more detail (gears with friction of their own, several segments, drag, creep, drift). How
+//! independently and in more detail (gears with friction of their own, drag, creep, drift). How
 //! well this operator fits them says less about another robot than its fit to a recording of that robot does.
 
 mod balance;
 mod parameters;
+mod segment;
 mod state;
 mod wire;
 
@@ -49,7 +53,8 @@ use crate::model::error::ModelError;
 use crate::model::memory::State;
 use crate::model::regression::{Local, array, vector};
 use crate::units::MotorVec;
-pub use parameters::{LEAST, MAX_STOPS, StopAxis, StopElement, StopMotor, StopParameters};
+pub use parameters::{LEAST, MAX_SEGMENTS, MAX_STOPS, StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
+use segment::{Element, Segment};
 pub use state::StopState;
 use wire::Wire;
 
@@ -71,7 +76,7 @@ const WIPE_MARGIN: f64 = 1.25;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stops<const D: usize> {
     motors: [Motor; D],
-    springs: [Spring; D],
+    segments: Vec<Segment<D>>,
     /// One column per motor: where it bends to.
     axes: SMatrix<f64, D, D>,
     /// From forces along the axes of the bend to forces of the motors.
@@ -95,22 +100,6 @@ struct Motor {
     friction: [f64; 2],
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Spring {
-    stiffness: f64,
-    stiffening: f64,
-    limit: f64,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Element {
-    /// Stiffness of the own stops and of the shared stop.
-    own: f64,
-    shared: f64,
-    /// Reach per force.
-    reach: f64,
-}
-
 impl<const D: usize> Stops<D> {
     /// Checks the parameters of a file.
     ///
@@ -120,9 +109,9 @@ impl<const D: usize> Stops<D> {
     pub fn prepare(file: &StopParameters) -> Result<Self, ModelError> {
         file.check::<D>()?;
         let motors = std::array::from_fn(|i| Motor::new(&file.motors[i], file));
-        let springs = std::array::from_fn(|i| Spring::new(&file.axes[i]));
+        let segments: Vec<Segment<D>> = file.segments.iter().map(Segment::new).collect();
         let axes = directions::<D>(&file.motors);
-        let stiffness = SVector::<f64, D>::from_fn(|axis, _| springs[axis].stiffness);
+        let stiffness = segments.iter().map(Segment::compliance).sum::<SVector<f64, D>>().map(|c| 1.0 / c);
         let yielding = inverse(&(SMatrix::from_diagonal(&stiffness) + axes * axes.transpose()));
         let taut = axes.tr_mul(&(yielding * axes));
         let per_count = SVector::<f64, D>::from_fn(|i, _| motors[i].travel * taut[(i, i)]);
@@ -134,20 +123,20 @@ impl<const D: usize> Stops<D> {
         Ok(Self {
             to_motors: inverse(&axes),
             to_counts: SMatrix::from_diagonal(&per_count.map(|c| 1.0 / c)) * axes.transpose(),
+            usual_force: file.base_friction + segments.iter().map(|segment| segment.ends().1).fold(0.0, f64::max),
             motors,
-            springs,
+            segments,
             axes,
             elements: file.stops.iter().map(element).collect(),
             base_friction: file.base_friction,
             friction_growth: file.friction_growth,
-            usual_force: file.base_friction + springs.iter().map(Spring::furthest_force).fold(0.0, f64::max),
         })
     }
 
     /// The bend of a state.
     #[must_use]
     pub fn bend(&self, state: &StopState) -> SVector<f64, D> {
-        vector(&state.bend)
+        state.bend()
     }
 
     /// What the bend in the direction of every motor gains per count of it, with taut wires and without friction.
@@ -194,16 +183,6 @@ impl Motor {
     }
 }
 
-impl Spring {
-    fn new(file: &StopAxis) -> Self {
-        Self { stiffness: file.stiffness, stiffening: file.stiffening, limit: file.limit }
-    }
-
-    fn furthest_force(&self) -> f64 {
-        (self.stiffness + self.stiffening * self.limit * self.limit) * self.limit
-    }
-}
-
 /// The directions of the motors. Those of a file that passed its checks have an inverse.
 fn directions<const D: usize>(motors: &[StopMotor]) -> SMatrix<f64, D, D> {
     SMatrix::from_fn(|axis, motor| {
@@ -221,7 +200,7 @@ impl<const D: usize> Operator<D> for Stops<D> {
 
     /// With all stops in their middle.
     fn begin(&self, counts: &SVector<f64, D>) -> StopState {
-        StopState::centred(counts, &self.settle(None, &self.travel(counts), &SVector::zeros()))
+        StopState::centred(counts, &self.settle(None, &self.travel(counts), &[SVector::zeros(); MAX_SEGMENTS]))
     }
 
     fn advance(&self, state: &mut StopState, counts: &SVector<f64, D>) {
@@ -231,48 +210,53 @@ impl<const D: usize> Operator<D> for Stops<D> {
         let steps = (longest.fold(0.0, f64::max) / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
         for step in 1..=steps {
             let position = from + way * (f64::from(step) / f64::from(steps));
-            let hold = self.hold(state);
-            let settled = self.settle(Some(&hold), &self.travel(&position), &hold.bend);
-            self.commit(state, &hold, &settled);
+            let holds = self.hold(state);
+            let settled = self.settle(Some(&holds), &self.travel(&position), &Self::bends(&holds));
+            self.commit(state, &holds, &settled);
         }
         state.position = array(counts);
     }
 
     /// In one step, with the reach that the stops have now: exact for the short way of a tick, near for a long one.
     fn local(&self, state: &StopState, counts: &SVector<f64, D>) -> Local<D, D> {
-        let hold = self.hold(state);
-        let settled = self.settle(Some(&hold), &self.travel(counts), &hold.bend);
+        let holds = self.hold(state);
+        let settled = self.settle(Some(&holds), &self.travel(counts), &Self::bends(&holds));
         let travels = SVector::<f64, D>::from_fn(|i, _| self.motors[i].travel);
-        let jacobian = self.to_counts * settled.follow(&self.axes) * SMatrix::from_diagonal(&travels);
-        Local { mean: self.virtual_counts(&settled.bend), jacobian }
+        let jacobian = self.to_counts * settled.follow * SMatrix::from_diagonal(&travels);
+        Local { mean: self.virtual_counts(&settled.bends.iter().sum()), jacobian }
     }
 
     fn invert(&self, state: &StopState, goal: &SVector<f64, D>, compensation: f64) -> SVector<f64, D> {
         let bend = inverse(&self.to_counts) * (goal - self.neutral());
-        let full = self.counts(&bend, &self.resistance(Some(&self.hold(state)), &bend).force);
+        let full = self.counts(&bend, &self.holding(Some(&self.hold(state)), &bend));
         if compensation == 1.0 {
             return full;
         }
-        let middle = self.counts(&bend, &self.resistance(None, &bend).force);
+        let middle = self.counts(&bend, &self.holding(None, &bend));
         middle + (full - middle) * compensation
     }
 
-    /// Per stop one for every motor and, of two motors, two for the shared one; then one for the force of every motor.
+    /// Per segment and stop one for every motor and, of two motors, two for the shared one; then one for the force of
+    /// every motor.
     fn lags(&self, state: &StopState) -> Lags {
         self.all_lags(state)
     }
 
-    /// Estimated for the friction at the ends of the joints, with room. Exact for own stops under a load that does not
+    /// Estimated for the friction at the ends of the joints, with room: what it takes to drag every segment through its
+    /// stops, the hardest one last. Exact for own stops under a load that does not
     /// change; shared stops and loads forget exponentially, and the rest is far below the error of a model.
     fn wipe_counts(&self) -> MotorVec {
-        let growth = 1.0 + self.friction_growth * self.springs.iter().map(|spring| spring.limit).fold(0.0, f64::max);
+        let furthest: f64 = self.segments.iter().map(|segment| segment.ends().0).sum();
+        let growth = 1.0 + self.friction_growth * furthest;
         let widest = self.elements.iter().map(|element| element.reach).fold(0.0, f64::max);
         let shared = self.elements.iter().any(|element| element.shared > 0.0);
-        let drag = if shared { WIPE_SHARED } else { WIPE_OWN };
+        let drag = widest * if shared { WIPE_SHARED } else { WIPE_OWN };
         let range = self.motors.map(|motor| {
             let coefficient = motor.friction.iter().copied().fold(0.0, f64::max);
             let friction = self.base_friction + coefficient * growth * self.usual_force;
-            WIPE_MARGIN * (drag * widest * friction + motor.gap + 2.0 * friction) / motor.travel
+            let force = self.segments.iter().map(|segment| segment.force_of_swing(friction, drag)).fold(0.0, f64::max);
+            let swing: f64 = self.segments.iter().map(|segment| segment.swing_of_force(friction, force)).sum();
+            WIPE_MARGIN * (swing + motor.gap + 2.0 * force) / motor.travel
         });
         array(&vector::<D>(&range))
     }

@@ -8,6 +8,9 @@ use crate::model::error::{ModelError, require};
 /// The most stops.
 pub const MAX_STOPS: usize = 5;
 
+/// The most segments.
+pub const MAX_SEGMENTS: usize = 3;
+
 /// The least stiffness of loose wires and the least softness: the inverse is steeper by the reciprocal in a gap.
 pub const LEAST: f64 = 1e-3;
 
@@ -26,8 +29,8 @@ const LEAST_SINE: f64 = 0.2;
 pub struct StopParameters {
     /// One per motor.
     pub motors: Vec<StopMotor>,
-    /// One per axis of the bend, as many as motors.
-    pub axes: Vec<StopAxis>,
+    /// One to [`MAX_SEGMENTS`], which bend by the same forces and add up.
+    pub segments: Vec<StopSegment>,
     /// Half the length over which a wire goes from loose to taut, `s`, at least [`LEAST`].
     pub softness: f64,
     /// Stiffness of loose wires, `eps`, [`LEAST`] to 1.
@@ -58,11 +61,21 @@ pub struct StopMotor {
     pub friction: [f64; 2],
 }
 
-/// One axis of the bend.
+/// A stretch of the snake.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StopSegment {
+    /// One per axis of the bend, as many as motors.
+    pub axes: Vec<StopAxis>,
+    /// Its friction over what the stops say, above 0.
+    pub friction: f64,
+}
+
+/// One axis of the bend of a segment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StopAxis {
-    /// Force per bend.
+    /// Force per bend, above 0.
     pub stiffness: f64,
     /// Force per cube of the bend.
     pub stiffening: f64,
@@ -85,10 +98,13 @@ impl StopParameters {
     ///
     /// When a size, a range or a sum is wrong.
     pub(super) fn check<const D: usize>(&self) -> Result<(), ModelError> {
-        let sizes = (self.motors.len(), self.axes.len());
-        require(sizes == (D, D), || KEY.into(), format!("{sizes:?}"), "must have one motor and one axis per motor")?;
+        let motors = self.motors.len();
+        require(motors == D, || format!("{KEY}.motors"), motors, "must be as many as the robot has")?;
         self.motors.iter().enumerate().try_for_each(|(i, motor)| motor.check(i))?;
-        self.axes.iter().enumerate().try_for_each(|(i, axis)| axis.check(i))?;
+        let segments = self.segments.len();
+        let key = || format!("{KEY}.segments");
+        require((1..=MAX_SEGMENTS).contains(&segments), key, segments, "there must be 1 to 3")?;
+        self.segments.iter().enumerate().try_for_each(|(i, segment)| segment.check::<D>(i))?;
         self.check_directions::<D>()?;
         within(self.softness, LEAST, LARGEST, "softness", "must be 0.001 to 10000")?;
         within(self.loose_stiffness, LEAST, 1.0, "loose_stiffness", "must be 0.001 to 1")?;
@@ -135,10 +151,20 @@ impl StopMotor {
     }
 }
 
+impl StopSegment {
+    fn check<const D: usize>(&self, segment: usize) -> Result<(), ModelError> {
+        let name = format!("segments[{segment}]");
+        let axes = self.axes.len();
+        require(axes == D, || format!("{KEY}.{name}.axes"), axes, "must be as many as there are motors")?;
+        within(self.friction, 1e-3, LARGEST, &format!("{name}.friction"), "must be 0.001 to 10000")?;
+        self.axes.iter().enumerate().try_for_each(|(i, axis)| axis.check(&format!("{name}.axes[{i}]")))
+    }
+}
+
 impl StopAxis {
-    fn check(&self, axis: usize) -> Result<(), ModelError> {
-        let name = |field: &str| format!("axes[{axis}].{field}");
-        within(self.stiffness, 0.0, LARGEST, &name("stiffness"), "must be 0 to 10000")?;
+    fn check(&self, axis: &str) -> Result<(), ModelError> {
+        let name = |field: &str| format!("{axis}.{field}");
+        within(self.stiffness, 1e-9, LARGEST, &name("stiffness"), "must be above 0 and at most 10000")?;
         within(self.stiffening, 0.0, LARGEST, &name("stiffening"), "must be 0 to 10000")?;
         within(self.limit, LEAST, LARGEST, &name("limit"), "must be above 0")
     }

@@ -1,4 +1,7 @@
 use i2ris::model::file::FamilyParameters;
+use i2ris::model::hysteresis::Operator;
+use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+use nalgebra::SVector;
 
 use super::*;
 use crate::progress::Silent;
@@ -173,4 +176,28 @@ fn what_cannot_be_fitted_is_explained() {
 
     let greedy = FitOptions { hold_out: HoldOut::Fraction(0.99), ..options() };
     assert!(matches!(refused(&bent(400), &greedy), FitError::Split(_)));
+}
+
+/// One axis at a time: the mixture has never seen the plane between them, and folds there as soon as it has components
+/// enough.
+#[test]
+fn where_a_model_with_memory_has_no_inverse_it_is_fitted_with_fewer_components() {
+    let operator = Plays::<2>::prepare(&PlayParameters {
+        thresholds_counts: vec![vec![0.0, 60.0]; 2],
+        weights: vec![vec![0.4, 0.6]; 2],
+        planar_thresholds_counts: Vec::new(),
+    })
+    .unwrap();
+    let mut state = operator.begin(&SVector::zeros());
+    let mut random = noise(6);
+    let cross = recording(1500, |time| {
+        let [a, b] = wander(time);
+        let counts = if time < 150.0 { [a, 0.0] } else { [0.0, b] };
+        operator.advance(&mut state, &SVector::from(counts));
+        let [p, y] = straight(operator.local(&state, &SVector::from(counts)).mean.into());
+        (counts, [7.0 * (p / 7.0).tanh() + 0.02 * random(), 7.0 * ((y - 0.2 * p) / 7.0).tanh() + 0.02 * random()])
+    });
+    let options = FitOptions { choice: Choice::One(Family::GmrPlay), hold_out: HoldOut::Nothing, ..options() };
+    let outcome = fit(&cross, &options, &Silent).unwrap();
+    assert_eq!(outcome.family, Family::GmrPlay, "it was not refused for good");
 }

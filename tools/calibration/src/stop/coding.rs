@@ -2,16 +2,20 @@
 //!
 //! Lengths, forces and stiffnesses are positive and differ by orders of magnitude, so their logarithms are searched.
 
-use i2ris::model::hysteresis::stop::{LEAST, StopAxis, StopElement, StopMotor, StopParameters};
+use i2ris::model::hysteresis::stop::{LEAST, StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
 use nalgebra::DVector;
 
 /// Logarithms stay between these: 1e-6 to 3000.
 const LOGARITHMS: (f64, f64) = (-14.0, 8.0);
 
+/// The least stiffness of a spring.
+const LEAST_STIFFNESS: f64 = 1e-6;
+
 /// A scale for the parameters that a search starts from.
 #[derive(Debug, Clone)]
 pub(super) struct Coding {
     motors: usize,
+    segments: usize,
     stops: usize,
     /// Neutral counts and travel per count of the start: both are coded relative to them.
     neutral: Vec<(f64, f64)>,
@@ -20,7 +24,7 @@ pub(super) struct Coding {
 impl Coding {
     pub fn new(start: &StopParameters) -> Self {
         let neutral = start.motors.iter().map(|motor| (motor.neutral_counts, motor.travel_per_count)).collect();
-        Self { motors: start.motors.len(), stops: start.stops.len(), neutral }
+        Self { motors: start.motors.len(), segments: start.segments.len(), stops: start.stops.len(), neutral }
     }
 
     pub fn encode(&self, parameters: &StopParameters) -> DVector<f64> {
@@ -33,9 +37,9 @@ impl Coding {
             code.extend(parameters.motors.iter().map(|motor| motor.axis_deg.to_radians()));
             code.push((parameters.shared / (1.0 - parameters.shared)).ln());
         }
-        for axis in &parameters.axes {
-            code.extend([axis.stiffness, axis.stiffening, axis.limit].map(f64::ln));
-        }
+        code.extend(springs(parameters).into_iter().flatten().map(f64::ln));
+        let friction = parameters.segments.first().map_or(1.0, |segment| segment.friction);
+        code.extend(parameters.segments.iter().skip(1).map(|segment| (segment.friction / friction).ln()));
         let StopParameters { softness, loose_stiffness, base_friction, friction_growth, .. } = *parameters;
         code.extend([softness, loose_stiffness, base_friction, friction_growth].map(f64::ln));
         code.extend(parameters.stops.iter().map(|stop| stop.stiffness.ln()));
@@ -53,13 +57,7 @@ impl Coding {
             motors.iter_mut().for_each(|motor| motor.axis_deg = code.plain().to_degrees() % 360.0);
             shared = 1.0 / (1.0 + (-code.plain()).exp());
         }
-        let axes = (0..self.motors)
-            .map(|_| StopAxis {
-                stiffness: code.positive(),
-                stiffening: code.positive(),
-                limit: code.positive().max(LEAST),
-            })
-            .collect();
+        let segments = self.segments(&mut code);
         let softness = code.positive().max(LEAST);
         let loose_stiffness = code.positive().clamp(LEAST, 1.0);
         let base_friction = code.positive();
@@ -69,8 +67,42 @@ impl Coding {
         let sum: f64 = shares.iter().sum();
         let stops = stiffnesses.into_iter().zip(shares);
         let stops = stops.map(|(stiffness, share)| StopElement { stiffness, share: share / sum }).collect();
-        StopParameters { motors, axes, softness, loose_stiffness, base_friction, friction_growth, shared, stops }
+        StopParameters { motors, segments, softness, loose_stiffness, base_friction, friction_growth, shared, stops }
     }
+}
+
+impl Coding {
+    fn segments(&self, code: &mut Reader) -> Vec<StopSegment> {
+        let springs: Vec<[f64; 3]> = (0..self.segments).map(|_| code.three()).collect();
+        let others: Vec<[f64; 3]> = (1..self.motors).map(|_| code.three()).collect();
+        let friction: Vec<f64> = (0..self.segments).map(|s| if s == 0 { 1.0 } else { code.positive() }).collect();
+        let mean = friction.iter().sum::<f64>() / friction.len().max(1) as f64;
+        let axes = |spring: &[f64; 3]| {
+            let of = |ratio: &[f64; 3]| StopAxis {
+                stiffness: (spring[0] * ratio[0]).max(LEAST_STIFFNESS),
+                stiffening: spring[1] * ratio[1],
+                limit: (spring[2] * ratio[2]).max(LEAST),
+            };
+            std::iter::once(&[1.0; 3]).chain(&others).map(of).collect()
+        };
+        let segment = |(spring, friction): (&[f64; 3], f64)| StopSegment {
+            axes: axes(spring),
+            friction: (friction / mean).max(LEAST),
+        };
+        springs.iter().zip(friction).map(segment).collect()
+    }
+}
+
+/// Springs of the segments along the first axis, and then, relative to them and for all segments alike, along the other.
+fn springs(parameters: &StopParameters) -> Vec<[f64; 3]> {
+    let numbers = |axis: &StopAxis| [axis.stiffness, axis.stiffening, axis.limit];
+    let first = |segment: &StopSegment| segment.axes.first().map(numbers);
+    let mut springs: Vec<[f64; 3]> = parameters.segments.iter().filter_map(first).collect();
+    if let [one, other] = parameters.segments.first().map_or(&[][..], |segment| &segment.axes) {
+        let (one, other) = (numbers(one), numbers(other));
+        springs.push(std::array::from_fn(|i| other[i] / one[i]));
+    }
+    springs
 }
 
 fn motor(code: &mut Reader, (neutral, travel): (f64, f64)) -> StopMotor {
@@ -93,6 +125,11 @@ impl Reader<'_> {
     fn positive(&mut self) -> f64 {
         self.plain().clamp(LOGARITHMS.0, LOGARITHMS.1).exp()
     }
+
+    /// Of a spring: products of two of them stay within their bounds.
+    fn three(&mut self) -> [f64; 3] {
+        std::array::from_fn(|_| self.plain().clamp(LOGARITHMS.0, 0.5 * LOGARITHMS.1).exp())
+    }
 }
 
 #[cfg(test)]
@@ -100,26 +137,33 @@ mod tests {
     use i2ris::model::hysteresis::stop::Stops;
     use proptest::prelude::*;
 
+    use super::super::Structure;
     use super::super::start::start;
     use super::*;
     use nalgebra::{Matrix2, SVector};
 
-    fn some() -> StopParameters {
-        start::<2>(&Matrix2::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, 3)
+    fn of(segments: usize) -> StopParameters {
+        let structure = Structure { segments, stops: 3 };
+        start::<2>(&Matrix2::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, structure)
     }
 
     #[test]
     fn what_is_encoded_is_decoded() {
-        let (coding, parameters) = (Coding::new(&some()), some());
-        let code = coding.encode(&parameters);
-        assert!((coding.encode(&coding.decode(&code)) - code).amax() < 1e-9);
-        assert_eq!(coding.decode(&coding.encode(&parameters)).stops.len(), 3);
+        for segments in 1..=3 {
+            let (coding, parameters) = (Coding::new(&of(segments)), of(segments));
+            let code = coding.encode(&parameters);
+            let decoded = coding.decode(&code);
+            assert!((coding.encode(&decoded) - code).amax() < 1e-9);
+            assert_eq!((decoded.segments.len(), decoded.stops.len()), (segments, 3));
+        }
     }
 
     proptest! {
         #[test]
-        fn whatever_is_decoded_can_be_run(code in prop::collection::vec(-40.0..40.0_f64, 30)) {
-            let coding = Coding::new(&some());
+        fn whatever_is_decoded_can_be_run(
+            code in prop::collection::vec(-40.0..40.0_f64, 50), segments in 1..=3_usize,
+        ) {
+            let coding = Coding::new(&of(segments));
             let mut code = DVector::from_vec(code);
             // The directions of the motors.
             (code[12], code[13]) = (0.3, 1.9);

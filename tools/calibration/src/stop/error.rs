@@ -4,16 +4,18 @@ use std::fmt;
 
 use i2ris::model::ModelError;
 
+use super::Structure;
+use crate::identify::Finding;
 use crate::linear::LinearError;
 
 /// Why stop operators could not be fitted.
 #[derive(Debug, thiserror::Error)]
 pub enum StopError {
     /// Options that make no sense.
-    #[error("stops = {stops:?}: name at least one number of stops, each from 1 to 5")]
-    Stops {
+    #[error("structures = {structures:?}: name at least one, of 1 to 3 segments with 1 to 5 stops")]
+    Structures {
         /// As asked.
-        stops: Vec<usize>,
+        structures: Vec<Structure>,
     },
     /// A bend that was not measured in full.
     #[error("{outputs} output(s) do not show how {motors} motors bend the snake; measure at least {motors}")]
@@ -34,16 +36,8 @@ pub enum StopError {
         least: usize,
     },
     /// A motor that hardly turns back: friction and gaps look like another zero.
-    #[error(
-        "motor {motor} turns back {reversals} time(s) only: this recording cannot tell hysteresis from the shape of the \
-         curve; record motion with many reversals"
-    )]
-    FewReversals {
-        /// Counted from 0.
-        motor: usize,
-        /// Times that it turns back.
-        reversals: usize,
-    },
+    #[error("{0}")]
+    FewReversals(Finding),
     /// The straight line that everything starts from.
     #[error(transparent)]
     Line(#[from] LinearError),

@@ -23,13 +23,13 @@ mod target;
 #[cfg(test)]
 mod tests;
 
-use i2ris::model::hysteresis::stop::{MAX_STOPS, StopParameters};
+use i2ris::model::hysteresis::stop::{MAX_SEGMENTS, MAX_STOPS, StopParameters};
 use nalgebra::DVector;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use crate::motion::reversals;
+use crate::identify::{Finding, findings};
 use crate::progress::{Progress, Silent};
 use crate::series::{Series, blocks};
 use coding::Coding;
@@ -54,10 +54,10 @@ const FINE: Patience = Patience { iterations: 25, tolerance: 1e-4 };
 /// Spread of the guesses around the usual parameters, logarithms.
 const SPREAD: f64 = 0.5;
 
-/// Blocks left out one at a time to choose the number of stops.
+/// Blocks left out one at a time to choose the structure.
 const BLOCKS: usize = 4;
 
-/// More stops have to lower the error on blocks left out by this part.
+/// A larger structure has to lower the error on blocks left out by this part.
 const WORTH_IT: f64 = 0.01;
 
 /// Samples per parameter.
@@ -66,11 +66,26 @@ const LEAST_SAMPLES: usize = 4;
 /// An error above this part of that of a straight line is worth a warning.
 const LITTLE_GAIN: f64 = 0.7;
 
+/// How many parts an operator has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Structure {
+    /// Segments of the snake, 1 to [`MAX_SEGMENTS`].
+    pub segments: usize,
+    /// Stops of every segment, 1 to [`MAX_STOPS`].
+    pub stops: usize,
+}
+
+impl Structure {
+    fn exists(&self) -> bool {
+        (1..=MAX_SEGMENTS).contains(&self.segments) && (1..=MAX_STOPS).contains(&self.stops)
+    }
+}
+
 /// How to fit stop operators.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StopOptions {
-    /// Numbers of stops to choose from, each 1 to [`MAX_STOPS`].
-    pub stops: Vec<usize>,
+    /// What to choose from, the simplest first.
+    pub structures: Vec<Structure>,
     /// Guesses to start from, at least 1.
     pub starts: usize,
     /// Of the guesses beyond the first one.
@@ -79,7 +94,8 @@ pub struct StopOptions {
 
 impl Default for StopOptions {
     fn default() -> Self {
-        Self { stops: vec![3, 5], starts: 3, seed: 1 }
+        let structures = [(1, 3), (3, 3)].map(|(segments, stops)| Structure { segments, stops });
+        Self { structures: structures.to_vec(), starts: 3, seed: 1 }
     }
 }
 
@@ -92,8 +108,8 @@ pub struct StopFit {
     pub rms: f64,
     /// The same for a straight line.
     pub linear_rms: f64,
-    /// Numbers of stops with the RMS on blocks left out; empty if there was nothing to choose.
-    pub tried: Vec<(usize, f64)>,
+    /// Structures with the RMS on blocks left out; empty if there was nothing to choose.
+    pub tried: Vec<(Structure, f64)>,
     /// What the parameters say about the robot.
     pub reading: StopReading,
     /// What to doubt.
@@ -106,13 +122,12 @@ pub struct StopFit {
 ///
 /// When the options or the series cannot give a fit; see [`StopError`].
 pub fn fit_stop(series: &Series, options: &StopOptions, progress: &dyn Progress) -> Result<StopFit, StopError> {
-    if options.stops.is_empty() || options.stops.iter().any(|stops| !(1..=MAX_STOPS).contains(stops)) {
-        return Err(StopError::Stops { stops: options.stops.clone() });
+    if options.structures.is_empty() || !options.structures.iter().all(Structure::exists) {
+        return Err(StopError::Structures { structures: options.structures.clone() });
     }
-    for motor in 0..series.motors() {
-        let reversals = reversals(series.path().iter().map(|counts| counts[motor]));
-        if reversals < 2 {
-            return Err(StopError::FewReversals { motor, reversals });
+    for finding in findings(series) {
+        if let Finding::FewReversals { .. } = finding {
+            return Err(StopError::FewReversals(finding));
         }
     }
     match series.motors() {
@@ -127,13 +142,18 @@ fn fit_sized<const D: usize>(
     progress: &dyn Progress,
 ) -> Result<StopFit, StopError> {
     let target = Target::<D>::new(series)?;
-    let fewest = options.stops.iter().copied().min().unwrap_or(1);
-    let start = target.start(fewest);
-    let parameters = Coding::new(&start).encode(&start).len();
-    let least = LEAST_SAMPLES * parameters;
-    if target.samples() < least {
-        return Err(StopError::FewSamples { samples: target.samples(), parameters, least });
+    let parameters = |structure: &Structure| {
+        let start = target.start(*structure);
+        Coding::new(&start).encode(&start).len()
+    };
+    let carried = |structure: &&Structure| LEAST_SAMPLES * parameters(structure) <= target.samples();
+    let structures: Vec<Structure> = options.structures.iter().filter(carried).copied().collect();
+    if structures.is_empty() {
+        let parameters = options.structures.iter().map(parameters).min().unwrap_or_default();
+        let (samples, least) = (target.samples(), LEAST_SAMPLES * parameters);
+        return Err(StopError::FewSamples { samples, parameters, least });
     }
+    let options = &StopOptions { structures, ..options.clone() };
     let search = Search { target: &target, coarse: coarse(&target), options, progress };
     let (parameters, tried) = search.run().ok_or(StopError::Degenerate)?;
     let rms = target.unit * target.mean_square(&parameters, true).unwrap_or(f64::NAN).sqrt();
@@ -141,7 +161,7 @@ fn fit_sized<const D: usize>(
     let reading = StopReading::new::<D>(&parameters, target.unit)?;
     let little = rms > LITTLE_GAIN * linear_rms;
     let warnings = little.then_some(StopWarning::LittleGain { rms, linear_rms }).into_iter().collect();
-    let tried = tried.into_iter().map(|(stops, error)| (stops, target.unit * error)).collect();
+    let tried = tried.into_iter().map(|(structure, error)| (structure, target.unit * error)).collect();
     Ok(StopFit { parameters, rms, linear_rms, tried, reading, warnings })
 }
 
@@ -156,20 +176,21 @@ struct Search<'a, const D: usize> {
     progress: &'a dyn Progress,
 }
 
-/// A number of stops on its way.
+/// A structure on its way.
 struct Candidate {
-    stops: usize,
+    structure: Structure,
     coding: Coding,
     prior: DVector<f64>,
     at: DVector<f64>,
 }
 
 impl<const D: usize> Search<'_, D> {
-    fn run(&self) -> Option<(StopParameters, Vec<(usize, f64)>)> {
-        let choices = self.options.stops.len();
+    fn run(&self) -> Option<(StopParameters, Vec<(Structure, f64)>)> {
+        let choices = self.options.structures.len();
         let per_choice = self.options.starts.max(1) * GUESS.iterations + COARSE.iterations;
         self.progress.begin(choices * per_choice + FINE.iterations);
-        let candidates: Vec<Candidate> = self.options.stops.iter().filter_map(|stops| self.candidate(*stops)).collect();
+        let candidates: Vec<Candidate> =
+            self.options.structures.iter().filter_map(|structure| self.candidate(*structure)).collect();
         let tried = if choices > 1 { self.left_out_errors(&candidates) } else { Vec::new() };
         let chosen = choose(candidates, &tried)?;
         let fine = self.target.thinned(1, FINE_SPACING);
@@ -179,11 +200,11 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// The best of several guesses, descended on the thinned data.
-    fn candidate(&self, stops: usize) -> Option<Candidate> {
-        let start = self.target.start(stops);
+    fn candidate(&self, structure: Structure) -> Option<Candidate> {
+        let start = self.target.start(structure);
         let coding = Coding::new(&start);
         let prior = coding.encode(&start);
-        let candidate = Candidate { stops, coding, at: prior.clone(), prior };
+        let candidate = Candidate { structure, coding, at: prior.clone(), prior };
         let mut random = Pcg64::seed_from_u64(self.options.seed);
         let guesses = (0..self.options.starts.max(1)).filter_map(|guess| {
             let spread = if guess == 0 { 0.0 } else { SPREAD };
@@ -200,13 +221,13 @@ impl<const D: usize> Search<'_, D> {
     }
 
     /// RMS error of every candidate on blocks of the thinned data that it was fitted without.
-    fn left_out_errors(&self, candidates: &[Candidate]) -> Vec<(usize, f64)> {
+    fn left_out_errors(&self, candidates: &[Candidate]) -> Vec<(Structure, f64)> {
         let blocks = blocks(self.coarse.samples(), BLOCKS);
         let error = |candidate: &Candidate| {
             let squares: Option<Vec<f64>> = blocks.par_iter().map(|block| self.left_out(candidate, block)).collect();
             squares.map_or(f64::INFINITY, |squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
         };
-        candidates.iter().map(|candidate| (candidate.stops, error(candidate))).collect()
+        candidates.iter().map(|candidate| (candidate.structure, error(candidate))).collect()
     }
 
     fn left_out(&self, candidate: &Candidate, block: &std::ops::Range<usize>) -> Option<f64> {
@@ -217,9 +238,9 @@ impl<const D: usize> Search<'_, D> {
     }
 }
 
-/// The fewest stops that come near the least error.
-fn choose(candidates: Vec<Candidate>, tried: &[(usize, f64)]) -> Option<Candidate> {
+/// The first that comes near the least error.
+fn choose(candidates: Vec<Candidate>, tried: &[(Structure, f64)]) -> Option<Candidate> {
     let least = tried.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-    let near = |stops: usize| tried.iter().any(|(tried, error)| *tried == stops && *error <= least * (1.0 + WORTH_IT));
-    candidates.into_iter().filter(|candidate| tried.is_empty() || near(candidate.stops)).min_by_key(|c| c.stops)
+    let near = tried.iter().position(|(_, error)| *error <= least * (1.0 + WORTH_IT));
+    candidates.into_iter().nth(near.unwrap_or_default())
 }

@@ -1,7 +1,9 @@
 //! Where the search starts: the straight line through the data, and what such snakes are usually like.
 
-use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters};
+use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
 use nalgebra::{SMatrix, SVector};
+
+use super::Structure;
 
 /// Elastic stiffness over that of a taut wire.
 const STIFFNESS: f64 = 0.2;
@@ -25,7 +27,7 @@ pub(super) fn start<const D: usize>(
     gain: &SMatrix<f64, D, D>,
     neutral: &SVector<f64, D>,
     furthest: f64,
-    stops: usize,
+    Structure { segments, stops }: Structure,
 ) -> StopParameters {
     let motor = |i: usize| {
         let (along, up) = (gain[(0, i)], gain[(D - 1, i)]);
@@ -38,7 +40,16 @@ pub(super) fn start<const D: usize>(
             friction: [0.2; 2],
         }
     };
-    let axis = |_| StopAxis { stiffness: STIFFNESS, stiffening: 2e-5, limit: LIMIT * furthest };
+    // All segments together are as stiff as one would be; the later in the row, the further and the harder it bends.
+    let segment = |s: usize| {
+        let rank = 2.0 * (s as f64 + 1.0) / (segments as f64 + 1.0);
+        let axis = |_| StopAxis {
+            stiffness: STIFFNESS * segments as f64,
+            stiffening: 2e-5,
+            limit: LIMIT * furthest * rank / segments as f64,
+        };
+        StopSegment { axes: (0..D).map(axis).collect(), friction: rank }
+    };
     let sum: f64 = 1.0 + SHARE * (stops as f64 - 1.0);
     let softest = if stops <= FEW { SOFTEST_OF_FEW } else { SOFTEST_OF_MANY };
     let ratio = (softest / STIFFEST).powf(1.0 / (stops as f64 - 1.0).max(1.0));
@@ -48,7 +59,7 @@ pub(super) fn start<const D: usize>(
     };
     StopParameters {
         motors: (0..D).map(motor).collect(),
-        axes: (0..D).map(axis).collect(),
+        segments: (0..segments).map(segment).collect(),
         softness: 0.2,
         loose_stiffness: 0.08,
         base_friction: 1.0,

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use super::descent::Squares;
 use super::error::StopError;
-use super::{Coding, start};
+use super::{Coding, Structure, start};
 use crate::linear::{LinearFit, fit_linear};
 use crate::series::Series;
 use crate::table::Table;
@@ -90,8 +90,8 @@ impl<const D: usize> Target<D> {
         self.samples.len()
     }
 
-    pub fn start(&self, stops: usize) -> StopParameters {
-        start::start(&self.gain, &self.neutral, self.furthest, stops)
+    pub fn start(&self, structure: Structure) -> StopParameters {
+        start::start(&self.gain, &self.neutral, self.furthest, structure)
     }
 
     /// Every so many-th sample, and a path of points about `spacing` apart, in bend, with all its turning points.

@@ -5,12 +5,17 @@ use i2ris::model::hysteresis::stop::Stops;
 use nalgebra::{SMatrix, SVector};
 
 use super::*;
+use crate::identify::Finding;
 use crate::recording::Recording;
 use crate::testing::{noise, one_motor, recording, wander};
 
 /// Few guesses and few stops: the search is short.
 fn short() -> StopOptions {
-    StopOptions { stops: vec![2], starts: 1, seed: 7 }
+    StopOptions { structures: vec![one_segment(2)], starts: 1, seed: 7 }
+}
+
+fn one_segment(stops: usize) -> Structure {
+    Structure { segments: 1, stops }
 }
 
 fn whole(recording: &Recording) -> Series {
@@ -20,7 +25,7 @@ fn whole(recording: &Recording) -> Series {
 /// A snake whose parameters are not those that the search starts from.
 fn truth() -> StopParameters {
     let gain = SMatrix::<f64, 2, 2>::new(0.035, -0.03, 0.03, 0.035);
-    let mut truth = start::start(&gain, &SVector::from([20.0, -35.0]), 25.0, 2);
+    let mut truth = start::start(&gain, &SVector::from([20.0, -35.0]), 25.0, one_segment(2));
     truth.base_friction = 1.6;
     for (motor, slack) in truth.motors.iter_mut().zip([[0.9, 0.4], [0.3, 0.6]]) {
         motor.slack = slack;
@@ -68,16 +73,18 @@ fn the_number_of_threads_does_not_matter() {
 #[test]
 fn one_motor_is_a_snake_as_well() {
     let gain = SMatrix::<f64, 1, 1>::new(0.04);
-    let operator = Stops::<1>::prepare(&start::start(&gain, &SVector::from([10.0]), 20.0, 3)).unwrap();
+    let operator = Stops::<1>::prepare(&start::start(&gain, &SVector::from([10.0]), 20.0, one_segment(3))).unwrap();
     let mut state = operator.begin(&SVector::from([wander(0.0)[0]]));
     let recording = one_motor(900, |time| {
         let count = wander(time)[0];
         operator.advance(&mut state, &SVector::from([count]));
         (count, operator.bend(&state)[0])
     });
-    let fit = fit_stop(&whole(&recording), &StopOptions { stops: vec![1, 2], ..short() }, &Silent).unwrap();
+    let fit =
+        fit_stop(&whole(&recording), &StopOptions { structures: [1, 2].map(one_segment).to_vec(), ..short() }, &Silent)
+            .unwrap();
     assert!(fit.rms < 0.1 * fit.linear_rms, "{} of {}", fit.rms, fit.linear_rms);
-    let [(1, one), (2, two)] = fit.tried[..] else { panic!("{:?}", fit.tried) };
+    let [(_, one), (_, two)] = fit.tried[..] else { panic!("{:?}", fit.tried) };
     assert!(two < one && fit.parameters.stops.len() == 2, "{one} {two}");
 }
 
@@ -86,7 +93,7 @@ fn what_shows_no_hysteresis_is_refused_or_doubted() {
     let ramp = recording(300, |time| ([10.0 * time, (3.0 * time).sin() * 200.0], [0.2 * time, (3.0 * time).sin()]));
     assert!(matches!(
         fit_stop(&whole(&ramp), &short(), &Silent),
-        Err(StopError::FewReversals { motor: 0, reversals: 0 })
+        Err(StopError::FewReversals(Finding::FewReversals { motor: 0, reversals: 0 }))
     ));
     let mut noise = noise(5);
     let straight = recording(600, |time| {
@@ -100,9 +107,10 @@ fn what_shows_no_hysteresis_is_refused_or_doubted() {
 #[test]
 fn options_and_recordings_that_make_no_sense_are_refused() {
     let series = whole(&two_axes(100, 0.0));
-    for stops in [vec![], vec![0], vec![3, 6]] {
-        let options = StopOptions { stops, ..short() };
-        assert!(matches!(fit_stop(&series, &options, &Silent), Err(StopError::Stops { .. })));
+    let too_long = Structure { segments: 4, stops: 1 };
+    for structures in [vec![], vec![one_segment(0)], vec![one_segment(3), one_segment(6)], vec![too_long]] {
+        let options = StopOptions { structures, ..short() };
+        assert!(matches!(fit_stop(&series, &options, &Silent), Err(StopError::Structures { .. })));
     }
     assert!(matches!(fit_stop(&series, &short(), &Silent), Err(StopError::FewSamples { .. })));
 }

@@ -59,8 +59,8 @@ fn report(name: &str, fit: &StopFit, seconds: f64) {
     println!("{name}: fit {seconds:.1} s, rms {:.4}, linear {:.3}, tried {:.4?}", fit.rms, fit.linear_rms, fit.tried);
     let p = &fit.parameters;
     println!(
-        "  {:.4?}\n  axes {:.5?} soft {:.3} loose {:.4} base {:.3} nu {:.5} eta {:.3} {:.3?}",
-        p.motors, p.axes, p.softness, p.loose_stiffness, p.base_friction, p.friction_growth, p.shared, p.stops
+        "  {:.4?}\n  segments {:.5?} soft {:.3} loose {:.4} base {:.3} nu {:.5} eta {:.3} {:.3?}",
+        p.motors, p.segments, p.softness, p.loose_stiffness, p.base_friction, p.friction_growth, p.shared, p.stops
     );
 }
 

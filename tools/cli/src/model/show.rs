@@ -164,7 +164,8 @@ fn stop_table(stops: &StopParameters) {
         );
     }
     println!(
-        "{} stops, base friction {:.3}, {:.0} % of the friction shared by the axes",
+        "{} segment(s) of {} stops, base friction {:.3}, {:.0} % of the friction shared by the axes",
+        stops.segments.len(),
         stops.stops.len(),
         stops.base_friction,
         100.0 * stops.shared
