@@ -1,8 +1,8 @@
-//! Where the last cycle of a repeating motion begins.
+//! Where the cycles of a repeating motion begin.
 
 use std::f64::consts::TAU;
 
-use crate::motion::{circulation, counts, range, turns};
+use crate::motion::{circulation, counts, range};
 use crate::recording::Recording;
 
 /// Cycles that a motion needs, so that at least about one is left when the last is taken away. A little less than two,
@@ -27,30 +27,62 @@ pub(crate) struct Cycle {
 /// The last cycle: one turn before the end where the motors go round, one period before the end where a motor comes and
 /// goes regularly. `None` when the motion has no cycles or fewer than about two.
 pub(crate) fn last_cycle(recording: &Recording) -> Option<Cycle> {
-    let round = || circulation(recording).and_then(|phases| last_turn(&phases));
-    round().or_else(|| (0..recording.motors()).find_map(|motor| last_period(recording, motor)))
+    let rhythm = rhythm(recording)?;
+    Some(Cycle { start: rhythm.start(1.0)?, cycles: rhythm.cycles() })
 }
 
-fn last_turn(phases: &[f64]) -> Option<Cycle> {
-    let cycles = turns(phases);
-    let end = phases.last()?;
-    let start = phases.iter().rposition(|phase| (end - phase).abs() > TAU)? + 1;
-    (cycles >= LEAST_CYCLES).then_some(Cycle { start, cycles })
+/// Where every whole cycle begins, counted back from the end, in order; nothing where there are no cycles.
+pub(crate) fn starts(recording: &Recording) -> Vec<usize> {
+    let Some(rhythm) = rhythm(recording) else { return Vec::new() };
+    // The first one may lack a little.
+    let whole = (rhythm.cycles() + 0.1).floor() as u32;
+    (1..=whole).rev().map(|back| rhythm.start(f64::from(back)).unwrap_or_default()).collect()
 }
 
-fn last_period(recording: &Recording, motor: usize) -> Option<Cycle> {
+/// How far the motion has come at every row, and how far that is in one cycle.
+struct Rhythm {
+    progress: Vec<f64>,
+    cycle: f64,
+}
+
+impl Rhythm {
+    fn cycles(&self) -> f64 {
+        self.progress.first().zip(self.progress.last()).map_or(0.0, |(first, last)| (last - first) / self.cycle)
+    }
+
+    /// The first row of the last so many cycles.
+    fn start(&self, cycles: f64) -> Option<usize> {
+        let from = self.progress.last()? - cycles * self.cycle;
+        Some(self.progress.iter().rposition(|progress| *progress <= from)? + 1)
+    }
+}
+
+fn rhythm(recording: &Recording) -> Option<Rhythm> {
+    let round = circulation(recording).map(|phases| {
+        let backwards = phases.first().zip(phases.last()).is_some_and(|(first, last)| last < first);
+        let progress = phases.iter().map(|phase| if backwards { -phase } else { *phase }).collect();
+        Rhythm { progress, cycle: TAU }
+    });
+    let to_and_fro = || (0..recording.motors()).find_map(|motor| periods(recording, motor));
+    round.filter(Rhythm::repeats).or_else(|| to_and_fro().filter(Rhythm::repeats))
+}
+
+impl Rhythm {
+    fn repeats(&self) -> bool {
+        self.cycles() >= LEAST_CYCLES
+    }
+}
+
+fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
     let rows = recording.rows();
     // Without time stamps the rows themselves are the clock.
-    let clock: Vec<f64> = rows.iter().enumerate().map(|(index, row)| row.time_s.unwrap_or(index as f64)).collect();
+    let progress: Vec<f64> = rows.iter().enumerate().map(|(index, row)| row.time_s.unwrap_or(index as f64)).collect();
     let crossings = upward_crossings(counts(recording, motor));
-    let mut periods: Vec<f64> = crossings.windows(2).map(|pair| clock[pair[1]] - clock[pair[0]]).collect();
+    let mut periods: Vec<f64> = crossings.windows(2).map(|pair| progress[pair[1]] - progress[pair[0]]).collect();
     periods.sort_by(f64::total_cmp);
-    let usual = *periods.get(periods.len() / 2)?;
-    let regular = periods.iter().all(|period| (period - usual).abs() <= IRREGULARITY * usual);
-    let (first, last) = (clock.first()?, clock.last()?);
-    let cycles = (last - first) / usual;
-    let start = clock.iter().rposition(|time| *time <= last - usual)? + 1;
-    (regular && cycles >= LEAST_CYCLES).then_some(Cycle { start, cycles })
+    let cycle = *periods.get(periods.len() / 2)?;
+    let regular = periods.iter().all(|period| (period - cycle).abs() <= IRREGULARITY * cycle);
+    regular.then_some(Rhythm { progress, cycle })
 }
 
 /// Where the counts come up through the middle of their range, having been well below, and go on to well above.
@@ -89,6 +121,17 @@ mod tests {
         let Cycle { start, cycles } = last_cycle(&circle).unwrap();
         assert!((cycles - 50.0 * 0.5 / TAU).abs() < 0.01, "{cycles}");
         assert_eq!(start, 251 - 63);
+    }
+
+    #[test]
+    fn all_cycles_begin_one_after_the_other() {
+        let triangle = one_motor(200, |time| {
+            let phase = (time / 10.0).fract();
+            (1000.0 * (0.5 - (phase - 0.5).abs()), phase)
+        });
+        let starts = starts(&triangle);
+        assert!(starts.len() == 4 && starts[0] <= 1, "{starts:?}");
+        assert!(starts.windows(2).all(|pair| (49..=51).contains(&(pair[1] - pair[0]))), "{starts:?}");
     }
 
     #[test]

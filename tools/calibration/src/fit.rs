@@ -14,16 +14,19 @@ use i2ris::units::MotorVec;
 pub use gmr::{Candidate, Verdict};
 use work::Work;
 
+use crate::drift::Drift;
 use crate::em::{EmError, EmOptions};
 use crate::family::{Family, Frame, ParseFamilyError};
 use crate::identify::Finding;
 use crate::linear::{LinearError, fit_linear};
+use crate::play;
 use crate::progress::Progress;
 use crate::recording::Recording;
 use crate::series::Series;
 use crate::slope::FlatSpot;
 use crate::spike::SpikeOptions;
 use crate::split::{HoldOut, Split, SplitError};
+use crate::stop::StopReading;
 use crate::survey::{Survey, inputs, outputs};
 use crate::table::Table;
 
@@ -118,8 +121,28 @@ pub struct FamilyOutcome {
     pub family: Family,
     /// The model, or why there is none.
     pub result: Result<Arc<Model>, FitError>,
+    /// What its parameters say about the robot, of families that say anything.
+    pub reading: Option<Reading>,
     /// How long it took, s; the only thing here that is not the same in every run.
     pub seconds: f64,
+}
+
+/// What parameters say about the robot.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Reading {
+    /// Of `gmr-play`.
+    Plays(play::reading::Reading),
+    /// Of `gmr-stop`.
+    Stops(StopReading),
+}
+
+impl fmt::Display for Reading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Plays(reading) => reading.fmt(f),
+            Self::Stops(reading) => reading.fmt(f),
+        }
+    }
 }
 
 /// How models came about.
@@ -131,6 +154,8 @@ pub struct FitReport {
     pub survey: Survey,
     /// Indices of the rows used for training.
     pub training: Vec<usize>,
+    /// How far the outputs wander away from the model that was taken.
+    pub drift: Drift,
     /// Numbers of components that were tried for `gmr`, in rising order; none where it was not fitted.
     pub candidates: Vec<Candidate>,
 }
@@ -226,7 +251,8 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
     let mut families: Vec<FamilyOutcome> = wanted.into_iter().map(|family| work.attempt(family)).collect();
     let candidates = work.candidates;
     let (linear, family, model) = choose(&mut families, options.choice)?;
-    Ok(FitOutcome { model, family, linear, families, report: FitReport { split, survey, training, candidates } })
+    let drift = Drift::new(&model, recording, |row| usable(&row));
+    Ok(FitOutcome { model, family, linear, families, report: FitReport { split, survey, training, drift, candidates } })
 }
 
 impl Choice {

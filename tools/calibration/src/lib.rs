@@ -12,6 +12,7 @@
 //! | [`survey`] | what a recording says by itself: [`noise`], [`spike`]s, and what its [`motion`] cannot show |
 //! | [`split`] | training and held-out rows, by the last cycle of the motion |
 //! | [`latency`] | how late the stamps of a camera are |
+//! | [`drift`] | how far the outputs wander while a recording goes on |
 //! | [`linear`] | affine least squares |
 //! | [`kinematic`] | the analytic chain of the robot |
 //! | [`direction`] | mixtures over counts, directions and outputs |
@@ -32,6 +33,7 @@ pub mod chain;
 mod components;
 mod cycle;
 pub mod direction;
+pub mod drift;
 pub mod em;
 pub mod family;
 pub mod fit;

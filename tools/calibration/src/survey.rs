@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::identify::{Finding, findings};
+use crate::latency::Latency;
 use crate::linear::{LinearError, LinearFit, fit_linear, independence};
 use crate::noise::{NoiseFloor, noise_floor};
 use crate::recording::Recording;
@@ -20,6 +21,8 @@ pub struct Survey {
     pub noise: Vec<Option<NoiseFloor>>,
     /// Readings that were flagged, in order of rows.
     pub spikes: Vec<Spike>,
+    /// How late the outputs are stamped against the counts, where the recording can tell that.
+    pub latency: Option<Latency>,
     /// What to keep in mind.
     pub warnings: Vec<Warning>,
 }
@@ -60,7 +63,10 @@ impl Survey {
         let indices = || 0..rows.len();
         let inputs = inputs(recording, indices());
         let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
-        let mut survey = Self { noise: Vec::new(), spikes: Vec::new(), warnings: warnings(recording, &inputs) };
+        let warnings = warnings(recording, &inputs);
+        let mut survey = Self { noise: Vec::new(), spikes: Vec::new(), latency: None, warnings };
+        // Where hysteresis looks like a shift in phase, a shift in time does too.
+        survey.latency = if survey.hides_hysteresis().is_none() { recording.latency() } else { None };
         for output in 0..recording.outputs().len() {
             let measured: Vec<f64> = rows.iter().map(|row| row.outputs[output]).collect();
             let residuals = residuals(&measured, &inputs, &linear, output);

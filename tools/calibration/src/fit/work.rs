@@ -8,7 +8,7 @@ use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::hysteresis::stop::Stops;
 use i2ris::model::{Model, ModelError};
 
-use super::{Candidate, FamilyOutcome, FitError, FitOptions, gmr, refused};
+use super::{Candidate, FamilyOutcome, FitError, FitOptions, Reading, gmr, refused};
 use crate::chain::{ChainFit, ChainOptions, fit_chain};
 use crate::components::fewer;
 use crate::direction::{DirectionOptions, fit_direction};
@@ -43,11 +43,12 @@ impl Work<'_> {
     /// Fits a family and takes the time.
     pub fn attempt(&mut self, family: Family) -> FamilyOutcome {
         let begin = Instant::now();
-        let result = self.fit(family).map(Arc::new);
-        FamilyOutcome { family, result, seconds: begin.elapsed().as_secs_f64() }
+        let mut reading = None;
+        let result = self.fit(family, &mut reading).map(Arc::new);
+        FamilyOutcome { family, result, reading, seconds: begin.elapsed().as_secs_f64() }
     }
 
-    fn fit(&mut self, family: Family) -> Result<Model, FitError> {
+    fn fit(&mut self, family: Family, reading: &mut Option<Reading>) -> Result<Model, FitError> {
         if family.remembers()
             && let Some(reason) = self.hidden
         {
@@ -58,8 +59,8 @@ impl Work<'_> {
             Family::Kinematic => self.checked(family, &self.kinematic()?),
             Family::Gmr => self.gmr(),
             Family::GmrDirection => self.with_inverse(family, |components| self.direction(components)),
-            Family::GmrPlay => self.play(),
-            Family::GmrStop => self.stop(),
+            Family::GmrPlay => self.play(reading),
+            Family::GmrStop => self.stop(reading),
         }
     }
 
@@ -106,10 +107,11 @@ impl Work<'_> {
         Ok(self.behind(fit.parameters, fit.components, (fit.log_likelihood, fit.bic)))
     }
 
-    fn play(&self) -> Result<Model, FitError> {
+    fn play(&self, reading: &mut Option<Reading>) -> Result<Model, FitError> {
         let family = Family::GmrPlay;
         let first = fit_play(&self.series, &PlayOptions { chain: self.chain(None) }, self.progress);
         let first = first.map_err(|source| failed(family, source))?;
+        *reading = Some(Reading::Plays(first.reading.clone()));
         self.with_inverse(family, |components| {
             let fit = match components {
                 None => first.clone(),
@@ -120,10 +122,12 @@ impl Work<'_> {
         })
     }
 
-    fn stop(&self) -> Result<Model, FitError> {
+    fn stop(&self, reading: &mut Option<Reading>) -> Result<Model, FitError> {
         let options = StopOptions { seed: self.options.em.seed, ..StopOptions::default() };
         let fit = fit_stop(&self.series, &options, self.progress);
-        let stops = fit.map_err(|source| failed(Family::GmrStop, source))?.parameters;
+        let fit = fit.map_err(|source| failed(Family::GmrStop, source))?;
+        *reading = Some(Reading::Stops(fit.reading));
+        let stops = fit.parameters;
         self.with_inverse(Family::GmrStop, |components| {
             let chain = self.chain(components);
             let chain = match self.series.motors() {

@@ -1,5 +1,7 @@
 //! What fitted plays say about the mechanism, for a person.
 
+use std::fmt;
+
 use i2ris::model::hysteresis::play::PlayParameters;
 use nalgebra::DVector;
 
@@ -53,6 +55,21 @@ impl MotorReading {
         // A play of threshold r follows after a way of 2 r, and its branches lie 2 r apart.
         let (gap, width) = (2.0 * median(thresholds, weights), 2.0 * mean(thresholds, weights));
         Self { gain, gap_counts: gap, gap: gain * gap, loop_counts: width, loop_width: gain * width }
+    }
+}
+
+impl fmt::Display for Reading {
+    /// A line per motor, then one for the axes.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (motor, reading) in self.motors.iter().enumerate() {
+            let MotorReading { gain, gap_counts, gap, loop_counts, loop_width } = reading;
+            writeln!(
+                f,
+                "motor {motor}: gap {gap_counts:.0} counts ({gap:.2}), loop {loop_counts:.0} counts ({loop_width:.2}) wide, \
+                 {gain:.4} per count"
+            )?;
+        }
+        self.rotation_deg.map_or(Ok(()), |rotation| writeln!(f, "axes turned by {rotation:.1} deg"))
     }
 }
 

@@ -12,6 +12,7 @@ mod check;
 mod columns;
 mod error;
 mod read;
+mod shift;
 #[cfg(test)]
 mod tests;
 mod write;

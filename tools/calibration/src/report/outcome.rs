@@ -37,7 +37,28 @@ fn read_facts(read: &ReadReport, outcome: &FitOutcome) -> Vec<(String, String)> 
     facts.push(fact("rows dropped for an empty cell", read.dropped.len()));
     facts.push(fact("rows with positions only", read.positions));
     facts.push(fact("readings flagged as spikes", outcome.report.survey.spikes.len()));
+    let latency = outcome.report.survey.latency;
+    facts.extend(latency.map(|l| {
+        let (ms, deviation) = (1e3 * l.seconds, 1e3 * l.deviation_s);
+        fact("outputs are stamped late by", format!("{ms:.1} ms (standard deviation {deviation:.1} ms)"))
+    }));
+    facts.extend(drifts(outcome));
+    facts.extend(outcome.families.iter().filter_map(|family| {
+        let lines = family.reading.as_ref()?.to_string();
+        Some(fact(&format!("reading of {}", family.family), lines.trim_end().replace('\n', "; ")))
+    }));
     facts
+}
+
+fn drifts(outcome: &FitOutcome) -> impl Iterator<Item = (String, String)> {
+    let drift = &outcome.report.drift;
+    let part = if drift.cycles { "cycle" } else { "fifth of the rows" };
+    outcome.model.file().outputs.iter().enumerate().map(move |(index, output)| {
+        let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
+        let unit = output.unit;
+        let text = format!("{per_part:+.3} {unit} per {part}, at most {largest:.3} from one to the next");
+        fact(&format!("drift of {}", output.name), text)
+    })
 }
 
 fn settings(options: &FitOptions) -> Vec<(String, String)> {

@@ -1,5 +1,7 @@
 //! What fitted parameters say about the robot.
 
+use std::fmt;
+
 use i2ris::model::ModelError;
 use i2ris::model::hysteresis::stop::{StopMotor, StopParameters, Stops};
 
@@ -12,6 +14,8 @@ pub struct StopReading {
     pub base_friction: f64,
     /// Share of the friction that the axes have in common.
     pub shared: f64,
+    /// Stretches that bend one after the other.
+    pub segments: usize,
 }
 
 /// What fitted parameters say about one motor.
@@ -47,6 +51,28 @@ impl StopReading {
             motors: parameters.motors.iter().zip(gains.iter().copied()).map(reading).collect(),
             base_friction: parameters.base_friction * unit,
             shared: parameters.shared,
+            segments: parameters.segments.len(),
         })
+    }
+}
+
+impl fmt::Display for StopReading {
+    /// A line per motor, then one for all of them.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (motor, reading) in self.motors.iter().enumerate() {
+            let MotorReading { slack_counts, slack, axis_deg, gain_per_count, friction } = reading;
+            writeln!(
+                f,
+                "motor {motor}: slack {slack_counts:.0} counts ({slack:.2}), {gain_per_count:.4} per count, axis at \
+                 {axis_deg:.1} deg, friction {:.2} and {:.2} of the pull",
+                friction[0], friction[1]
+            )?;
+        }
+        let Self { segments, base_friction, shared, .. } = self;
+        writeln!(
+            f,
+            "{segments} segment(s); friction without load {base_friction:.2}, {:.0} % of it shared by the axes",
+            100.0 * shared
+        )
     }
 }

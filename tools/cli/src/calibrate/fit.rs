@@ -2,19 +2,24 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
-use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
+use i2ris_calibration::recording::{ColumnMap, MIN_ROWS, OutputColumn, Recording, TimeColumn};
 use i2ris_calibration::report::{html, of_fit};
 use i2ris_calibration::spike::SpikeOptions;
 use i2ris_calibration::split::HoldOut;
+use i2ris_calibration::survey::Survey;
 
 use super::progress::Bar;
 use super::report::report;
 use crate::Failure;
+
+/// More is no latency of a camera, ms.
+const MAX_LATENCY_MS: f64 = 1000.0;
 
 /// Arguments of `i2ris calibrate fit`.
 #[derive(Debug, clap::Args)]
@@ -63,6 +68,9 @@ struct ModelArguments {
     /// Train on readings that are flagged as spikes, too
     #[arg(long)]
     keep_spikes: bool,
+    /// Take so much off the stamps of the angles first; `auto` takes off what the recording itself says
+    #[arg(long, value_name = "MS", allow_negative_numbers = true)]
+    latency_ms: Option<LatencyChoice>,
 }
 
 #[derive(Debug, clap::Args)]
@@ -80,6 +88,50 @@ struct ColumnArguments {
     /// Read the recording without time stamps
     #[arg(long)]
     no_time: bool,
+}
+
+/// What to take off the stamps of the angles.
+#[derive(Debug, Clone, Copy)]
+enum LatencyChoice {
+    Auto,
+    Ms(f64),
+}
+
+impl FromStr for LatencyChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let ms = text.parse().ok().filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
+        ms.map(Self::Ms).ok_or_else(|| format!("must be `auto` or a number of at most {MAX_LATENCY_MS} either way"))
+    }
+}
+
+impl LatencyChoice {
+    /// The recording without the latency, and what was taken off.
+    fn take_off(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
+        if recording.rows().iter().any(|row| row.time_s.is_none()) {
+            return Err("--latency-ms: the recording has no time stamps; name their column with --time".into());
+        }
+        let seconds = match self {
+            Self::Ms(ms) => ms / 1e3,
+            Self::Auto => match Survey::new(recording, &SpikeOptions::default())?.latency {
+                Some(latency) => latency.seconds,
+                None => {
+                    return Err(
+                        "--latency-ms auto: the motion of this recording does not tell it; give it in ms".into()
+                    );
+                }
+            },
+        };
+        let shifted = recording.shifted(seconds);
+        if shifted.rows().len() < MIN_ROWS {
+            return Err(format!("--latency-ms: {} row(s) are left; give less", shifted.rows().len()).into());
+        }
+        Ok((shifted, seconds))
+    }
 }
 
 fn part(text: &str) -> Result<f64, String> {
@@ -131,14 +183,25 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     let options = arguments.options();
-    let (recording, read) = Recording::read(file, &arguments.columns.map())?;
+    let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
+    let mut taken_off = None;
+    if let Some(choice) = arguments.model.latency_ms {
+        let (shifted, seconds) = choice.take_off(&recording)?;
+        (recording, taken_off) = (shifted, Some(seconds));
+    }
     let outcome = fit(&recording, &options, &Bar::new("fitting"))
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
     if let Some(page) = &arguments.report {
-        write(page, &html(&of_fit(&recording, &read, &options, &outcome)))?;
+        let mut data = of_fit(&recording, &read, &options, &outcome);
+        data.settings
+            .extend(taken_off.map(|s| ("setting: latency taken off".to_owned(), format!("{:+.1} ms", 1e3 * s))));
+        write(page, &html(&data))?;
     }
     outcome.model.file().write(output)?;
     print!("{}", report(&recording, &read, &options, &outcome));
+    if let Some(seconds) = taken_off {
+        println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
+    }
     println!("\nwrote {}", output.display());
     if let Some(page) = &arguments.report {
         println!("wrote {}", page.display());

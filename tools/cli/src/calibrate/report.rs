@@ -38,6 +38,7 @@ impl Display for Report<'_> {
         self.what_was_found(f)?;
         self.candidates(f)?;
         self.metrics(f)?;
+        self.readings(f)?;
         for warning in &self.outcome.report.survey.warnings {
             write!(f, "\nwarning{}", &Wrapped(&warning.to_string()).to_string()["warning".len()..])?;
         }
@@ -70,12 +71,44 @@ impl Report<'_> {
         list(f, report.survey.spikes.iter().map(|spike| spike_text(spike, outputs)))?;
         let noise = outputs.iter().zip(&report.survey.noise).map(|(output, noise)| noise_text(output, noise.as_ref()));
         writeln!(f, "noise      {}", noise.collect::<Vec<_>>().join(", "))?;
+        self.latency(f)?;
+        self.drift(f)?;
         let (training, held_out) = (report.training.len(), report.split.held_out().len());
         writeln!(f, "training   {training} row(s)")?;
         match report.split.kind() {
             SplitKind::Nothing => writeln!(f, "held out   nothing"),
             kind => writeln!(f, "held out   {held_out} row(s): {kind}"),
         }
+    }
+
+    /// How late the outputs are, if that stands out of its uncertainty.
+    fn latency(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(latency) = self.outcome.report.survey.latency else { return Ok(()) };
+        let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
+        let hint = if ms.abs() > 4.0 * deviation.max(1.0) { "; `--latency-ms auto` takes it off" } else { "" };
+        writeln!(f, "latency    outputs are stamped {ms:+.1} ms late (standard deviation {deviation:.1} ms){hint}")
+    }
+
+    fn drift(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let drift = &self.outcome.report.drift;
+        let part = if drift.cycles { "cycle" } else { "fifth of the rows" };
+        let outputs = self.recording.outputs().iter().enumerate().map(|(index, output)| {
+            let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
+            format!("{} {per_part:+.3} {} (at most {largest:.3})", output.name, output.unit)
+        });
+        let outputs: Vec<_> = outputs.collect();
+        writeln!(f, "drift      per {part}, away from the model: {}", outputs.join(", "))
+    }
+
+    /// What the parameters say about the robot.
+    fn readings(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for outcome in &self.outcome.families {
+            if let Some(reading) = &outcome.reading {
+                writeln!(f, "\n{} says of the robot (lengths in the unit of the outputs):", outcome.family)?;
+                reading.to_string().lines().try_for_each(|line| write!(f, "{}", Wrapped(line)))?;
+            }
+        }
+        Ok(())
     }
 
     /// What was tried, where a number of components was chosen.

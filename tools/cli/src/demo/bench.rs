@@ -127,7 +127,8 @@ impl Bench {
         let snake = text(&self.path("snake.toml"))?;
         let ports = text(&self.folder)?;
         let seed = seed.to_string();
-        let arguments = ["emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed];
+        let log = text(&self.path("setpoints.csv"))?;
+        let arguments = ["emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed, "--log", &log];
         let mut emulator = self.tool_in_domain("emulator", &arguments)?;
         let start = i2ris::clock::now();
         while !self.config.ports.iter().all(|port| port.device.exists()) {
