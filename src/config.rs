@@ -34,6 +34,9 @@ pub struct Config {
     /// The stroke of the command `condition`.
     #[serde(default)]
     pub condition: ConditionConfig,
+    /// How one model takes over from another.
+    #[serde(default)]
+    pub swap: SwapConfig,
     /// The serial ports, each with the axes behind it.
     pub ports: Vec<PortConfig>,
 }
@@ -174,6 +177,21 @@ pub struct ConditionConfig {
 impl Default for ConditionConfig {
     fn default() -> Self {
         Self { half_width_counts: None, turns: 4, velocity_counts_s: 1000.0 }
+    }
+}
+
+/// How one model takes over from another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SwapConfig {
+    /// How long the motors take to go where the new model wants them, in milliseconds, 0 to 10000. 0: as fast as the
+    /// limits allow.
+    pub blend_ms: u64,
+}
+
+impl Default for SwapConfig {
+    fn default() -> Self {
+        Self { blend_ms: 500 }
     }
 }
 
@@ -333,6 +351,8 @@ impl Config {
         self.check_limits()?;
         self.check_compensation()?;
         self.check_condition()?;
+        let blend_ms = self.swap.blend_ms;
+        require(blend_ms <= 10_000, "swap.blend_ms", blend_ms, "must be 0 to 10000")?;
         self.check_ports()
     }
 

@@ -5,6 +5,7 @@
 //! | control loop | SCHED_FIFO, pinned if asked | one cycle per tick |
 //! | one per serial port | SCHED_FIFO, 10 below | the exchanges with the drives |
 //! | shared memory | normal | commands in, ticks out |
+//! | models | normal | reads, checks and compares models, frees them |
 //! | main | normal | the log, and waiting for the end |
 
 use std::io::Write;
@@ -14,10 +15,12 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::Consumer;
 
+use super::chronicle::{Known, SharedChronicle};
 use super::convert::Identity;
 use super::cycle::Cycle;
-use super::lane::{LoopEnds, Record, RelayEnds, lanes};
-use super::relay::{Relay, output_names};
+use super::keeper::{Answer, Keeper, Question};
+use super::lane::{KeeperEnds, LoopEnds, Record, RelayEnds, lanes};
+use super::relay::{Desk, Relay};
 use super::{Event, Inputs};
 use crate::clock;
 use crate::config::{Config, ControlConfig};
@@ -30,7 +33,7 @@ use crate::ipc::server::RELAY_LEAD;
 use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server};
 use crate::model::{Model, ModelError};
 use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+use crate::units::{MAX_MOTORS, Nanos};
 
 /// How far the SCHED_FIFO priority of the port threads lies below that of the loop.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
@@ -79,11 +82,16 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
     // The lock comes before the ports: a second controller must not touch the drives of the first.
     let guard = DomainGuard::acquire(&Domain::new(&config.ipc.domain)?)?;
     let (runners, mut links) = bring_up_ports(config)?;
-    let (loop_ends, relay_ends, events) = lanes();
+    let (loop_ends, relay_ends, keeper_ends, events) = lanes();
     let quit = Arc::new(AtomicBool::new(false));
+    let chronicle = chronicle(config, model.as_ref());
+    let (questions, questions_out) = mpsc::channel();
+    let (answers_in, answers) = mpsc::channel();
+    let keeper = Thread::keeper(config, chronicle.clone(), keeper_ends, questions_out, answers_in, &quit)?;
 
     let (granted_in, granted_out) = mpsc::channel();
-    let relay = Thread::relay(config, guard, relay_ends, identity(config, model.as_deref()), granted_out, &quit)?;
+    let desk = Desk { questions, answers };
+    let relay = Thread::relay(config, guard, relay_ends, chronicle, desk, granted_out, &quit)?;
     let (port_events_in, port_events) = mpsc::channel();
     let ports = runners
         .into_iter()
@@ -101,10 +109,11 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
     }
 
     let mut watch = Watch { events, port_events, log };
-    watch.until_end(&control, &relay, &ports, shutdown);
+    watch.until_end(&control, &[&relay, &keeper], &ports, shutdown);
     let control = control.join();
     quit.store(true, Ordering::Release);
-    let others = ports.into_iter().map(Thread::join).chain([relay.join()]).collect::<Result<Vec<()>, _>>();
+    let others =
+        ports.into_iter().map(Thread::join).chain([relay.join(), keeper.join()]).collect::<Result<Vec<()>, _>>();
     watch.drain();
     control.and(others.map(|_| ()))
 }
@@ -116,15 +125,16 @@ fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
     Ok(Some(model))
 }
 
-fn identity(config: &Config, model: Option<&Model>) -> Identity {
-    let names: Vec<&str> =
-        model.map(|model| model.file().outputs.iter().map(|output| output.name.as_str()).collect()).unwrap_or_default();
-    Identity {
-        model: model.map(Model::id),
-        motors: config.motors() as u32,
-        outputs: names.len().min(MAX_OUTPUTS) as u32,
-        output_names: output_names(&names),
+/// What the slower threads know at the start.
+fn chronicle(config: &Config, model: Option<&Arc<Model>>) -> SharedChronicle {
+    let shared = SharedChronicle::default();
+    if let Some(model) = model {
+        let file = config.control.model.clone().unwrap_or_default();
+        let mut chronicle = shared.lock();
+        chronicle.slots.active = Some(model.id());
+        chronicle.known.insert(model.id(), Known { model: Arc::clone(model), file });
     }
+    shared
 }
 
 /// All ports are opened before the first is configured, so that a missing one is found before any drive is touched.
@@ -185,10 +195,12 @@ impl Thread {
         config: &Config,
         guard: DomainGuard,
         ends: RelayEnds,
-        identity: Identity,
+        chronicle: SharedChronicle,
+        desk: Desk,
         granted: mpsc::Receiver<(Granted, Nanos)>,
         quit: &Arc<AtomicBool>,
     ) -> Result<Self, RuntimeError> {
+        let identity = Identity { motors: config.motors() as u32 };
         let (period, quit) = (config.control.period(), Arc::clone(quit));
         let pinned = config.control.cpu;
         let (up_in, up) = mpsc::channel();
@@ -197,7 +209,8 @@ impl Thread {
             match Server::create(guard) {
                 Ok(server) => {
                     let _ = up_in.send(Ok(()));
-                    relay_until(&quit, server, ends, identity, &granted, period);
+                    let relay = |granted| Relay::new(server, ends, identity, chronicle, desk, granted, period);
+                    relay_until(&quit, relay, &granted, period);
                 }
                 Err(error) => {
                     let _ = up_in.send(Err(error));
@@ -209,6 +222,21 @@ impl Thread {
             Ok(Err(error)) => Err(error.into()),
             Err(_) => Err(RuntimeError::Died("ipc")),
         }
+    }
+
+    fn keeper(
+        config: &Config,
+        chronicle: SharedChronicle,
+        ends: KeeperEnds,
+        questions: mpsc::Receiver<Question>,
+        answers: mpsc::Sender<Answer>,
+        quit: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (config, quit) = (config.clone(), Arc::clone(quit));
+        Self::spawn("models", move || {
+            rt::keep_normal(config.control.cpu);
+            Keeper::new(config, chronicle, ends).run(&quit, &questions, &answers);
+        })
     }
 
     fn port(
@@ -250,15 +278,13 @@ impl Thread {
 
 fn relay_until(
     quit: &AtomicBool,
-    server: Server,
-    ends: RelayEnds,
-    identity: Identity,
+    relay: impl FnOnce(Granted) -> Relay,
     granted: &mpsc::Receiver<(Granted, Nanos)>,
     period: Nanos,
 ) {
     // No answer means that the loop never started; the main thread ends everything then.
     let Ok((granted, first)) = granted.recv() else { return };
-    let mut relay = Relay::new(server, ends, identity, granted, period);
+    let mut relay = relay(granted);
     let mut ticker = Ticker::new(first - RELAY_LEAD, period, Nanos::ZERO);
     while !quit.load(Ordering::Acquire) {
         let tick = ticker.wait();
@@ -279,9 +305,16 @@ fn control_loop(
     let mut ticker = Ticker::new(first, config.period(), Nanos::from_micros(u64::from(config.spin_us)));
     loop {
         let tick = ticker.wait();
+        if !ends.offers.is_empty()
+            && cycle.takes_candidates()
+            && let Ok(offer) = ends.offers.pop()
+        {
+            cycle.offer(offer.candidate);
+        }
         let inputs = Inputs {
             servo: if ends.servo.update() { *ends.servo.output_buffer() } else { None },
             request: ends.requests.pop().ok(),
+            model: ends.model_requests.pop().ok(),
             feedback: read_feedback(&mut links),
             shutdown: shutdown.load(Ordering::Acquire),
         };
@@ -293,6 +326,13 @@ fn control_loop(
         }
         // Full lanes mean that a slower thread stalls. Its answers and lines are lost; the loop goes on.
         let _ = outputs.reply.map(|reply| ends.replies.push(reply));
+        let _ = outputs.model_reply.map(|reply| ends.model_replies.push(reply));
+        // Nothing is freed here: what does not fit stays in the cycle.
+        if !ends.retired.is_full()
+            && let Some(retired) = cycle.retired()
+        {
+            let _ = ends.retired.push(retired);
+        }
         for event in outputs.events.into_iter().flatten() {
             let _ = ends.events.push(event);
         }
@@ -323,9 +363,9 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     /// Writes the log until the loop has ended. A helper thread that ends early makes the loop shut down.
-    fn until_end(&mut self, control: &Thread, relay: &Thread, ports: &[Thread], shutdown: &AtomicBool) {
+    fn until_end(&mut self, control: &Thread, helpers: &[&Thread], ports: &[Thread], shutdown: &AtomicBool) {
         while !control.handle.is_finished() {
-            if ports.iter().chain([relay]).any(|thread| thread.handle.is_finished()) {
+            if ports.iter().chain(helpers.iter().copied()).any(|thread| thread.handle.is_finished()) {
                 shutdown.store(true, Ordering::Release);
             }
             self.drain();

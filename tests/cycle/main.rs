@@ -17,4 +17,5 @@ mod rehearsing;
 mod report;
 mod shutdown;
 mod stopping;
+mod swapping;
 mod table;

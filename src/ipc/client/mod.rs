@@ -30,6 +30,7 @@ mod commander;
 mod error;
 mod external;
 mod link;
+mod models;
 mod request;
 mod watcher;
 
@@ -41,13 +42,15 @@ pub use external::ExternalPublisher;
 pub use watcher::{Latest, Subscription, Watcher};
 
 use super::domain::Domain;
-use super::payload::{OperatingStateMsg, StateCommandReply, StateCommandRequest, Version, VersionRequest};
+use super::payload::{
+    ModelReply, ModelRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+};
 use super::service;
 use super::word::{OperatingState, Refusal, StateCommand};
 use crate::clock;
 use crate::units::Nanos;
 use link::Link;
-use request::Requester;
+use request::{PATIENCE, Requester};
 
 /// How often a call that waits looks again.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
@@ -57,6 +60,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 pub struct Client {
     link: Arc<Link>,
     state_commands: Requester<StateCommandRequest, StateCommandReply>,
+    models: Requester<ModelRequest, ModelReply>,
     versions: Requester<VersionRequest, Version>,
     operating_state: Latest<OperatingStateMsg>,
 }
@@ -80,8 +84,9 @@ impl Client {
         }
         Ok(Self {
             operating_state: Latest::new(Watcher::on(&link).operating_state()),
-            state_commands: Requester::new(service::STATE_COMMAND),
-            versions: Requester::new(service::VERSION),
+            state_commands: Requester::new(service::STATE_COMMAND, PATIENCE),
+            models: Requester::new(service::MODEL, models::PATIENCE),
+            versions: Requester::new(service::VERSION, PATIENCE),
             link,
         })
     }

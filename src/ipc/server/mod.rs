@@ -37,8 +37,8 @@ use iceoryx2::prelude::{ZeroCopySend, ipc};
 use super::domain::DomainError;
 use super::guard::DomainGuard;
 use super::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, ExternalPosition, JointState, ModelReply, ModelRequest, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, Transport, transport};
@@ -54,6 +54,10 @@ pub const RELAY_LEAD: Nanos = Nanos::from_micros(100);
 const JOIN_PERIOD: Nanos = Nanos::from_millis(50);
 /// How often the leftovers of killed clients are cleared. Costs 0.4 ms, and about 1 ms per killed client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
+/// Age of a request at which nobody waits for an answer any more.
+const FORGET_AFTER: Nanos = Nanos::from_millis(2000);
+/// The same for requests about models: a model is checked over its whole hull first.
+const FORGET_MODEL_AFTER: Nanos = Nanos::from_millis(60_000);
 /// More commands than this at once can only come from a client that sends as fast as we read.
 const MAX_DRAINED: usize = 64;
 
@@ -89,6 +93,7 @@ pub struct Server {
     operating_state: Out<OperatingStateMsg>,
     period_statistics: Out<PeriodStatistics>,
     state_commands: Requests<StateCommandRequest, StateCommandReply>,
+    models: Requests<ModelRequest, ModelReply>,
     versions: Requests<VersionRequest, Version>,
     version: Version,
     failures: u64,
@@ -126,8 +131,9 @@ impl Server {
             actuators: Out::new(&services.actuators, service::ACTUATORS, boot_id)?,
             operating_state: Out::new(&services.operating_state, service::OPERATING_STATE, boot_id)?,
             period_statistics: Out::new(&services.period_statistics, service::PERIOD_STATISTICS, boot_id)?,
-            state_commands: Requests::new(&services.state_commands, service::STATE_COMMAND)?,
-            versions: Requests::new(&services.versions, service::VERSION)?,
+            state_commands: Requests::new(&services.state_commands, service::STATE_COMMAND, FORGET_AFTER)?,
+            models: Requests::new(&services.models, service::MODEL, FORGET_MODEL_AFTER)?,
+            versions: Requests::new(&services.versions, service::VERSION, FORGET_AFTER)?,
             version: version(boot_id),
             failures: 0,
             last_failure: None,
@@ -180,6 +186,18 @@ impl Server {
     pub fn reply(&mut self, token: u64, reply: StateCommandReply) {
         let sent = self.state_commands.reply(token, reply);
         self.count(sent, service::STATE_COMMAND);
+    }
+
+    /// The same for requests about models, which may take longer.
+    pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
+        let polled = self.models.poll(now, take);
+        self.count(polled, service::MODEL);
+    }
+
+    /// Answers a request about models.
+    pub fn reply_model(&mut self, token: u64, reply: ModelReply) {
+        let sent = self.models.reply(token, reply);
+        self.count(sent, service::MODEL);
     }
 
     /// `measured_js`. As with every message that goes out, `sequence` and `boot_id` are filled in here.

@@ -1,6 +1,7 @@
 //! What stop operators remember, and how it moves on.
 
 use nalgebra::SVector;
+use serde::{Deserialize, Serialize};
 
 use super::Stops;
 use super::balance::{Hold, Settled};
@@ -13,7 +14,7 @@ use crate::units::{MAX_MOTORS, MotorVec};
 type Pair = [f64; MAX_MOTORS];
 
 /// Where the motors are, how far the snake bends, what the wires pull, and where the stops are.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StopState {
     pub(super) position: MotorVec,
     pub(super) bend: Pair,
