@@ -15,6 +15,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::aim;
 use super::axis::Axis;
 use super::event::Events;
@@ -23,7 +25,7 @@ use super::joint::{Joints, NotFinite};
 use super::progress::{fail, progress};
 use super::reach::{Steps, setpoints};
 use super::sight::{Sight, off};
-use super::slots::{Candidate, Moment, Slots};
+use super::slots::{Candidate, Moment, RememberedSlots, Slots};
 use super::state::{Cause, Follow, Inactive, Machine, Motion, State};
 use super::stroke::{Plan, Stroke};
 use super::table::{self, Verdict};
@@ -32,7 +34,7 @@ use super::{EventKind, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoC
 use crate::config::Config;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::ipc::{Fault, Refusal, StateCommand};
-use crate::model::Model;
+use crate::model::{Model, ModelId};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// How long an orderly end may take in all: stopping, settling and powering off, each within its own limit, and a second
@@ -57,6 +59,33 @@ pub struct Cycle {
     lost_events: u64,
     /// When the process was first seen to be asked to end.
     ending: Option<Nanos>,
+}
+
+/// Everything that changes from tick to tick, as it is between two ticks. About 20 kB, without pointers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    axes: [Option<Axis>; MAX_MOTORS],
+    trail: Trail,
+    models: RememberedSlots,
+    machine: Machine,
+    gate: Gate,
+    ticks: u64,
+    stale_stops: u64,
+    lost_events: u64,
+    ending: Option<Nanos>,
+}
+
+impl Snapshot {
+    /// Ticks that had been run.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Models that were at hand.
+    pub fn models(&self) -> impl Iterator<Item = ModelId> {
+        self.models.models()
+    }
 }
 
 /// What the set-points of a tick come from.
@@ -98,6 +127,48 @@ impl Cycle {
     #[must_use]
     pub fn lost_events(&self) -> u64 {
         self.lost_events
+    }
+
+    /// Everything that changes from tick to tick. `None` while a model waits to be taken away by [`Cycle::retired`].
+    #[must_use]
+    pub fn snapshot(&self) -> Option<Snapshot> {
+        let mut axes = [None; MAX_MOTORS];
+        axes.iter_mut().zip(&self.axes).for_each(|(to, axis)| *to = Some(*axis));
+        Some(Snapshot {
+            axes,
+            trail: self.trail,
+            models: self.models.remembered()?,
+            machine: self.machine,
+            gate: self.gate,
+            ticks: self.ticks,
+            stale_stops: self.stale_stops,
+            lost_events: self.lost_events,
+            ending: self.ending,
+        })
+    }
+
+    /// A cycle that goes on from a snapshot of one with the same configuration. Not for the loop.
+    ///
+    /// # Errors
+    ///
+    /// Names a model that `model` does not have.
+    pub fn restored(
+        config: &Config,
+        snapshot: &Snapshot,
+        model: impl Fn(ModelId) -> Option<Arc<Model>>,
+    ) -> Result<Self, ModelId> {
+        Ok(Self {
+            axes: snapshot.axes.iter().flatten().copied().collect(),
+            trail: snapshot.trail,
+            models: Slots::restored(&snapshot.models, config, model)?,
+            machine: snapshot.machine,
+            gate: snapshot.gate,
+            ticks: snapshot.ticks,
+            stale_stops: snapshot.stale_stops,
+            lost_events: snapshot.lost_events,
+            ending: snapshot.ending,
+            ..Self::new(config, None)
+        })
     }
 
     /// Whether [`Cycle::offer`] can take a candidate now.

@@ -107,6 +107,16 @@ impl Joints {
         Self { model, compensation: config.compensation.factor, blend_span, state }
     }
 
+    /// What it remembers.
+    pub fn remembered(&self) -> &Remembered {
+        &self.state
+    }
+
+    /// The same model with another memory.
+    pub fn restore(&mut self, state: Remembered) {
+        self.state = state;
+    }
+
     /// The memory is known: enough motion has been seen.
     pub fn memory_known(&self) -> bool {
         self.model.knows(&self.state.seen)

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
+use super::black_box::{OfferRecord, Wish};
 use super::chronicle::{Chronicle, Known, SharedChronicle};
 use super::compare::{Remembering, difference};
 use super::lane::{KeeperEnds, Offer};
@@ -52,14 +53,17 @@ pub struct Keeper {
     config: Config,
     chronicle: SharedChronicle,
     ends: KeeperEnds,
+    /// To the black box, which has to know of every model before the loop does.
+    wishes: Sender<Wish>,
     requests: u64,
+    offers: u64,
 }
 
 impl Keeper {
     /// A keeper that knows what the loop began with.
     #[must_use]
-    pub fn new(config: Config, chronicle: SharedChronicle, ends: KeeperEnds) -> Self {
-        Self { config, chronicle, ends, requests: 0 }
+    pub fn new(config: Config, chronicle: SharedChronicle, ends: KeeperEnds, wishes: Sender<Wish>) -> Self {
+        Self { config, chronicle, ends, wishes, requests: 0, offers: 0 }
     }
 
     /// Answers until `quit`, or until nobody can ask any more.
@@ -140,7 +144,12 @@ impl Keeper {
             (chronicle.history.clone(), chronicle.mark)
         };
         let candidate = Candidate::new(Arc::clone(&model), &self.config, &history, mark);
-        self.ends.offers.push(Offer { candidate }).map_err(|_| Refusal::Busy)?;
+        self.offers += 1;
+        let number = self.offers;
+        let record = Box::new(OfferRecord { number, model: id, carried: candidate.carried() });
+        // Without a recorder there is no black box, and the robot goes on.
+        let _ = self.wishes.send(Wish::Offer(record, model));
+        self.ends.offers.push(Offer { number, candidate }).map_err(|_| Refusal::Busy)?;
         self.wait(|keeper| {
             keeper.free();
             (keeper.chronicle.lock().slots.staged == Some(id)).then_some(())

@@ -6,6 +6,7 @@
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::triple_buffer;
 
+use super::black_box::RecorderEnds;
 use super::slots::{Candidate, ModelReply, ModelRequest};
 use super::{Event, Report, ServoCommand, StateReply, StateRequest};
 use crate::rt::TickTiming;
@@ -23,6 +24,8 @@ const MODELS: usize = 8;
 /// A model for the loop.
 #[derive(Debug)]
 pub struct Offer {
+    /// Counts up by one per offer.
+    pub number: u64,
     /// The pointer.
     pub candidate: Candidate,
 }
@@ -54,6 +57,8 @@ pub struct LoopEnds {
     pub retired: Producer<Candidate>,
     /// Every tick.
     pub records: Producer<Record>,
+    /// The same with all that it saw and did, for the black box.
+    pub recorder: RecorderEnds,
     /// Every event.
     pub events: Producer<Event>,
 }
@@ -84,7 +89,7 @@ pub struct KeeperEnds {
 
 /// All lanes between the loop, the thread of shared memory, and the log.
 #[must_use]
-pub fn lanes() -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<Event>) {
+pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<Event>) {
     let (servo_in, servo_out) = triple_buffer(&None);
     let (requests_in, requests_out) = RingBuffer::new(COMMANDS);
     let (replies_in, replies_out) = RingBuffer::new(COMMANDS);
@@ -103,6 +108,7 @@ pub fn lanes() -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<Event>) {
         model_replies: model_replies_in,
         retired: retired_in,
         records: records_in,
+        recorder,
         events: events_in,
     };
     let of_relay = RelayEnds { servo: servo_in, requests: requests_in, replies: replies_out, records: records_out };

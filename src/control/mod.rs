@@ -24,6 +24,7 @@
 //! | `chronicle` | where the motors have been and which models are at hand, for slower threads |
 //! | `keeper` | the thread of the models: reads, checks, compares, frees |
 //! | `compare` | how two models differ, in counts |
+//! | [`black_box`] | the last seconds of every tick, and how to live through them again |
 //! | `runtime` | the process: start, threads, end |
 //! | `lane` | what passes between the threads |
 //! | `relay` | the thread of shared memory |
@@ -118,6 +119,7 @@
 
 mod aim;
 mod axis;
+pub mod black_box;
 mod blend;
 mod chronicle;
 mod compare;
@@ -146,7 +148,7 @@ mod trend;
 
 use serde::{Deserialize, Serialize};
 
-pub use slots::{Candidate, ModelChange, ModelReply, ModelRequest, ModelSlots};
+pub use slots::{Candidate, Carried, ModelChange, ModelReply, ModelRequest, ModelSlots};
 pub use trail::Mark;
 
 use crate::drive::{AxisFeedback, AxisRequest};

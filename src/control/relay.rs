@@ -5,12 +5,13 @@
 
 use std::sync::mpsc::{Receiver, Sender};
 
+use super::black_box::{Wish, Written};
 use super::chronicle::SharedChronicle;
 use super::convert::{self, Identity};
 use super::keeper::{Answer, Question};
 use super::lane::{Record, RelayEnds};
 use super::{ServoCommand, StateReply, StateRequest};
-use crate::ipc::payload::{StateCommandReply, StateCommandRequest};
+use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
 use crate::ipc::{OperatingState, Refusal, Server, StateCommand};
 use crate::model::{Model, ModelId};
 use crate::rt::{Granted, LoopStatistics};
@@ -33,12 +34,16 @@ pub struct Relay {
     state: OperatingState,
 }
 
-/// The way to the thread that keeps the models, and back.
+/// The way to the threads that take long, and back.
 pub struct Desk {
     /// To it.
     pub questions: Sender<Question>,
     /// From it.
     pub answers: Receiver<Answer>,
+    /// To the thread of the black box.
+    pub wishes: Sender<Wish>,
+    /// From it.
+    pub written: Receiver<Written>,
 }
 
 impl Relay {
@@ -75,6 +80,7 @@ impl Relay {
         self.take_servo();
         self.take_requests(now);
         self.take_models(now);
+        self.take_black_boxes(now);
         while let Ok(reply) = self.ends.replies.pop() {
             self.answer(reply);
         }
@@ -116,6 +122,20 @@ impl Relay {
         });
         while let Ok((token, reply)) = self.desk.answers.try_recv() {
             self.server.reply_model(token, reply);
+        }
+    }
+
+    fn take_black_boxes(&mut self, now: Nanos) {
+        let wishes = &self.desk.wishes;
+        self.server.poll_black_boxes(now, |token, _| {
+            let _ = wishes.send(Wish::Write(token));
+        });
+        while let Ok(Written { token, outcome }) = self.desk.written.try_recv() {
+            let reply = match outcome {
+                Ok((path, ticks)) => BlackBoxReply { ticks, text: padded_text(&path.to_string_lossy()) },
+                Err(reason) => BlackBoxReply { ticks: 0, text: padded_text(&reason) },
+            };
+            self.server.reply_black_box(token, reply);
         }
     }
 

@@ -6,6 +6,7 @@
 //! | one per serial port | SCHED_FIFO, 10 below | the exchanges with the drives |
 //! | shared memory | normal | commands in, ticks out |
 //! | models | normal | reads, checks and compares models, frees them |
+//! | black box | normal | keeps the last seconds of every tick and writes them down |
 //! | main | normal | the log, and waiting for the end |
 
 use std::io::Write;
@@ -15,11 +16,12 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::Consumer;
 
+use super::black_box::{Recorder, RecorderEnds, TickRecord, Wish, Written};
 use super::chronicle::{Known, SharedChronicle};
 use super::convert::Identity;
 use super::cycle::Cycle;
 use super::keeper::{Answer, Keeper, Question};
-use super::lane::{KeeperEnds, LoopEnds, Record, RelayEnds, lanes};
+use super::lane::{LoopEnds, Record, RelayEnds, lanes};
 use super::relay::{Desk, Relay};
 use super::{Event, Inputs};
 use crate::clock;
@@ -82,15 +84,21 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
     // The lock comes before the ports: a second controller must not touch the drives of the first.
     let guard = DomainGuard::acquire(&Domain::new(&config.ipc.domain)?)?;
     let (runners, mut links) = bring_up_ports(config)?;
-    let (loop_ends, relay_ends, keeper_ends, events) = lanes();
+    let (recorder, recorder_ends) = Recorder::new(config, model.as_ref(), &software(), guard.boot_id());
+    let (loop_ends, relay_ends, keeper_ends, events) = lanes(recorder_ends);
     let quit = Arc::new(AtomicBool::new(false));
     let chronicle = chronicle(config, model.as_ref());
     let (questions, questions_out) = mpsc::channel();
     let (answers_in, answers) = mpsc::channel();
-    let keeper = Thread::keeper(config, chronicle.clone(), keeper_ends, questions_out, answers_in, &quit)?;
+    let (wishes, wishes_out) = mpsc::channel();
+    let (written_in, written) = mpsc::channel();
+    let (lines_in, lines) = mpsc::channel();
+    let recorder = Thread::recorder(config, recorder, wishes_out, written_in, lines_in, &quit)?;
+    let keeper = Keeper::new(config.clone(), chronicle.clone(), keeper_ends, wishes.clone());
+    let keeper = Thread::keeper(config, keeper, questions_out, answers_in, &quit)?;
 
     let (granted_in, granted_out) = mpsc::channel();
-    let desk = Desk { questions, answers };
+    let desk = Desk { questions, answers, wishes, written };
     let relay = Thread::relay(config, guard, relay_ends, chronicle, desk, granted_out, &quit)?;
     let (port_events_in, port_events) = mpsc::channel();
     let ports = runners
@@ -108,12 +116,15 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
         let _ = granted_in.send((granted, first));
     }
 
-    let mut watch = Watch { events, port_events, log };
-    watch.until_end(&control, &[&relay, &keeper], &ports, shutdown);
+    let mut watch = Watch { events, port_events, lines, log };
+    watch.until_end(&control, &[&relay, &keeper, &recorder], &ports, shutdown);
     let control = control.join();
     quit.store(true, Ordering::Release);
-    let others =
-        ports.into_iter().map(Thread::join).chain([relay.join(), keeper.join()]).collect::<Result<Vec<()>, _>>();
+    let others = ports
+        .into_iter()
+        .map(Thread::join)
+        .chain([relay.join(), keeper.join(), recorder.join()])
+        .collect::<Result<Vec<()>, _>>();
     watch.drain();
     control.and(others.map(|_| ()))
 }
@@ -123,6 +134,11 @@ fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
     let model = Model::load(path)?;
     model.check_robot(&config.robot_id, config.motors())?;
     Ok(Some(model))
+}
+
+/// Version and commit of this software.
+fn software() -> String {
+    format!("i2ris {} ({})", env!("CARGO_PKG_VERSION"), option_env!("I2RIS_COMMIT").unwrap_or("commit not known"))
 }
 
 /// What the slower threads know at the start.
@@ -226,16 +242,33 @@ impl Thread {
 
     fn keeper(
         config: &Config,
-        chronicle: SharedChronicle,
-        ends: KeeperEnds,
+        keeper: Keeper,
         questions: mpsc::Receiver<Question>,
         answers: mpsc::Sender<Answer>,
         quit: &Arc<AtomicBool>,
     ) -> Result<Self, RuntimeError> {
-        let (config, quit) = (config.clone(), Arc::clone(quit));
+        let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
         Self::spawn("models", move || {
-            rt::keep_normal(config.control.cpu);
-            Keeper::new(config, chronicle, ends).run(&quit, &questions, &answers);
+            rt::keep_normal(cpu);
+            keeper.run(&quit, &questions, &answers);
+        })
+    }
+
+    fn recorder(
+        config: &Config,
+        recorder: Recorder,
+        wishes: mpsc::Receiver<Wish>,
+        written: mpsc::Sender<Written>,
+        lines: mpsc::Sender<String>,
+        quit: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
+        Self::spawn("black box", move || {
+            rt::keep_normal(cpu);
+            recorder.run(&quit, &wishes, &written, |line| {
+                // The log may be gone already.
+                let _ = lines.send(line);
+            });
         })
     }
 
@@ -303,12 +336,16 @@ fn control_loop(
     shutdown: &AtomicBool,
 ) {
     let mut ticker = Ticker::new(first, config.period(), Nanos::from_micros(u64::from(config.spin_us)));
+    let mut log = TickLog::new(config.rate_hz);
+    log.remember(&cycle, &mut ends.recorder);
     loop {
         let tick = ticker.wait();
+        let mut offered = None;
         if !ends.offers.is_empty()
             && cycle.takes_candidates()
             && let Ok(offer) = ends.offers.pop()
         {
+            offered = Some(offer.number);
             cycle.offer(offer.candidate);
         }
         let inputs = Inputs {
@@ -338,8 +375,41 @@ fn control_loop(
         }
         let timing = TickTiming { tick, ended: clock::now() };
         let _ = ends.records.push(Record { report: outputs.report, timing });
+        log.push(TickRecord { number: 0, offered, inputs, outputs, timing }, &mut ends.recorder);
+        log.remember(&cycle, &mut ends.recorder);
         if outputs.finished {
             return;
+        }
+    }
+}
+
+/// What the loop hands to the black box.
+struct TickLog {
+    ticks: u64,
+    interval: u64,
+    /// The next snapshot is due from this tick on.
+    due: u64,
+}
+
+impl TickLog {
+    /// A snapshot every second.
+    fn new(rate_hz: u32) -> Self {
+        Self { ticks: 0, interval: u64::from(rate_hz), due: 0 }
+    }
+
+    fn push(&mut self, tick: TickRecord, ends: &mut RecorderEnds) {
+        self.ticks += 1;
+        // A full lane means that the recorder stalls: it sees the gap in the numbers.
+        let _ = ends.ticks.push(TickRecord { number: self.ticks, ..tick });
+    }
+
+    fn remember(&mut self, cycle: &Cycle, ends: &mut RecorderEnds) {
+        if self.ticks >= self.due
+            && !ends.snapshots.is_full()
+            && let Some(snapshot) = cycle.snapshot()
+            && ends.snapshots.push(snapshot).is_ok()
+        {
+            self.due = self.ticks + self.interval;
         }
     }
 }
@@ -358,6 +428,7 @@ fn read_feedback(links: &mut [AxisLink]) -> [AxisFeedback; MAX_MOTORS] {
 struct Watch<'a> {
     events: Consumer<Event>,
     port_events: mpsc::Receiver<PortEvent>,
+    lines: mpsc::Receiver<String>,
     log: &'a mut dyn Write,
 }
 
@@ -382,6 +453,9 @@ impl Watch<'_> {
         }
         while let Ok(event) = self.events.pop() {
             let _ = writeln!(self.log, "{event}");
+        }
+        while let Ok(line) = self.lines.try_recv() {
+            say(self.log, format_args!("{line}"));
         }
         let _ = self.log.flush();
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::EventKind;
 use super::event::Events;
-use super::joint::Joints;
+use super::joint::{Joints, Remembered};
 use super::trail::{Mark, Trail};
 use crate::config::Config;
 use crate::drive::AxisFeedback;
@@ -29,12 +29,30 @@ impl Candidate {
         Self(Box::new(Joints::recalled(model, config, history, mark)))
     }
 
+    /// A model as it was carried into a cycle before.
+    #[must_use]
+    pub fn restored(model: Arc<Model>, config: &Config, carried: Carried) -> Self {
+        let mut joints = Joints::new(model, config);
+        joints.restore(carried.0);
+        Self(Box::new(joints))
+    }
+
     /// The model.
     #[must_use]
     pub fn model(&self) -> &Model {
         self.0.model()
     }
+
+    /// What it remembers, to be written to a file.
+    #[must_use]
+    pub fn carried(&self) -> Carried {
+        Carried(*self.0.remembered())
+    }
 }
+
+/// What a model remembers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Carried(Remembered);
 
 /// What is asked about models, as it arrived.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,6 +106,17 @@ pub(super) struct Slots {
     retired: Option<Box<Joints>>,
 }
 
+/// The memories of the models in use, staged, and in use before.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct RememberedSlots([Option<(ModelId, Remembered)>; 3]);
+
+impl RememberedSlots {
+    /// Which models.
+    pub fn models(&self) -> impl Iterator<Item = ModelId> {
+        self.0.iter().flatten().map(|(id, _)| *id)
+    }
+}
+
 /// What a swap of models has to know of the robot.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Moment<'a> {
@@ -124,6 +153,28 @@ impl Slots {
     /// All but the one in use.
     pub fn others_mut(&mut self) -> impl Iterator<Item = &mut Joints> {
         [&mut self.staged, &mut self.former].into_iter().flatten().map(Box::as_mut)
+    }
+
+    /// What is remembered: by the model in use, the staged one, the former one. `None` between a swap and the moment at
+    /// which the displaced model has left.
+    pub fn remembered(&self) -> Option<RememberedSlots> {
+        let slot = |slot: &Option<Box<Joints>>| slot.as_ref().map(|joints| (joints.model().id(), *joints.remembered()));
+        let slots = [&self.active, &self.staged, &self.former].map(slot);
+        self.open().then_some(RememberedSlots(slots))
+    }
+
+    /// The same models with the same memories. The error names a model that is not there.
+    pub fn restored(
+        slots: &RememberedSlots,
+        config: &Config,
+        model: impl Fn(ModelId) -> Option<Arc<Model>>,
+    ) -> Result<Self, ModelId> {
+        let slot = |slot: &Option<(ModelId, Remembered)>| -> Result<Option<Box<Joints>>, ModelId> {
+            let Some((id, remembered)) = slot else { return Ok(None) };
+            Ok(Some(Candidate::restored(model(*id).ok_or(*id)?, config, Carried(*remembered)).0))
+        };
+        let [active, staged, former] = &slots.0;
+        Ok(Self { active: slot(active)?, staged: slot(staged)?, former: slot(former)?, retired: None })
     }
 
     /// What the world sees.

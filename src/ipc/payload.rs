@@ -440,6 +440,32 @@ impl Default for ModelReply {
     }
 }
 
+/// `black_box`, request: write down the last seconds of every tick now.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+#[type_name("I2risBlackBoxRequestV1")]
+pub struct BlackBoxRequest {
+    /// Who asks. Not 0.
+    pub client_id: u64,
+}
+
+/// `black_box`, reply, once the file is written.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[type_name("I2risBlackBoxReplyV1")]
+pub struct BlackBoxReply {
+    /// Ticks in the file; 0: there is none, and `text` says why.
+    pub ticks: u64,
+    /// Path of the file, or why there is none; UTF-8, padded with 0.
+    pub text: [u8; 1024],
+}
+
+impl Default for BlackBoxReply {
+    fn default() -> Self {
+        Self { ticks: 0, text: [0; 1024] }
+    }
+}
+
 /// Text in a field of fixed size: as much as fits, padded with 0.
 #[must_use]
 pub fn padded_text<const N: usize>(text: &str) -> [u8; N] {
@@ -485,6 +511,7 @@ mod tests {
         assert_eq!(size_of::<ModelRequest>(), 1072);
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
+        assert_eq!(size_of::<BlackBoxReply>(), 1032);
     }
 
     #[test]

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
+use i2ris::control::black_box::{OfferRecord, Snapshot, TickRecord};
 use i2ris::control::cycle::Cycle;
 use i2ris::control::{
     Candidate, Event, EventKind, Goal, Inputs, JointReport, Mark, ModelChange, ModelRequest, Outputs, Report,
@@ -17,6 +18,7 @@ use i2ris::model::file::{
 };
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{History, Model};
+use i2ris::rt::{Tick, TickTiming};
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use crate::drive::{Drive, Quirk};
@@ -147,9 +149,48 @@ pub struct Bench {
     /// Where the motors have been, and how far that is, as the thread that stages models knows it.
     pub history: History,
     pub mark: Mark,
+    /// Fills while there is one.
+    pub recording: Option<Recording>,
     client_sequence: u64,
     request_id: u64,
     watch: Watch,
+}
+
+/// What a black box would be filled with.
+#[derive(Default)]
+pub struct Recording {
+    pub ticks: Vec<TickRecord>,
+    pub snapshots: Vec<Snapshot>,
+    pub offers: Vec<OfferRecord>,
+    pub models: Vec<Vec<u8>>,
+    offered: Option<u64>,
+}
+
+impl Recording {
+    fn push(&mut self, now: Nanos, inputs: &Inputs, outputs: &Outputs, snapshot: Option<Snapshot>) {
+        let tick = Tick { planned: now, started: now, missed: 0 };
+        let timing = TickTiming { tick, ended: now };
+        let number = outputs.requests[0].sequence;
+        self.ticks.push(TickRecord {
+            number,
+            offered: self.offered.take(),
+            inputs: *inputs,
+            outputs: *outputs,
+            timing,
+        });
+        self.snapshots.extend(snapshot);
+    }
+
+    pub fn keep(&mut self, model: &Model) {
+        self.models.push(model.file().canonical_form().unwrap());
+    }
+
+    fn offer(&mut self, candidate: &Candidate) {
+        let number = self.offers.len() as u64 + 1;
+        self.offers.push(OfferRecord { number, model: candidate.model().id(), carried: candidate.carried() });
+        self.keep(candidate.model());
+        self.offered = Some(number);
+    }
 }
 
 /// The client that the helpers of [`Bench`] speak for.
@@ -171,6 +212,7 @@ impl Bench {
             probed: 0,
             history: History::default(),
             mark: Mark::default(),
+            recording: None,
             client_sequence: 0,
             request_id: 0,
         };
@@ -193,8 +235,10 @@ impl Bench {
         let before = (self.probe)();
         self.out = self.cycle.step(self.now, &inputs);
         let retired = self.cycle.retired();
+        let snapshot = self.cycle.snapshot();
         self.probed += (self.probe)() - before;
         drop(retired);
+        self.recording.iter_mut().for_each(|recording| recording.push(self.now, &inputs, &self.out, snapshot));
         self.watch.check(&inputs, &self.out);
         self.note_events();
         self.note_way();
@@ -219,6 +263,7 @@ impl Bench {
 
     /// Stages a model.
     pub fn offer(&mut self, candidate: Candidate) {
+        self.recording.iter_mut().for_each(|recording| recording.offer(&candidate));
         let before = (self.probe)();
         assert!(self.cycle.takes_candidates());
         self.cycle.offer(candidate);

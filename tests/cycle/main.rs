@@ -14,6 +14,7 @@ mod gate;
 mod invariant;
 mod random;
 mod rehearsing;
+mod replaying;
 mod report;
 mod shutdown;
 mod stopping;

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use i2ris::config::{
     AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
-    PortConfig, SwapConfig,
+    PortConfig, RecordConfig, SwapConfig,
 };
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -70,6 +70,7 @@ impl Rig {
             compensation: CompensationConfig::default(),
             condition: ConditionConfig::default(),
             swap: SwapConfig::default(),
+            record: RecordConfig::default(),
             ports,
         };
         Self { emulator, config, folder, controller: None }

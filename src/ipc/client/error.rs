@@ -61,6 +61,12 @@ pub enum ClientError {
         /// Why, in more words; may be empty.
         message: String,
     },
+    /// No black box was written.
+    #[error("the controller wrote no black box: {reason}")]
+    BlackBox {
+        /// Why.
+        reason: String,
+    },
     /// A path that a request cannot carry.
     #[error("the path {path} does not fit into a request: at most {limit} bytes, none of them 0")]
     Path {
