@@ -34,6 +34,12 @@ pub struct Config {
     /// The stroke of the command `condition`.
     #[serde(default)]
     pub condition: ConditionConfig,
+    /// How one model takes over from another.
+    #[serde(default)]
+    pub swap: SwapConfig,
+    /// What is written down.
+    #[serde(default)]
+    pub record: RecordConfig,
     /// The serial ports, each with the axes behind it.
     pub ports: Vec<PortConfig>,
 }
@@ -177,6 +183,37 @@ impl Default for ConditionConfig {
     }
 }
 
+/// How one model takes over from another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SwapConfig {
+    /// How long the motors take to go where the new model wants them, in milliseconds, 0 to 10000. 0: as fast as the
+    /// limits allow.
+    pub blend_ms: u64,
+}
+
+impl Default for SwapConfig {
+    fn default() -> Self {
+        Self { blend_ms: 500 }
+    }
+}
+
+/// What is written down.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RecordConfig {
+    /// Where black boxes and the log of runs go, relative to the folder of this file.
+    pub folder: PathBuf,
+    /// Seconds that the black box holds, 10 to 120. A second takes 2 MB of memory at 1 kHz.
+    pub seconds: u64,
+}
+
+impl Default for RecordConfig {
+    fn default() -> Self {
+        Self { folder: "records".into(), seconds: 12 }
+    }
+}
+
 /// A serial port and the axes behind it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -279,7 +316,7 @@ pub enum ConfigError {
 }
 
 impl Config {
-    /// Reads and checks a file. The path of the model becomes relative to the folder of the file.
+    /// Reads and checks a file. Paths in it become relative to the folder of the file.
     ///
     /// # Errors
     ///
@@ -287,8 +324,9 @@ impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config = Self::parse(&text, path)?;
-        if let (Some(model), Some(folder)) = (&mut config.control.model, path.parent()) {
-            *model = folder.join(&*model);
+        if let Some(folder) = path.parent() {
+            config.control.model.iter_mut().for_each(|model| *model = folder.join(&*model));
+            config.record.folder = folder.join(&config.record.folder);
         }
         Ok(config)
     }
@@ -333,6 +371,10 @@ impl Config {
         self.check_limits()?;
         self.check_compensation()?;
         self.check_condition()?;
+        let seconds = self.record.seconds;
+        require((10..=120).contains(&seconds), "record.seconds", seconds, "must be 10 to 120")?;
+        let blend_ms = self.swap.blend_ms;
+        require(blend_ms <= 10_000, "swap.blend_ms", blend_ms, "must be 0 to 10000")?;
         self.check_ports()
     }
 

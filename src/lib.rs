@@ -27,6 +27,7 @@
 //! |---|---|
 //! | [`units`] | counts, nanoseconds, sizes of the robot |
 //! | [`clock`] | the monotonic clock and the absolute sleep |
+//! | [`wall`] | the clock of the wall, for file names only |
 //! | [`rt`] | asking for real-time scheduling and reading back what was granted |
 //! | [`config`] | the configuration file |
 //! | [`model`] | forward model and inverse, model files |
@@ -43,3 +44,4 @@ pub mod ipc;
 pub mod model;
 pub mod rt;
 pub mod units;
+pub mod wall;

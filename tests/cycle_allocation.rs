@@ -1,4 +1,4 @@
-//! The cycle takes no memory: counted over 10,000 ticks of work, faults and recoveries.
+//! The cycle takes no memory: counted over 10,000 ticks of work, faults, recoveries and swaps of models.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -13,11 +13,15 @@ mod invariant;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::Arc;
 
 use bench::Bench;
 use drive::Quirk;
+use i2ris::control::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
 
 /// The system's allocator, with a count per thread of every call that takes or gives back memory.
 struct Counting;
@@ -60,7 +64,7 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// Everything that happens in a day, in some 700 ticks.
-fn a_day(bench: &mut Bench, day: u32) {
+fn a_day(bench: &mut Bench, models: &[Arc<Model>; 2], day: u32) {
     bench.home();
     bench.enable();
     for k in 0..20 {
@@ -78,6 +82,7 @@ fn a_day(bench: &mut Bench, day: u32) {
     assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
     bench.run(10);
     assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
+    swap_models(bench, models, day);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.run(200);
     assert!(bench.report().busy);
@@ -85,6 +90,21 @@ fn a_day(bench: &mut Bench, day: u32) {
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
     bench.idle();
     assert_eq!(bench.state(), OperatingState::Disabled);
+}
+
+/// Forward, back, and forward again while angles are followed. The models are built before: that takes memory.
+fn swap_models(bench: &mut Bench, models: &[Arc<Model>; 2], day: u32) {
+    let here = bench.joints().setpoint.map(f64::to_degrees);
+    assert_eq!(bench.joint(here[0], here[1]), Refusal::None);
+    let next = &models[(day % 2) as usize];
+    bench.offer(bench.candidate(next));
+    bench.run(2);
+    assert_eq!(bench.change_model(ModelChange::Activate(next.id()), true), Refusal::None);
+    bench.run(5);
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
+    bench.run(5);
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
+    bench.run(20);
 }
 
 fn break_down(bench: &mut Bench, day: u32) {
@@ -100,12 +120,13 @@ fn break_down(bench: &mut Bench, day: u32) {
 }
 
 #[test]
-fn ten_thousand_ticks_with_faults_and_recoveries_take_no_memory() {
+fn ten_thousand_ticks_with_faults_recoveries_and_swaps_take_no_memory() {
     let mut bench = Bench::standard();
     bench.probe = calls;
+    let models = [bench::play_model(), bench::model(OutputUnit::Deg)];
     let begin = bench.now;
     for day in 0..20 {
-        a_day(&mut bench, day);
+        a_day(&mut bench, &models, day);
     }
     let ticks = bench.now.since(begin).0 / bench.config.control.period().0;
     assert!(ticks >= 10_000, "{ticks} ticks");

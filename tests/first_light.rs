@@ -8,6 +8,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use i2ris::clock;
+use i2ris::control::black_box::{Content, TickRecord, replay};
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{JointState, OperatingStateMsg};
 use i2ris::ipc::{OperatingState, StateCommand};
@@ -215,4 +216,43 @@ fn nothing_is_left_in_shared_memory_after_a_clean_end() {
     let left = fs::read_dir("/dev/shm").unwrap().filter_map(Result::ok);
     let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix)).collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+/// The black boxes of a rig, by what they were written for.
+fn black_boxes(rig: &Rig, cause: &str) -> Vec<Content> {
+    let folder = rig.folder.path().join("records");
+    let files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let of_cause = |path: &std::path::PathBuf| path.to_string_lossy().ends_with(&format!("-{cause}.box"));
+    files.filter(of_cause).map(|path| Content::read(&path).unwrap()).collect()
+}
+
+#[test]
+fn the_black_box_is_written_on_request_on_a_fault_and_at_the_end_and_replays_to_the_bit() {
+    let mut rig = Rig::new();
+    fs::write(rig.folder.path().join("model.json"), rough_model()).unwrap();
+    rig.config.control.model = Some("model.json".into());
+    rig.config.limits.feedback_stale_ms = 1000;
+    rig.config.limits.feedback_lost_ms = 2000;
+    let mut client = rig.enabled();
+    stream_counts(&client, 1.0, |t| [(300.0 * t) as i32, 0]);
+    let file = client.write_black_box().unwrap();
+    let content = Content::read(&file).unwrap();
+    assert!(content.ticks.len() > 100, "{}", content.ticks.len());
+    rig.emulator.mute(0, true);
+    client.wait_for(PATIENCE, |state| state.state == OperatingState::Fault.number()).unwrap();
+    rig.emulator.mute(0, false);
+    clock::sleep(Nanos::from_millis(1500));
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(rig.wait_for_end().code(), Some(0), "{}", rig.said("controller"));
+    let of_fault = black_boxes(&rig, "fault");
+    let at_exit = black_boxes(&rig, "exit");
+    assert_eq!((of_fault.len(), at_exit.len()), (1, 1), "{}", rig.said("controller"));
+    let faulty = |tick: &TickRecord| tick.outputs.report.state == OperatingState::Fault;
+    assert!(of_fault[0].ticks.iter().any(faulty) && !of_fault[0].ticks.iter().all(faulty));
+    for content in [content].iter().chain(&of_fault).chain(&at_exit) {
+        let replayed = replay(content).unwrap();
+        assert_eq!((replayed.difference.clone(), replayed.skipped), (None, 0), "{replayed:?}");
+        assert_eq!(replayed.ticks, content.ticks.len() as u64);
+    }
+    assert!(rig.said("controller").contains("black box of"));
 }

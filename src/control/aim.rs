@@ -34,12 +34,14 @@ pub(super) fn take(
         (Course::Joint(trend), Some(joints)) => {
             let (here, before) = trend.at(now, tick);
             let Settled { goal: settled, held } = joints.settle(&here);
-            let now_at = land(&settled, axes, joints)?;
+            let before = if held { settled } else { before };
+            let (now_goal, before_goal) = (joints.blended(settled, now), joints.blended(before, now - tick));
+            let now_at = land(&now_goal, axes, joints)?;
             joints.start_from(now_at.counts);
-            let (before_at, asked) = if held || here == before {
+            let (before_at, asked) = if now_goal == before_goal {
                 (now_at, now_at)
             } else {
-                (land(&before, axes, joints)?, land(trend.goal(), axes, joints)?)
+                (land(&before_goal, axes, joints)?, land(&joints.blended(*trend.goal(), now), axes, joints)?)
             };
             let goal = if asked.clipped { joints.pose(&asked.counts)? } else { *trend.goal() };
             Ok(Aim { targets: targets(&now_at.counts, &before_at.counts), goal: Some(goal), clipped: asked.clipped })

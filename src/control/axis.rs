@@ -1,5 +1,7 @@
 //! One motor as the loop sees it: its set-point, and what is asked of its drive.
 
+use serde::{Deserialize, Serialize};
+
 use super::limit::{Limiter, Limits, Target};
 use super::sight::{AxisSight, age};
 use crate::config::{AxisConfig, Config};
@@ -7,7 +9,7 @@ use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
 use crate::units::{Counts, Nanos};
 
 /// Who decides where the set-point is.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum Grip {
     /// The encoder: the drive does not follow, the set-point goes with the motor.
     Loose,
@@ -24,7 +26,7 @@ enum Grip {
 }
 
 /// One motor.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Axis {
     lowest: Counts,
     highest: Counts,

@@ -5,21 +5,14 @@ use super::{Goal, JointReport, Report, ServoCommand};
 use crate::drive::AxisFeedback;
 use crate::ipc::payload::{ActuatorState, JointState, OperatingStateMsg, ServoActuator, ServoJp};
 use crate::ipc::word::axis_phase;
-use crate::model::ModelId;
 use crate::rt::Granted;
-use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
-/// What the messages say about the robot and its model.
+/// What the messages say about the robot.
 #[derive(Debug, Clone, Copy)]
 pub struct Identity {
-    /// The loaded model, if there is one.
-    pub model: Option<ModelId>,
     /// Motors of the robot.
     pub motors: u32,
-    /// Outputs of the model; 0 without one.
-    pub outputs: u32,
-    /// Their names, UTF-8, padded with 0.
-    pub output_names: [[u8; 16]; MAX_OUTPUTS],
 }
 
 impl From<&ServoJp> for ServoCommand {
@@ -48,12 +41,13 @@ impl From<&ServoActuator> for ServoCommand {
 
 /// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not valid.
 #[must_use]
-pub fn joint_states(report: &Report, identity: &Identity) -> [JointState; 3] {
-    let base = JointState { stamp_ns: report.now.0, count: identity.outputs, ..JointState::default() };
-    let (Some(joint), Some(model)) = (report.joint, identity.model) else {
+pub fn joint_states(report: &Report) -> [JointState; 3] {
+    let base = JointState { stamp_ns: report.now.0, ..JointState::default() };
+    let Some(joint) = report.joint else {
         return [base; 3];
     };
-    let base = JointState { model_id: model.0, flags: joint_flags(&joint, report.clipped), ..base };
+    let flags = joint_flags(&joint, report.clipped);
+    let base = JointState { model_id: joint.model.0, count: joint.outputs, flags, ..base };
     let state = |position: OutputVec, velocity: OutputVec, deviation: OutputVec| JointState {
         position,
         velocity,
@@ -105,12 +99,12 @@ fn phases(feedback: &[AxisFeedback; MAX_MOTORS]) -> [u8; MAX_MOTORS] {
 
 /// `operating_state` of one tick.
 #[must_use]
-pub fn operating_state(report: &Report, identity: &Identity, granted: &Granted) -> OperatingStateMsg {
+pub fn operating_state(report: &Report, granted: &Granted) -> OperatingStateMsg {
     let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
     let flags = [
         flag(report.homed, OperatingStateMsg::HOMED),
         flag(report.busy, OperatingStateMsg::BUSY),
-        flag(identity.model.is_some(), OperatingStateMsg::MODEL),
+        flag(report.models.active.is_some(), OperatingStateMsg::MODEL),
         flag(memory_known, OperatingStateMsg::MEMORY_KNOWN),
         flag(report.holding, OperatingStateMsg::HOLDING),
         flag(report.clipped, OperatingStateMsg::CLIPPED),

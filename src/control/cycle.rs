@@ -15,6 +15,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::aim;
 use super::axis::Axis;
 use super::event::Events;
@@ -23,14 +25,16 @@ use super::joint::{Joints, NotFinite};
 use super::progress::{fail, progress};
 use super::reach::{Steps, setpoints};
 use super::sight::{Sight, off};
+use super::slots::{Candidate, Moment, RememberedSlots, Slots};
 use super::state::{Cause, Follow, Inactive, Machine, Motion, State};
 use super::stroke::{Plan, Stroke};
 use super::table::{self, Verdict};
-use super::{EventKind, Inputs, Outputs, Report, ServoCommand, StateReply, StateRequest};
+use super::trail::Trail;
+use super::{EventKind, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest};
 use crate::config::Config;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::ipc::{Fault, Refusal, StateCommand};
-use crate::model::Model;
+use crate::model::{Model, ModelId};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// How long an orderly end may take in all: stopping, settling and powering off, each within its own limit, and a second
@@ -46,7 +50,8 @@ pub struct Cycle {
     steps: Steps,
     stroke_plan: Plan,
     axes: Vec<Axis>,
-    joints: Option<Joints>,
+    trail: Trail,
+    models: Slots,
     machine: Machine,
     gate: Gate,
     ticks: u64,
@@ -54,6 +59,33 @@ pub struct Cycle {
     lost_events: u64,
     /// When the process was first seen to be asked to end.
     ending: Option<Nanos>,
+}
+
+/// Everything that changes from tick to tick, as it is between two ticks. About 20 kB, without pointers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    axes: [Option<Axis>; MAX_MOTORS],
+    trail: Trail,
+    models: RememberedSlots,
+    machine: Machine,
+    gate: Gate,
+    ticks: u64,
+    stale_stops: u64,
+    lost_events: u64,
+    ending: Option<Nanos>,
+}
+
+impl Snapshot {
+    /// Ticks that had been run.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Models that were at hand.
+    pub fn models(&self) -> impl Iterator<Item = ModelId> {
+        self.models.models()
+    }
 }
 
 /// What the set-points of a tick come from.
@@ -80,7 +112,8 @@ impl Cycle {
             steps: Steps::new(&config.command),
             stroke_plan: Plan::new(config),
             axes: (0..motors).filter_map(|motor| config.axis(motor)).map(|axis| Axis::new(axis, config)).collect(),
-            joints: model.map(|model| Joints::new(model, &config.compensation, config.control.period())),
+            trail: Trail::new(),
+            models: Slots::new(model.map(|model| Joints::new(model, config))),
             machine: Machine::new(),
             gate: Gate::new(&config.command),
             ticks: 0,
@@ -96,6 +129,66 @@ impl Cycle {
         self.lost_events
     }
 
+    /// Everything that changes from tick to tick. `None` while a model waits to be taken away by [`Cycle::retired`].
+    #[must_use]
+    pub fn snapshot(&self) -> Option<Snapshot> {
+        let mut axes = [None; MAX_MOTORS];
+        axes.iter_mut().zip(&self.axes).for_each(|(to, axis)| *to = Some(*axis));
+        Some(Snapshot {
+            axes,
+            trail: self.trail,
+            models: self.models.remembered()?,
+            machine: self.machine,
+            gate: self.gate,
+            ticks: self.ticks,
+            stale_stops: self.stale_stops,
+            lost_events: self.lost_events,
+            ending: self.ending,
+        })
+    }
+
+    /// A cycle that goes on from a snapshot of one with the same configuration. Not for the loop.
+    ///
+    /// # Errors
+    ///
+    /// Names a model that `model` does not have.
+    pub fn restored(
+        config: &Config,
+        snapshot: &Snapshot,
+        model: impl Fn(ModelId) -> Option<Arc<Model>>,
+    ) -> Result<Self, ModelId> {
+        Ok(Self {
+            axes: snapshot.axes.iter().flatten().copied().collect(),
+            trail: snapshot.trail,
+            models: Slots::restored(&snapshot.models, config, model)?,
+            machine: snapshot.machine,
+            gate: snapshot.gate,
+            ticks: snapshot.ticks,
+            stale_stops: snapshot.stale_stops,
+            lost_events: snapshot.lost_events,
+            ending: snapshot.ending,
+            ..Self::new(config, None)
+        })
+    }
+
+    /// Whether [`Cycle::offer`] can take a candidate now.
+    #[must_use]
+    pub fn takes_candidates(&self) -> bool {
+        self.models.open()
+    }
+
+    /// Stages a model, in place of the one that is staged. To be called between two ticks, and only while
+    /// [`Cycle::takes_candidates`] says so.
+    pub fn offer(&mut self, candidate: Candidate) {
+        self.models.stage(candidate);
+    }
+
+    /// A model that is of no use any more, to be freed elsewhere. To be asked for after every tick.
+    #[must_use]
+    pub fn retired(&mut self) -> Option<Candidate> {
+        self.models.retired()
+    }
+
     /// One tick. `now` is the instant at which it began; it does not go backwards.
     pub fn step(&mut self, now: Nanos, inputs: &Inputs) -> Outputs {
         let mut events = Events::new(now);
@@ -107,6 +200,7 @@ impl Cycle {
         self.go_on(&sight, &mut events);
         self.shut_down(inputs.shutdown, &sight, &mut events);
         let refusal = inputs.request.as_ref().map(|request| self.answer(request, &sight, &mut events));
+        let model_reply = inputs.model.as_ref().map(|request| self.change_model(request, &sight, &mut events));
         self.grip(now);
         self.gate.expire(now, &mut events);
         if let Some(command) = &inputs.servo {
@@ -120,6 +214,7 @@ impl Cycle {
         Outputs {
             requests: self.requests(&guidance),
             reply: inputs.request.zip(refusal).map(|(request, refusal)| StateReply { id: request.id, refusal, state }),
+            model_reply,
             report: self.report(&sight, &guidance),
             events,
             finished: self.finished(&sight),
@@ -153,13 +248,19 @@ impl Cycle {
 
     /// The model at the encoders; true if it is sound there, or if there is nothing to know yet.
     fn observe(&mut self, drives: &[AxisFeedback]) -> bool {
-        let Some(joints) = &mut self.joints else { return true };
         match self.machine.state() {
             // The zero moves, and a jump of the counts is no motion.
-            State::Disabled(Inactive::Homing { .. }) => joints.forget(),
+            State::Disabled(Inactive::Homing { .. }) => self.trail.forget(),
             State::Disabled(_) | State::Enabled(_) | State::Paused | State::Fault(_) => {}
         }
-        drives.iter().any(|drive| drive.stamp == Nanos::ZERO) || joints.observe(drives).is_ok()
+        if drives.iter().any(|drive| drive.stamp == Nanos::ZERO) {
+            return true;
+        }
+        self.trail.note(drives);
+        self.models.others_mut().for_each(|joints| {
+            joints.go_along(&self.trail);
+        });
+        self.models.active_mut().is_none_or(|joints| joints.observe(&self.trail, drives).is_ok())
     }
 
     fn go_on(&mut self, sight: &Sight, events: &mut Events) {
@@ -213,10 +314,28 @@ impl Cycle {
         Ok(())
     }
 
+    fn change_model(&mut self, request: &ModelRequest, sight: &Sight, events: &mut Events) -> ModelReply {
+        let mut drives = [AxisFeedback::default(); MAX_MOTORS];
+        drives.iter_mut().zip(&self.axes).for_each(|(drive, axis)| *drive = axis.feedback);
+        let drives =
+            drives.get(..self.axes.len()).filter(|drives| drives.iter().all(|drive| drive.stamp > Nanos::ZERO));
+        let state = self.machine.state();
+        let moment = Moment {
+            now: sight.now,
+            conditioning: state.conditioning().is_some(),
+            following: state.following().is_some_and(|follow| follow.course.is_joint()),
+            drives,
+            setpoints: &setpoints(&self.axes),
+            trail: &self.trail,
+        };
+        let refusal = self.models.change(request, &moment, events).err().unwrap_or(Refusal::None);
+        ModelReply { id: request.id, refusal }
+    }
+
     /// A stroke is motion, so it is not for a client while another one commands.
     fn condition(&self, client_id: u64) -> Result<Stroke, Refusal> {
         self.gate.unheld_by_others(client_id)?;
-        self.stroke_plan.begin(setpoints(&self.axes), self.joints.as_ref().map(Joints::model))
+        self.stroke_plan.begin(setpoints(&self.axes), self.models.active().map(Joints::model))
     }
 
     /// A client that gives the lease back does not command any more, so the robot stops.
@@ -254,7 +373,7 @@ impl Cycle {
             fresh: sight.fresh(),
         };
         let deadline = self.gate.permits(command, &scene)?;
-        let course = self.steps.course(command, &self.axes, self.joints.as_ref(), state.following())?;
+        let course = self.steps.course(command, &self.axes, self.models.active(), state.following())?;
         let ServoCommand { client_id, sequence, stamp, .. } = *command;
         Ok(Follow { client_id, sequence, stamp, deadline, course })
     }
@@ -286,7 +405,7 @@ impl Cycle {
 
     fn guide(&mut self, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
         if !self.machine.state().following().is_some_and(|follow| follow.course.is_joint())
-            && let Some(joints) = &mut self.joints
+            && let Some(joints) = self.models.active_mut()
         {
             joints.release();
         }
@@ -304,14 +423,14 @@ impl Cycle {
         let next = stroke.after_tick();
         let stroke = next.unwrap_or(stroke);
         self.axes.iter_mut().zip(stroke.targets()).for_each(|(axis, target)| axis.follow(target));
-        let goal = self.joints.as_ref().map(|joints| joints.pose(stroke.place())).transpose()?;
+        let goal = self.models.active().map(|joints| joints.pose(stroke.place())).transpose()?;
         let motion = next.map_or(Motion::Holding, Motion::Conditioning);
         self.machine.change(State::Enabled(motion), Cause::Progress(None), now, events);
         Ok(Guidance { goal, ..Guidance::default() })
     }
 
     fn follow(&mut self, follow: &Follow, now: Nanos) -> Result<Guidance, NotFinite> {
-        let aim = aim::take(&follow.course, &self.axes, self.joints.as_mut(), now, self.period)?;
+        let aim = aim::take(&follow.course, &self.axes, self.models.active_mut(), now, self.period)?;
         self.axes.iter_mut().zip(aim.targets).for_each(|(axis, target)| axis.follow(target));
         let (command_stamp, command_sequence) = (follow.stamp, follow.sequence);
         Ok(Guidance { goal: aim.goal, clipped: aim.clipped, command_stamp, command_sequence })
@@ -319,7 +438,7 @@ impl Cycle {
 
     /// Takes note of the set-points in joint space.
     fn place(&mut self) -> Result<(), NotFinite> {
-        let Some(joints) = &mut self.joints else { return Ok(()) };
+        let Some(joints) = self.models.active_mut() else { return Ok(()) };
         let mut moved = MotorVec::default();
         moved.iter_mut().zip(&self.axes).for_each(|(moved, axis)| *moved = axis.moved());
         joints.place(&setpoints(&self.axes), &moved, self.period)
@@ -360,7 +479,9 @@ impl Cycle {
             refused: self.gate.refused,
             last_refusal: self.gate.last_refusal,
             stale_stops: self.stale_stops,
-            joint: self.joints.as_ref().and_then(|joints| joints.report(guidance.goal)),
+            models: self.models.shown(&self.trail),
+            mark: self.trail.mark(),
+            joint: self.models.active().and_then(|joints| joints.report(guidance.goal)),
             setpoints,
             feedback,
         }

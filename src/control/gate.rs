@@ -25,6 +25,8 @@
 //! The lease: taken by the first accepted command while it is free, renewed by every accepted command, lost after
 //! `command.lease_ms` without one, or given back with the state command `release`.
 
+use serde::{Deserialize, Serialize};
+
 use super::event::Events;
 use super::{EventKind, Goal, ServoCommand};
 use crate::config::CommandConfig;
@@ -53,7 +55,7 @@ pub(super) struct Scene {
 }
 
 /// The client that commands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 struct Holder {
     client_id: u64,
     /// When it took or last renewed the lease.
@@ -61,7 +63,7 @@ struct Holder {
 }
 
 /// The gate, the lease and the counters.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Gate {
     default_deadline: Nanos,
     lease: Nanos,

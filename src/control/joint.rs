@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::JointReport;
+use super::blend::Blend;
 use super::steady::{Settled, Steady};
-use crate::config::CompensationConfig;
+use super::trail::{Mark, Next, Trail};
+use crate::config::Config;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{Estimate, Inverse, Memory, Model, Query};
-use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use crate::model::{Estimate, History, Inverse, Memory, Model, Query};
+use crate::units::{MotorVec, Nanos, OutputVec};
 
 /// Time constant of the filter on the measured velocity, seconds. One count is 0.022 deg, and a position is read every
 /// 4 ms: unfiltered, one count more or less shows as 5 deg/s; filtered, as 1 deg/s. The price is that the velocity is
@@ -18,8 +22,11 @@ const VELOCITY_FILTER_S: f64 = 0.020;
 /// Below this a velocity is none, rad/s: a filter never quite forgets, and its last digits cost time.
 const NO_VELOCITY: f64 = 1e-12;
 
+/// Positions that a model which comes late takes in per tick. One takes a microsecond or two.
+const CATCH_UP: usize = 8;
+
 /// Where the encoders say the snake is.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Measured {
     estimate: Estimate,
     stamp: Nanos,
@@ -28,29 +35,40 @@ struct Measured {
 }
 
 /// Where the set-points say the snake should be.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Setpoint {
     mean: OutputVec,
     /// rad/s.
     velocity: OutputVec,
 }
 
-/// A model and what it has to remember. A model swap replaces all of it.
-#[derive(Debug)]
+/// A model and what it has to remember.
+#[derive(Debug, Clone)]
 pub(super) struct Joints {
     model: Arc<Model>,
+    compensation: f64,
+    /// How long the goal takes to become that of this model alone, once it has taken over.
+    blend_span: Nanos,
+    state: Remembered,
+}
+
+/// What changes from tick to tick.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Remembered {
+    /// How far along the trail `seen` is.
+    mark: Mark,
     /// What the encoders showed, in order.
     seen: Memory,
     /// The same, and then the set-points that were written since the last positions were read.
     memory: Memory,
     /// Where the search for the inverse starts: the last answer.
     start: MotorVec,
-    /// Positions read, per motor, so that a position counts once.
-    sequences: [u64; MAX_MOTORS],
     measured: Option<Measured>,
     setpoint: Option<Setpoint>,
     steady: Steady,
-    compensation: f64,
+    /// The goal of the last tick after the turning band, while angles are followed.
+    settled: Option<OutputVec>,
+    blend: Option<Blend>,
 }
 
 /// The model gave a value that is not finite.
@@ -58,24 +76,60 @@ pub(super) struct Joints {
 pub(super) struct NotFinite;
 
 impl Joints {
-    /// A model that has seen no motion yet.
-    pub fn new(model: Arc<Model>, config: &CompensationConfig, tick: Nanos) -> Self {
-        let memory = model.new_memory();
+    /// A model that has seen no motion yet, at the beginning of the trail.
+    pub fn new(model: Arc<Model>, config: &Config) -> Self {
+        Self::with_memory(model, config, Memory::default(), Mark::default())
+    }
+
+    /// A model that has seen a history, which ends at a mark of the trail. Not for the control loop.
+    pub fn recalled(model: Arc<Model>, config: &Config, history: &History, mark: Mark) -> Self {
+        let memory = model.recall(history);
+        Self::with_memory(model, config, memory, mark)
+    }
+
+    fn with_memory(model: Arc<Model>, config: &Config, memory: Memory, mark: Mark) -> Self {
         let unit = model.file().outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
         // Without a memory the inverse does not jump at a turn.
         let jumps = model.wipe_counts() != MotorVec::default();
-        let steady = Steady::new(config, unit, tick, jumps);
-        Self {
-            start: model.hull().centre(),
-            model,
+        let steady = Steady::new(&config.compensation, unit, config.control.period(), jumps);
+        let state = Remembered {
+            mark,
             seen: memory,
             memory,
-            sequences: Default::default(),
+            start: model.hull().centre(),
             measured: None,
             setpoint: None,
             steady,
-            compensation: config.factor,
-        }
+            settled: None,
+            blend: None,
+        };
+        let blend_span = Nanos::from_millis(config.swap.blend_ms);
+        Self { model, compensation: config.compensation.factor, blend_span, state }
+    }
+
+    /// What it remembers.
+    pub fn remembered(&self) -> &Remembered {
+        &self.state
+    }
+
+    /// The same model with another memory.
+    pub fn restore(&mut self, state: Remembered) {
+        self.state = state;
+    }
+
+    /// The memory is known: enough motion has been seen.
+    pub fn memory_known(&self) -> bool {
+        self.model.knows(&self.state.seen)
+    }
+
+    /// Nothing of the trail is left to be taken in.
+    pub fn caught_up(&self, trail: &Trail) -> bool {
+        self.state.mark == trail.mark()
+    }
+
+    /// The same outputs, so that one goal means the same to both.
+    pub fn speaks_like(&self, other: &Self) -> bool {
+        self.model.file().outputs == other.model.file().outputs
     }
 
     /// The model.
@@ -95,60 +149,103 @@ impl Joints {
 
     /// The model at the last set-points.
     pub fn setpoint(&self) -> Option<OutputVec> {
-        self.setpoint.map(|setpoint| setpoint.mean)
+        self.state.setpoint.map(|setpoint| setpoint.mean)
     }
 
-    /// The zero has moved, so what was remembered belongs to other counts.
-    pub fn forget(&mut self) {
-        self.seen = self.model.new_memory();
-        self.memory = self.seen;
-        self.measured = None;
-        self.steady.forget();
+    /// Takes over from another model at these set-points: the motors stay where they are, the outputs are computed anew,
+    /// and what the goal and this model disagree by becomes a [`Blend`].
+    pub fn take_over(
+        &mut self,
+        from: Option<&Self>,
+        drives: &[AxisFeedback],
+        setpoints: &MotorVec,
+        now: Nanos,
+    ) -> Result<(), NotFinite> {
+        let before = from.map(|from| &from.state);
+        self.state.start = *setpoints;
+        self.state.steady.begin_like(before.map(|before| &before.steady));
+        self.state.settled = before.and_then(|before| before.settled);
+        self.state.blend = None;
+        self.see(drives)?;
+        self.measure(drives, before.and_then(|before| before.measured))?;
+        let here = self.pose(setpoints)?;
+        self.state.setpoint = Some(Setpoint { mean: here, velocity: OutputVec::default() });
+        self.state.blend = self.state.settled.map(|goal| {
+            let mut offset = here;
+            offset.iter_mut().zip(goal).for_each(|(offset, goal)| *offset -= goal);
+            Blend::new(offset, now, self.blend_span)
+        });
+        Ok(())
     }
 
     /// Takes the goal of this tick through the turning band.
     pub fn settle(&mut self, goal: &OutputVec) -> Settled {
-        self.steady.settle(goal)
+        let settled = self.state.steady.settle(goal);
+        self.state.settled = Some(settled.goal);
+        settled
+    }
+
+    /// A goal with what the last swap of models still adds to it.
+    pub fn blended(&self, mut goal: OutputVec, at: Nanos) -> OutputVec {
+        if let Some(offset) = self.state.blend.and_then(|blend| blend.at(at)) {
+            goal.iter_mut().zip(offset).for_each(|(goal, offset)| *goal += offset);
+        }
+        goal
     }
 
     /// No angles are followed in this tick.
     pub fn release(&mut self) {
-        self.steady.release();
+        self.state.steady.release();
+        self.state.settled = None;
+        self.state.blend = None;
+    }
+
+    /// Goes along the trail, at most [`CATCH_UP`] positions. True if there was one.
+    pub fn go_along(&mut self, trail: &Trail) -> bool {
+        for taken in 0..CATCH_UP {
+            match trail.after(self.state.mark) {
+                Next::End => return taken > 0,
+                Next::Position(position, mark) => {
+                    self.model.advance(&mut self.state.seen, &position);
+                    self.state.mark = mark;
+                }
+                // The zero has moved, so what was remembered belongs to other counts; or too much was missed.
+                Next::Lost => {
+                    self.forget();
+                    self.state.mark = trail.mark();
+                    trail.newest().iter().for_each(|newest| self.model.advance(&mut self.state.seen, newest));
+                    return true;
+                }
+            }
+        }
+        true
     }
 
     /// Takes note of new positions and of set-points written after them. Needs every drive to have reported.
-    pub fn observe(&mut self, drives: &[AxisFeedback]) -> Result<(), NotFinite> {
-        let positions = vector(drives.iter().map(|drive| drive.position.as_f64()));
-        let new = self.sequences.iter().zip(drives).any(|(sequence, drive)| *sequence != drive.sequence);
-        if new {
-            self.model.advance(&mut self.seen, &positions);
-            self.sequences.iter_mut().zip(drives).for_each(|(sequence, drive)| *sequence = drive.sequence);
-        }
-        self.memory = self.seen;
-        if drives.iter().any(|drive| written_since(drive).is_some()) {
-            let expected = drives.iter().map(|drive| written_since(drive).unwrap_or(drive.position.as_f64()));
-            self.model.advance(&mut self.memory, &vector(expected));
-        }
-        self.steady.correct(self.model.correction(&self.memory))?;
-        let stamp = drives.iter().map(|drive| drive.stamp).max().unwrap_or_default();
-        if new || self.measured.is_none() { self.measure(&positions, stamp) } else { Ok(()) }
+    pub fn observe(&mut self, trail: &Trail, drives: &[AxisFeedback]) -> Result<(), NotFinite> {
+        let new = self.go_along(trail);
+        self.see(drives)?;
+        let before = self.state.measured;
+        if new || before.is_none() { self.measure(drives, before) } else { Ok(()) }
     }
 
     /// The counts that bring the outputs to a goal.
     pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
-        let query = Query { start: self.start, correction: self.steady.correction(), compensation: self.compensation };
-        let answer = self.model.invert(goal, &self.memory, &query);
+        let state = &self.state;
+        let query =
+            Query { start: state.start, correction: state.steady.correction(), compensation: self.compensation };
+        let answer = self.model.invert(goal, &state.memory, &query);
         if answer.counts.iter().all(|counts| counts.is_finite()) { Ok(answer) } else { Err(NotFinite) }
     }
 
     /// Searches for the next inverse from here.
     pub fn start_from(&mut self, counts: MotorVec) {
-        self.start = counts;
+        self.state.start = counts;
     }
 
     /// The outputs at given counts.
     pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
-        sound(self.model.predict(counts, &self.memory)).map(|estimate| estimate.mean)
+        sound(self.model.predict(counts, &self.state.memory)).map(|estimate| estimate.mean)
     }
 
     /// Takes note of the set-points of this tick, and of how far they were `moved` in it.
@@ -157,28 +254,50 @@ impl Joints {
         let mut before = *setpoints;
         before.iter_mut().zip(moved).for_each(|(before, moved)| *before -= moved);
         let velocity = rate(&mean, &self.pose(&before)?, tick).unwrap_or_default();
-        self.setpoint = Some(Setpoint { mean, velocity });
+        self.state.setpoint = Some(Setpoint { mean, velocity });
         Ok(())
     }
 
     /// What this tick shows; `goal` is the set-point where nothing is followed.
     pub fn report(&self, goal: Option<OutputVec>) -> Option<JointReport> {
-        let (measured, setpoint) = (self.measured?, self.setpoint?);
+        let (measured, setpoint) = (self.state.measured?, self.state.setpoint?);
         Some(JointReport {
+            model: self.model.id(),
+            outputs: self.outputs() as u32,
             goal: goal.unwrap_or(setpoint.mean),
             setpoint: setpoint.mean,
             measured: measured.estimate.mean,
             setpoint_velocity: setpoint.velocity,
             measured_velocity: measured.velocity,
             deviation: measured.estimate.deviation(),
-            memory_known: self.model.knows(&self.seen),
+            memory_known: self.memory_known(),
         })
     }
 
-    fn measure(&mut self, positions: &MotorVec, stamp: Nanos) -> Result<(), NotFinite> {
-        let estimate = sound(self.model.predict(positions, &self.seen)).inspect_err(|_| self.measured = None)?;
-        let velocity = self.measured.map_or(OutputVec::default(), |before| filtered(&before, &estimate, stamp));
-        self.measured = Some(Measured { estimate, stamp, velocity });
+    fn forget(&mut self) {
+        self.state.seen = self.model.new_memory();
+        self.state.memory = self.state.seen;
+        self.state.measured = None;
+        self.state.steady.forget();
+    }
+
+    /// From what was read to what was written since.
+    fn see(&mut self, drives: &[AxisFeedback]) -> Result<(), NotFinite> {
+        self.state.memory = self.state.seen;
+        if drives.iter().any(|drive| written_since(drive).is_some()) {
+            let expected = drives.iter().map(|drive| written_since(drive).unwrap_or(drive.position.as_f64()));
+            self.model.advance(&mut self.state.memory, &vector(expected));
+        }
+        self.state.steady.correct(self.model.correction(&self.state.memory))
+    }
+
+    fn measure(&mut self, drives: &[AxisFeedback], before: Option<Measured>) -> Result<(), NotFinite> {
+        let positions = vector(drives.iter().map(|drive| drive.position.as_f64()));
+        let stamp = drives.iter().map(|drive| drive.stamp).max().unwrap_or_default();
+        let estimate =
+            sound(self.model.predict(&positions, &self.state.seen)).inspect_err(|_| self.state.measured = None)?;
+        let velocity = before.map_or(OutputVec::default(), |before| filtered(&before, &estimate, stamp));
+        self.state.measured = Some(Measured { estimate, stamp, velocity });
         Ok(())
     }
 }

@@ -38,6 +38,8 @@
 //! Slowing down harder than planned, up to D, is left for what could not be planned: the target stops, turns round, or
 //! comes near a position limit.
 
+use serde::{Deserialize, Serialize};
+
 use crate::units::Nanos;
 
 /// Limits of one motor.
@@ -73,7 +75,7 @@ impl Target {
 }
 
 /// Moves the set-point of one motor within its [`Limits`], one step a tick.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Limiter {
     /// Counts per tick.
     velocity_limit: f64,

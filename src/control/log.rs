@@ -30,6 +30,8 @@ impl fmt::Display for EventKind {
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by client {client_id:016x}"),
             Self::Refused { client_id, refusal } => write!(f, "refused client {client_id:016x}: {refusal}"),
+            Self::Model { from: Some(from), to } => write!(f, "model {to} took over from {from}"),
+            Self::Model { from: None, to } => write!(f, "model {to} took over"),
             Self::Axis { motor, from, to, error_code: 0 } => write!(f, "motor {motor}: {from:?} -> {to:?}"),
             Self::Axis { motor, from, to, error_code } => {
                 write!(f, "motor {motor}: {from:?} -> {to:?}, error 0x{error_code:04X}")

@@ -15,9 +15,16 @@
 //! | `limit` | velocity and acceleration limits on the set-point of one motor |
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
 //! | `joint` | joint space: the model, its memory, estimates |
+//! | `slots` | the models at hand: in use, staged, former; swapping them |
+//! | `trail` | the way of the motors, which all models are led along |
+//! | `blend` | from one model to the next without a step |
 //! | `steady` | turning band and correction filter: no chatter |
 //! | `event` | what happened in one tick |
 //! | [`rehearse`] | the cycle without a robot |
+//! | `chronicle` | where the motors have been and which models are at hand, for slower threads |
+//! | `keeper` | the thread of the models: reads, checks, compares, frees |
+//! | `compare` | how two models differ, in counts |
+//! | [`black_box`] | the last seconds of every tick, and how to live through them again |
 //! | `runtime` | the process: start, threads, end |
 //! | `lane` | what passes between the threads |
 //! | `relay` | the thread of shared memory |
@@ -112,11 +119,16 @@
 
 mod aim;
 mod axis;
+pub mod black_box;
+mod blend;
+mod chronicle;
+mod compare;
 mod convert;
 pub mod cycle;
 mod event;
 mod gate;
 mod joint;
+mod keeper;
 mod lane;
 pub mod limit;
 mod log;
@@ -126,18 +138,26 @@ pub mod rehearse;
 mod relay;
 pub mod runtime;
 mod sight;
+mod slots;
 mod state;
 mod steady;
 mod stroke;
 mod table;
+mod trail;
 mod trend;
+
+use serde::{Deserialize, Serialize};
+
+pub use slots::{Candidate, Carried, ModelChange, ModelReply, ModelRequest, ModelSlots};
+pub use trail::Mark;
 
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use crate::model::ModelId;
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
 /// A servo command as it arrived, parsed but not judged: the cycle accepts or refuses it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ServoCommand {
     /// Who sends.
     pub client_id: u64,
@@ -152,7 +172,7 @@ pub struct ServoCommand {
 }
 
 /// What a servo command asks.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
     /// Angles, rad, with the number of entries that the client sent.
     Joint(OutputVec, u32),
@@ -161,7 +181,7 @@ pub enum Goal {
 }
 
 /// A state command as it arrived.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateRequest {
     /// Names the request towards the thread that has to answer it.
     pub id: u64,
@@ -172,7 +192,7 @@ pub struct StateRequest {
 }
 
 /// The answer to a state command.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateReply {
     /// [`StateRequest::id`].
     pub id: u64,
@@ -183,12 +203,14 @@ pub struct StateReply {
 }
 
 /// What one tick sees.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Inputs {
     /// The newest servo command, if one arrived since the last tick.
     pub servo: Option<ServoCommand>,
     /// The next state command, if one waits.
     pub request: Option<StateRequest>,
+    /// The next change of the model in use, if one is asked for.
+    pub model: Option<ModelRequest>,
     /// The newest report of every drive. It may be the same as in the last tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
     /// The process has been asked to end: decelerate, hold, power off in order. Stays true once true.
@@ -196,12 +218,14 @@ pub struct Inputs {
 }
 
 /// What one tick decides.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Outputs {
     /// What every drive shall do.
     pub requests: [AxisRequest; MAX_MOTORS],
     /// The answer to `Inputs::request`, if there was one.
     pub reply: Option<StateReply>,
+    /// The answer to `Inputs::model`, if there was one.
+    pub model_reply: Option<ModelReply>,
     /// What the tick shows to the world.
     pub report: Report,
     /// What happened, in order; at most four things a tick, more are counted only.
@@ -211,7 +235,7 @@ pub struct Outputs {
 }
 
 /// What a tick shows to the world.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// The tick.
     pub now: Nanos,
@@ -239,6 +263,10 @@ pub struct Report {
     pub last_refusal: Refusal,
     /// Times that the robot stopped because its commander fell silent.
     pub stale_stops: u64,
+    /// The models at hand.
+    pub models: ModelSlots,
+    /// How far the trail of the motors goes, which models are led along.
+    pub mark: Mark,
     /// Goal, set-point and estimate in joint space; `None` without a model, or before every drive has reported.
     pub joint: Option<JointReport>,
     /// The set-points of this tick.
@@ -248,8 +276,12 @@ pub struct Report {
 }
 
 /// Joint space in one tick, rad.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct JointReport {
+    /// The model that computed it.
+    pub model: ModelId,
+    /// How many entries of the arrays count.
+    pub outputs: u32,
     /// What the client asked, clipped to the hull and the position limits; the set-point while holding.
     pub goal: OutputVec,
     /// The model at the set-points, before they are rounded to counts.
@@ -267,7 +299,7 @@ pub struct JointReport {
 }
 
 /// Something that happened, for the log and the black box.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// When.
     pub stamp: Nanos,
@@ -276,7 +308,7 @@ pub struct Event {
 }
 
 /// What happened.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum EventKind {
     /// The state changed.
     State {
@@ -307,6 +339,13 @@ pub enum EventKind {
         client_id: u64,
         /// Why not.
         refusal: Refusal,
+    },
+    /// Another model took over.
+    Model {
+        /// Before.
+        from: Option<ModelId>,
+        /// After.
+        to: ModelId,
     },
     /// A drive changed its phase.
     Axis {

@@ -141,7 +141,7 @@ impl Rehearsal {
         let now = self.now;
         let drives = self.feedback.iter_mut().zip(&self.requests).take(self.motors);
         drives.for_each(|(feedback, request)| obey(feedback, request, now));
-        let inputs = Inputs { servo, request, feedback: self.feedback, shutdown: false };
+        let inputs = Inputs { servo, request, feedback: self.feedback, ..Inputs::default() };
         let outputs = self.cycle.step(now, &inputs);
         (self.requests, self.report) = (outputs.requests, outputs.report);
     }

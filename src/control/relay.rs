@@ -3,11 +3,17 @@
 //! It takes newest commands and requests to the loop and publishes every tick that the loop reports. Calls into shared
 //! memory may take a hundred microseconds when a client comes or goes; that is why they are here and not in the loop.
 
+use std::sync::mpsc::{Receiver, Sender};
+
+use super::black_box::{Wish, Written};
+use super::chronicle::SharedChronicle;
 use super::convert::{self, Identity};
+use super::keeper::{Answer, Question};
 use super::lane::{Record, RelayEnds};
 use super::{ServoCommand, StateReply, StateRequest};
-use crate::ipc::payload::{StateCommandReply, StateCommandRequest};
+use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
 use crate::ipc::{OperatingState, Refusal, Server, StateCommand};
+use crate::model::{Model, ModelId};
 use crate::rt::{Granted, LoopStatistics};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
@@ -21,31 +27,60 @@ pub struct Relay {
     identity: Identity,
     granted: Granted,
     statistics: LoopStatistics,
+    chronicle: SharedChronicle,
+    desk: Desk,
+    model: Option<ModelId>,
     lease_client_id: u64,
     state: OperatingState,
+}
+
+/// The way to the threads that take long, and back.
+pub struct Desk {
+    /// To it.
+    pub questions: Sender<Question>,
+    /// From it.
+    pub answers: Receiver<Answer>,
+    /// To the thread of the black box.
+    pub wishes: Sender<Wish>,
+    /// From it.
+    pub written: Receiver<Written>,
 }
 
 impl Relay {
     /// A relay over a running server. `granted` is what the loop was granted, as read back by the loop.
     #[must_use]
-    pub fn new(mut server: Server, ends: RelayEnds, identity: Identity, granted: Granted, period: Nanos) -> Self {
-        let shape = [identity.motors as u8, identity.outputs as u8];
-        server.describe(shape, identity.model.unwrap_or_default().0, identity.output_names);
-        Self {
+    pub fn new(
+        server: Server,
+        ends: RelayEnds,
+        identity: Identity,
+        chronicle: SharedChronicle,
+        desk: Desk,
+        granted: Granted,
+        period: Nanos,
+    ) -> Self {
+        let model = chronicle.lock().slots.active;
+        let mut relay = Self {
             server,
             ends,
             identity,
             statistics: LoopStatistics::new(period, STATISTICS_WINDOW, granted.clone()),
             granted,
+            chronicle,
+            desk,
+            model: None,
             lease_client_id: 0,
             state: OperatingState::Disabled,
-        }
+        };
+        relay.describe(model);
+        relay
     }
 
     /// One pass: commands in, answers and ticks out, housekeeping.
     pub fn pass(&mut self, now: Nanos) {
         self.take_servo();
         self.take_requests(now);
+        self.take_models(now);
+        self.take_black_boxes(now);
         while let Ok(reply) = self.ends.replies.pop() {
             self.answer(reply);
         }
@@ -78,6 +113,42 @@ impl Relay {
         refused.into_iter().for_each(|reply| self.answer(reply));
     }
 
+    /// Requests about models take long, so they go to a thread of their own.
+    fn take_models(&mut self, now: Nanos) {
+        let questions = &self.desk.questions;
+        self.server.poll_models(now, |token, request| {
+            // A keeper that is gone answers nothing, and the client is told so.
+            let _ = questions.send((token, request));
+        });
+        while let Ok((token, reply)) = self.desk.answers.try_recv() {
+            self.server.reply_model(token, reply);
+        }
+    }
+
+    fn take_black_boxes(&mut self, now: Nanos) {
+        let wishes = &self.desk.wishes;
+        self.server.poll_black_boxes(now, |token, _| {
+            let _ = wishes.send(Wish::Write(token));
+        });
+        while let Ok(Written { token, outcome }) = self.desk.written.try_recv() {
+            let reply = match outcome {
+                Ok((path, ticks)) => BlackBoxReply { ticks, text: padded_text(&path.to_string_lossy()) },
+                Err(reason) => BlackBoxReply { ticks: 0, text: padded_text(&reason) },
+            };
+            self.server.reply_black_box(token, reply);
+        }
+    }
+
+    /// Tells clients about another model.
+    fn describe(&mut self, model: Option<ModelId>) {
+        self.model = model;
+        let chronicle = self.chronicle.lock();
+        let known = chronicle.model(model).map(|known| known.model.as_ref());
+        let names: Vec<&str> = known.map(names).unwrap_or_default();
+        let shape = [self.identity.motors as u8, names.len().min(MAX_OUTPUTS) as u8];
+        self.server.describe(shape, model.unwrap_or_default().0, output_names(&names));
+    }
+
     fn answer(&mut self, reply: StateReply) {
         let answer = StateCommandReply { refusal: reply.refusal.number(), state: reply.state.number() };
         self.server.reply(reply.id, answer);
@@ -87,12 +158,16 @@ impl Relay {
         let report = &record.report;
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(record.timing);
-        let [goal, setpoint, measured] = convert::joint_states(report, &self.identity);
+        self.chronicle.lock().note(report);
+        if report.models.active != self.model {
+            self.describe(report.models.active);
+        }
+        let [goal, setpoint, measured] = convert::joint_states(report);
         self.server.publish_goal(goal);
         self.server.publish_setpoint(setpoint);
         self.server.publish_measured(measured);
         self.server.publish_actuators(convert::actuator_state(report, &self.identity));
-        self.server.publish_operating_state(convert::operating_state(report, &self.identity, &self.granted));
+        self.server.publish_operating_state(convert::operating_state(report, &self.granted));
     }
 }
 
@@ -104,9 +179,13 @@ fn hand_over(requests: &mut rtrb::Producer<StateRequest>, id: u64, raw: StateCom
     requests.push(StateRequest { id, client_id: raw.client_id, command }).map_err(|_| Refusal::Busy)
 }
 
+/// Names of a model's outputs.
+fn names(model: &Model) -> Vec<&str> {
+    model.file().outputs.iter().map(|output| output.name.as_str()).collect()
+}
+
 /// Names of the outputs as the `version` reply carries them.
-#[must_use]
-pub fn output_names(names: &[&str]) -> [[u8; 16]; MAX_OUTPUTS] {
+fn output_names(names: &[&str]) -> [[u8; 16]; MAX_OUTPUTS] {
     let mut padded = [[0; 16]; MAX_OUTPUTS];
     for (slot, name) in padded.iter_mut().zip(names) {
         slot.iter_mut().zip(name.bytes()).for_each(|(to, from)| *to = from);

@@ -5,6 +5,8 @@
 //! | control loop | SCHED_FIFO, pinned if asked | one cycle per tick |
 //! | one per serial port | SCHED_FIFO, 10 below | the exchanges with the drives |
 //! | shared memory | normal | commands in, ticks out |
+//! | models | normal | reads, checks and compares models, frees them |
+//! | black box | normal | keeps the last seconds of every tick and writes them down |
 //! | main | normal | the log, and waiting for the end |
 
 use std::io::Write;
@@ -14,10 +16,13 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::Consumer;
 
+use super::black_box::{Recorder, RecorderEnds, TickRecord, Wish, Written};
+use super::chronicle::{Known, SharedChronicle};
 use super::convert::Identity;
 use super::cycle::Cycle;
+use super::keeper::{Answer, Keeper, Question};
 use super::lane::{LoopEnds, Record, RelayEnds, lanes};
-use super::relay::{Relay, output_names};
+use super::relay::{Desk, Relay};
 use super::{Event, Inputs};
 use crate::clock;
 use crate::config::{Config, ControlConfig};
@@ -30,7 +35,7 @@ use crate::ipc::server::RELAY_LEAD;
 use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server};
 use crate::model::{Model, ModelError};
 use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+use crate::units::{MAX_MOTORS, Nanos};
 
 /// How far the SCHED_FIFO priority of the port threads lies below that of the loop.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
@@ -79,11 +84,22 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
     // The lock comes before the ports: a second controller must not touch the drives of the first.
     let guard = DomainGuard::acquire(&Domain::new(&config.ipc.domain)?)?;
     let (runners, mut links) = bring_up_ports(config)?;
-    let (loop_ends, relay_ends, events) = lanes();
+    let (recorder, recorder_ends) = Recorder::new(config, model.as_ref(), &software(), guard.boot_id());
+    let (loop_ends, relay_ends, keeper_ends, events) = lanes(recorder_ends);
     let quit = Arc::new(AtomicBool::new(false));
+    let chronicle = chronicle(config, model.as_ref());
+    let (questions, questions_out) = mpsc::channel();
+    let (answers_in, answers) = mpsc::channel();
+    let (wishes, wishes_out) = mpsc::channel();
+    let (written_in, written) = mpsc::channel();
+    let (lines_in, lines) = mpsc::channel();
+    let recorder = Thread::recorder(config, recorder, wishes_out, written_in, lines_in, &quit)?;
+    let keeper = Keeper::new(config.clone(), chronicle.clone(), keeper_ends, wishes.clone());
+    let keeper = Thread::keeper(config, keeper, questions_out, answers_in, &quit)?;
 
     let (granted_in, granted_out) = mpsc::channel();
-    let relay = Thread::relay(config, guard, relay_ends, identity(config, model.as_deref()), granted_out, &quit)?;
+    let desk = Desk { questions, answers, wishes, written };
+    let relay = Thread::relay(config, guard, relay_ends, chronicle, desk, granted_out, &quit)?;
     let (port_events_in, port_events) = mpsc::channel();
     let ports = runners
         .into_iter()
@@ -100,11 +116,15 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
         let _ = granted_in.send((granted, first));
     }
 
-    let mut watch = Watch { events, port_events, log };
-    watch.until_end(&control, &relay, &ports, shutdown);
+    let mut watch = Watch { events, port_events, lines, log };
+    watch.until_end(&control, &[&relay, &keeper, &recorder], &ports, shutdown);
     let control = control.join();
     quit.store(true, Ordering::Release);
-    let others = ports.into_iter().map(Thread::join).chain([relay.join()]).collect::<Result<Vec<()>, _>>();
+    let others = ports
+        .into_iter()
+        .map(Thread::join)
+        .chain([relay.join(), keeper.join(), recorder.join()])
+        .collect::<Result<Vec<()>, _>>();
     watch.drain();
     control.and(others.map(|_| ()))
 }
@@ -116,15 +136,21 @@ fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
     Ok(Some(model))
 }
 
-fn identity(config: &Config, model: Option<&Model>) -> Identity {
-    let names: Vec<&str> =
-        model.map(|model| model.file().outputs.iter().map(|output| output.name.as_str()).collect()).unwrap_or_default();
-    Identity {
-        model: model.map(Model::id),
-        motors: config.motors() as u32,
-        outputs: names.len().min(MAX_OUTPUTS) as u32,
-        output_names: output_names(&names),
+/// Version and commit of this software.
+fn software() -> String {
+    format!("i2ris {} ({})", env!("CARGO_PKG_VERSION"), option_env!("I2RIS_COMMIT").unwrap_or("commit not known"))
+}
+
+/// What the slower threads know at the start.
+fn chronicle(config: &Config, model: Option<&Arc<Model>>) -> SharedChronicle {
+    let shared = SharedChronicle::default();
+    if let Some(model) = model {
+        let file = config.control.model.clone().unwrap_or_default();
+        let mut chronicle = shared.lock();
+        chronicle.slots.active = Some(model.id());
+        chronicle.known.insert(model.id(), Known { model: Arc::clone(model), file });
     }
+    shared
 }
 
 /// All ports are opened before the first is configured, so that a missing one is found before any drive is touched.
@@ -185,10 +211,12 @@ impl Thread {
         config: &Config,
         guard: DomainGuard,
         ends: RelayEnds,
-        identity: Identity,
+        chronicle: SharedChronicle,
+        desk: Desk,
         granted: mpsc::Receiver<(Granted, Nanos)>,
         quit: &Arc<AtomicBool>,
     ) -> Result<Self, RuntimeError> {
+        let identity = Identity { motors: config.motors() as u32 };
         let (period, quit) = (config.control.period(), Arc::clone(quit));
         let pinned = config.control.cpu;
         let (up_in, up) = mpsc::channel();
@@ -197,7 +225,8 @@ impl Thread {
             match Server::create(guard) {
                 Ok(server) => {
                     let _ = up_in.send(Ok(()));
-                    relay_until(&quit, server, ends, identity, &granted, period);
+                    let relay = |granted| Relay::new(server, ends, identity, chronicle, desk, granted, period);
+                    relay_until(&quit, relay, &granted, period);
                 }
                 Err(error) => {
                     let _ = up_in.send(Err(error));
@@ -209,6 +238,38 @@ impl Thread {
             Ok(Err(error)) => Err(error.into()),
             Err(_) => Err(RuntimeError::Died("ipc")),
         }
+    }
+
+    fn keeper(
+        config: &Config,
+        keeper: Keeper,
+        questions: mpsc::Receiver<Question>,
+        answers: mpsc::Sender<Answer>,
+        quit: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
+        Self::spawn("models", move || {
+            rt::keep_normal(cpu);
+            keeper.run(&quit, &questions, &answers);
+        })
+    }
+
+    fn recorder(
+        config: &Config,
+        recorder: Recorder,
+        wishes: mpsc::Receiver<Wish>,
+        written: mpsc::Sender<Written>,
+        lines: mpsc::Sender<String>,
+        quit: &Arc<AtomicBool>,
+    ) -> Result<Self, RuntimeError> {
+        let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
+        Self::spawn("black box", move || {
+            rt::keep_normal(cpu);
+            recorder.run(&quit, &wishes, &written, |line| {
+                // The log may be gone already.
+                let _ = lines.send(line);
+            });
+        })
     }
 
     fn port(
@@ -250,15 +311,13 @@ impl Thread {
 
 fn relay_until(
     quit: &AtomicBool,
-    server: Server,
-    ends: RelayEnds,
-    identity: Identity,
+    relay: impl FnOnce(Granted) -> Relay,
     granted: &mpsc::Receiver<(Granted, Nanos)>,
     period: Nanos,
 ) {
     // No answer means that the loop never started; the main thread ends everything then.
     let Ok((granted, first)) = granted.recv() else { return };
-    let mut relay = Relay::new(server, ends, identity, granted, period);
+    let mut relay = relay(granted);
     let mut ticker = Ticker::new(first - RELAY_LEAD, period, Nanos::ZERO);
     while !quit.load(Ordering::Acquire) {
         let tick = ticker.wait();
@@ -277,11 +336,22 @@ fn control_loop(
     shutdown: &AtomicBool,
 ) {
     let mut ticker = Ticker::new(first, config.period(), Nanos::from_micros(u64::from(config.spin_us)));
+    let mut log = TickLog::new(config.rate_hz);
+    log.remember(&cycle, &mut ends.recorder);
     loop {
         let tick = ticker.wait();
+        let mut offered = None;
+        if !ends.offers.is_empty()
+            && cycle.takes_candidates()
+            && let Ok(offer) = ends.offers.pop()
+        {
+            offered = Some(offer.number);
+            cycle.offer(offer.candidate);
+        }
         let inputs = Inputs {
             servo: if ends.servo.update() { *ends.servo.output_buffer() } else { None },
             request: ends.requests.pop().ok(),
+            model: ends.model_requests.pop().ok(),
             feedback: read_feedback(&mut links),
             shutdown: shutdown.load(Ordering::Acquire),
         };
@@ -293,13 +363,53 @@ fn control_loop(
         }
         // Full lanes mean that a slower thread stalls. Its answers and lines are lost; the loop goes on.
         let _ = outputs.reply.map(|reply| ends.replies.push(reply));
+        let _ = outputs.model_reply.map(|reply| ends.model_replies.push(reply));
+        // Nothing is freed here: what does not fit stays in the cycle.
+        if !ends.retired.is_full()
+            && let Some(retired) = cycle.retired()
+        {
+            let _ = ends.retired.push(retired);
+        }
         for event in outputs.events.into_iter().flatten() {
             let _ = ends.events.push(event);
         }
         let timing = TickTiming { tick, ended: clock::now() };
         let _ = ends.records.push(Record { report: outputs.report, timing });
+        log.push(TickRecord { number: 0, offered, inputs, outputs, timing }, &mut ends.recorder);
+        log.remember(&cycle, &mut ends.recorder);
         if outputs.finished {
             return;
+        }
+    }
+}
+
+/// What the loop hands to the black box.
+struct TickLog {
+    ticks: u64,
+    interval: u64,
+    /// The next snapshot is due from this tick on.
+    due: u64,
+}
+
+impl TickLog {
+    /// A snapshot every second.
+    fn new(rate_hz: u32) -> Self {
+        Self { ticks: 0, interval: u64::from(rate_hz), due: 0 }
+    }
+
+    fn push(&mut self, tick: TickRecord, ends: &mut RecorderEnds) {
+        self.ticks += 1;
+        // A full lane means that the recorder stalls: it sees the gap in the numbers.
+        let _ = ends.ticks.push(TickRecord { number: self.ticks, ..tick });
+    }
+
+    fn remember(&mut self, cycle: &Cycle, ends: &mut RecorderEnds) {
+        if self.ticks >= self.due
+            && !ends.snapshots.is_full()
+            && let Some(snapshot) = cycle.snapshot()
+            && ends.snapshots.push(snapshot).is_ok()
+        {
+            self.due = self.ticks + self.interval;
         }
     }
 }
@@ -318,14 +428,15 @@ fn read_feedback(links: &mut [AxisLink]) -> [AxisFeedback; MAX_MOTORS] {
 struct Watch<'a> {
     events: Consumer<Event>,
     port_events: mpsc::Receiver<PortEvent>,
+    lines: mpsc::Receiver<String>,
     log: &'a mut dyn Write,
 }
 
 impl Watch<'_> {
     /// Writes the log until the loop has ended. A helper thread that ends early makes the loop shut down.
-    fn until_end(&mut self, control: &Thread, relay: &Thread, ports: &[Thread], shutdown: &AtomicBool) {
+    fn until_end(&mut self, control: &Thread, helpers: &[&Thread], ports: &[Thread], shutdown: &AtomicBool) {
         while !control.handle.is_finished() {
-            if ports.iter().chain([relay]).any(|thread| thread.handle.is_finished()) {
+            if ports.iter().chain(helpers.iter().copied()).any(|thread| thread.handle.is_finished()) {
                 shutdown.store(true, Ordering::Release);
             }
             self.drain();
@@ -342,6 +453,9 @@ impl Watch<'_> {
         }
         while let Ok(event) = self.events.pop() {
             let _ = writeln!(self.log, "{event}");
+        }
+        while let Ok(line) = self.lines.try_recv() {
+            say(self.log, format_args!("{line}"));
         }
         let _ = self.log.flush();
     }

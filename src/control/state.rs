@@ -3,6 +3,8 @@
 //! The states and the answer to every command in each of them stand in the table of [`super`]. Deciding and changing are
 //! apart: `table` and `progress` say what comes next and have no effects, [`Machine::change`] does it.
 
+use serde::{Deserialize, Serialize};
+
 use super::EventKind;
 use super::event::Events;
 use super::sight::Expected;
@@ -13,7 +15,7 @@ use crate::ipc::{Fault, OperatingState, StateCommand};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 /// What the robot is doing.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "no heap in the control loop")]
 pub(super) enum State {
     /// Drives are off, or on the way from off or to off. Servo commands are refused.
@@ -27,7 +29,7 @@ pub(super) enum State {
 }
 
 /// What goes on in DISABLED.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Inactive {
     /// Nothing: drives are off, starting or lost.
     Idle,
@@ -59,7 +61,7 @@ pub(super) enum Inactive {
 }
 
 /// What goes on in ENABLED.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Motion {
     /// The set-points slow down and stand: no fresh command.
     Holding,
@@ -70,7 +72,7 @@ pub(super) enum Motion {
 }
 
 /// The command that is being followed.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Follow {
     /// Who sent it.
     pub client_id: u64,
@@ -85,7 +87,7 @@ pub(super) struct Follow {
 }
 
 /// What a commander asks, and where that is heading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Course {
     /// Angles, rad.
     Joint(Trend<MAX_OUTPUTS>),
@@ -101,7 +103,7 @@ impl Course {
 }
 
 /// What failed and what is done about it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Failure {
     /// The first thing that failed.
     pub cause: Fault,
@@ -110,7 +112,7 @@ pub(super) struct Failure {
 }
 
 /// How far a fault has come.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) enum Stage {
     /// Waiting for the operator.
     Latched {
@@ -219,7 +221,7 @@ impl Cause {
 }
 
 /// The state, since when, and the last fault.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Machine {
     state: State,
     since: Nanos,

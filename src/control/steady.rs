@@ -7,13 +7,15 @@
 //!   without lag. A goal that turns back inside the disc is held where it was until it reaches the other side.
 //! - **correction**: the residual of the model goes through a first-order low-pass and a play of its own.
 
+use serde::{Deserialize, Serialize};
+
 use super::joint::NotFinite;
 use crate::config::CompensationConfig;
 use crate::model::file::OutputUnit;
 use crate::units::{Nanos, OutputVec};
 
 /// The two filters and what they remember.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Steady {
     /// Radius of the disc, rad; 0 where the outputs are no angles.
     band: f64,
@@ -26,13 +28,13 @@ pub(super) struct Steady {
 }
 
 /// Where the disc is, and the goal that was taken last.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Pen {
     disc: OutputVec,
     goal: OutputVec,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Filtered {
     low: OutputVec,
     held: OutputVec,
@@ -64,6 +66,12 @@ impl Steady {
     /// Nothing is followed: the next goal is taken as it comes.
     pub fn release(&mut self) {
         self.pen = None;
+    }
+
+    /// Another model has been in use: its goal is held on to, and the correction starts from what this model says.
+    pub fn begin_like(&mut self, before: Option<&Self>) {
+        self.pen = before.and_then(|before| before.pen);
+        self.correction = None;
     }
 
     /// The memory belongs to other counts.

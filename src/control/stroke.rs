@@ -12,6 +12,8 @@
 //! - between two extremes the set-point moves along the line under a limiter of its own, slower than the limits of the
 //!   motors, and comes to rest at each end for long enough that the encoder is read there.
 
+use serde::{Deserialize, Serialize};
+
 use super::limit::{Limiter, Limits, Target};
 use crate::config::{ConditionConfig, Config};
 use crate::ipc::Refusal;
@@ -49,7 +51,7 @@ pub(super) struct Plan {
 }
 
 /// A stroke under way.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Stroke {
     start: MotorVec,
     extremes: Extremes,
@@ -69,7 +71,7 @@ pub(super) struct Stroke {
 }
 
 /// The extremes of a region, in the order of a turn.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Extremes {
     points: [MotorVec; MAX_EXTREMES],
     count: u32,

@@ -14,6 +14,8 @@
 //!   rest a few stairs on, long before its deadline;
 //! - streams slower than [`LONGEST`] are not extrapolated.
 
+use serde::{Deserialize, Serialize};
+
 use crate::units::Nanos;
 
 /// Late commands are normal on a desktop system; one interval of grace keeps the set-point from stopping for each.
@@ -23,15 +25,18 @@ const HORIZON_INTERVALS: f64 = 2.0;
 const LONGEST: Nanos = Nanos::from_millis(20);
 
 /// A goal of `N` values and where it is heading.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Trend<const N: usize> {
     /// As asked.
+    #[serde(with = "array")]
     goal: [f64; N],
     /// When it was asked.
     stamp: Nanos,
     /// Change since the command before, per second; 0 if that was too long ago.
+    #[serde(with = "array")]
     last_rate: [f64; N],
     /// The rate to go on with, per second.
+    #[serde(with = "array")]
     rate: [f64; N],
     /// How long to go on, seconds.
     horizon_s: f64,
@@ -76,6 +81,22 @@ impl<const N: usize> Trend<N> {
         let mut place = self.goal;
         place.iter_mut().zip(self.rate).for_each(|(place, rate)| *place += rate * age_s);
         place
+    }
+}
+
+/// Arrays of a length that is a parameter, as a sequence of so many numbers; serde knows fixed lengths only.
+mod array {
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::ser::{Serialize, Serializer};
+
+    pub fn serialize<S: Serializer, const N: usize>(array: &[f64; N], serializer: S) -> Result<S::Ok, S::Error> {
+        array.as_slice().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+        let values = Vec::<f64>::deserialize(deserializer)?;
+        let found = values.len();
+        values.try_into().map_err(|_| D::Error::custom(format_args!("{found} numbers instead of {N}")))
     }
 }
 

@@ -40,10 +40,12 @@ pub use family::Drive;
 pub use port::{Configured, Identified, Opened, Port};
 pub use runner::{AxisLink, PortRunner};
 
+use serde::{Deserialize, Serialize};
+
 use crate::units::{Counts, Nanos};
 
 /// What the control loop wants of one drive. The newest request replaces the former ones; nothing queues.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct AxisRequest {
     /// Counts up by one every tick.
     pub sequence: u64,
@@ -62,7 +64,7 @@ pub struct AxisRequest {
 }
 
 /// The state that a drive should be brought to. In doubt: [`Demand::Disabled`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Demand {
     /// Power stage off, reached in order: operation disabled, then shut down.
     #[default]
@@ -74,7 +76,7 @@ pub enum Demand {
 }
 
 /// What one drive reports, as far as the newest replies tell.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct AxisFeedback {
     /// Counts up by one with every position read.
     pub sequence: u64,
@@ -103,7 +105,7 @@ pub struct AxisFeedback {
 }
 
 /// A set-point that reached the drive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct WrittenTarget {
     /// The set-point.
     pub target: Counts,
@@ -118,7 +120,7 @@ pub struct WrittenTarget {
 }
 
 /// Where the driver and the drive stand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum AxisPhase {
     /// Not identified or not configured yet.
     #[default]
@@ -142,7 +144,7 @@ pub enum AxisPhase {
 }
 
 /// Lifetime counters of one serial line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct LinkCounters {
     /// Requests that were answered.
     pub exchanges: u64,

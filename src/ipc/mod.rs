@@ -32,4 +32,4 @@ pub use identity::random_id;
 pub use message::Message;
 pub use server::{IpcError, Server};
 pub use service::Transport;
-pub use word::{Fault, OperatingState, Refusal, StateCommand};
+pub use word::{Fault, ModelAction, OperatingState, Refusal, StateCommand};

@@ -322,6 +322,169 @@ pub struct Version {
     pub output_names: [[u8; 16]; MAX_OUTPUTS],
 }
 
+/// `model`, request. Answered within a tick or two, except `stage`, which may take seconds.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[type_name("I2risModelRequestV1")]
+pub struct ModelRequest {
+    /// Who asks. Not 0.
+    pub client_id: u64,
+    /// [`crate::ipc::ModelAction`].
+    pub action: u32,
+    /// 0 or [`ModelRequest::FORCE`].
+    pub flags: u32,
+    /// `activate`: SHA-256 of the model that is expected to be staged.
+    pub model_id: [u8; 32],
+    /// `stage`: absolute path of the model file as the controller sees it, padded with 0.
+    pub path: [u8; 1024],
+}
+
+impl ModelRequest {
+    /// Flag: also while the hysteresis memory of the model is unknown.
+    pub const FORCE: u32 = 1;
+}
+
+impl Default for ModelRequest {
+    fn default() -> Self {
+        Self { client_id: 0, action: 0, flags: 0, model_id: [0; 32], path: [0; 1024] }
+    }
+}
+
+/// A model at hand.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("I2risModelSlotV1")]
+pub struct ModelSlot {
+    /// Root mean square error on the training data, per output, in degrees (millimetres).
+    pub training_rms: [f64; MAX_OUTPUTS],
+    /// The same on data held out; 0 where there were none.
+    pub held_out_rms: [f64; MAX_OUTPUTS],
+    /// SHA-256 of the model; all 0: there is none.
+    pub model_id: [u8; 32],
+    /// Its family, UTF-8, padded with 0.
+    pub family: [u8; 32],
+    /// The end of the path of its file, UTF-8, padded with 0.
+    pub file: [u8; 120],
+    /// How many outputs it has.
+    pub outputs: u32,
+    /// Sum of [`ModelSlot::PRESENT`] and [`ModelSlot::MEMORY_KNOWN`].
+    pub flags: u32,
+}
+
+impl ModelSlot {
+    /// Flag: there is a model.
+    pub const PRESENT: u32 = 1;
+    /// Flag: it has seen enough motion to know which branch of the loop the snake is on.
+    pub const MEMORY_KNOWN: u32 = 2;
+}
+
+impl Default for ModelSlot {
+    fn default() -> Self {
+        Self {
+            training_rms: [0.0; MAX_OUTPUTS],
+            held_out_rms: [0.0; MAX_OUTPUTS],
+            model_id: [0; 32],
+            family: [0; 32],
+            file: [0; 120],
+            outputs: 0,
+            flags: 0,
+        }
+    }
+}
+
+/// How a staged model differs from the one in use.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("I2risModelDifferenceV1")]
+pub struct ModelDifference {
+    /// How far each motor would have to turn for the angles to stay what the model in use says they are, counts.
+    pub present_counts: [f64; MAX_MOTORS],
+    /// The same where it is largest for either motor, counts.
+    pub largest_counts: [f64; MAX_MOTORS],
+    /// Where that is, counts.
+    pub largest_at_counts: [f64; MAX_MOTORS],
+    /// Share of the hull of the model in use that the staged one does not reach, 0 to 1.
+    pub unreached: f64,
+    /// 1: the two were compared; 0: there is none in use, or it has other outputs.
+    pub valid: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// `model`, reply.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[type_name("I2risModelReplyV1")]
+pub struct ModelReply {
+    /// [`crate::ipc::Refusal`]; 0: accepted.
+    pub refusal: u32,
+    /// 0.
+    pub reserved: u32,
+    /// The models in use, staged, and in use before; after the request.
+    pub slots: [ModelSlot; 3],
+    /// `stage`: how the staged model differs from the one in use.
+    pub difference: ModelDifference,
+    /// Why, where a number does not say it; UTF-8, padded with 0.
+    pub message: [u8; 512],
+}
+
+impl Default for ModelReply {
+    fn default() -> Self {
+        Self {
+            refusal: 0,
+            reserved: 0,
+            slots: [ModelSlot::default(); 3],
+            difference: ModelDifference::default(),
+            message: [0; 512],
+        }
+    }
+}
+
+/// `black_box`, request: write down the last seconds of every tick now.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+#[type_name("I2risBlackBoxRequestV1")]
+pub struct BlackBoxRequest {
+    /// Who asks. Not 0.
+    pub client_id: u64,
+}
+
+/// `black_box`, reply, once the file is written.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[type_name("I2risBlackBoxReplyV1")]
+pub struct BlackBoxReply {
+    /// Ticks in the file; 0: there is none, and `text` says why.
+    pub ticks: u64,
+    /// Path of the file, or why there is none; UTF-8, padded with 0.
+    pub text: [u8; 1024],
+}
+
+impl Default for BlackBoxReply {
+    fn default() -> Self {
+        Self { ticks: 0, text: [0; 1024] }
+    }
+}
+
+/// Text in a field of fixed size: as much as fits, padded with 0.
+#[must_use]
+pub fn padded_text<const N: usize>(text: &str) -> [u8; N] {
+    let mut end = text.len().min(N);
+    while !text.is_char_boundary(end) {
+        end -= 1;
+    }
+    let mut field = [0; N];
+    field.iter_mut().zip(text.as_bytes().iter().take(end)).for_each(|(to, from)| *to = *from);
+    field
+}
+
+/// The text in a field of fixed size, without its padding.
+#[must_use]
+pub fn text_of(field: &[u8]) -> String {
+    let text = field.split(|byte| *byte == 0).next().unwrap_or_default();
+    String::from_utf8_lossy(text).into_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use std::mem::{offset_of, size_of};
@@ -345,5 +508,17 @@ mod tests {
         assert_eq!(size_of::<StateCommandRequest>(), 16);
         assert_eq!(size_of::<StateCommandReply>(), 8);
         assert_eq!(size_of::<Version>(), 104);
+        assert_eq!(size_of::<ModelRequest>(), 1072);
+        assert_eq!(size_of::<ModelSlot>(), 240);
+        assert_eq!(size_of::<ModelReply>(), 1304);
+        assert_eq!(size_of::<BlackBoxReply>(), 1032);
+    }
+
+    #[test]
+    fn text_is_cut_between_characters() {
+        assert_eq!(text_of(&padded_text::<8>("snake")), "snake");
+        assert_eq!(text_of(&padded_text::<4>("snäke")), "snä");
+        assert_eq!(text_of(&padded_text::<3>("snäke")), "sn");
+        assert_eq!(text_of(&[]), "");
     }
 }

@@ -53,6 +53,8 @@ pub(super) const PERIOD_STATISTICS: Stream = state("i2ris/period_statistics");
 pub(super) const EXTERNAL: Stream = Stream { publishers: 4, ..state("i2ris/external/measured_jp") };
 
 pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
+pub(super) const BLACK_BOX: &str = "i2ris/black_box";
+pub(super) const MODEL: &str = "i2ris/model";
 pub(super) const VERSION: &str = "i2ris/version";
 
 /// What went wrong inside iceoryx2: which step, and its own word for the reason.

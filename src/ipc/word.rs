@@ -1,12 +1,14 @@
 //! The numbers inside the payloads, as enums. A number that no enum knows is refused at the edge.
 
+use serde::{Deserialize, Serialize};
+
 use crate::drive::AxisPhase;
 
 /// Declares an enum with fixed numbers, the way back from a number, and a name for people.
 macro_rules! words {
     ($(#[$meta:meta])* $name:ident { $($(#[$vmeta:meta])* $variant:ident = $number:literal, $text:literal;)* }) => {
         $(#[$meta])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
         #[repr(u32)]
         pub enum $name {
             $($(#[$vmeta])* $variant = $number,)*
@@ -84,6 +86,20 @@ words! {
 }
 
 words! {
+    /// What can be asked about models.
+    ModelAction {
+        /// Which models are at hand.
+        List = 1, "list";
+        /// Read, check and compare a model file, and lead the model along with the motors. Nothing else changes.
+        Stage = 2, "stage";
+        /// The staged model takes over at the next tick.
+        Activate = 3, "activate";
+        /// The model that was in use before takes over at the next tick.
+        Rollback = 4, "rollback";
+    }
+}
+
+words! {
     /// Why a command is refused. Refused commands change nothing.
     Refusal {
         /// Not refused.
@@ -120,6 +136,14 @@ words! {
         Stamp = 15, "stamp in the future or deadline too long";
         /// Drives are not ready: still starting, or lost.
         DrivesNotReady = 16, "the drives are not ready";
+        /// Another model is staged, or none.
+        NothingStaged = 17, "this model is not staged";
+        /// No model was in use before.
+        NoFormer = 18, "no model was in use before this one";
+        /// The hysteresis memory is not known, so the model would start on a wrong branch of the loop.
+        MemoryUnknown = 19, "the hysteresis memory is unknown: condition first, or force it";
+        /// The model cannot be used; the message says why.
+        BadModel = 20, "the model is refused";
     }
 }
 

@@ -1,7 +1,8 @@
 //! What a model answers, in arrays of fixed size.
 
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
-use crate::units::{MotorVec, OutputVec};
+use serde::{Deserialize, Serialize};
+
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
 /// Symmetric matrix over the outputs, rad^2 (m^2). Entries beyond the model's number of outputs are 0.
 pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
@@ -10,7 +11,7 @@ pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
 pub type JacobianMatrix = [[f64; MAX_MOTORS]; MAX_OUTPUTS];
 
 /// Forward prediction: what the outputs are at given counts.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimate {
     /// Expected outputs, rad (m).
     pub mean: OutputVec,

@@ -1,5 +1,7 @@
 //! What a model remembers of the past motion of the motors.
 
+use serde::{Deserialize, Serialize};
+
 use super::direction::Travels;
 use super::hysteresis::play::PlayState;
 use super::hysteresis::stop::StopState;
@@ -9,7 +11,7 @@ use crate::units::MotorVec;
 ///
 /// Models without hysteresis remember only where the motors have been. A memory belongs to the model that made it: with
 /// that of another family a model answers as if it had seen nothing but the present position.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Memory {
     pub(super) state: State,
     /// The range that the motors have covered, and where they are; `None` before the first position.
@@ -17,7 +19,7 @@ pub struct Memory {
 }
 
 /// Where the motors are, and the range of counts that they have covered.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Seen {
     pub position: MotorVec,
     pub low: MotorVec,
@@ -39,7 +41,7 @@ impl Seen {
 }
 
 /// The inner state of a family.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "no heap in the control loop")]
 pub(super) enum State {
     /// Nothing.

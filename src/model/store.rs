@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::{fmt, process};
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::Model;
@@ -19,7 +19,7 @@ use super::error::ModelError;
 use super::file::ModelFile;
 
 /// SHA-256 of the canonical form of a model file: the identity of a model.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 pub struct ModelId(pub [u8; 32]);
 
 impl fmt::Display for ModelId {

@@ -1,6 +1,7 @@
 //! How well the loop keeps its time.
 
 use hdrhistogram::Histogram;
+use serde::{Deserialize, Serialize};
 
 use super::{Granted, Tick};
 use crate::ipc::payload::{PeriodStatistics, SpanSummary};
@@ -12,7 +13,7 @@ const LONGEST: u64 = 10_000_000_000;
 const DIGITS: u8 = 2;
 
 /// The instants of one tick, small enough to hand to another thread.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct TickTiming {
     /// When it should have begun, when it began, and what was skipped.
     pub tick: Tick,

@@ -3,11 +3,13 @@
 //! Ticks lie on a fixed grid: start, start + period, start + 2 periods, ... A thread that comes late skips the ticks
 //! that are over and goes on with the grid. It never catches up: a burst of ticks would send a burst of set-points.
 
+use serde::{Deserialize, Serialize};
+
 use crate::clock;
 use crate::units::Nanos;
 
 /// One tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Tick {
     /// When it should have begun.
     pub planned: Nanos,

@@ -4,18 +4,21 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
+use i2ris::control::black_box::{OfferRecord, Snapshot, TickRecord};
 use i2ris::control::cycle::Cycle;
 use i2ris::control::{
-    Event, EventKind, Goal, Inputs, JointReport, Outputs, Report, ServoCommand, StateReply, StateRequest,
+    Candidate, Event, EventKind, Goal, Inputs, JointReport, Mark, ModelChange, ModelRequest, Outputs, Report,
+    ServoCommand, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
     OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::{History, Model};
+use i2ris::rt::{Tick, TickTiming};
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use crate::drive::{Drive, Quirk};
@@ -67,7 +70,12 @@ pub fn model(unit: OutputUnit) -> Arc<Model> {
 
 /// The same behind gaps of 100 counts to either side of every motor.
 pub fn play_model() -> Arc<Model> {
-    let (spread, gain, noise) = (300.0_f64.powi(2), GAIN_DEG, 0.01);
+    scaled_play_model(1.0)
+}
+
+/// The same for a snake that bends more by a factor.
+pub fn scaled_play_model(factor: f64) -> Arc<Model> {
+    let (spread, gain, noise) = (300.0_f64.powi(2), factor * GAIN_DEG, 0.01);
     let (cross, out) = (gain * spread, 2.0 * gain * gain * spread + noise);
     let plays = PlayParameters {
         thresholds_counts: vec![vec![0.0, 100.0]; 2],
@@ -133,12 +141,56 @@ pub struct Bench {
     pub out: Outputs,
     pub events: Vec<EventKind>,
     pub shutdown: bool,
+    /// Asked for in the next tick.
+    pub model_request: Option<ModelRequest>,
     /// Something that counts, read before and after every step, and the sum of the differences.
     pub probe: fn() -> u64,
     pub probed: u64,
+    /// Where the motors have been, and how far that is, as the thread that stages models knows it.
+    pub history: History,
+    pub mark: Mark,
+    /// Fills while there is one.
+    pub recording: Option<Recording>,
     client_sequence: u64,
     request_id: u64,
     watch: Watch,
+}
+
+/// What a black box would be filled with.
+#[derive(Default)]
+pub struct Recording {
+    pub ticks: Vec<TickRecord>,
+    pub snapshots: Vec<Snapshot>,
+    pub offers: Vec<OfferRecord>,
+    pub models: Vec<Vec<u8>>,
+    offered: Option<u64>,
+}
+
+impl Recording {
+    fn push(&mut self, now: Nanos, inputs: &Inputs, outputs: &Outputs, snapshot: Option<Snapshot>) {
+        let tick = Tick { planned: now, started: now, missed: 0 };
+        let timing = TickTiming { tick, ended: now };
+        let number = outputs.requests[0].sequence;
+        self.ticks.push(TickRecord {
+            number,
+            offered: self.offered.take(),
+            inputs: *inputs,
+            outputs: *outputs,
+            timing,
+        });
+        self.snapshots.extend(snapshot);
+    }
+
+    pub fn keep(&mut self, model: &Model) {
+        self.models.push(model.file().canonical_form().unwrap());
+    }
+
+    fn offer(&mut self, candidate: &Candidate) {
+        let number = self.offers.len() as u64 + 1;
+        self.offers.push(OfferRecord { number, model: candidate.model().id(), carried: candidate.carried() });
+        self.keep(candidate.model());
+        self.offered = Some(number);
+    }
 }
 
 /// The client that the helpers of [`Bench`] speak for.
@@ -155,8 +207,12 @@ impl Bench {
             out: Cycle::new(&self::config(""), None).step(Nanos::ZERO, &Inputs::default()),
             events: Vec::with_capacity(1000),
             shutdown: false,
+            model_request: None,
             probe: || 0,
             probed: 0,
+            history: History::default(),
+            mark: Mark::default(),
+            recording: None,
             client_sequence: 0,
             request_id: 0,
         };
@@ -175,12 +231,60 @@ impl Bench {
         self.now = self.now + self.config.control.period();
         self.drives.iter_mut().zip(&requests).for_each(|(drive, request)| drive.tick(self.now, request));
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
-        let inputs = Inputs { servo, request, feedback, shutdown: self.shutdown };
+        let inputs = Inputs { servo, request, model: self.model_request.take(), feedback, shutdown: self.shutdown };
         let before = (self.probe)();
         self.out = self.cycle.step(self.now, &inputs);
+        let retired = self.cycle.retired();
+        let snapshot = self.cycle.snapshot();
         self.probed += (self.probe)() - before;
+        drop(retired);
+        self.recording.iter_mut().for_each(|recording| recording.push(self.now, &inputs, &self.out, snapshot));
         self.watch.check(&inputs, &self.out);
         self.note_events();
+        self.note_way();
+    }
+
+    fn note_way(&mut self) {
+        let mark = self.out.report.mark;
+        if mark.epoch != self.mark.epoch {
+            self.history.forget();
+        }
+        if mark != self.mark {
+            let position = self.out.report.feedback.map(|drive| drive.position.as_f64());
+            self.history.note(&position);
+            self.mark = mark;
+        }
+    }
+
+    /// A model that has seen what the motors did so far.
+    pub fn candidate(&self, model: &Arc<Model>) -> Candidate {
+        Candidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
+    }
+
+    /// Stages a model.
+    pub fn offer(&mut self, candidate: Candidate) {
+        self.recording.iter_mut().for_each(|recording| recording.offer(&candidate));
+        let before = (self.probe)();
+        assert!(self.cycle.takes_candidates());
+        self.cycle.offer(candidate);
+        self.probed += (self.probe)() - before;
+    }
+
+    /// One tick with a change of the model in use.
+    pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
+        self.request_id += 1;
+        self.model_request = Some(ModelRequest { id: self.request_id, change, forced });
+        self.tick();
+        let reply = self.out.model_reply.expect("a change of the model is answered in its tick");
+        assert_eq!(reply.id, self.request_id);
+        reply.refusal
+    }
+
+    /// Stages a model, waits until it has caught up, and lets it take over.
+    pub fn swap(&mut self, model: &Arc<Model>) -> Refusal {
+        self.offer(self.candidate(model));
+        self.tick();
+        self.change_model(ModelChange::Activate(model.id()), false)
     }
 
     fn note_events(&mut self) {

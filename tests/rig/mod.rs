@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use i2ris::config::{
     AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
-    PortConfig,
+    PortConfig, RecordConfig, SwapConfig,
 };
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -69,6 +69,8 @@ impl Rig {
             limits: LimitConfig { feedback_stale_ms: 2000, feedback_lost_ms: 10_000, ..LimitConfig::default() },
             compensation: CompensationConfig::default(),
             condition: ConditionConfig::default(),
+            swap: SwapConfig::default(),
+            record: RecordConfig::default(),
             ports,
         };
         Self { emulator, config, folder, controller: None }

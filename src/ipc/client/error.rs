@@ -1,9 +1,11 @@
 //! What can go wrong for a client.
 
+use std::path::PathBuf;
+
 use crate::ipc::domain::DomainError;
 use crate::ipc::ready::INTERFACE_VERSION;
 use crate::ipc::service::Transport;
-use crate::ipc::word::{OperatingState, Refusal, StateCommand};
+use crate::ipc::word::{ModelAction, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
 /// What can go wrong for a client.
@@ -49,6 +51,30 @@ pub enum ClientError {
         /// In which state; `None`: a number that this program does not know.
         state: Option<OperatingState>,
     },
+    /// The controller refused a request about models. The model in use stays in use.
+    #[error("the controller refuses to {action} a model: {}", either(message, *.refusal))]
+    ModelRefused {
+        /// What was asked.
+        action: ModelAction,
+        /// Why.
+        refusal: Refusal,
+        /// Why, in more words; may be empty.
+        message: String,
+    },
+    /// No black box was written.
+    #[error("the controller wrote no black box: {reason}")]
+    BlackBox {
+        /// Why.
+        reason: String,
+    },
+    /// A path that a request cannot carry.
+    #[error("the path {path} does not fit into a request: at most {limit} bytes, none of them 0")]
+    Path {
+        /// The path.
+        path: PathBuf,
+        /// Bytes.
+        limit: usize,
+    },
     /// The controller is there but did not answer.
     #[error("the controller did not answer `{request}` within {} ms; look at its log", .waited.0 / 1_000_000)]
     NoReply {
@@ -71,6 +97,10 @@ pub enum ClientError {
         /// How long was waited.
         waited: Nanos,
     },
+}
+
+fn either(message: &str, refusal: Refusal) -> String {
+    if message.is_empty() { refusal.to_string() } else { message.to_owned() }
 }
 
 fn name(state: Option<OperatingState>) -> &'static str {

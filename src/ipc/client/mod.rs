@@ -30,9 +30,11 @@ mod commander;
 mod error;
 mod external;
 mod link;
+mod models;
 mod request;
 mod watcher;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use commander::Commander;
@@ -41,13 +43,16 @@ pub use external::ExternalPublisher;
 pub use watcher::{Latest, Subscription, Watcher};
 
 use super::domain::Domain;
-use super::payload::{OperatingStateMsg, StateCommandReply, StateCommandRequest, Version, VersionRequest};
+use super::payload::{
+    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, OperatingStateMsg, StateCommandReply,
+    StateCommandRequest, Version, VersionRequest, text_of,
+};
 use super::service;
 use super::word::{OperatingState, Refusal, StateCommand};
 use crate::clock;
 use crate::units::Nanos;
 use link::Link;
-use request::Requester;
+use request::{PATIENCE, Requester};
 
 /// How often a call that waits looks again.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
@@ -57,6 +62,8 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 pub struct Client {
     link: Arc<Link>,
     state_commands: Requester<StateCommandRequest, StateCommandReply>,
+    black_boxes: Requester<BlackBoxRequest, BlackBoxReply>,
+    models: Requester<ModelRequest, ModelReply>,
     versions: Requester<VersionRequest, Version>,
     operating_state: Latest<OperatingStateMsg>,
 }
@@ -80,8 +87,10 @@ impl Client {
         }
         Ok(Self {
             operating_state: Latest::new(Watcher::on(&link).operating_state()),
-            state_commands: Requester::new(service::STATE_COMMAND),
-            versions: Requester::new(service::VERSION),
+            state_commands: Requester::new(service::STATE_COMMAND, PATIENCE),
+            black_boxes: Requester::new(service::BLACK_BOX, models::PATIENCE),
+            models: Requester::new(service::MODEL, models::PATIENCE),
+            versions: Requester::new(service::VERSION, PATIENCE),
             link,
         })
     }
@@ -142,6 +151,19 @@ impl Client {
                 _ => clock::sleep(POLL_PERIOD),
             }
         }
+    }
+
+    /// Has the controller write down the last seconds of every tick, and returns the path of the file. Waits for the answer,
+    /// up to 30 s.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::BlackBox`] with the reason; [`ClientError::NoController`], [`ClientError::NoReply`],
+    /// [`ClientError::Transport`].
+    pub fn write_black_box(&mut self) -> Result<PathBuf, ClientError> {
+        let reply = self.black_boxes.ask(&self.link, BlackBoxRequest { client_id: self.id() })?;
+        let text = text_of(&reply.text);
+        if reply.ticks > 0 { Ok(text.into()) } else { Err(ClientError::BlackBox { reason: text }) }
     }
 
     /// Streams servo commands as this client.

@@ -12,7 +12,7 @@ use crate::ipc::service::{Transport, open_request, transport};
 use crate::units::Nanos;
 
 /// The controller answers within a few ticks; the machine may stall for a tenth of a second.
-const PATIENCE: Nanos = Nanos::from_millis(1000);
+pub(super) const PATIENCE: Nanos = Nanos::from_millis(1000);
 /// How often the answer is looked for.
 const POLL_PERIOD: Nanos = Nanos::from_micros(500);
 
@@ -25,6 +25,7 @@ where
 {
     port: Port<client::Client<Flavour, Q, (), R, ()>>,
     name: &'static str,
+    patience: Nanos,
 }
 
 impl<Q, R> Requester<Q, R>
@@ -32,8 +33,8 @@ where
     Q: ZeroCopySend + Debug + Copy + 'static,
     R: ZeroCopySend + Debug + Copy + 'static,
 {
-    pub fn new(name: &'static str) -> Self {
-        Self { port: Port::default(), name }
+    pub fn new(name: &'static str, patience: Nanos) -> Self {
+        Self { port: Port::default(), name, patience }
     }
 
     /// Asks and waits for the answer.
@@ -48,8 +49,8 @@ where
             }
             let now = clock::now();
             link.session(now)?;
-            if now.since(start) > PATIENCE {
-                return Err(ClientError::NoReply { request: name, waited: PATIENCE });
+            if now.since(start) > self.patience {
+                return Err(ClientError::NoReply { request: name, waited: self.patience });
             }
             clock::sleep(POLL_PERIOD);
         }

@@ -15,8 +15,9 @@ use super::IpcError;
 use crate::ipc::domain::Domain;
 use crate::ipc::guard::DomainGuard;
 use crate::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -39,6 +40,8 @@ pub(super) struct Services {
     pub operating_state: PubSub<OperatingStateMsg>,
     pub period_statistics: PubSub<PeriodStatistics>,
     pub state_commands: Request<StateCommandRequest, StateCommandReply>,
+    pub black_boxes: Request<BlackBoxRequest, BlackBoxReply>,
+    pub models: Request<ModelRequest, ModelReply>,
     pub versions: Request<VersionRequest, Version>,
 }
 
@@ -81,6 +84,8 @@ impl Services {
             operating_state: service::OPERATING_STATE.create(&node)?,
             period_statistics: service::PERIOD_STATISTICS.create(&node)?,
             state_commands: create_request(&node, service::STATE_COMMAND)?,
+            black_boxes: create_request(&node, service::BLACK_BOX)?,
+            models: create_request(&node, service::MODEL)?,
             versions: create_request(&node, service::VERSION)?,
             node,
         })

@@ -37,8 +37,9 @@ use iceoryx2::prelude::{ZeroCopySend, ipc};
 use super::domain::DomainError;
 use super::guard::DomainGuard;
 use super::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, Transport, transport};
@@ -54,6 +55,10 @@ pub const RELAY_LEAD: Nanos = Nanos::from_micros(100);
 const JOIN_PERIOD: Nanos = Nanos::from_millis(50);
 /// How often the leftovers of killed clients are cleared. Costs 0.4 ms, and about 1 ms per killed client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
+/// Age of a request at which nobody waits for an answer any more.
+const FORGET_AFTER: Nanos = Nanos::from_millis(2000);
+/// The same for requests that take long: a model is checked over its whole hull, a file is forced to the disk.
+const FORGET_SLOW_AFTER: Nanos = Nanos::from_millis(60_000);
 /// More commands than this at once can only come from a client that sends as fast as we read.
 const MAX_DRAINED: usize = 64;
 
@@ -89,6 +94,8 @@ pub struct Server {
     operating_state: Out<OperatingStateMsg>,
     period_statistics: Out<PeriodStatistics>,
     state_commands: Requests<StateCommandRequest, StateCommandReply>,
+    black_boxes: Requests<BlackBoxRequest, BlackBoxReply>,
+    models: Requests<ModelRequest, ModelReply>,
     versions: Requests<VersionRequest, Version>,
     version: Version,
     failures: u64,
@@ -126,8 +133,10 @@ impl Server {
             actuators: Out::new(&services.actuators, service::ACTUATORS, boot_id)?,
             operating_state: Out::new(&services.operating_state, service::OPERATING_STATE, boot_id)?,
             period_statistics: Out::new(&services.period_statistics, service::PERIOD_STATISTICS, boot_id)?,
-            state_commands: Requests::new(&services.state_commands, service::STATE_COMMAND)?,
-            versions: Requests::new(&services.versions, service::VERSION)?,
+            state_commands: Requests::new(&services.state_commands, service::STATE_COMMAND, FORGET_AFTER)?,
+            black_boxes: Requests::new(&services.black_boxes, service::BLACK_BOX, FORGET_SLOW_AFTER)?,
+            models: Requests::new(&services.models, service::MODEL, FORGET_SLOW_AFTER)?,
+            versions: Requests::new(&services.versions, service::VERSION, FORGET_AFTER)?,
             version: version(boot_id),
             failures: 0,
             last_failure: None,
@@ -180,6 +189,30 @@ impl Server {
     pub fn reply(&mut self, token: u64, reply: StateCommandReply) {
         let sent = self.state_commands.reply(token, reply);
         self.count(sent, service::STATE_COMMAND);
+    }
+
+    /// The same for requests about models, which may take longer.
+    pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
+        let polled = self.models.poll(now, take);
+        self.count(polled, service::MODEL);
+    }
+
+    /// Answers a request about models.
+    pub fn reply_model(&mut self, token: u64, reply: ModelReply) {
+        let sent = self.models.reply(token, reply);
+        self.count(sent, service::MODEL);
+    }
+
+    /// The same for wishes for a black box.
+    pub fn poll_black_boxes(&mut self, now: Nanos, take: impl FnMut(u64, BlackBoxRequest)) {
+        let polled = self.black_boxes.poll(now, take);
+        self.count(polled, service::BLACK_BOX);
+    }
+
+    /// Answers a wish for a black box.
+    pub fn reply_black_box(&mut self, token: u64, reply: BlackBoxReply) {
+        let sent = self.black_boxes.reply(token, reply);
+        self.count(sent, service::BLACK_BOX);
     }
 
     /// `measured_js`. As with every message that goes out, `sequence` and `boot_id` are filled in here.

@@ -11,9 +11,6 @@ use super::birth::Request;
 use crate::ipc::service::{Transport, transport};
 use crate::units::Nanos;
 
-/// Age at which nobody waits for an answer any more.
-const FORGET_AFTER: Nanos = Nanos::from_millis(2000);
-
 type Active<Q, R> = ActiveRequest<ipc::Service, Q, (), R, ()>;
 
 /// The controller's end of a request service.
@@ -28,6 +25,8 @@ where
     next_token: u64,
     port: server::Server<ipc::Service, Q, (), R, ()>,
     name: &'static str,
+    /// Age at which nobody waits for an answer any more.
+    forget_after: Nanos,
 }
 
 impl<Q, R> Requests<Q, R>
@@ -35,14 +34,14 @@ where
     Q: ZeroCopySend + Debug + Copy + 'static,
     R: ZeroCopySend + Debug + Copy + 'static,
 {
-    pub fn new(factory: &Request<Q, R>, name: &'static str) -> Result<Self, Transport> {
+    pub fn new(factory: &Request<Q, R>, name: &'static str, forget_after: Nanos) -> Result<Self, Transport> {
         let port = factory.server_builder().create().map_err(transport("serve", name))?;
-        Ok(Self { waiting: BTreeMap::new(), next_token: 1, port, name })
+        Ok(Self { waiting: BTreeMap::new(), next_token: 1, port, name, forget_after })
     }
 
     /// Takes in what arrived, each with a token for the answer, and forgets what is too old.
     pub fn poll(&mut self, now: Nanos, mut take: impl FnMut(u64, Q)) -> Result<(), Transport> {
-        self.waiting.retain(|_, (since, _)| now.since(*since) < FORGET_AFTER);
+        self.waiting.retain(|_, (since, _)| now.since(*since) < self.forget_after);
         while let Some(request) = self.port.receive().map_err(transport("receive", self.name))? {
             let token = self.next_token;
             self.next_token += 1;

@@ -1,8 +1,10 @@
 //! Which way a motor travels.
 
+use serde::{Deserialize, Serialize};
+
 /// Which way a motor travels, with a dead-band: it has turned when it has come back by the dead-band, so a reading that
 /// flickers by a count turns nothing. The dead-band is in counts, above 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Travel {
     /// Not known: so far the motor has stayed within less than the dead-band.
     Unknown {

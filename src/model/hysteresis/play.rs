@@ -48,7 +48,7 @@ struct Play {
 }
 
 /// Where the motors are and where the plays are.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PlayState {
     position: MotorVec,
     outputs: [[f64; MAX_PLAYS]; MAX_MOTORS],

@@ -15,6 +15,7 @@ mod emulate;
 mod files;
 mod model;
 mod monitor;
+mod replay;
 mod series;
 mod vision;
 
@@ -43,6 +44,10 @@ enum Task {
     Command(command::Arguments),
     /// Watch the robot
     Monitor(monitor::Arguments),
+    /// Run the black box of a controller again and compare to the bit
+    Replay(replay::Arguments),
+    /// Have the running controller write its black box: the last seconds of every tick
+    Dump(replay::DumpArguments),
     /// Measure angles in microscope pictures
     Vision(vision::Arguments),
     /// Show the whole path on the emulator: calibrate, fit, follow, measure
@@ -56,6 +61,8 @@ fn main() -> ExitCode {
         Task::Emulate(arguments) => emulate::run(arguments),
         Task::Command(arguments) => command::run(arguments),
         Task::Monitor(arguments) => monitor::run(arguments),
+        Task::Replay(arguments) => replay::run(&arguments),
+        Task::Dump(arguments) => replay::dump(&arguments),
         Task::Vision(arguments) => vision::run(arguments),
         Task::Demo(arguments) => demo::run(arguments),
     };

@@ -1,8 +1,12 @@
-//! `i2ris model`: what a model says, to a person and to a script, without a robot.
+//! `i2ris model`: what a model says, to a person and to a script, without a robot; and which models a controller has.
 
+mod activate;
 mod invert;
+mod list;
 mod predict;
+mod rollback;
 mod show;
+mod stage;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -23,6 +27,14 @@ pub enum Command {
     Invert(invert::Arguments),
     /// Encoder counts in, angles out
     Predict(predict::Arguments),
+    /// Show the models that the running controller has at hand
+    List(list::Arguments),
+    /// Have the running controller check a model, compare it with the one in use, and keep it ready
+    Stage(stage::Arguments),
+    /// Let the staged model take over while the robot runs
+    Activate(activate::Arguments),
+    /// Let the model that was in use before take over again
+    Rollback(rollback::Arguments),
 }
 
 /// Runs it.
@@ -31,6 +43,10 @@ pub fn run(command: Command) -> Result<(), Failure> {
         Command::Show(arguments) => show::run(&arguments),
         Command::Invert(arguments) => invert::run(&arguments),
         Command::Predict(arguments) => predict::run(&arguments),
+        Command::List(arguments) => list::run(&arguments),
+        Command::Stage(arguments) => stage::run(&arguments),
+        Command::Activate(arguments) => activate::run(&arguments),
+        Command::Rollback(arguments) => rollback::run(&arguments),
     }
 }
 

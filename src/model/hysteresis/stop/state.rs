@@ -1,6 +1,7 @@
 //! What stop operators remember, and how it moves on.
 
 use nalgebra::SVector;
+use serde::{Deserialize, Serialize};
 
 use super::Stops;
 use super::balance::Settled;
@@ -14,7 +15,7 @@ use crate::units::{MAX_MOTORS, MotorVec};
 type Pair = [f64; MAX_MOTORS];
 
 /// Where the motors are, what the wires pull, how far every segment bends, and where its stops are.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StopState {
     pub(super) position: MotorVec,
     pub(super) force: Pair,
@@ -22,7 +23,7 @@ pub struct StopState {
 }
 
 /// What a segment remembers.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(super) struct SegmentState {
     pub bend: Pair,
     pub own: [Pair; MAX_STOPS],

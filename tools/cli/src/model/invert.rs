@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use i2ris::config::{
     AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
-    PortConfig,
+    PortConfig, RecordConfig, SwapConfig,
 };
 use i2ris::control::Goal;
 use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
@@ -251,6 +251,8 @@ fn standard(model: &Model) -> Config {
         limits: LimitConfig::default(),
         compensation: CompensationConfig::default(),
         condition: ConditionConfig::default(),
+        swap: SwapConfig::default(),
+        record: RecordConfig::default(),
         ports: vec![PortConfig { device: PathBuf::new(), baud: 115_200, reply_timeout_ms: 20, axes }],
     }
 }

@@ -1,0 +1,52 @@
+//! `i2ris model list`, and how the models of a controller are shown.
+
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::{ModelReply, ModelSlot, text_of};
+use i2ris::model::ModelId;
+use i2ris::units::Nanos;
+
+use crate::Failure;
+use crate::console::DomainOption;
+
+/// How long to wait for a controller that is just starting.
+pub const CONNECT: Nanos = Nanos::from_millis(2000);
+
+/// Arguments of `i2ris model list`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    show(&client.models()?);
+    Ok(())
+}
+
+/// Prints the models at hand.
+pub fn show(reply: &ModelReply) {
+    let names = ["in use", "staged", "former"];
+    for (name, slot) in names.iter().zip(&reply.slots) {
+        println!("{name:8} {}", line(slot));
+    }
+}
+
+fn line(slot: &ModelSlot) -> String {
+    if slot.flags & ModelSlot::PRESENT == 0 {
+        return "none".to_owned();
+    }
+    let memory = if slot.flags & ModelSlot::MEMORY_KNOWN == 0 { ", memory unknown" } else { "" };
+    let outputs = slot.outputs as usize;
+    let rms = |values: &[f64]| -> String {
+        let values: Vec<String> = values.iter().take(outputs).map(|value| format!("{value:.3}")).collect();
+        values.join(" ")
+    };
+    let error = match slot.held_out_rms.iter().take(outputs).any(|value| *value > 0.0) {
+        true => format!("rms held out {}", rms(&slot.held_out_rms)),
+        false => format!("rms in training {}", rms(&slot.training_rms)),
+    };
+    let (family, file) = (text_of(&slot.family), text_of(&slot.file));
+    format!("{}  {family}, {error}{memory}  {file}", ModelId(slot.model_id))
+}

@@ -1,0 +1,97 @@
+//! `i2ris replay`: the last seconds of a controller once more, through the same cycle; and `i2ris dump`, which writes them down.
+
+use std::path::PathBuf;
+
+use i2ris::control::black_box::{Content, Difference, Replayed, replay};
+use i2ris::control::{EventKind, Outputs};
+use i2ris::ipc::client::Client;
+use i2ris::units::Nanos;
+
+use crate::Failure;
+use crate::console::DomainOption;
+
+/// How long to wait for a controller that is just starting.
+const CONNECT: Nanos = Nanos::from_millis(2000);
+
+/// Arguments of `i2ris replay`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  i2ris replay $(i2ris dump)")]
+pub struct Arguments {
+    /// The black box: a file that i2ris-control wrote on a fault, at its end, or for `i2ris dump`
+    file: PathBuf,
+    /// Print every event, too
+    #[arg(long)]
+    events: bool,
+}
+
+/// Arguments of `i2ris dump`.
+#[derive(Debug, clap::Args)]
+pub struct DumpArguments {
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+/// Has the controller write its black box, and prints where.
+pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
+    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    println!("{}", client.write_black_box()?.display());
+    Ok(())
+}
+
+/// Runs a black box again. A tick that comes out otherwise is a failure.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let content = Content::read(&arguments.file)?;
+    header(&content);
+    if arguments.events {
+        content.ticks.iter().for_each(|tick| events(&tick.outputs));
+    }
+    let replayed = replay(&content)?;
+    let Replayed { ticks, swaps, skipped, difference } = &replayed;
+    if *skipped > 0 {
+        println!("skipped    {skipped} ticks that come after a gap, or before the first state that was kept");
+    }
+    match difference {
+        None => println!("replayed   {ticks} ticks with {swaps} swaps of models: all the same to the bit"),
+        Some(difference) => return Err(describe(difference, *ticks).into()),
+    }
+    Ok(())
+}
+
+fn header(content: &Content) {
+    let header = &content.header;
+    println!("software   {}", header.software);
+    println!("written    {}, on {}", header.written, header.cause);
+    println!("boot id    {:016x}", header.boot_id);
+    for model in &content.models {
+        println!("model      {} bytes", model.len());
+    }
+    let (first, last) = (content.ticks.first(), content.ticks.last());
+    if let (Some(first), Some(last)) = (first, last) {
+        let seconds = last.timing.tick.started.since(first.timing.tick.started).as_seconds();
+        println!("ticks      {} to {}, {seconds:.3} s", first.number, last.number);
+        println!("state      {} at the end, last fault: {}", last.outputs.report.state, last.outputs.report.fault);
+    }
+    if header.lost > 0 {
+        println!("lost       {} ticks since the start, for which the recorder was too slow", header.lost);
+    }
+}
+
+fn events(outputs: &Outputs) {
+    for event in outputs.events.iter().flatten() {
+        // Refusals come in floods.
+        if !matches!(event.kind, EventKind::Refused { .. }) {
+            println!("           {event}");
+        }
+    }
+}
+
+fn describe(difference: &Difference, ticks: u64) -> String {
+    let Difference { number, field, recorded, replayed } = difference;
+    format!(
+        "tick {number} differs, after {} that came out the same; the first field that does is {field}\n  recorded: {recorded}\n  \
+         replayed: {replayed}\nthe file was written by other software than this, or on another kind of machine, or here is \
+         a mistake in the software",
+        ticks.saturating_sub(1)
+    )
+}
