@@ -3,12 +3,16 @@
 //! Every key is documented here once. A value that parses but makes no sense is refused with the key, the value and
 //! the reason; nothing starts on a half-understood configuration.
 
+mod drives;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::{Counts, MAX_MOTORS, Nanos};
+use crate::units::Nanos;
+
+pub use drives::{AxisConfig, Family, Framing, HomingMethod, PortConfig, Streaming};
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -214,74 +218,6 @@ impl Default for RecordConfig {
     }
 }
 
-/// A serial port and the axes behind it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct PortConfig {
-    /// The device file.
-    pub device: PathBuf,
-    /// Bits per second.
-    #[serde(default = "default_baud")]
-    pub baud: u32,
-    /// How long to wait for a reply, in milliseconds, 3 to 1000.
-    #[serde(default = "default_reply_timeout_ms")]
-    pub reply_timeout_ms: u64,
-    /// The axes, one drive each.
-    pub axes: Vec<AxisConfig>,
-}
-
-fn default_baud() -> u32 {
-    115_200
-}
-
-fn default_reply_timeout_ms() -> u64 {
-    20
-}
-
-/// One drive and its motor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AxisConfig {
-    /// Which motor of the model this drive turns, 0 or 1.
-    pub motor: usize,
-    /// CAN node id of the drive, 0 to 127; 0 is the drive that the port belongs to.
-    pub node_id: u8,
-    /// Serial number of the drive (object 0x1018:04), so that swapped cables are refused.
-    pub serial_number: u32,
-    /// Lowest position that the drive and the loop may be asked for, counts.
-    pub position_min_counts: Counts,
-    /// Highest position that the drive and the loop may be asked for, counts.
-    pub position_max_counts: Counts,
-    /// Output current limit of the drive (object 0x3001:02), mA.
-    #[serde(default = "default_current_limit_ma")]
-    pub current_limit_ma: u32,
-    /// Following error window of the drive (object 0x6065), counts.
-    #[serde(default = "default_following_error_counts")]
-    pub following_error_counts: u32,
-    /// Speed limit of the motor in the drive (objects 0x607F and 0x6080), rpm.
-    #[serde(default = "default_motor_speed_rpm")]
-    pub motor_speed_rpm: u32,
-    /// Quick-stop deceleration in the drive (object 0x6085), rpm per second.
-    #[serde(default = "default_quick_stop_rpm_s")]
-    pub quick_stop_rpm_s: u32,
-}
-
-fn default_current_limit_ma() -> u32 {
-    300
-}
-
-fn default_following_error_counts() -> u32 {
-    400
-}
-
-fn default_motor_speed_rpm() -> u32 {
-    3000
-}
-
-fn default_quick_stop_rpm_s() -> u32 {
-    10_000
-}
-
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -455,40 +391,6 @@ impl Config {
         require(half_width > 0, "condition.half_width_counts", half_width, "must be above 0")?;
         require((1..=20).contains(&condition.turns), "condition.turns", condition.turns, "must be 1 to 20")?;
         positive("condition.velocity_counts_s", condition.velocity_counts_s)
-    }
-
-    fn check_ports(&self) -> Result<(), WrongValue> {
-        let motors = self.motors();
-        require((1..=MAX_MOTORS).contains(&motors), "ports.axes", motors, "there must be 1 or 2 axes in all")?;
-        for (number, port) in self.ports.iter().enumerate() {
-            let key = |name: &str| format!("ports[{number}].{name}");
-            let timeout = port.reply_timeout_ms;
-            require((3..=1000).contains(&timeout), &key("reply_timeout_ms"), timeout, "must be 3 to 1000")?;
-            require((9600..=4_000_000).contains(&port.baud), &key("baud"), port.baud, "must be 9600 to 4000000")?;
-            let twice = self.ports[..number].iter().any(|other| other.device == port.device);
-            require(!twice, &key("device"), port.device.display(), "is named by another port already")?;
-        }
-        for axis in self.axes() {
-            self.check_axis(axis)?;
-        }
-        Ok(())
-    }
-
-    fn check_axis(&self, axis: &AxisConfig) -> Result<(), WrongValue> {
-        let key = |name: &str| format!("ports.axes[motor {}].{name}", axis.motor);
-        let (motors, twice) = (self.motors(), self.axes().filter(|other| other.motor == axis.motor).count() > 1);
-        require(axis.motor < motors, &key("motor"), axis.motor, "motors are numbered from 0 without gaps")?;
-        require(!twice, &key("motor"), axis.motor, "is turned by another axis already")?;
-        require(axis.node_id <= 127, &key("node_id"), axis.node_id, "must be 0 to 127")?;
-        require(
-            axis.position_min_counts < axis.position_max_counts,
-            &key("position_min_counts"),
-            axis.position_min_counts,
-            "must be below position_max_counts",
-        )?;
-        require(axis.current_limit_ma > 0, &key("current_limit_ma"), axis.current_limit_ma, "must be above 0")?;
-        require(axis.motor_speed_rpm > 0, &key("motor_speed_rpm"), axis.motor_speed_rpm, "must be above 0")?;
-        require(axis.quick_stop_rpm_s > 0, &key("quick_stop_rpm_s"), axis.quick_stop_rpm_s, "must be above 0")
     }
 }
 

@@ -46,24 +46,11 @@ impl Bench {
     }
 
     fn config(&self, axis: usize) -> PortConfig {
-        PortConfig {
-            device: self.emulator.device(axis).to_owned(),
-            baud: 115_200,
-            // A real drive answers within 5 ms. This machine stalls for 100, and a request that is sent again too early
-            // would count as a fault of the host.
-            reply_timeout_ms: 400,
-            axes: vec![AxisConfig {
-                motor: axis,
-                node_id: 1,
-                serial_number: SERIAL_NUMBERS[axis],
-                position_min_counts: Counts(-2400),
-                position_max_counts: Counts(2400),
-                current_limit_ma: 300,
-                following_error_counts: 400,
-                motor_speed_rpm: 3000,
-                quick_stop_rpm_s: 10_000,
-            }],
-        }
+        let limits = [Counts(-2400), Counts(2400)];
+        let axes = vec![AxisConfig { node_id: 1, ..AxisConfig::new(axis, SERIAL_NUMBERS[axis], limits) }];
+        // A real drive answers within 5 ms. This machine stalls for 100, and a request that is sent again too early
+        // would count as a fault of the host.
+        PortConfig { reply_timeout_ms: 400, ..PortConfig::new(self.emulator.device(axis).to_owned(), axes) }
     }
 
     fn bring_up(&self, axis: usize) -> Result<Port<Configured>, DriveError> {

@@ -14,6 +14,7 @@ mod homing;
 mod outcome;
 mod power;
 mod stage;
+mod steer;
 
 use std::ops::RangeInclusive;
 
@@ -23,7 +24,7 @@ use crate::units::{Counts, Nanos};
 use super::cia402::{State, Statusword};
 use super::error::{AxisFault, LinkError};
 use super::event::{Failure, PortEvent, PortEventKind};
-use super::family::Drive;
+use super::family::{Drive, HomingPlan};
 use super::object::Address;
 use super::request::AbortCode;
 use super::{AxisFeedback, AxisRequest, Demand, LinkCounters};
@@ -31,6 +32,7 @@ use super::{AxisFeedback, AxisRequest, Demand, LinkCounters};
 pub(super) use ask::{Access, Ask};
 use cadence::Cadence;
 use stage::Stage;
+use steer::Steer;
 
 /// How long the drive may take to report quick stop, and then to stand still.
 const STOP_DEADLINE: Nanos = Nanos::from_millis(1000);
@@ -59,11 +61,19 @@ pub(super) struct Reply {
 pub(super) struct Axis {
     motor: usize,
     limits: RangeInclusive<i32>,
+    /// How far it can have gone from where it was last seen: to its last set-point, counts.
+    reach: u32,
     drive: &'static dyn Drive,
+    plan: HomingPlan,
     stage: Stage,
     rearm: Rearm,
     cadence: Cadence,
+    steer: Steer,
     feedback: AxisFeedback,
+    /// The position jumped while no one looked: what the drive says of its zero is not believed until it is homed.
+    displaced: bool,
+    /// Homing changed settings that have not been put back.
+    unrestored: bool,
     still: bool,
     misses: u32,
     reported: Reported,
@@ -91,15 +101,25 @@ impl Axis {
         Self {
             motor: config.motor,
             limits: config.position_min_counts.0..=config.position_max_counts.0,
+            reach: config.following_error_counts,
             drive,
+            plan: drive.homing(config),
             stage: Stage::Starting,
             rearm: Rearm::Held,
             cadence: Cadence::default(),
+            steer: Steer::default(),
+            displaced: false,
+            unrestored: false,
             feedback: AxisFeedback::default(),
             still: false,
             misses: 0,
             reported: Reported::default(),
         }
+    }
+
+    /// The drive of the axis.
+    pub(super) fn drive(&self) -> &'static dyn Drive {
+        self.drive
     }
 
     /// What the control loop shall see.
@@ -135,12 +155,25 @@ impl Axis {
         }
     }
 
-    /// The axis answers again, is the right one, off, and limited.
-    pub(super) fn readmit(&mut self, events: Events<'_>) {
+    /// The axis answers again, is the right one, off, and limited. `position` is where it stands now: further from where it was
+    /// last seen than it could have gone by itself, it has been moved, or counts from another zero.
+    pub(super) fn readmit(&mut self, position: i32, events: Events<'_>) {
+        let (before, after) = (self.feedback.position, Counts(position));
+        if self.feedback.stamp > Nanos::ZERO && before.0.abs_diff(after.0) > self.reach {
+            self.displace(before, after, events);
+        }
         self.misses = 0;
+        self.unrestored = false;
         self.reported = Reported::default();
         self.report(PortEventKind::Readmitted, events);
         self.enter(Stage::Starting, events);
+    }
+
+    /// The position is not where it was left: what the drive says of its zero is not believed until the axis is homed.
+    pub(super) fn displace(&mut self, before: Counts, after: Counts, events: Events<'_>) {
+        self.displaced = true;
+        self.feedback.homed = false;
+        self.report(PortEventKind::Displaced { before, after }, events);
     }
 
     /// The axis answers, but is not usable as it is.
@@ -172,6 +205,7 @@ impl Axis {
         self.still = false;
         self.stage = stage;
         self.cadence = Cadence::default();
+        self.steer = Steer::default();
         self.reported.refusal = None;
         let (to, statusword) = (stage.phase(), self.feedback.statusword);
         self.feedback.phase = to;
@@ -186,6 +220,7 @@ impl Axis {
             && self.feedback.homings != count
         {
             self.feedback.homings = count;
+            self.displaced &= failure.is_some();
             self.report(PortEventKind::HomingEnded { failure }, events);
         }
     }

@@ -9,6 +9,7 @@ use crate::units::Nanos;
 use super::cia402::{Controlword, Goal, State, Statusword, Step, step};
 use super::error::{AxisFault, LinkError};
 use super::exchange::{LOCAL_NODE, Link, Repeat};
+use super::family::{Parts, Version};
 use super::object::{Address, Object, Setting, Value};
 use super::transport::Transport;
 
@@ -46,7 +47,7 @@ pub(super) fn know_line<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFaul
     let parts = link.drive().parts();
     // A controller that died may have asked something a moment ago.
     link.wait_for_quiet().map_err(|error| AxisFault::Exchange { object: parts.vendor.address(), error })?;
-    check_vendor(link, LOCAL_NODE)?;
+    check_vendor(link, LOCAL_NODE, parts)?;
     let serial_number = read(link, LOCAL_NODE, parts.serial_number)?;
     link.know_serial_number(serial_number);
     let mut shortened = false;
@@ -65,28 +66,39 @@ pub(super) fn know_line<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFaul
 }
 
 /// Checks that this is the drive that was configured.
-pub(super) fn check_identity<T: Transport>(link: &mut Link<T>, axis: &AxisConfig) -> Result<(), AxisFault> {
-    check_vendor(link, axis.node_id)?;
-    let (expected, parts) = (axis.serial_number, link.drive().parts());
+pub(super) fn check_identity<T: Transport>(
+    link: &mut Link<T>,
+    axis: &AxisConfig,
+    parts: &Parts,
+) -> Result<(), AxisFault> {
+    check_vendor(link, axis.node_id, parts)?;
+    let expected = axis.serial_number;
     let found = read(link, axis.node_id, parts.serial_number)?;
     if found == expected { Ok(()) } else { Err(AxisFault::SerialNumber { expected, found }) }
 }
 
-fn check_vendor<T: Transport>(link: &mut Link<T>, node: u8) -> Result<(), AxisFault> {
-    let (expected, parts) = (link.drive().parts().vendor_number, link.drive().parts());
+fn check_vendor<T: Transport>(link: &mut Link<T>, node: u8, parts: &Parts) -> Result<(), AxisFault> {
+    let expected = parts.vendor_number;
     let found = read(link, node, parts.vendor)?;
     if found == expected { Ok(()) } else { Err(AxisFault::Vendor { expected, found }) }
 }
 
 /// Reads what tells drives apart.
-pub(super) fn read_identity<T: Transport>(link: &mut Link<T>, axis: &AxisConfig) -> Result<AxisIdentity, AxisFault> {
-    let (node, parts) = (axis.node_id, link.drive().parts());
+pub(super) fn read_identity<T: Transport>(
+    link: &mut Link<T>,
+    axis: &AxisConfig,
+    parts: &Parts,
+) -> Result<AxisIdentity, AxisFault> {
+    let node = axis.node_id;
     let full = parts.full_serial_number.and_then(|object| read_text(link, node, object));
     Ok(AxisIdentity {
         motor: axis.motor,
         node_id: node,
         product_code: read(link, node, parts.product)?,
-        firmware: (read(link, node, parts.revision)? >> 16) as u16,
+        firmware: match parts.version {
+            Version::HighWord(object) => (read(link, node, object)? >> 16) as u16,
+            Version::Word(object) => read(link, node, object)?,
+        },
         serial_number: axis.serial_number,
         full_serial_number: full.and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes),
         name: read_text(link, node, parts.device_name)
@@ -102,23 +114,28 @@ fn read_text<T: Transport>(link: &mut Link<T>, node: u8, object: Address) -> Opt
 
 /// Brings a drive that may still be enabled, by a controller that died, to power off, in order. A drive that holds a
 /// fault is off, and the fault is left for the operator.
-pub(super) fn switch_off<T: Transport>(link: &mut Link<T>, node: u8) -> Result<State, AxisFault> {
-    match drive_to(link, node, Goal::Off) {
-        Err(AxisFault::StillOn { .. }) => drive_to(link, node, Goal::Cut),
+pub(super) fn switch_off<T: Transport>(link: &mut Link<T>, node: u8, parts: &Parts) -> Result<State, AxisFault> {
+    match drive_to(link, node, parts, Goal::Off) {
+        Err(AxisFault::StillOn { .. }) => drive_to(link, node, parts, Goal::Cut),
         end => end,
     }
 }
 
-fn drive_to<T: Transport>(link: &mut Link<T>, node: u8, goal: Goal) -> Result<State, AxisFault> {
+pub(super) fn drive_to<T: Transport>(
+    link: &mut Link<T>,
+    node: u8,
+    parts: &Parts,
+    goal: Goal,
+) -> Result<State, AxisFault> {
     let deadline = link.now() + OFF_DEADLINE;
     let mut commanded = None;
     loop {
-        let state = read_state(link, node)?;
+        let state = read_state(link, node, parts)?;
         match step(state, goal) {
             Step::Reached | Step::Blocked => return Ok(state),
             // One command must take effect before the next.
             Step::Command(controlword) if commanded != Some(controlword) => {
-                command(link, node, controlword)?;
+                command(link, node, parts, controlword)?;
                 commanded = Some(controlword);
             }
             Step::Command(_) | Step::Wait if link.now() > deadline => return Err(AxisFault::StillOn { state }),
@@ -127,13 +144,34 @@ fn drive_to<T: Transport>(link: &mut Link<T>, node: u8, goal: Goal) -> Result<St
     }
 }
 
-fn read_state<T: Transport>(link: &mut Link<T>, node: u8) -> Result<State, AxisFault> {
-    let statusword = read(link, node, link.drive().parts().statusword)?;
+pub(super) fn read_state<T: Transport>(link: &mut Link<T>, node: u8, parts: &Parts) -> Result<State, AxisFault> {
+    let statusword = read(link, node, parts.statusword)?;
     Statusword(statusword).state().ok_or(AxisFault::UnknownState { statusword })
 }
 
-fn command<T: Transport>(link: &mut Link<T>, node: u8, controlword: Controlword) -> Result<(), AxisFault> {
-    write(link, node, link.drive().parts().controlword.set(controlword.0))
+fn command<T: Transport>(
+    link: &mut Link<T>,
+    node: u8,
+    parts: &Parts,
+    controlword: Controlword,
+) -> Result<(), AxisFault> {
+    write(link, node, parts.controlword.set(controlword.0))
+}
+
+/// Exchanges that are timed at start.
+const TIMED: usize = 21;
+
+/// What half of the exchanges take at least, on a line that has nothing else to do.
+pub(super) fn time_exchanges<T: Transport>(link: &mut Link<T>) -> Result<Nanos, AxisFault> {
+    let vendor = link.drive().parts().vendor;
+    let mut spans = [Nanos::ZERO; TIMED];
+    for span in &mut spans {
+        let begin = link.now();
+        read(link, LOCAL_NODE, vendor)?;
+        *span = link.now() - begin;
+    }
+    spans.sort_unstable();
+    Ok(spans[TIMED / 2])
 }
 
 /// Writes all settings, then reads every one back and compares.
@@ -160,7 +198,7 @@ pub(super) fn configure<T: Transport>(link: &mut Link<T>, node: u8, settings: &[
     Ok(())
 }
 
-fn read<T: Transport, V: Value>(link: &mut Link<T>, node: u8, object: Object<V>) -> Result<V, AxisFault> {
+pub(super) fn read<T: Transport, V: Value>(link: &mut Link<T>, node: u8, object: Object<V>) -> Result<V, AxisFault> {
     link.read(node, object).map_err(|error| AxisFault::Exchange { object: object.address(), error })
 }
 

@@ -76,6 +76,9 @@ impl Controlword {
     pub const QUICK_STOP: Self = Self(0x000B);
     /// Fault reset is the rising edge of bit 7: it must have been low before.
     pub const FAULT_RESET: Self = Self(0x0080);
+    /// Makes the target take effect at once, by the rising edge of bit 4 with bit 5 set, in profile position mode. Bit 4 must be
+    /// lowered before the next one: an edge that is none is silently ignored.
+    pub const NEW_SETPOINT: Self = Self(0x003F);
     /// Starts homing by the rising edge of bit 4, in homing mode and operation enabled.
     pub const START_HOMING: Self = Self(0x001F);
 }

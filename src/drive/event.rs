@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::units::Counts;
+use crate::units::{Counts, Nanos};
 
 use super::AxisPhase;
 use super::cia402::State;
@@ -96,6 +96,18 @@ pub enum PortEventKind {
     Lost(LinkError),
     /// The axis answers, but may not be used as it is.
     NotUsable(AxisFault),
+    /// The position is not where it was left while no one looked: the axis counts as not homed.
+    Displaced {
+        /// Where it was left.
+        before: Counts,
+        /// Where it stands.
+        after: Counts,
+    },
+    /// Exchanges take long: something holds replies back.
+    SlowLine {
+        /// What half of the exchanges take at least.
+        median: Nanos,
+    },
     /// The axis answers again, was checked and limited, and is not enabled.
     Readmitted,
     /// The port thread ends.
@@ -132,6 +144,16 @@ pub enum Failure {
     /// The homing method reads back differently.
     #[error("the drive did not take the homing method")]
     HomingMethod,
+    /// What homing needs reads back differently.
+    #[error("{object} reads back as 0x{found:08X} after 0x{written:08X} was written")]
+    ReadBack {
+        /// What was written.
+        object: Address,
+        /// As written.
+        written: u32,
+        /// As read.
+        found: u32,
+    },
     /// The drive refused a step.
     #[error("{object} refused: {code}")]
     Refused {
@@ -189,6 +211,14 @@ impl fmt::Display for PortEventKind {
             Self::StillOn { state } => write!(f, "power stage does not go off in order ({state:?}), cutting its power"),
             Self::Lost(error) => write!(f, "lost: {error}"),
             Self::NotUsable(fault) => write!(f, "not usable: {fault}"),
+            Self::Displaced { before, after } => {
+                write!(f, "stands at {after} and was left at {before}; it counts as not homed: home the axis")
+            }
+            Self::SlowLine { median } => write!(
+                f,
+                "an exchange takes {:.1} ms; with an FTDI adapter set its latency timer to 1 ms, and use no hub",
+                median.as_seconds() * 1e3
+            ),
             Self::Readmitted => f.write_str("answers again; disabled"),
             Self::Ended { off: true } => f.write_str("ended, power stage off"),
             Self::Ended { off: false } => f.write_str("ended, power stage NOT known to be off"),

@@ -10,14 +10,16 @@
 //! attempt puts the line *out of step*, and no reply is believed until `step` has put it in step again.
 
 mod attempt;
+mod shake;
 mod step;
 
-use crate::config::PortConfig;
+use crate::config::{Framing, PortConfig};
 use crate::units::Nanos;
 
 use super::LinkCounters;
+use super::dialect::LongRead;
 use super::error::LinkError;
-use super::family::{Drive, LongRead};
+use super::family::Drive;
 use super::frame::{Encoder, Frame, Parser};
 use super::object::{Address, Object, Setting, Value};
 use super::request::{AbortCode, ReplyError, Request};
@@ -57,6 +59,7 @@ pub struct Answer<R> {
 pub struct Link<T> {
     transport: T,
     drive: &'static dyn Drive,
+    framing: Framing,
     encoder: Encoder,
     parser: Parser,
     standing: Standing,
@@ -75,6 +78,7 @@ impl<T: Transport> Link<T> {
         Self {
             transport,
             drive,
+            framing: config.framing,
             encoder: Encoder::default(),
             parser: Parser::default(),
             standing: Standing::InStep,
@@ -86,7 +90,7 @@ impl<T: Transport> Link<T> {
         }
     }
 
-    /// The family that is spoken to.
+    /// The drive that the port belongs to: its dialect is spoken.
     pub fn drive(&self) -> &'static dyn Drive {
         self.drive
     }
@@ -137,8 +141,9 @@ impl<T: Transport> Link<T> {
     ///
     /// See [`LinkError`].
     pub fn read_raw(&mut self, node: u8, object: Address) -> Result<Answer<u32>, LinkError> {
-        let (request, drive) = (self.drive.read(node, object), self.drive);
-        self.exchange(&request, Repeat::Safe, &mut |reply| drive.read_reply(reply).map(|raw| object.cut(raw)))
+        let dialect = self.drive.dialect();
+        let request = dialect.read(node, object);
+        self.exchange(&request, Repeat::Safe, &mut |reply| dialect.read_reply(reply).map(|raw| object.cut(raw)))
     }
 
     /// Writes an object.
@@ -147,8 +152,9 @@ impl<T: Transport> Link<T> {
     ///
     /// See [`LinkError`]. [`LinkError::Unanswered`] leaves open whether the drive took the value.
     pub fn write(&mut self, node: u8, setting: Setting, repeat: Repeat) -> Result<Answer<()>, LinkError> {
-        let (request, drive) = (self.drive.write(node, setting), self.drive);
-        self.exchange(&request, repeat, &mut |reply| drive.write_reply(reply))
+        let dialect = self.drive.dialect();
+        let request = dialect.write(node, setting);
+        self.exchange(&request, repeat, &mut |reply| dialect.write_reply(reply))
     }
 
     /// Reads an object of any length. Allocates.
@@ -157,7 +163,7 @@ impl<T: Transport> Link<T> {
     ///
     /// See [`LinkError`].
     pub fn read_long(&mut self, node: u8, object: Address) -> Result<Box<dyn LongRead>, LinkError> {
-        let mut read = self.drive.read_long(node, object);
+        let mut read = self.drive.dialect().read_long(node, object);
         self.get_in_step()?;
         loop {
             let request = read.request();

@@ -111,7 +111,7 @@ impl Encoder {
 }
 
 /// A pair of bytes as a word; a lonely byte is padded.
-fn word(pair: &[u8]) -> u16 {
+pub(super) fn word(pair: &[u8]) -> u16 {
     match *pair {
         [low, high] => u16::from_le_bytes([low, high]),
         [low] => u16::from(low),
@@ -120,7 +120,7 @@ fn word(pair: &[u8]) -> u16 {
 }
 
 /// Shifts a word into the CRC register, most significant bit first.
-fn shift_in(crc: u16, word: u16) -> u16 {
+pub(super) fn shift_in(crc: u16, word: u16) -> u16 {
     const POLYNOMIAL: u16 = 0x1021;
     (0..16).rev().fold(crc, |crc, bit| {
         let shifted = crc << 1 | (word >> bit & 1);

@@ -8,9 +8,12 @@
 //! | `object` | the objects of the drive that we use: index, subindex, size, sign |
 //! | `request` | requests, and the reasons that drives give for refusing |
 //! | `cia402` | controlword, statusword, the states and the way between them |
+//! | `handshake` | the V1 frame of EPOS2 on RS232: a byte of hand-shake for every part |
+//! | `dialect` | how a family is asked: opcodes, order of the parameters |
 //! | `family` | what the port thread needs to know of a family of drives |
-//! | `epos4` | the EPOS4 family: requests, replies, error codes; sans I/O |
+//! | `epos4`, `epos2` | the families: requests, objects, settings, error codes; sans I/O |
 //! | `transport`, `serial` | the line and its clock; a serial port as a line |
+//! | `histogram` | how long round trips take |
 //! | `exchange` | one request, one reply, and getting back in step when the reply does not come |
 //! | `bring_up`, `port` | from a device file to drives that are known, switched off and limited |
 //! | `axis` | one axis as a state machine without I/O |
@@ -20,12 +23,16 @@
 mod axis;
 pub mod bring_up;
 pub mod cia402;
+pub mod dialect;
+pub mod epos2;
 pub mod epos4;
 pub mod error;
 pub mod event;
 pub mod exchange;
 pub mod family;
 pub mod frame;
+pub mod handshake;
+pub mod histogram;
 pub mod object;
 pub mod port;
 pub mod request;
@@ -37,6 +44,7 @@ pub use bring_up::AxisIdentity;
 pub use error::DriveError;
 pub use event::{PortEvent, PortEventKind};
 pub use family::Drive;
+pub use histogram::Histogram;
 pub use port::{Configured, Identified, Opened, Port};
 pub use runner::{AxisLink, PortRunner};
 
@@ -92,9 +100,9 @@ pub struct AxisFeedback {
     pub written: Option<WrittenTarget>,
     /// Statusword (0x6041) as read.
     pub statusword: u16,
-    /// Error code (0x603F) as read; 0 = none.
+    /// Error code (0x603F; EPOS2 0x1003:01, in a fault only) as read; 0 = none.
     pub error_code: u16,
-    /// Motor current (0x30D1:02), mA.
+    /// Motor current (0x30D1:02; EPOS2 0x6078), mA.
     pub current_ma: i32,
     /// The last fault reset that was carried out, as counted in [`AxisRequest::fault_resets`].
     pub fault_resets: u32,
@@ -156,4 +164,7 @@ pub struct LinkCounters {
     pub resynchronisations: u64,
     /// Requests that were sent again.
     pub retries: u64,
+    /// From the first byte of a request to the last of its reply. No decision hangs on it, so no black box keeps it.
+    #[serde(skip)]
+    pub round_trips: Histogram,
 }

@@ -20,6 +20,22 @@ pub struct Address {
 }
 
 impl Address {
+    /// The object with the value that it shall have, cut to its size.
+    #[must_use]
+    pub const fn set_raw(self, raw: u32) -> Setting {
+        Setting { object: self, raw: self.cut(raw) }
+    }
+
+    /// A value with the sign that it has in the object's own size.
+    #[must_use]
+    pub const fn signed(&self, raw: u32) -> i32 {
+        match self.size {
+            1 => raw as i8 as i32,
+            2 => raw as i16 as i32,
+            _ => raw as i32,
+        }
+    }
+
     /// Cuts a value to the size of the object.
     #[must_use]
     pub const fn cut(&self, raw: u32) -> u32 {
@@ -112,32 +128,16 @@ value!(i32, u32);
 pub const VENDOR: Object<u32> = Object::new(0x1018, 1, "vendor");
 /// Product code.
 pub const PRODUCT: Object<u32> = Object::new(0x1018, 2, "product code");
-/// Revision; the high word is the firmware version.
-pub const REVISION: Object<u32> = Object::new(0x1018, 3, "revision");
 /// Serial number.
 pub const SERIAL_NUMBER: Object<u32> = Object::new(0x1018, 4, "serial number");
-/// Device name, text: read in segments.
-pub const DEVICE_NAME: Address = Address { index: 0x1008, subindex: 0, size: 0, name: "device name" };
-/// Full serial number, 8 bytes: read in segments.
-pub const FULL_SERIAL_NUMBER: Address = Address { index: 0x2100, subindex: 1, size: 8, name: "full serial number" };
 /// How long the drive waits for the rest of a frame on RS232, ms.
 pub const RS232_FRAME_TIMEOUT: Object<u16> = Object::new(0x2005, 0, "RS232 frame time-out");
 /// How long the drive waits for the rest of a frame on USB, ms.
 pub const USB_FRAME_TIMEOUT: Object<u16> = Object::new(0x2006, 0, "USB frame time-out");
-/// Limit of the output current, mA.
-pub const CURRENT_LIMIT: Object<u32> = Object::new(0x3001, 2, "output current limit");
-/// Position that the drive takes on when homing ends, counts.
-pub const HOME_POSITION: Object<i32> = Object::new(0x30B0, 0, "home position");
-/// Motor current, mA, not averaged.
-pub const CURRENT: Object<i32> = Object::new(0x30D1, 2, "motor current");
-/// The last error.
-pub const ERROR_CODE: Object<u16> = Object::new(0x603F, 0, "error code");
 /// Commands to the state machine.
 pub const CONTROLWORD: Object<u16> = Object::new(0x6040, 0, "controlword");
 /// State of the state machine.
 pub const STATUSWORD: Object<u16> = Object::new(0x6041, 0, "statusword");
-/// What a quick stop does; 6: ramp, then stay powered.
-pub const QUICK_STOP_OPTION: Object<i16> = Object::new(0x605A, 0, "quick-stop option");
 /// What disabling the operation does; 1: ramp, then off.
 pub const DISABLE_OPTION: Object<i16> = Object::new(0x605C, 0, "disable-operation option");
 /// What a fault of the class that may ramp does; 2: quick-stop ramp, then off.
@@ -158,14 +158,28 @@ pub const POSITION_MIN: Object<i32> = Object::new(0x607D, 1, "lowest position li
 pub const POSITION_MAX: Object<i32> = Object::new(0x607D, 2, "highest position limit");
 /// Limit of the velocity of profiles, rpm.
 pub const MAX_PROFILE_VELOCITY: Object<u32> = Object::new(0x607F, 0, "max profile velocity");
-/// Limit of the motor speed, rpm.
-pub const MAX_MOTOR_SPEED: Object<u32> = Object::new(0x6080, 0, "max motor speed");
 /// Deceleration of the quick stop, rpm/s.
 pub const QUICK_STOP_DECELERATION: Object<u32> = Object::new(0x6085, 0, "quick-stop deceleration");
 /// How homing finds the zero.
 pub const HOMING_METHOD: Object<i8> = Object::new(0x6098, 0, "homing method");
-/// Time between two set-points that the drive interpolates over; 0: none.
-pub const INTERPOLATION_PERIOD: Object<u8> = Object::new(0x60C2, 1, "interpolation period");
+/// Device name, text: read in segments.
+pub const DEVICE_NAME: Address = Address { index: 0x1008, subindex: 0, size: 0, name: "device name" };
+/// Number of errors in the history; writing 0 clears it.
+pub const ERROR_HISTORY: Object<u8> = Object::new(0x1003, 0, "error history");
+/// Highest speed of a profile, rpm.
+pub const PROFILE_VELOCITY: Object<u32> = Object::new(0x6081, 0, "profile velocity");
+/// Acceleration of a profile, rpm/s.
+pub const PROFILE_ACCELERATION: Object<u32> = Object::new(0x6083, 0, "profile acceleration");
+/// Deceleration of a profile, rpm/s.
+pub const PROFILE_DECELERATION: Object<u32> = Object::new(0x6084, 0, "profile deceleration");
+/// What shutting down does out of operation enabled; 0: power off at once, the motor coasts.
+pub const SHUTDOWN_OPTION: Object<i16> = Object::new(0x605B, 0, "shutdown option");
+/// Speed while homing looks for a switch or a stop, rpm.
+pub const HOMING_SPEED: Object<u32> = Object::new(0x6099, 1, "homing speed");
+/// Speed while homing looks for the zero, rpm.
+pub const HOMING_ZERO_SPEED: Object<u32> = Object::new(0x6099, 2, "homing speed to zero");
+/// Acceleration while homing, rpm/s.
+pub const HOMING_ACCELERATION: Object<u32> = Object::new(0x609A, 0, "homing acceleration");
 
 #[cfg(test)]
 mod tests {
@@ -189,8 +203,16 @@ mod tests {
     }
 
     #[test]
+    fn a_short_signed_value_keeps_its_sign() {
+        let current = Object::<i16>::new(0x6078, 0, "motor current").address();
+        assert_eq!((current.signed(0xABCD_FFF6), current.signed(0x1234_0010)), (-10, 16));
+        assert_eq!(POSITION.address().signed(0xFFFF_FFFE), -2);
+        assert_eq!(MODE.address().set_raw(0xFFFF_FFFF).raw, 0xFF);
+    }
+
+    #[test]
     fn an_object_says_its_name_and_number() {
-        assert_eq!(CURRENT_LIMIT.address().to_string(), "output current limit (0x3001:02)");
+        assert_eq!(POSITION_MAX.address().to_string(), "highest position limit (0x607D:02)");
     }
 
     proptest! {

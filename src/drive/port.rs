@@ -7,12 +7,13 @@
 use crate::config::{AxisConfig, PortConfig};
 
 use super::bring_up::{self, AxisIdentity};
-use super::epos4::Epos4;
 use super::error::{AxisFault, DriveError, LinkError};
 use super::exchange::Link;
+use super::family::{self, Parts};
 use super::runner::{AxisLink, PortRunner};
 use super::serial::SerialTransport;
 use super::transport::Transport;
+use crate::units::Nanos;
 
 /// A port whose stage of bring-up is `Stage`.
 #[derive(Debug)]
@@ -30,12 +31,14 @@ pub struct Opened(());
 #[derive(Debug)]
 pub struct Identified {
     axes: Vec<AxisIdentity>,
+    exchange: Nanos,
 }
 
 /// Every axis has its limits.
 #[derive(Debug)]
 pub struct Configured {
     axes: Vec<AxisIdentity>,
+    exchange: Nanos,
 }
 
 impl Port<Opened> {
@@ -52,7 +55,7 @@ impl Port<Opened> {
 impl<T: Transport> Port<Opened, T> {
     /// Takes a line that is open already.
     pub fn over(transport: T, config: &PortConfig) -> Self {
-        Self { link: Link::new(transport, &Epos4, config), config: config.clone(), stage: Opened(()) }
+        Self { link: Link::new(transport, family::of_port(config), config), config: config.clone(), stage: Opened(()) }
     }
 
     /// Checks that every axis is the drive that was configured, and switches off what a former controller left on.
@@ -64,10 +67,17 @@ impl<T: Transport> Port<Opened, T> {
     pub fn identify(mut self) -> Result<Port<Identified, T>, DriveError> {
         let mut axes = Vec::new();
         for axis in &self.config.axes {
-            let identity = identify(&mut self.link, axis).map_err(|fault| explain(&self.config, axis, fault))?;
+            let parts = family::of_axis(&self.config, axis).parts();
+            let identity = identify(&mut self.link, axis, parts).map_err(|fault| explain(&self.config, axis, fault))?;
             axes.push(identity);
         }
-        Ok(Port { link: self.link, config: self.config, stage: Identified { axes } })
+        let exchange = match self.config.axes.first() {
+            Some(axis) => {
+                bring_up::time_exchanges(&mut self.link).map_err(|fault| explain(&self.config, axis, fault))?
+            }
+            None => Nanos::ZERO,
+        };
+        Ok(Port { link: self.link, config: self.config, stage: Identified { axes, exchange } })
     }
 
     /// All of bring-up.
@@ -93,11 +103,15 @@ impl<T: Transport> Port<Identified, T> {
     /// When a drive does not answer, or does not take a limit.
     pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
         for axis in &self.config.axes {
-            let settings = self.link.drive().settings(axis);
+            let settings = family::of_axis(&self.config, axis).settings(axis);
             bring_up::configure(&mut self.link, axis.node_id, &settings)
                 .map_err(|fault| explain(&self.config, axis, fault))?;
         }
-        Ok(Port { link: self.link, config: self.config, stage: Configured { axes: self.stage.axes } })
+        Ok(Port {
+            link: self.link,
+            config: self.config,
+            stage: Configured { axes: self.stage.axes, exchange: self.stage.exchange },
+        })
     }
 }
 
@@ -107,18 +121,23 @@ impl<T: Transport> Port<Configured, T> {
         &self.stage.axes
     }
 
+    /// What half of the exchanges take at least, as measured.
+    pub fn exchange_time(&self) -> Nanos {
+        self.stage.exchange
+    }
+
     /// Parts the port into the thread's end and the control loop's ends, in the order of the configuration.
     #[must_use]
     pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
-        PortRunner::with_links(self.link, self.config.axes, self.stage.axes)
+        PortRunner::with_links(self.link, &self.config, self.stage.axes, self.stage.exchange)
     }
 }
 
-fn identify<T: Transport>(link: &mut Link<T>, axis: &AxisConfig) -> Result<AxisIdentity, AxisFault> {
+fn identify<T: Transport>(link: &mut Link<T>, axis: &AxisConfig, parts: &Parts) -> Result<AxisIdentity, AxisFault> {
     bring_up::know_line(link)?;
-    bring_up::check_identity(link, axis)?;
-    let identity = bring_up::read_identity(link, axis)?;
-    bring_up::switch_off(link, axis.node_id)?;
+    bring_up::check_identity(link, axis, parts)?;
+    let identity = bring_up::read_identity(link, axis, parts)?;
+    bring_up::switch_off(link, axis.node_id, parts)?;
     Ok(identity)
 }
 

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use triple_buffer::{Input, Output, triple_buffer};
 
-use crate::config::AxisConfig;
+use crate::config::{AxisConfig, PortConfig};
 use crate::units::Nanos;
 
 use super::axis::{Access, Ask, Axis, Reply};
@@ -15,7 +15,7 @@ use super::bring_up::{self, AxisIdentity};
 use super::error::{AxisFault, LinkError};
 use super::event::{PortEvent, PortEventKind};
 use super::exchange::Link;
-use super::family::Drive;
+use super::family::{self, Parts};
 use super::object::Setting;
 use super::serial::SerialTransport;
 use super::transport::Transport;
@@ -34,6 +34,10 @@ const READMISSION_PERIOD: Nanos = Nanos::from_millis(500);
 /// How long the drives may take to go off when the thread ends.
 const SHUTDOWN_DEADLINE: Nanos = Nanos::from_millis(3000);
 
+/// An exchange takes 2.1 ms at 115200 baud, and little more to be carried out. One that takes longer is held back, most likely
+/// by the latency timer of an FTDI adapter.
+const SLOW_EXCHANGE: Nanos = Nanos::from_millis(4);
+
 /// The control loop's ends of one axis.
 #[derive(Debug)]
 pub struct AxisLink {
@@ -50,6 +54,8 @@ pub struct AxisLink {
 pub struct PortRunner<T = SerialTransport> {
     link: Link<T>,
     slots: Vec<Slot>,
+    /// What half of the exchanges took at least when the port was brought up.
+    exchange: Nanos,
 }
 
 /// One axis with what the thread keeps for it.
@@ -65,7 +71,8 @@ struct Slot {
 }
 
 impl Slot {
-    fn with_link(config: AxisConfig, identity: AxisIdentity, drive: &'static dyn Drive) -> (Self, AxisLink) {
+    fn with_link(port: &PortConfig, config: &AxisConfig, identity: AxisIdentity) -> (Self, AxisLink) {
+        let (drive, config) = (family::of_axis(port, config), config.clone());
         let (request_input, requests) = triple_buffer(&AxisRequest::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
         let link = AxisLink { motor: config.motor, requests: request_input, feedback: feedback_output };
@@ -81,13 +88,13 @@ impl Slot {
 impl<T: Transport> PortRunner<T> {
     pub(super) fn with_links(
         link: Link<T>,
-        axes: Vec<AxisConfig>,
+        port: &PortConfig,
         identities: Vec<AxisIdentity>,
+        exchange: Nanos,
     ) -> (Self, Vec<AxisLink>) {
-        let drive = link.drive();
-        let with_link = |(config, identity)| Slot::with_link(config, identity, drive);
-        let (slots, links) = axes.into_iter().zip(identities).map(with_link).unzip();
-        (Self { link, slots }, links)
+        let with_link = |(config, identity)| Slot::with_link(port, config, identity);
+        let (slots, links) = port.axes.iter().zip(identities).map(with_link).unzip();
+        (Self { link, slots, exchange }, links)
     }
 
     /// Exchanges with the axes until `stop`, then leaves them switched off as far as they can be reached. Blocks; call
@@ -104,6 +111,11 @@ impl<T: Transport> PortRunner<T> {
         for slot in &self.slots {
             let AxisIdentity { node_id, product_code, firmware, serial_number, .. } = slot.identity;
             slot.axis.report(PortEventKind::Ready { node_id, product_code, firmware, serial_number }, events);
+        }
+        if self.exchange > SLOW_EXCHANGE
+            && let Some(slot) = self.slots.first()
+        {
+            slot.axis.report(PortEventKind::SlowLine { median: self.exchange }, events);
         }
     }
 
@@ -135,7 +147,7 @@ impl<T: Transport> PortRunner<T> {
 
     /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
     fn serve(&mut self, place: usize, stopping: bool, events: &mut dyn FnMut(PortEvent)) {
-        let Self { link, slots } = self;
+        let Self { link, slots, .. } = self;
         let Some(slot) = slots.get_mut(place) else { return };
         if slot.axis.is_lost() {
             slot.axis.acknowledge(slot.requests.read(), events);
@@ -149,9 +161,10 @@ impl<T: Transport> PortRunner<T> {
             let request = if stopping { slot.axis.rest() } else { *slot.requests.read() };
             let ask = slot.axis.next(&request, link.now(), events);
             let timeouts = link.counters().timeouts;
-            let outcome = perform(link, slot.config.node_id, ask);
+            let parts = slot.axis.drive().parts();
+            let outcome = perform(link, slot.config.node_id, ask, parts);
             if link.counters().timeouts != timeouts {
-                let object = ask.object(link.drive().parts());
+                let object = ask.object(parts);
                 slot.axis.report(PortEventKind::TimedOut { object }, events);
                 slot.axis.disturbed(link.now(), events);
             }
@@ -161,8 +174,8 @@ impl<T: Transport> PortRunner<T> {
     }
 }
 
-fn perform<T: Transport>(link: &mut Link<T>, node: u8, ask: Ask) -> Result<Reply, LinkError> {
-    match ask.access(link.drive().parts()) {
+fn perform<T: Transport>(link: &mut Link<T>, node: u8, ask: Ask, parts: &Parts) -> Result<Reply, LinkError> {
+    match ask.access(parts) {
         Access::Read(object) => link.read_raw(node, object).map(|answer| Reply {
             raw: answer.value,
             sent: answer.sent,
@@ -189,16 +202,19 @@ fn readmit<T: Transport>(link: &mut Link<T>, slot: &mut Slot, events: &mut dyn F
         return;
     }
     match bring_up_again(link, slot) {
-        Ok(()) => slot.axis.readmit(events),
+        Ok(position) => slot.axis.readmit(position, events),
         // Gone again; the next try will tell.
         Err(AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_), .. }) => {}
         Err(fault) => slot.axis.refuse(fault, events),
     }
 }
 
-fn bring_up_again<T: Transport>(link: &mut Link<T>, slot: &Slot) -> Result<(), AxisFault> {
+/// Where the axis stands when it is switched off and limited again.
+fn bring_up_again<T: Transport>(link: &mut Link<T>, slot: &Slot) -> Result<i32, AxisFault> {
+    let (node, parts) = (slot.config.node_id, slot.axis.drive().parts());
     bring_up::know_line(link)?;
-    bring_up::check_identity(link, &slot.config)?;
-    bring_up::switch_off(link, slot.config.node_id)?;
-    bring_up::configure(link, slot.config.node_id, &slot.settings)
+    bring_up::check_identity(link, &slot.config, parts)?;
+    bring_up::switch_off(link, node, parts)?;
+    bring_up::configure(link, node, &slot.settings)?;
+    bring_up::read(link, node, parts.position)
 }

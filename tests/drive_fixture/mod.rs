@@ -290,16 +290,9 @@ pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
         .iter()
         .enumerate()
         .map(|(motor, drive)| AxisConfig {
-            motor,
             node_id: drive.node,
-            serial_number: drive.serial_number,
-            position_min_counts: Counts(-2000),
-            position_max_counts: Counts(2000),
-            current_limit_ma: 300,
-            following_error_counts: 400,
-            motor_speed_rpm: 3000,
-            quick_stop_rpm_s: 10_000,
+            ..AxisConfig::new(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
         })
         .collect();
-    PortConfig { device: "/dev/bench".into(), baud: 115_200, reply_timeout_ms: 20, axes }
+    PortConfig::new("/dev/bench".into(), axes)
 }

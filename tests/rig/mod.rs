@@ -196,20 +196,7 @@ pub fn settle(client: &mut Client, condition: impl Fn(&OperatingStateMsg) -> boo
 }
 
 fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
-    PortConfig {
-        device: device.to_owned(),
-        baud: 115_200,
-        reply_timeout_ms: 500,
-        axes: vec![AxisConfig {
-            motor: axis,
-            node_id: 0,
-            serial_number,
-            position_min_counts: Counts(-2000),
-            position_max_counts: Counts(2000),
-            current_limit_ma: 300,
-            following_error_counts: 400,
-            motor_speed_rpm: 10_000,
-            quick_stop_rpm_s: 10_000,
-        }],
-    }
+    let axis =
+        AxisConfig { motor_speed_rpm: 10_000, ..AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]) };
+    PortConfig { reply_timeout_ms: 500, ..PortConfig::new(device.to_owned(), vec![axis]) }
 }

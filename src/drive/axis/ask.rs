@@ -39,6 +39,12 @@ pub(in crate::drive) enum Ask {
     Control(Controlword),
     /// Start homing: an edge, not to be sent twice.
     StartHoming,
+    /// Set what homing needs, or put it back.
+    Set(Setting),
+    /// Read that back.
+    ReadBack(Address),
+    /// Make the set-point of this request, which is written, take effect: an edge.
+    Take(AxisRequest),
 }
 
 /// An exchange in terms of objects.
@@ -54,7 +60,7 @@ impl Ask {
             Self::Position => Access::Read(parts.position.address()),
             Self::Status => Access::Read(parts.statusword.address()),
             Self::ErrorCode => Access::Read(parts.error_code.address()),
-            Self::Current => Access::Read(parts.current.address()),
+            Self::Current => Access::Read(parts.current),
             Self::LimitMin => Access::Read(parts.position_min.address()),
             Self::LimitMax => Access::Read(parts.position_max.address()),
             Self::Target => Access::Read(parts.target.address()),
@@ -66,6 +72,9 @@ impl Ask {
             Self::SetMode(mode) => Access::Write(parts.mode.set(mode), Repeat::Safe),
             Self::SetMethod(method) => Access::Write(parts.homing_method.set(method), Repeat::Safe),
             Self::Control(controlword) => Access::Write(parts.controlword.set(controlword.0), Repeat::Safe),
+            Self::Set(setting) => Access::Write(setting, Repeat::Safe),
+            Self::ReadBack(object) => Access::Read(object),
+            Self::Take(_) => Access::Write(parts.controlword.set(Controlword::NEW_SETPOINT.0), Repeat::Never),
             Self::StartHoming => Access::Write(parts.controlword.set(Controlword::START_HOMING.0), Repeat::Never),
         }
     }

@@ -21,6 +21,9 @@ const OFF_DEADLINE: Nanos = Nanos::from_millis(2000);
 /// How long homing may take. Taking the present position as zero takes a few exchanges.
 const HOMING_DEADLINE: Nanos = Nanos::from_millis(10_000);
 
+/// How long looking for a hard stop may take, at the slow speed that it takes.
+const STOP_SEARCH_DEADLINE: Nanos = Nanos::from_millis(60_000);
+
 impl Axis {
     /// The next exchange, towards what the control loop demands.
     pub(in crate::drive) fn next(&mut self, request: &AxisRequest, now: Nanos, events: Events<'_>) -> Ask {
@@ -34,6 +37,9 @@ impl Axis {
     }
 
     fn follow(&mut self, request: &AxisRequest, events: Events<'_>) -> Ask {
+        if let Some(ask) = self.steer.ask() {
+            return ask;
+        }
         match self.cadence.following() {
             Slot::Lead if self.limits.contains(&request.target.0) => Ask::Follow(*request),
             // Clamping would move the motor somewhere that no one asked for.
@@ -48,7 +54,7 @@ impl Axis {
     }
 
     fn go_on(&mut self) -> Ask {
-        match (self.cadence.idle(), self.stage.ask(self.drive.parts())) {
+        match (self.cadence.idle(), self.stage.ask(self.drive.parts(), &self.plan)) {
             ((Slot::Position, _), _) => Ask::Position,
             ((_, _), Some(ask)) => ask,
             ((_, extra), None) => extra_ask(extra),
@@ -61,7 +67,8 @@ impl Axis {
         let reset = request.fault_resets != self.feedback.fault_resets;
         match (self.stage, request.demand) {
             (Stage::Disabled, Demand::Disabled | Demand::QuickStop) if homing => {
-                self.enter(Stage::Homing(Homing::Position, now + HOMING_DEADLINE, request.homings), events);
+                let span = if self.plan.moves() { STOP_SEARCH_DEADLINE } else { HOMING_DEADLINE };
+                self.enter(Stage::Homing(Homing::Position, now + span, request.homings), events);
             }
             (Stage::Disabled | Stage::QuickStopped(_), Demand::Enabled) if self.rearm == Rearm::Free => {
                 self.enter(Stage::Enabling(Enabling::LimitMin, now + ENABLE_DEADLINE), events);

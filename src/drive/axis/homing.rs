@@ -5,11 +5,11 @@ use super::ask::Ask;
 use super::power::Power;
 use crate::drive::cia402::{Controlword, Goal, Statusword};
 use crate::drive::event::Failure;
-use crate::drive::family::Parts;
-use crate::drive::object::{Address, Value};
+use crate::drive::family::{HomingPlan, Parts};
+use crate::drive::object::{Address, Setting, Value};
 use crate::drive::request::AbortCode;
 
-/// The steps, in order.
+/// The steps, in order. Numbers are places in the lists of the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Homing {
     /// Read where the motor stands.
@@ -25,6 +25,10 @@ pub(super) enum Homing {
     SetMethod,
     /// Read it back.
     Method,
+    /// Set what the method needs: little current first of all.
+    Prepare(usize),
+    /// Read that back.
+    CheckPrepared(usize),
     /// Switch on.
     On(Power),
     /// Start.
@@ -35,6 +39,10 @@ pub(super) enum Homing {
     Lower,
     /// Switch off.
     Off(Power),
+    /// Put back what was set.
+    Restore(usize),
+    /// Read that back.
+    CheckRestored(usize),
     /// Choose the mode for set-points again.
     SetModeBack,
     /// Wait until it is in force.
@@ -42,15 +50,24 @@ pub(super) enum Homing {
 }
 
 impl Homing {
-    pub(super) fn ask(self, parts: &Parts) -> Ask {
+    pub(super) fn ask(self, parts: &Parts, plan: &HomingPlan) -> Ask {
+        let listed = |list: &[Setting], place: usize, ask: fn(Setting) -> Ask| {
+            // A place is only ever entered when it is in its list.
+            list.get(place).map_or(Ask::Status, |setting| ask(*setting))
+        };
+        let read_back = |setting: Setting| Ask::ReadBack(setting.object);
         match self {
             Self::Position => Ask::Position,
             Self::Preload(target) => Ask::Preload(target),
             Self::SetMode => Ask::SetMode(parts.homing_mode),
             Self::SetModeBack => Ask::SetMode(parts.streaming_mode),
             Self::Mode | Self::ModeBack => Ask::Mode,
-            Self::SetMethod => Ask::SetMethod(parts.home_is_here),
+            Self::SetMethod => Ask::SetMethod(plan.method()),
             Self::Method => Ask::Method,
+            Self::Prepare(place) => listed(plan.settings(), place, Ask::Set),
+            Self::CheckPrepared(place) => listed(plan.settings(), place, read_back),
+            Self::Restore(place) => listed(plan.restored(), place, Ask::Set),
+            Self::CheckRestored(place) => listed(plan.restored(), place, read_back),
             Self::On(power) | Self::Off(power) => power.ask(),
             Self::Start => Ask::StartHoming,
             Self::Run => Ask::Status,
@@ -58,17 +75,20 @@ impl Homing {
         }
     }
 
-    pub(super) fn take(&mut self, ask: Ask, raw: u32, parts: &Parts) -> Progress {
+    pub(super) fn take(&mut self, ask: Ask, raw: u32, parts: &Parts, plan: &HomingPlan) -> Progress {
         let next = match (*self, ask) {
             (Self::Position, Ask::Position) => Self::Preload(i32::from_raw(raw)),
             (Self::Preload(_), Ask::Preload(_)) => Self::SetMode,
             (Self::SetMode, Ask::SetMode(_)) => Self::Mode,
             (Self::Mode, Ask::Mode) if i8::from_raw(raw) == parts.homing_mode => Self::SetMethod,
             (Self::SetMethod, Ask::SetMethod(_)) => Self::Method,
-            (Self::Method, Ask::Method) if i8::from_raw(raw) == parts.home_is_here => {
-                Self::On(Power::towards(Goal::On))
-            }
+            (Self::Method, Ask::Method) if i8::from_raw(raw) == plan.method() => Self::prepare(0, plan),
             (Self::Method, Ask::Method) => return Progress::Failed(Failure::HomingMethod),
+            (Self::Prepare(place), Ask::Set(_)) => Self::CheckPrepared(place),
+            (Self::CheckPrepared(place), Ask::ReadBack(_)) => match compare(plan.settings(), place, raw) {
+                Ok(()) => Self::prepare(place + 1, plan),
+                Err(failure) => return Progress::Failed(failure),
+            },
             (Self::On(power), _) => pass(power, ask, raw, Self::On, Self::Start),
             (Self::Start, Ask::StartHoming) => Self::Run,
             (Self::Run, Ask::Status) => match Statusword(u16::from_raw(raw)) {
@@ -77,13 +97,26 @@ impl Homing {
                 _ => Self::Run,
             },
             (Self::Lower, Ask::Control(_)) => Self::Off(Power::towards(Goal::Off)),
-            (Self::Off(power), _) => pass(power, ask, raw, Self::Off, Self::SetModeBack),
+            (Self::Off(power), _) => pass(power, ask, raw, Self::Off, Self::restore(0, plan)),
+            (Self::Restore(place), Ask::Set(_)) => Self::CheckRestored(place),
+            (Self::CheckRestored(place), Ask::ReadBack(_)) => match compare(plan.restored(), place, raw) {
+                Ok(()) => Self::restore(place + 1, plan),
+                Err(failure) => return Progress::Failed(failure),
+            },
             (Self::SetModeBack, Ask::SetMode(_)) => Self::ModeBack,
             (Self::ModeBack, Ask::Mode) if i8::from_raw(raw) == parts.streaming_mode => return Progress::Done,
             (same, _) => same,
         };
         *self = next;
         Progress::Going
+    }
+
+    fn prepare(place: usize, plan: &HomingPlan) -> Self {
+        if place < plan.settings().len() { Self::Prepare(place) } else { Self::On(Power::towards(Goal::On)) }
+    }
+
+    fn restore(place: usize, plan: &HomingPlan) -> Self {
+        if place < plan.restored().len() { Self::Restore(place) } else { Self::SetModeBack }
     }
 
     /// The drive refused a step.
@@ -105,6 +138,16 @@ impl Homing {
     /// The drive is meant to be powered: leaving operation enabled is an error.
     pub(super) fn is_powered(self) -> bool {
         matches!(self, Self::Start | Self::Run | Self::Lower)
+    }
+}
+
+/// Compares what was read back with the setting at a place of a list.
+fn compare(list: &[Setting], place: usize, found: u32) -> Result<(), Failure> {
+    match list.get(place) {
+        Some(setting) if setting.raw != found => {
+            Err(Failure::ReadBack { object: setting.object, written: setting.raw, found })
+        }
+        _ => Ok(()),
     }
 }
 

@@ -5,12 +5,13 @@ use super::enabling::Enabling;
 use super::power::Power;
 use super::stage::{FaultStep, Stage};
 use super::{Axis, Events, Progress, Rearm, Reply, STOP_DEADLINE};
-use crate::drive::WrittenTarget;
 use crate::drive::cia402::{Controlword, State, Statusword};
 use crate::drive::error::{AxisFault, LinkError};
 use crate::drive::event::{Failure, PortEventKind};
+use crate::drive::family::Steering;
 use crate::drive::object::Value;
 use crate::drive::request::AbortCode;
+use crate::drive::{AxisRequest, WrittenTarget};
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to leave the fault state.
@@ -72,22 +73,41 @@ impl Axis {
             }
             Ask::Status => {
                 feedback.statusword = u16::from_raw(reply.raw);
-                feedback.homed = Statusword(feedback.statusword).homed();
+                let homed = Statusword(feedback.statusword).homed();
+                // A drive that has lost its zero has nothing to be doubted any more.
+                self.displaced &= homed;
+                feedback.homed = homed && !self.displaced;
             }
-            Ask::ErrorCode => feedback.error_code = u16::from_raw(reply.raw),
-            Ask::Current => feedback.current_ma = i32::from_raw(reply.raw),
+            Ask::ErrorCode => {
+                let gone = self.drive.parts().error_code_is_history && !self.state().is_some_and(State::is_fault);
+                self.feedback.error_code = if gone { 0 } else { u16::from_raw(reply.raw) };
+            }
+            Ask::Current => feedback.current_ma = self.drive.parts().current.signed(reply.raw),
             Ask::Follow(request) => {
                 self.reported.target = false;
-                feedback.written = Some(WrittenTarget {
-                    target: request.target,
-                    stamp: reply.sent,
-                    sequence: request.sequence,
-                    command_stamp: request.command_stamp,
-                    command_sequence: request.command_sequence,
-                });
+                match self.drive.parts().steering {
+                    Steering::Direct => self.note_written(&request, reply.sent),
+                    Steering::Edge => self.steer.written(request),
+                }
             }
+            Ask::Take(request) => {
+                self.steer.taken();
+                self.note_written(&request, reply.sent);
+            }
+            Ask::Control(_) => self.steer.lowered(),
+            Ask::Set(_) => self.unrestored = true,
             _ => {}
         }
+    }
+
+    fn note_written(&mut self, request: &AxisRequest, stamp: Nanos) {
+        self.feedback.written = Some(WrittenTarget {
+            target: request.target,
+            stamp,
+            sequence: request.sequence,
+            command_stamp: request.command_stamp,
+            command_sequence: request.command_sequence,
+        });
     }
 
     /// Compares the state of the drive with the stage, and leaves the stage when they contradict each other: then the
@@ -142,10 +162,15 @@ impl Axis {
     /// Goes to disabled, from wherever the drive was found.
     fn settle(&mut self, state: State, now: Nanos, events: Events<'_>) {
         if state.is_off() {
-            self.enter(Stage::Disabled, events);
+            self.settle_off(events);
         } else {
             self.give_up(now, events);
         }
+    }
+
+    /// The power is off. What homing changed and did not put back, the port thread does by bringing the axis up again.
+    fn settle_off(&mut self, events: Events<'_>) {
+        self.enter(if self.unrestored { Stage::Lost } else { Stage::Disabled }, events);
     }
 
     /// Moves the present procedure on.
@@ -158,7 +183,7 @@ impl Axis {
                 self.end_enabling(progress, now, events);
             }
             Stage::Homing(mut homing, deadline, count) => {
-                let progress = homing.take(ask, raw, parts);
+                let progress = homing.take(ask, raw, parts, &self.plan);
                 self.stage = Stage::Homing(homing, deadline, count);
                 self.end_homing(progress, now, events);
             }
@@ -173,7 +198,7 @@ impl Axis {
                 let reached = self.move_power(&mut power, ask);
                 self.stage = Stage::Disabling(power, deadline);
                 if reached {
-                    self.enter(Stage::Disabled, events);
+                    self.settle_off(events);
                 }
             }
             Stage::Faulted(step) => self.advance_fault(step, ask, now, events),
@@ -232,7 +257,10 @@ impl Axis {
     fn end_homing(&mut self, progress: Progress, now: Nanos, events: Events<'_>) {
         match progress {
             Progress::Going => {}
-            Progress::Done => self.enter(Stage::Disabled, events),
+            Progress::Done => {
+                self.unrestored = false;
+                self.enter(Stage::Disabled, events);
+            }
             Progress::Failed(failure) => self.fail_homing(failure, now, events),
         }
     }
@@ -243,6 +271,7 @@ impl Axis {
     }
 
     fn refused(&mut self, ask: Ask, code: AbortCode, now: Nanos, events: Events<'_>) {
+        self.steer.unanswered();
         let object = ask.object(self.drive.parts());
         match self.stage {
             Stage::Enabling(..) => {
@@ -268,6 +297,7 @@ impl Axis {
 
     fn unanswered(&mut self, now: Nanos, events: Events<'_>) {
         self.misses += 1;
+        self.steer.unanswered();
         if self.misses >= MISSES {
             return self.lose(LinkError::Unanswered, events);
         }

@@ -6,7 +6,7 @@ use super::homing::Homing;
 use super::power::Power;
 use crate::drive::AxisPhase;
 use crate::drive::cia402::Controlword;
-use crate::drive::family::Parts;
+use crate::drive::family::{HomingPlan, Parts};
 use crate::units::Nanos;
 
 /// Where an axis stands. Instants are deadlines.
@@ -76,10 +76,10 @@ impl Stage {
     }
 
     /// What the stage needs to move on; `None` if it only watches.
-    pub(super) fn ask(self, parts: &Parts) -> Option<Ask> {
+    pub(super) fn ask(self, parts: &Parts, plan: &HomingPlan) -> Option<Ask> {
         match self {
             Self::Enabling(enabling, _) => Some(enabling.ask(parts)),
-            Self::Homing(homing, ..) => Some(homing.ask(parts)),
+            Self::Homing(homing, ..) => Some(homing.ask(parts, plan)),
             Self::QuickStopping(power, _) | Self::Disabling(power, _) => Some(power.ask()),
             Self::Faulted(step) => match step {
                 FaultStep::Code => Some(Ask::ErrorCode),

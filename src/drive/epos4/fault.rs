@@ -2,12 +2,8 @@
 //!
 //! EPOS2 uses some of the same numbers for other things, so the table belongs to the family.
 
-use crate::drive::family::{Fault, Reaction};
-
-/// First and last code, name, reaction, and whether resetting it clears the position.
-type Row = (u16, u16, &'static str, Reaction, bool);
-
-use Reaction::{ConnectionLost, Off, Ramp, Warning};
+use crate::drive::family::Reaction::{ConnectionLost, Off, Ramp, Warning};
+use crate::drive::family::{Fault, Row, look_up};
 
 /// Sorted by code, for people; ranges do not overlap.
 const TABLE: &[Row] = &[
@@ -72,13 +68,7 @@ const TABLE: &[Row] = &[
 ];
 
 pub(super) fn lookup(code: u16) -> Fault {
-    if code == 0 {
-        return Fault { code, name: "no error", reaction: Reaction::Unknown, clears_position: false };
-    }
-    match TABLE.iter().find(|(first, last, ..)| (*first..=*last).contains(&code)) {
-        Some(&(.., name, reaction, clears_position)) => Fault { code, name, reaction, clears_position },
-        None => Fault { code, name: "unknown error", reaction: Reaction::Unknown, clears_position: false },
-    }
+    look_up(TABLE, code)
 }
 
 #[cfg(test)]
@@ -87,7 +77,7 @@ mod tests {
 
     #[test]
     fn codes_are_named_with_their_consequence() {
-        assert_eq!(lookup(0x8611).to_string(), "0x8611 (following error)");
+        assert_eq!(lookup(0x8611).to_string(), "0x8611 (following error), stopped by the ramp");
         assert_eq!(lookup(0x8611).reaction, Ramp);
         assert_eq!(lookup(0x6195).name, "internal software error");
         assert!(lookup(0x7380).to_string().ends_with("home the axis"));

@@ -1,7 +1,7 @@
 //! Reading objects of more than four bytes.
 
-use super::{after_error_code, selector};
-use crate::drive::family::LongRead;
+use super::dialect::selector;
+use crate::drive::dialect::{LONGEST, LongRead, after_error_code};
 use crate::drive::frame::Frame;
 use crate::drive::object::Address;
 use crate::drive::request::{ReplyError, Request};
@@ -17,9 +17,6 @@ const NEXT_REPLY_WORDS: u8 = 131;
 
 const TOGGLE: u8 = 1 << 0;
 const LAST: u8 = 1 << 1;
-
-/// Nothing that we read is longer; a drive that says so is not believed.
-const LONGEST: usize = 1024;
 
 /// A segmented read under way.
 #[derive(Debug)]
@@ -105,9 +102,10 @@ mod tests {
     use proptest::collection::vec;
     use proptest::prelude::*;
 
-    use super::super::REPLY;
+    use super::super::object::FULL_SERIAL_NUMBER;
     use super::*;
-    use crate::drive::object::{DEVICE_NAME, FULL_SERIAL_NUMBER};
+    use crate::drive::dialect::REPLY;
+    use crate::drive::object::DEVICE_NAME;
     use crate::drive::request::AbortCode;
 
     fn reply(data: &[u8]) -> Frame<'_> {

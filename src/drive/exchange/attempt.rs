@@ -3,6 +3,7 @@
 use std::io;
 
 use super::{Answer, Link};
+use crate::config::Framing;
 use crate::drive::frame::{Damage, Frame, MAX_ENCODED, Parsed};
 use crate::drive::request::{AbortCode, ReplyError, Request};
 use crate::drive::transport::Transport;
@@ -38,17 +39,17 @@ pub(super) type Decode<'a, R> = &'a mut dyn FnMut(Frame<'_>) -> Result<R, ReplyE
 impl<T: Transport> Link<T> {
     /// Sends a request once and waits for its reply. The line stays in step only if exactly one good reply arrives.
     pub(super) fn attempt<R>(&mut self, request: &Request, decode: Decode<'_, R>) -> Result<Answer<R>, Miss> {
-        self.parser.reset();
-        // A request holds eight bytes, so it always fits a frame.
-        let Ok(bytes) = self.encoder.encode(request.frame()) else { return Err(Miss::Disturbed) };
-        self.transport.write(bytes)?;
-        let sent = self.transport.now();
-        let on_wire = bytes.len() + FRAME_OVERHEAD + 4 * usize::from(request.reply_words());
-        let wire_time = Nanos(self.byte_time.0 * on_wire as u64);
-        match self.receive(sent + self.reply_timeout + wire_time, decode) {
-            Ok(value) => {
+        let begin = self.transport.now();
+        let outcome = match self.framing {
+            Framing::V2 => self.send(request, decode),
+            Framing::V1 => self.shake(request, decode),
+        };
+        match outcome {
+            Ok((sent, value)) => {
+                let received = self.transport.now();
                 self.counters.exchanges += 1;
-                Ok(Answer { value, sent, received: self.transport.now() })
+                self.counters.round_trips.record(received - begin);
+                Ok(Answer { value, sent, received })
             }
             Err(miss) => {
                 match miss {
@@ -62,6 +63,18 @@ impl<T: Transport> Link<T> {
                 Err(miss)
             }
         }
+    }
+
+    /// Sends a request in one frame and reads its reply. Returns when the request had been handed over, and the value.
+    fn send<R>(&mut self, request: &Request, decode: Decode<'_, R>) -> Result<(Nanos, R), Miss> {
+        self.parser.reset();
+        // A request holds eight bytes, so it always fits a frame.
+        let Ok(bytes) = self.encoder.encode(request.frame()) else { return Err(Miss::Disturbed) };
+        self.transport.write(bytes)?;
+        let sent = self.transport.now();
+        let on_wire = bytes.len() + FRAME_OVERHEAD + 4 * usize::from(request.reply_words());
+        let wire_time = Nanos(self.byte_time.0 * on_wire as u64);
+        self.receive(sent + self.reply_timeout + wire_time, decode).map(|value| (sent, value))
     }
 
     fn receive<R>(&mut self, deadline: Nanos, decode: Decode<'_, R>) -> Result<R, Miss> {

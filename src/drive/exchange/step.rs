@@ -11,6 +11,7 @@ use std::io;
 
 use super::attempt::Miss;
 use super::{LOCAL_NODE, Link};
+use crate::config::Framing;
 use crate::drive::error::LinkError;
 use crate::drive::object::Address;
 use crate::drive::transport::Transport;
@@ -97,9 +98,15 @@ impl<T: Transport> Link<T> {
     /// [`LinkError::Broken`] only; whether it worked is told by [`Link::is_in_step`].
     pub fn try_to_get_in_step(&mut self) -> Result<(), LinkError> {
         self.fall_out_of_step(0);
+        if self.framing == Framing::V1 {
+            // The drive may be waiting for any part of an exchange, and would take an opcode for it: it forgets the exchange
+            // after this silence.
+            self.discard_until(self.transport.now() + self.frame_timeout).map_err(broken)?;
+        }
         match self.probe() {
             Ok(true) => self.standing = Standing::InStep,
             Ok(false) | Err(Miss::Refused(_) | Miss::Disturbed) => {}
+            Err(Miss::Silent) if self.framing == Framing::V1 => {}
             Err(Miss::Silent) => {
                 // A drive that holds half a request forgets it after this silence.
                 self.discard_until(self.transport.now() + self.frame_timeout).map_err(broken)?;
@@ -133,8 +140,9 @@ impl<T: Transport> Link<T> {
     }
 
     fn reads_as(&mut self, object: Address, known: u32) -> Result<bool, Miss> {
-        let (request, drive) = (self.drive.read(LOCAL_NODE, object), self.drive);
-        Ok(self.attempt(&request, &mut |reply| drive.read_reply(reply))?.value == known)
+        let dialect = self.drive.dialect();
+        let request = dialect.read(LOCAL_NODE, object);
+        Ok(self.attempt(&request, &mut |reply| dialect.read_reply(reply))?.value == known)
     }
 
     /// Drops what arrives until the line is quiet; `false` if it never is.

@@ -14,22 +14,27 @@
 //! |---|---|
 //! | [`snake`] | the snake: motor positions to angles; pure |
 //! | [`frame`] | frames of the serial line; pure |
-//! | [`drive`] | an EPOS4: objects, states, modes, motor; pure |
+//! | [`drive`] | an EPOS4 or EPOS2: objects, states, modes, motor; pure |
 //! | [`camera`] | pictures of the snake; pure |
 //! | [`log`] | what happened, in memory and in a file |
+//! | [`scenario`] | what can be done to drives, lines and wires, and files that say when |
 //! | [`emulator`] | the threads, and the handle that tests and the command line hold |
 //!
 //! Everything pure takes time as an argument; the threads read the clock of [`i2ris::clock`].
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod camera;
+mod control;
 pub mod drive;
 pub mod emulator;
 pub mod frame;
 pub mod log;
 mod port;
+pub mod scenario;
 pub mod snake;
+mod wire;
 mod world;
 
 pub use emulator::{AxisSnapshot, DEFAULT_FOLDER, Emulator, EmulatorConfig, EmulatorError, Snapshot};
-pub use port::{FolderError, LineConfig};
+pub use port::{FolderError, Framing, LineConfig};
+pub use scenario::{Injection, Scenario, ScenarioError};

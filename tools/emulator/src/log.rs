@@ -47,6 +47,8 @@ pub enum EventKind {
     Boot,
     /// The line carried something that the drive could not use.
     Line(LineTrouble),
+    /// Something was done to the axis, its line or its wire, by a test or a scenario.
+    Injected(&'static str),
     /// The host broke a rule that a real drive would punish.
     HostBug(HostBug),
 }
@@ -83,6 +85,7 @@ impl EventKind {
             Self::Boot => ("boot", 0, ""),
             Self::Line(LineTrouble::Crc) => ("line", 0, "wrong CRC"),
             Self::Line(LineTrouble::FrameTimeout) => ("line", 0, "frame timeout"),
+            Self::Injected(name) => ("injected", 0, name),
             Self::HostBug(HostBug::Pipelined) => ("host-bug", 0, "bytes before the reply"),
             Self::HostBug(HostBug::Opcode(opcode)) => ("host-bug", i64::from(opcode), "unknown opcode"),
             Self::HostBug(HostBug::SetpointIgnored) => ("host-bug", 0, "set-point ignored: bit 4 was not lowered"),

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use i2ris::units::Nanos;
 
-use crate::drive::{Answer, Drive};
+use crate::drive::{Abort, Answer, Drive, is_read};
 use crate::frame::Incoming;
 use crate::log::{Event, EventKind, Log};
 use crate::snake::Snake;
+use crate::wire::Wire;
 
 /// One step of the plant: a tenth of the time constant of a position loop.
 const STEP: Nanos = Nanos::from_micros(500);
@@ -20,6 +21,9 @@ const LONGEST_CATCH_UP: Nanos = Nanos::from_millis(2000);
 pub(crate) struct World {
     pub(crate) drives: [Drive; 2],
     pub(crate) snake: Snake,
+    /// The wires between motors and snake.
+    pub(crate) wires: [Wire; 2],
+    gateway: Option<Nanos>,
     time: Nanos,
     log: Arc<Log>,
 }
@@ -27,9 +31,15 @@ pub(crate) struct World {
 impl World {
     /// Starts at `now`, the snake straight and its motors at the drives' positions.
     pub(crate) fn new(drives: [Drive; 2], snake: Snake, log: Arc<Log>, now: Nanos) -> Self {
-        let mut world = Self { drives, snake, time: now, log };
+        let mut world = Self { drives, snake, wires: Default::default(), gateway: None, time: now, log };
         world.record(now);
         world
+    }
+
+    /// The first drive passes requests on to the second over CAN, which takes this long there and back.
+    pub(crate) fn with_gateway(mut self, round_trip: Nanos) -> Self {
+        self.gateway = Some(round_trip);
+        self
     }
 
     /// Until when it has been brought forward.
@@ -45,7 +55,8 @@ impl World {
         while self.time + STEP <= now {
             self.time = self.time + STEP;
             self.drives.iter_mut().for_each(|drive| drive.advance(STEP.as_seconds()));
-            self.snake.step(STEP.as_seconds(), [0, 1].map(|axis: usize| self.drives[axis].motor_counts()));
+            let pulled = [0, 1].map(|axis: usize| self.wires[axis].pull(self.drives[axis].motor_counts()));
+            self.snake.step(STEP.as_seconds(), pulled);
             self.record(self.time);
         }
     }
@@ -53,10 +64,38 @@ impl World {
     /// Lets a drive answer a frame that was complete at `arrived`.
     pub(crate) fn answer(&mut self, axis: usize, incoming: &Incoming, arrived: Nanos) -> Option<Answer> {
         self.advance_to(arrived);
-        let answer = self.drives[axis].answer(incoming);
+        let answer = self.route(axis, incoming);
         // A thread that comes late cannot change what has happened: its set-points count from then on.
         self.record(self.time.max(arrived));
         answer
+    }
+
+    /// Hands a frame to the drive that it is for: that of the port, or one behind it.
+    fn route(&mut self, axis: usize, incoming: &Incoming) -> Option<Answer> {
+        let Some(round_trip) = self.gateway else { return self.drives[axis].answer(incoming) };
+        let port = &mut self.drives[axis];
+        if port.is_deaf() {
+            return None;
+        }
+        let to_read = is_read(incoming);
+        let (node, command) = match port.hear(incoming) {
+            Ok(addressed) => addressed,
+            Err(abort) => return Some(port.reply(Err(abort), to_read)),
+        };
+        if port.is_addressed_by(node) {
+            let answered = command.is_answered(port.family());
+            let outcome = port.serve(command);
+            return answered.then(|| port.reply(outcome, to_read));
+        }
+        let other = (0..self.drives.len()).find(|other| {
+            *other != axis && Some(self.drives[*other].node_id()) == node && !self.drives[*other].is_deaf()
+        });
+        let (outcome, delay) = match other {
+            None => (Err(Abort::SdoTimeout), self.drives[axis].gateway_timeout()),
+            Some(_) if command.is_segmented() => (Err(Abort::UnsupportedAccess), Nanos::ZERO),
+            Some(other) => (self.drives[other].serve(command), round_trip),
+        };
+        Some(Answer { delay, ..self.drives[axis].reply(outcome, to_read) })
     }
 
     /// Does something to a drive, now.

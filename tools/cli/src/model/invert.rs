@@ -230,17 +230,11 @@ fn standard(model: &Model) -> Config {
     let axis = |motor: usize| {
         let values = corners.iter().map(|corner| corner[motor]);
         let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        AxisConfig {
-            motor,
-            node_id: 0,
-            serial_number: 0,
-            position_min_counts: Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN)),
-            position_max_counts: Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX)),
-            current_limit_ma: 1,
-            following_error_counts: 1,
-            motor_speed_rpm: 1,
-            quick_stop_rpm_s: 1,
-        }
+        let limits = [
+            Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN)),
+            Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX)),
+        ];
+        AxisConfig::new(motor, 0, limits)
     };
     let axes = (0..model.motors()).map(axis).collect();
     Config {
@@ -253,6 +247,6 @@ fn standard(model: &Model) -> Config {
         condition: ConditionConfig::default(),
         swap: SwapConfig::default(),
         record: RecordConfig::default(),
-        ports: vec![PortConfig { device: PathBuf::new(), baud: 115_200, reply_timeout_ms: 20, axes }],
+        ports: vec![PortConfig::new(PathBuf::new(), axes)],
     }
 }

@@ -1,5 +1,7 @@
 //! The numbers by which a drive says what went wrong: answers to requests, and faults.
 
+use super::Family;
+
 /// Why a request is not carried out: the first four bytes of a reply (EPOS4 Communication Guide, table 6-20).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -57,10 +59,19 @@ impl Fault {
     /// The CAN bus is not connected; may appear at power-up.
     pub const CAN_PASSIVE: Self = Self(0x8120);
 
-    /// What the drive does about it (EPOS4 Firmware Specification, table of errors). Unknown codes are the worst kind.
+    /// What the drive does about it (EPOS4 Firmware Specification, table of errors; EPOS2: the same where the error is).
+    /// Unknown codes are the worst kind.
     #[must_use]
-    pub fn reaction(self) -> Reaction {
-        match self.0 {
+    pub fn reaction(self, family: Family) -> Reaction {
+        match (family, self.0) {
+            (Family::Epos2, 0xFF06 | 0xFF07 | 0xFF09) => Reaction::FaultOption,
+            (Family::Epos2, 0xFF00..) => Reaction::Disable,
+            (_, code) => Self::common_reaction(code),
+        }
+    }
+
+    fn common_reaction(code: u16) -> Reaction {
+        match code {
             0x8611 | 0x8A80..=0x8A82 | 0xFF10 => Reaction::FaultOption,
             0x6081 | 0x8110..=0x8180 | 0x8182..=0x8184 | 0x81FD..=0x81FF | 0x8210 | 0x8250 | 0x8280 | 0x8281 => {
                 Reaction::AbortOption
@@ -72,7 +83,10 @@ impl Fault {
 
     /// Whether the position is lost when the fault is reset.
     #[must_use]
-    pub fn clears_position(self) -> bool {
+    pub fn clears_position(self, family: Family) -> bool {
+        if family == Family::Epos2 {
+            return matches!(self.0, 0xFF01..=0xFF04 | 0xFF08 | 0xFF0A);
+        }
         matches!(self.0, 0x7380..=0x7382 | 0x7388..=0x738A | 0x7392 | 0xFF02)
     }
 

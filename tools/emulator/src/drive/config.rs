@@ -2,15 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Family;
 use super::motor::MotorConfig;
 
 /// One drive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DriveConfig {
+    /// Which drive it is.
+    pub family: Family,
     /// CAN node id (object 0x2000). It also answers to 0.
     pub node_id: u8,
-    /// Serial number (objects 0x1018:04 and 0x2100:01).
+    /// Serial number (objects 0x1018:04 and 0x2100:01; EPOS2 0x2004).
     pub serial_number: u32,
     /// The motor.
     pub motor: MotorConfig,
@@ -33,6 +36,7 @@ pub struct DriveConfig {
 impl Default for DriveConfig {
     fn default() -> Self {
         Self {
+            family: Family::default(),
             node_id: 1,
             serial_number: 62_000_001,
             motor: MotorConfig::default(),

@@ -79,7 +79,7 @@ impl Drive {
 
     /// Powers the motor. In the cyclic position mode it goes to object 0x607A at once, however old that is.
     fn enable(&mut self) {
-        self.demand = Demand { position: self.motor.position, velocity: self.motor.velocity };
+        self.demand = Demand { position: self.measured(), velocity: self.motor.velocity };
         self.setpoints = Setpoints::default();
         self.enter(State::OperationEnabled);
         self.start_mode();
@@ -127,7 +127,8 @@ impl Drive {
         let base = self.setpoints.queued.or(self.setpoints.active).unwrap_or(self.demand.position);
         let target = if self.controlword & RELATIVE != 0 { base + written as f64 } else { self.to_motor(written) };
         if self.is_beyond_limits(target) {
-            self.raise(Fault::POSITION_LIMIT, false);
+            let fault = self.config.family.places().beyond_limits.unwrap_or(Fault(0xFF09));
+            self.raise(fault, false);
             return;
         }
         let moving = matches!(self.task, Task::Profile { .. });
@@ -147,11 +148,23 @@ impl Drive {
         }
     }
 
-    /// Method 37: here is the home position. The other methods would have to move; they fail here.
+    /// Here is the home position, or at the stop in a direction. The other methods need switches or an index, and fail here.
     fn home(&mut self) {
-        let done = self.dictionary.get(0x6098, 0) == 37;
+        let method = self.dictionary.get(0x6098, 0);
+        match method {
+            -3 | -4 => {
+                let speed = self.per_second(0x6099) * if method == -3 { 1.0 } else { -1.0 };
+                self.homing = Homing::Idle;
+                self.task = Task::SearchStop { speed, pressed_s: 0.0 };
+            }
+            method => self.end_homing(method == self.config.family.places().here),
+        }
+    }
+
+    /// Homing ends here.
+    pub(super) fn end_homing(&mut self, done: bool) {
         if done {
-            self.origin = self.encoder() - self.dictionary.get(0x30B0, 0);
+            self.origin = self.encoder() - self.stored(self.config.family.places().home_position);
             self.homed = true;
         }
         self.homing = if done { Homing::Attained } else { Homing::Failed };
@@ -162,13 +175,13 @@ impl Drive {
     pub fn raise(&mut self, fault: Fault, persists: bool) {
         self.events.push(EventKind::Fault(fault.0));
         self.remember(fault);
-        if fault.reaction() == Reaction::Warning {
+        if fault.reaction(self.config.family) == Reaction::Warning {
             self.warning = true;
             return;
         }
         self.fault = Some(fault);
         self.cause = persists;
-        let ramp = match fault.reaction() {
+        let ramp = match fault.reaction(self.config.family) {
             Reaction::FaultOption => match self.dictionary.get(0x605E, 0) {
                 0 => None,
                 1 => Some(0x6084),
@@ -200,7 +213,7 @@ impl Drive {
         if self.state != State::Fault || self.cause {
             return;
         }
-        if self.fault.is_some_and(Fault::clears_position) {
+        if self.fault.is_some_and(|fault| fault.clears_position(self.config.family)) {
             self.lose_position();
         }
         self.fault = None;

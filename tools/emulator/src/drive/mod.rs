@@ -1,4 +1,4 @@
-//! An emulated EPOS4: objects, state machine, modes of operation, motor. No clock, no line: requests and time steps in,
+//! An emulated EPOS4 or EPOS2: objects, state machine, modes of operation, motor. No clock, no line: requests and time steps in,
 //! replies and motor positions out.
 //!
 //! Sources: `epos4-serial.md`, sections 1 and 3, which names maxon's documents clause by clause. Where a fact is not
@@ -7,24 +7,29 @@
 //! | file | holds |
 //! |---|---|
 //! | `config` | what can be set about a drive |
-//! | `object` | the table of objects |
+//! | `family` | EPOS4 and EPOS2: which objects they have, and where they keep what |
+//! | `object`, `object_epos2` | the tables of objects |
 //! | `dictionary` | their values, and the checks on access |
 //! | `state` | the CiA 402 state machine |
 //! | `control` | what a controlword sets in motion, and faults |
 //! | `mode`, `motion` | the modes of operation, and what they do from step to step |
 //! | `profile`, `motor` | the moving demand, and the motor that follows it |
 //! | `status` | statusword and all other objects that are computed when they are read |
-//! | `service` | opcodes: from a request to its reply |
+//! | `language` | opcodes: what a request asks for |
+//! | `service` | from what is asked to the reply |
 //! | `code` | numbers of answers and faults |
 
 mod code;
 mod config;
 mod control;
 mod dictionary;
+mod family;
+mod language;
 mod mode;
 mod motion;
 mod motor;
 mod object;
+mod object_epos2;
 mod profile;
 mod service;
 mod state;
@@ -36,9 +41,11 @@ use i2ris::units::Nanos;
 
 pub use code::{Abort, Fault, Reaction};
 pub use config::DriveConfig;
+pub use family::Family;
 pub use mode::Mode;
 pub use motor::{Motor, MotorConfig};
 pub use service::Answer;
+pub(crate) use service::is_read;
 pub use state::State;
 
 use crate::log::EventKind;
@@ -85,6 +92,10 @@ pub struct Drive {
     task: Task,
     demand: Demand,
     motor: Motor,
+    /// The encoder does not count: it shows this position of the motor.
+    frozen: Option<f64>,
+    /// What the encoder did not count.
+    lost_counts: f64,
     /// Encoder count of the motor at the drive's zero.
     origin: i64,
     homed: bool,
@@ -117,7 +128,7 @@ pub struct DriveSnapshot {
     pub position: i32,
     /// Position demand, counts.
     pub demand: i32,
-    /// The set-point in object 0x607A, counts.
+    /// The set-point that acts at once (object 0x607A; EPOS2 0x2062), counts.
     pub target: i32,
     /// True position of the motor since the start of the emulator, counts. Homing does not change it.
     pub motor_counts: f64,
@@ -140,6 +151,8 @@ impl Drive {
             task: Task::Off,
             demand: Demand::default(),
             motor: Motor { position: motor_counts, ..Motor::default() },
+            frozen: None,
+            lost_counts: 0.0,
             origin: 0,
             homed: false,
             homing: Homing::Idle,
@@ -175,7 +188,7 @@ impl Drive {
         self.power_off();
         self.lose_position();
         self.dictionary = self.stored.clone();
-        self.mode = Mode::from_number(self.dictionary.get(0x6060, 0)).unwrap_or(Mode::ProfilePosition);
+        self.mode = self.config.family.mode(self.dictionary.get(0x6060, 0)).unwrap_or(Mode::ProfilePosition);
         self.controlword = 0;
         self.fault = None;
         self.cause = false;
@@ -197,7 +210,7 @@ impl Drive {
             error_code: self.fault.map_or(0, |fault| fault.0),
             position: self.position(),
             demand: self.to_drive(self.demand.position),
-            target: self.dictionary.get(0x607A, 0) as i32,
+            target: self.stored(self.config.family.places().direct_target) as i32,
             motor_counts: self.motor.position,
             homed: self.homed,
         }
@@ -216,9 +229,36 @@ impl Drive {
         }
     }
 
+    /// The value of an object that the family keeps where it likes.
+    fn stored(&self, (index, sub): family::Place) -> i64 {
+        self.dictionary.get(index, sub)
+    }
+
+    /// Stops the encoder where it is, or lets it count again: from where it stopped, as an incremental one does.
+    pub fn freeze_encoder(&mut self, freeze: bool) {
+        match (self.frozen, freeze) {
+            (None, true) => self.frozen = Some(self.motor.position),
+            (Some(held), false) => {
+                self.lost_counts += self.motor.position - held;
+                self.frozen = None;
+            }
+            _ => {}
+        }
+    }
+
+    /// The encoder loses or gains counts.
+    pub fn slip_encoder(&mut self, counts: i32) {
+        self.lost_counts -= f64::from(counts);
+    }
+
+    /// Where the encoder says that the motor is, counts of the motor.
+    fn measured(&self) -> f64 {
+        self.frozen.unwrap_or(self.motor.position) - self.lost_counts
+    }
+
     /// The encoder, as it counts since the start of the emulator.
     fn encoder(&self) -> i64 {
-        self.motor.position.round() as i64
+        self.measured().round() as i64
     }
 
     /// Position actual value (object 0x6064).
@@ -249,13 +289,15 @@ fn clamp_i32(value: i64) -> i32 {
 
 /// The objects as they are when a drive is delivered.
 fn factory_settings(config: &DriveConfig) -> Dictionary {
-    let mut dictionary = Dictionary::default();
+    let mut dictionary = Dictionary::new(config.family);
+    let places = config.family.places();
+    let at = |(index, sub): family::Place, value: i64| (index, sub, value);
     for (index, sub, value) in [
         (0x2000, 0, i64::from(config.node_id)),
         (0x1014, 0, 0x80 + i64::from(config.node_id)),
         (0x1018, 4, i64::from(config.serial_number)),
-        (0x2100, 1, 0x1_0000_0000 + i64::from(config.serial_number)),
-        (0x3010, 1, i64::from(config.motor.encoder_pulses)),
+        at(places.full_serial_number, 0x1_0000_0000 + i64::from(config.serial_number)),
+        at(places.encoder_pulses, i64::from(config.motor.encoder_pulses)),
     ] {
         dictionary.set(index, sub, value);
     }

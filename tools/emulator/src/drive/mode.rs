@@ -15,24 +15,15 @@ pub enum Mode {
     CyclicVelocity = 9,
     /// Cyclic synchronous torque.
     CyclicTorque = 10,
+    /// Position: every set-point acts at once.
+    Position = -1,
+    /// Velocity: every set-point acts at once.
+    Velocity = -2,
+    /// Current.
+    Current = -3,
 }
 
 impl Mode {
-    const ALL: [Self; 6] = [
-        Self::ProfilePosition,
-        Self::ProfileVelocity,
-        Self::Homing,
-        Self::CyclicPosition,
-        Self::CyclicVelocity,
-        Self::CyclicTorque,
-    ];
-
-    /// The mode with this number, if the EPOS4 has it.
-    #[must_use]
-    pub fn from_number(number: i64) -> Option<Self> {
-        Self::ALL.into_iter().find(|mode| i64::from(mode.number()) == number)
-    }
-
     /// Its number.
     #[must_use]
     pub const fn number(self) -> i8 {
@@ -49,6 +40,9 @@ impl Mode {
             Self::CyclicPosition => "CSP",
             Self::CyclicVelocity => "CSV",
             Self::CyclicTorque => "CST",
+            Self::Position => "position",
+            Self::Velocity => "velocity",
+            Self::Current => "current",
         }
     }
 }

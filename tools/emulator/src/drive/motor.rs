@@ -14,12 +14,20 @@ pub struct MotorConfig {
     pub acceleration_per_ma: f64,
     /// Current that overcomes friction, mA.
     pub friction_ma: f64,
+    /// Hard stops, counts from where the motor stood at the start of the emulator: it cannot pass them.
+    pub stops: [f64; 2],
 }
 
 impl Default for MotorConfig {
     /// Close to a maxon DCX 8 M with a gearhead: 0.9 mNm at 300 mA on 3e-9 kg m2, a third of it left by the gear.
     fn default() -> Self {
-        Self { encoder_pulses: 256, bandwidth_hz: 60.0, acceleration_per_ma: 33_000.0, friction_ma: 2.0 }
+        Self {
+            encoder_pulses: 256,
+            bandwidth_hz: 60.0,
+            acceleration_per_ma: 33_000.0,
+            friction_ma: 2.0,
+            stops: [-100_000.0, 100_000.0],
+        }
     }
 }
 
@@ -78,6 +86,7 @@ impl Motor {
         self.limited = self.current_ma != wanted_ma || self.velocity.abs() > limits.speed;
         self.velocity = self.velocity.clamp(-limits.speed, limits.speed);
         self.position += 0.5 * (velocity + self.velocity) * dt_s;
+        self.meet_stops(config);
     }
 
     /// One step without power: friction brakes, the gear does not let the wires pull it back.
@@ -87,6 +96,15 @@ impl Motor {
         let velocity = self.velocity;
         self.advance(config, dt_s);
         self.position += 0.5 * (velocity + self.velocity) * dt_s;
+        self.meet_stops(config);
+    }
+
+    fn meet_stops(&mut self, config: &MotorConfig) {
+        let [low, high] = config.stops;
+        if self.position < low || self.position > high {
+            self.position = self.position.clamp(low, high);
+            self.velocity = 0.0;
+        }
     }
 
     fn advance(&mut self, config: &MotorConfig, dt_s: f64) {
@@ -134,6 +152,15 @@ mod tests {
         let mut weak = Motor::default();
         run(&mut weak, Limits { current_ma: 1.0, ..LIMITS }, 0.2, |_| 500.0);
         assert_eq!(weak.position, 0.0, "1 mA does not overcome the friction");
+    }
+
+    #[test]
+    fn a_stop_ends_the_way_and_costs_current() {
+        let config = MotorConfig { stops: [-100.0, 100.0], ..MotorConfig::default() };
+        let mut motor = Motor::default();
+        (0..400).for_each(|_| motor.follow(&config, 300.0, LIMITS, 0.0005));
+        assert_eq!((motor.position, motor.velocity), (100.0, 0.0));
+        assert!(motor.current_ma > 100.0, "{motor:?}");
     }
 
     #[test]

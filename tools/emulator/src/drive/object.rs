@@ -77,32 +77,32 @@ pub struct Object {
 }
 
 impl Object {
-    const fn ranged(mut self, low: i64, high: i64) -> Self {
+    pub(super) const fn ranged(mut self, low: i64, high: i64) -> Self {
         self.range = (low, high);
         self
     }
 
-    const fn power_off(mut self) -> Self {
+    pub(super) const fn power_off(mut self) -> Self {
         self.access = Access::RwPowerOff;
         self
     }
 }
 
-const fn ro(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
+pub(super) const fn ro(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
     Object { index, sub, kind, access: Access::Ro, default, range: (i64::MIN, i64::MAX) }
 }
 
-const fn rw(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
+pub(super) const fn rw(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
     Object { index, sub, kind, access: Access::Rw, default, range: (i64::MIN, i64::MAX) }
 }
 
 use Kind::{I8, I16, I32, Text, U8, U16, U32, U64};
 
 /// The fastest speed that may be written, rpm.
-const MOST_RPM: i64 = 50_000;
+pub(super) const MOST_RPM: i64 = 50_000;
 
 /// All objects, by index and subindex. Subindex 0 of a record, its highest subindex, is implied.
-pub const OBJECTS: &[Object] = &[
+pub const EPOS4_OBJECTS: &[Object] = &[
     ro(0x1000, 0, U32, 0x0002_0192),
     ro(0x1001, 0, U8, 0),
     // Writing 0 clears the history; nothing else may be written.
@@ -216,19 +216,17 @@ pub const OBJECTS: &[Object] = &[
     ro(0x6502, 0, U32, 0x3A5),
 ];
 
-/// Homing methods of the EPOS4, as object 0x60E3 lists them. All can be chosen; the emulator carries out 37 only.
-pub const HOMING_METHODS: &[i64] = &[1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37, -1, -2, -3, -4];
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_in_order_and_its_defaults_are_in_range() {
-        for pair in OBJECTS.windows(2) {
+    fn the_tables_are_in_order_and_their_defaults_are_in_range() {
+        let tables = [EPOS4_OBJECTS, super::super::object_epos2::EPOS2_OBJECTS];
+        for pair in tables.iter().flat_map(|table| table.windows(2)) {
             assert!((pair[0].index, pair[0].sub) < (pair[1].index, pair[1].sub), "{:04X}", pair[1].index);
         }
-        for object in OBJECTS {
+        for object in tables.into_iter().flatten() {
             assert!((object.range.0..=object.range.1).contains(&object.default), "{:04X}", object.index);
             assert_eq!(object.kind.decode(object.default as u32), object.default, "{:04X}", object.index);
         }

@@ -1,19 +1,20 @@
-//! Opcodes: from a request to its reply (EPOS4 Communication Guide, chapter on the serial line).
+//! From what is asked to the reply.
 
 use i2ris::units::Nanos;
 
 use super::code::Abort;
+use super::language::{Addressed, Command, understand};
 use super::object::Kind;
 use super::state::State;
-use super::{Drive, Mode, factory_settings};
-use crate::frame::{self, Incoming, Request};
+use super::{Drive, Family, factory_settings};
+use crate::frame::Incoming;
 use crate::log::{EventKind, HostBug, LineTrouble};
 
-/// A reply, ready for the wire.
+/// A reply.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answer {
-    /// The frame.
-    pub frame: Vec<u8>,
+    /// Its data: an error code, and what follows it.
+    pub data: Vec<u8>,
     /// What it takes beyond the usual processing time.
     pub delay: Nanos,
 }
@@ -30,16 +31,6 @@ pub(super) enum Transfer {
     Write(u16, u8, usize, Vec<u8>, bool),
 }
 
-const READ_OBJECT: u8 = 0x60;
-const SEGMENT_READ: u8 = 0x62;
-const WRITE_OBJECT: u8 = 0x68;
-const INITIATE_SEGMENTED_WRITE: u8 = 0x69;
-const SEGMENT_WRITE: u8 = 0x6A;
-const SEND_NMT: u8 = 0x70;
-const SEND_LSS: u8 = 0x7A;
-const READ_LSS: u8 = 0x7B;
-const INITIATE_SEGMENTED_READ: u8 = 0x81;
-
 /// What fills the bytes that a short value does not need.
 const RUBBISH: [u8; 4] = [0xA5, 0x5A, 0xC3, 0x3C];
 
@@ -48,59 +39,95 @@ const SAVE: u32 = 0x6576_6173;
 const LOAD: u32 = 0x6461_6F6C;
 
 impl Drive {
-    /// The reply to a frame, or nothing while booting.
-    pub fn answer(&mut self, incoming: &Incoming) -> Option<Answer> {
-        if self.state == State::NotReadyToSwitchOn {
-            return None;
-        }
+    /// The family.
+    pub(crate) fn family(&self) -> Family {
+        self.config.family
+    }
+
+    /// Whether a request with this node id is for this drive: its own, or that of whoever holds the port.
+    pub(crate) fn is_addressed_by(&self, node: Option<u8>) -> bool {
+        node.is_none_or(|node| node == 0 || node == self.config.node_id)
+    }
+
+    /// Its node id.
+    pub(crate) fn node_id(&self) -> u8 {
+        self.config.node_id
+    }
+
+    /// How long it waits for a node behind it.
+    pub(crate) fn gateway_timeout(&self) -> Nanos {
+        Nanos::from_millis(self.config.gateway_timeout_ms)
+    }
+
+    /// Booting: it neither hears nor answers.
+    pub(crate) fn is_deaf(&self) -> bool {
+        self.state == State::NotReadyToSwitchOn
+    }
+
+    /// Understands a frame that arrived at its own port.
+    pub(crate) fn hear(&mut self, incoming: &Incoming) -> Result<Addressed, Abort> {
         let Incoming::Request(request) = incoming else {
             self.events.push(EventKind::Line(LineTrouble::Crc));
-            return Some(self.refuse(0, Abort::Crc));
+            return Err(Abort::Crc);
         };
-        let elsewhere = addressed_node(request).is_some_and(|node| node != 0 && node != self.config.node_id);
-        let outcome = if elsewhere { Err(Abort::SdoTimeout) } else { self.serve(request) };
-        let mut answer = match outcome {
-            Ok(data) => Answer { frame: frame::reply(&[&[0; 4], &data[..]].concat()), delay: Nanos::ZERO },
-            Err(abort) => self.refuse(request.opcode, abort),
-        };
-        if elsewhere {
-            answer.delay = Nanos::from_millis(self.config.gateway_timeout_ms);
-        }
-        Some(answer)
+        understand(self.config.family, request).inspect_err(|abort| {
+            if *abort == Abort::IllegalCommand {
+                self.events.push(EventKind::HostBug(HostBug::Opcode(request.opcode)));
+            }
+        })
     }
 
-    fn refuse(&self, opcode: u8, abort: Abort) -> Answer {
+    /// The reply to a frame at its own port with no other drive behind it, or nothing while booting.
+    pub fn answer(&mut self, incoming: &Incoming) -> Option<Answer> {
+        if self.is_deaf() {
+            return None;
+        }
+        match self.hear(incoming) {
+            Err(abort) => Some(self.refuse(is_read(incoming), abort)),
+            Ok((node, command)) if self.is_addressed_by(node) => {
+                let answered = command.is_answered(self.config.family);
+                let outcome = self.serve(command);
+                answered.then(|| self.reply(outcome, is_read(incoming)))
+            }
+            Ok(_) => {
+                let delay = self.gateway_timeout();
+                Some(Answer { delay, ..self.refuse(is_read(incoming), Abort::SdoTimeout) })
+            }
+        }
+    }
+
+    /// The reply that tells an outcome.
+    pub(crate) fn reply(&self, outcome: Result<Vec<u8>, Abort>, to_read: bool) -> Answer {
+        match outcome {
+            Ok(data) => Answer { data: [&[0; 4], &data[..]].concat(), delay: Nanos::ZERO },
+            Err(abort) => self.refuse(to_read, abort),
+        }
+    }
+
+    fn refuse(&self, to_read: bool, abort: Abort) -> Answer {
         let mut data = (abort as u32).to_le_bytes().to_vec();
-        if opcode == READ_OBJECT {
+        if to_read {
             data.resize(2 * usize::from(self.config.error_reply_words.max(2)), 0);
         }
-        Answer { frame: frame::reply(&data), delay: Nanos::ZERO }
+        Answer { data, delay: Nanos::ZERO }
     }
 
-    /// What follows the error code in the reply.
-    fn serve(&mut self, request: &Request) -> Result<Vec<u8>, Abort> {
-        let data = &request.data[..];
-        match (request.opcode, data) {
-            (READ_OBJECT, &[_, low, high, sub]) => self.read_object(u16::from_le_bytes([low, high]), sub),
-            (WRITE_OBJECT, &[_, low, high, sub, a, b, c, d]) => {
-                self.write(u16::from_le_bytes([low, high]), sub, u32::from_le_bytes([a, b, c, d]))?;
+    /// Carries a command out: what follows the error code in the reply.
+    pub(crate) fn serve(&mut self, command: Command) -> Result<Vec<u8>, Abort> {
+        match command {
+            Command::Read { index, sub } => self.read_object(index, sub),
+            Command::Write { index, sub, raw } => {
+                self.write(index, sub, raw)?;
                 Ok(Vec::new())
             }
-            (INITIATE_SEGMENTED_READ, &[_, low, high, sub]) => self.start_reading(u16::from_le_bytes([low, high]), sub),
-            (SEGMENT_READ, &[control, _]) => self.read_segment(control & 1 != 0),
-            (INITIATE_SEGMENTED_WRITE, &[_, low, high, sub, a, b, c, d]) => {
-                let length = u32::from_le_bytes([a, b, c, d]) as usize;
-                self.transfer = Transfer::Write(u16::from_le_bytes([low, high]), sub, length, Vec::new(), false);
+            Command::StartReading { index, sub } => self.start_reading(index, sub),
+            Command::ReadSegment { toggle } => self.read_segment(toggle),
+            Command::StartWriting { index, sub, length } => {
+                self.transfer = Transfer::Write(index, sub, length, Vec::new(), false);
                 Ok(Vec::new())
             }
-            (SEGMENT_WRITE, &[length, control, ref bytes @ ..]) => self.write_segment(length, control, bytes),
-            (SEND_NMT, &[node, 0, command, 0]) => self.manage(node, command),
-            (SEND_LSS | READ_LSS, _) => Err(Abort::UnsupportedAccess),
-            (opcode, _) if is_known(opcode) => Err(Abort::Length),
-            (opcode, _) => {
-                self.events.push(EventKind::HostBug(HostBug::Opcode(opcode)));
-                Err(Abort::IllegalCommand)
-            }
+            Command::WriteSegment { length, toggle, last, bytes } => self.write_segment(length, toggle, last, &bytes),
+            Command::Manage { node, command } => self.manage(node, command),
         }
     }
 
@@ -117,8 +144,12 @@ impl Drive {
     /// The bytes of an object.
     fn bytes(&self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
         let stored = self.dictionary.read(index, sub)?;
+        // An EPOS2 without an error has no entry; a host that takes what it finds for an error must not get away with it.
+        if self.config.family == Family::Epos2 && index == 0x1003 && i64::from(sub) > self.dictionary.get(0x1003, 0) {
+            return Err(Abort::NoSubindex);
+        }
         if stored.kind == Kind::Text {
-            return Ok(b"EPOS4".to_vec());
+            return Ok(self.config.family.places().name.as_bytes().to_vec());
         }
         let value = self.live(index, sub).unwrap_or(stored.value);
         Ok(value.to_le_bytes()[..stored.kind.size()].to_vec())
@@ -150,11 +181,11 @@ impl Drive {
         match (index, sub) {
             (0x6040, 0) => self.write_controlword(value as u16),
             (0x6060, 0) => {
-                if let Some(mode) = Mode::from_number(value) {
+                if let Some(mode) = self.config.family.mode(value) {
                     self.change_mode(mode);
                 }
             }
-            (0x607A, 0) => {
+            place if place == (0x607A, 0) || place == self.config.family.places().direct_target => {
                 self.since_setpoint_s = 0.0;
                 self.events.push(EventKind::Setpoint(value as i32));
             }
@@ -165,6 +196,10 @@ impl Drive {
 
     fn start_reading(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
         let mut value = self.bytes(index, sub)?;
+        if self.config.family == Family::Epos2 {
+            self.transfer = Transfer::Read(value, false);
+            return Ok(Vec::new());
+        }
         let total = value.len() as u32;
         let rest = value.split_off(value.len().min(usize::from(self.config.segment_bytes.max(1))));
         self.transfer = if rest.is_empty() { Transfer::Idle } else { Transfer::Read(rest, false) };
@@ -178,19 +213,24 @@ impl Drive {
         if toggle != expected {
             return Err(Abort::Toggle);
         }
-        let rest = value.split_off(value.len().min(usize::from(self.config.segment_bytes.max(1))));
-        let control = u8::from(toggle) | u8::from(rest.is_empty()) << 1;
-        if !rest.is_empty() {
+        let most = usize::from(self.config.segment_bytes.max(1));
+        let most = if self.config.family == Family::Epos2 { most.min(63) } else { most };
+        let rest = value.split_off(value.len().min(most));
+        let (length, last) = (value.len() as u8, rest.is_empty());
+        if !last {
             self.transfer = Transfer::Read(rest, !toggle);
         }
-        Ok([&[value.len() as u8, control], &value[..]].concat())
+        let head = match self.config.family {
+            Family::Epos4 => vec![length, u8::from(toggle) | u8::from(last) << 1],
+            Family::Epos2 => vec![length | u8::from(toggle) << 6 | u8::from(!last) << 7],
+        };
+        Ok([&head[..], &value].concat())
     }
 
-    fn write_segment(&mut self, length: u8, control: u8, bytes: &[u8]) -> Result<Vec<u8>, Abort> {
+    fn write_segment(&mut self, length: u8, toggle: bool, last: bool, bytes: &[u8]) -> Result<Vec<u8>, Abort> {
         let Transfer::Write(index, sub, total, mut held, expected) = std::mem::take(&mut self.transfer) else {
             return Err(Abort::Toggle);
         };
-        let (toggle, last) = (control & 1 != 0, control & 2 != 0);
         if toggle != expected {
             return Err(Abort::Toggle);
         }
@@ -221,21 +261,7 @@ impl Drive {
     }
 }
 
-/// The node that a request is for, where it names one.
-fn addressed_node(request: &Request) -> Option<u8> {
-    let names = [READ_OBJECT, WRITE_OBJECT, INITIATE_SEGMENTED_READ, INITIATE_SEGMENTED_WRITE];
-    names.contains(&request.opcode).then(|| request.data.first().copied()).flatten()
-}
-
-fn is_known(opcode: u8) -> bool {
-    matches!(
-        opcode,
-        READ_OBJECT
-            | SEGMENT_READ
-            | WRITE_OBJECT
-            | INITIATE_SEGMENTED_WRITE
-            | SEGMENT_WRITE
-            | SEND_NMT
-            | INITIATE_SEGMENTED_READ
-    )
+/// A refused read may be answered at the length of a read.
+pub(crate) fn is_read(incoming: &Incoming) -> bool {
+    matches!(incoming, Incoming::Request(request) if matches!(request.opcode, 0x10 | 0x60))
 }

@@ -29,9 +29,9 @@ impl Drive {
             Mode::Homing => {
                 (self.homing == Homing::Attained, self.homing == Homing::Failed, self.homing == Homing::Attained)
             }
-            Mode::CyclicPosition => (self.task == Task::Cyclic, following_error, false),
-            Mode::CyclicVelocity => (self.task == Task::CyclicVelocity, false, false),
-            Mode::CyclicTorque => (self.task == Task::Torque, false, false),
+            Mode::CyclicPosition | Mode::Position => (self.task == Task::Cyclic, following_error, false),
+            Mode::CyclicVelocity | Mode::Velocity => (self.task == Task::CyclicVelocity, false, false),
+            Mode::CyclicTorque | Mode::Current => (self.task == Task::Torque, false, false),
         };
         self.state.bits()
             | flag(self.state.is_powered(), VOLTAGE_ENABLED)
@@ -42,6 +42,7 @@ impl Drive {
             | flag(twelve, MODE_12)
             | flag(thirteen, MODE_13)
             | flag(self.homed, REFERENCED)
+            | flag(self.state != State::NotReadyToSwitchOn, self.config.family.places().always)
     }
 
     /// The value of an object that changes by itself, or `None` for one that is stored.
@@ -50,7 +51,7 @@ impl Drive {
         Some(match (index, sub) {
             (0x1001, 0) => i64::from(self.fault.map_or(0, Fault::register)),
             (0x3000, 5) => 4 * self.dictionary.get(0x3010, 1),
-            (0x30D0 | 0x6077, 0) | (0x30D1, 1 | 2) => current,
+            (0x30D0 | 0x6077 | 0x6078 | 0x2027, 0) | (0x30D1, 1 | 2) => current,
             (0x603F, 0) => i64::from(self.fault.map_or(0, |fault| fault.0)),
             (0x6040, 0) => i64::from(self.controlword),
             (0x6041, 0) => i64::from(self.statusword()),
@@ -59,7 +60,7 @@ impl Drive {
             (0x6064, 0) => i64::from(self.position()),
             (0x606B, 0) => self.to_rpm(self.demand.velocity),
             (0x606C, 0) | (0x30D3, 1) => self.to_rpm(self.motor.velocity),
-            (0x60F4, 0) => i64::from(self.to_drive(self.demand.position)) - i64::from(self.position()),
+            (0x60F4 | 0x20F4, 0) => i64::from(self.to_drive(self.demand.position)) - i64::from(self.position()),
             _ => return None,
         })
     }

@@ -90,10 +90,19 @@ impl PortFolder {
     }
 }
 
+/// Points a link to another device, without a moment at which there is none.
+pub(super) fn point(link: &Path, device: &Path) -> io::Result<()> {
+    let new = link.with_extension("new");
+    let _ = fs::remove_file(&new);
+    symlink(device, &new)?;
+    fs::rename(&new, link)
+}
+
 impl Drop for PortFolder {
     fn drop(&mut self) {
         for (link, device) in &self.links {
-            if fs::read_link(link).is_ok_and(|target| target == *device) {
+            // A port that hung up and came back has another device.
+            if fs::read_link(link).is_ok_and(|target| target == *device || target.starts_with("/dev/pts")) {
                 let _ = fs::remove_file(link);
             }
         }

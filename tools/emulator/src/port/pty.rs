@@ -4,6 +4,7 @@ use std::io;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
+use i2ris::clock;
 use i2ris::units::Nanos;
 use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -19,12 +20,18 @@ nix::ioctl_none_bad!(
     libc::TIOCNXCL
 );
 
-/// The drive's end of the line.
 #[derive(Debug)]
-pub(super) struct Pty {
+struct Ends {
     master: OwnedFd,
     /// Kept open: while no one has the other end open, reading this one would fail.
     slave: OwnedFd,
+}
+
+/// The drive's end of the line.
+#[derive(Debug)]
+pub(super) struct Pty {
+    /// `None`: hung up.
+    ends: Option<Ends>,
     path: PathBuf,
 }
 
@@ -37,7 +44,7 @@ impl Pty {
         // A drive does not wait for a host that does not listen.
         fcntl(&pair.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))?;
         let path = ttyname(&pair.slave)?;
-        Ok(Self { master: pair.master, slave: pair.slave, path })
+        Ok(Self { ends: Some(Ends { master: pair.master, slave: pair.slave }), path })
     }
 
     /// The device file of the host's end.
@@ -45,23 +52,33 @@ impl Pty {
         &self.path
     }
 
+    /// The cable is pulled: the host's end fails from now on.
+    pub(super) fn hang_up(&mut self) {
+        self.ends = None;
+    }
+
     /// Waits for bytes from the host, at most for `span`.
     pub(super) fn wait(&self, span: Nanos) -> bool {
+        let Some(ends) = &self.ends else {
+            clock::sleep(span);
+            return false;
+        };
         let timeout = TimeSpec::new((span.0 / 1_000_000_000) as i64, (span.0 % 1_000_000_000) as i64);
-        let mut fds = [PollFd::new(self.master.as_fd(), PollFlags::POLLIN)];
+        let mut fds = [PollFd::new(ends.master.as_fd(), PollFlags::POLLIN)];
         // An interrupting signal counts as no bytes: the caller looks at its own clock.
         matches!(ppoll(&mut fds, Some(timeout), None), Ok(ready) if ready > 0)
     }
 
     /// Reads what is there.
     pub(super) fn read(&self, buffer: &mut [u8]) -> usize {
-        read(&self.master, buffer).unwrap_or(0)
+        self.ends.as_ref().map_or(0, |ends| read(&ends.master, buffer).unwrap_or(0))
     }
 
     /// Writes to the host, or to no one if the host has not read for so long that there is no room.
     pub(super) fn write(&self, mut bytes: &[u8]) {
+        let Some(ends) = &self.ends else { return };
         while !bytes.is_empty() {
-            match write(&self.master, bytes) {
+            match write(&ends.master, bytes) {
                 Ok(count) => bytes = &bytes[count..],
                 Err(Errno::EINTR) => {}
                 Err(_) => return,
@@ -72,7 +89,8 @@ impl Pty {
     /// Lets others open the port again. A host that was killed while it had the port for itself would otherwise keep it
     /// locked, since this end is never closed.
     pub(super) fn release(&self) {
-        // SAFETY: the request takes no argument, and the descriptor is open for as long as `self` lives.
-        let _ = unsafe { end_exclusive_use(self.slave.as_raw_fd()) };
+        let Some(ends) = &self.ends else { return };
+        // SAFETY: the request takes no argument, and the descriptor is open for as long as `ends` lives.
+        let _ = unsafe { end_exclusive_use(ends.slave.as_raw_fd()) };
     }
 }

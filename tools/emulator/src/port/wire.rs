@@ -6,10 +6,23 @@
 use i2ris::units::Nanos;
 use serde::{Deserialize, Serialize};
 
+/// How bytes are put into frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Framing {
+    /// With sync bytes and stuffing.
+    #[default]
+    V2,
+    /// With a byte of hand-shake for every part.
+    V1,
+}
+
 /// A serial line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LineConfig {
+    /// How bytes are put into frames.
+    pub framing: Framing,
     /// Bits per second; ten bits a byte.
     pub baud: u32,
     /// What the drive takes to answer, microseconds.
@@ -25,7 +38,14 @@ pub struct LineConfig {
 
 impl Default for LineConfig {
     fn default() -> Self {
-        Self { baud: 115_200, processing_us: 400, jitter_us: 0, adapter_hold_ms: 0, allowance_us: 150 }
+        Self {
+            framing: Framing::default(),
+            baud: 115_200,
+            processing_us: 400,
+            jitter_us: 0,
+            adapter_hold_ms: 0,
+            allowance_us: 150,
+        }
     }
 }
 

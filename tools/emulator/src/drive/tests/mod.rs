@@ -37,7 +37,7 @@ impl Bench {
     /// The data of the reply.
     fn ask(&mut self, opcode: u8, data: &[u8]) -> Vec<u8> {
         let request = Incoming::Request(Request { opcode, data: data.to_vec() });
-        let frame = self.drive.answer(&request).unwrap().frame;
+        let frame = crate::frame::reply(&self.drive.answer(&request).unwrap().data);
         let mut parser = Parser::default();
         match frame.iter().find_map(|byte| parser.push(*byte)) {
             Some(Incoming::Request(reply)) if reply.opcode == 0 => reply.data,

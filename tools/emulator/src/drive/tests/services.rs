@@ -6,7 +6,7 @@ use super::*;
 fn a_wrong_crc_and_an_unknown_opcode_are_answered() {
     let mut bench = Bench::fresh();
     let answer = bench.drive.answer(&Incoming::WrongCrc).unwrap();
-    assert_eq!(answer.frame, [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]);
+    assert_eq!(crate::frame::reply(&answer.data), [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]);
     assert_eq!(bench.error(0x20, &[0; 12]), 0x0F00_FFBF);
     assert_eq!(bench.error(0x10, &[0x41, 0x60, 0, 1]), 0x0F00_FFBF, "an opcode of the EPOS2");
     let events = bench.drive.take_events();
