@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
+use i2ris_emulator::camera::CameraConfig;
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Snapshot};
 
@@ -38,6 +39,9 @@ pub struct Arguments {
     /// Do not publish camera pictures
     #[arg(long)]
     no_camera: bool,
+    /// Standard deviation of the camera's angles; 0: the true angles, for drawing pictures of them
+    #[arg(long, value_name = "DEG", default_value_t = CameraConfig::default().noise_deg, value_parser = noise)]
+    camera_noise_deg: f64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -52,6 +56,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let domain = Domain::new(&arguments.domain)?;
     let mut config = EmulatorConfig::new(snake, &arguments.ports);
     config.seed = arguments.seed;
+    config.camera.noise_deg = arguments.camera_noise_deg;
     config.log.clone_from(&arguments.log);
 
     let stop = Arc::new(AtomicBool::new(false));
@@ -117,6 +122,12 @@ fn say(line: &str) {
 fn print_over(line: &str) {
     let mut out = io::stdout().lock();
     let _ = write!(out, "\r\x1b[K{line}").and_then(|()| out.flush());
+}
+
+/// Parses a standard deviation.
+fn noise(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|deg: &f64| (0.0..=10.0).contains(deg));
+    value.ok_or_else(|| "must be a number of degrees from 0 to 10".to_owned())
 }
 
 /// Parses a span in seconds.
