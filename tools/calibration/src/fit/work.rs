@@ -80,7 +80,6 @@ impl Work<'_> {
             let behind = fit(components).map_err(|source| FitError::Family { family, source })?;
             match self.frame.model(&behind.fitted) {
                 Err(ModelError::NotInvertible { .. }) if behind.components > 1 => {
-                    println!("refused {}", behind.components);
                     components = fewer(behind.components);
                 }
                 checked => return checked.map_err(|source| refused(family, source)),
