@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::Nanos;
+use crate::access::{self, Untrusted};
+use crate::units::{LONGEST_WINDOW, Nanos};
 
 pub use drives::{AxisConfig, Family, Framing, HomingMethod, PortConfig, Streaming};
 
@@ -41,6 +42,15 @@ pub struct Config {
     /// How one model takes over from another.
     #[serde(default)]
     pub swap: SwapConfig,
+    /// Limits on the angles, besides those on the motors.
+    #[serde(default)]
+    pub joints: JointLimitConfig,
+    /// The way of `move_jp`.
+    #[serde(default)]
+    pub move_jp: MoveConfig,
+    /// The camera against the model.
+    #[serde(default)]
+    pub plausibility: PlausibilityConfig,
     /// What is written down.
     #[serde(default)]
     pub record: RecordConfig,
@@ -107,11 +117,16 @@ pub struct CommandConfig {
     pub step_deg: f64,
     /// The same for commands in counts.
     pub step_counts: i32,
+    /// How far the snake moves per motion of the master, 0.01 to 1. Other than 1, a stream of commands is relative to where
+    /// it begins, as after the clutch; see `i2ris::control`.
+    pub scale: f64,
+    /// Cut-off of the low-pass against hand tremor, Hz; 0: none. It delays by 1 / (2 pi f): 53 ms at 3 Hz.
+    pub tremor_filter_hz: f64,
 }
 
 impl Default for CommandConfig {
     fn default() -> Self {
-        Self { deadline_ms: 50, lease_ms: 500, step_deg: 5.0, step_counts: 250 }
+        Self { deadline_ms: 50, lease_ms: 500, step_deg: 5.0, step_counts: 250, scale: 1.0, tremor_filter_hz: 0.0 }
     }
 }
 
@@ -132,6 +147,14 @@ pub struct LimitConfig {
     pub feedback_lost_ms: u64,
     /// Largest distance between set-point and encoder, in counts, before FAULT.
     pub following_error_counts: i32,
+    /// Motor current that leads to FAULT when it lasts, in mA. Absent: only the limit in the drive.
+    pub current_trip_ma: Option<u32>,
+    /// How long it may last, in milliseconds.
+    pub current_trip_ms: u64,
+    /// Late ticks (a tick or more after their time) within `late_window_ms` that lead to FAULT. 0: never.
+    pub late_ticks: u32,
+    /// See `late_ticks`; in milliseconds.
+    pub late_window_ms: u64,
 }
 
 impl Default for LimitConfig {
@@ -143,6 +166,10 @@ impl Default for LimitConfig {
             feedback_stale_ms: 50,
             feedback_lost_ms: 250,
             following_error_counts: 300,
+            current_trip_ma: None,
+            current_trip_ms: 200,
+            late_ticks: 0,
+            late_window_ms: 1000,
         }
     }
 }
@@ -202,6 +229,73 @@ impl Default for SwapConfig {
     }
 }
 
+/// Limits on the angles that are asked of the inverse. Each is off unless it is there; a model of the tip position has none.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointLimitConfig {
+    /// Lowest angles, degrees, one per output.
+    pub position_min_deg: Option<Vec<f64>>,
+    /// Highest angles, degrees, one per output.
+    pub position_max_deg: Option<Vec<f64>>,
+    /// Velocity of every angle, degrees per second.
+    pub velocity_deg_s: Option<f64>,
+    /// Acceleration of every angle, degrees per second squared.
+    pub acceleration_deg_s2: Option<f64>,
+    /// Jerk of every angle, degrees per second cubed; needs an acceleration limit, of which it makes a delay of
+    /// `acceleration / jerk`, at most 16 ticks.
+    pub jerk_deg_s3: Option<f64>,
+}
+
+impl JointLimitConfig {
+    /// There is a limit.
+    #[must_use]
+    pub fn is_any(&self) -> bool {
+        *self != Self::default()
+    }
+
+    /// Over how many ticks acceleration is averaged, so that the jerk stays within its limit.
+    #[must_use]
+    pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
+        let (acceleration, jerk) = (self.acceleration_deg_s2?, self.jerk_deg_s3?);
+        // Rounding may not make a window of 20 ticks one of 21.
+        Some((2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9).ceil().clamp(1.0, 1e6) as u32)
+    }
+}
+
+/// The way of `move_jp`: from rest to rest on a straight line in joint space.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MoveConfig {
+    /// Velocity along the line, degrees per second.
+    pub velocity_deg_s: f64,
+    /// Acceleration along the line, degrees per second squared.
+    pub acceleration_deg_s2: f64,
+    /// Jerk along the line, degrees per second cubed.
+    pub jerk_deg_s3: f64,
+}
+
+impl Default for MoveConfig {
+    fn default() -> Self {
+        Self { velocity_deg_s: 10.0, acceleration_deg_s2: 100.0, jerk_deg_s3: 2000.0 }
+    }
+}
+
+/// The camera against the model: what `external/measured_jp` says against the estimate from the encoders at that instant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlausibilityConfig {
+    /// Distance between the two that leads to FAULT when it lasts, in degrees. 0: never, for robots without a camera.
+    pub distance_deg: f64,
+    /// How long it may last, in milliseconds: longer than the camera needs for some pictures.
+    pub lasts_ms: u64,
+}
+
+impl Default for PlausibilityConfig {
+    fn default() -> Self {
+        Self { distance_deg: 0.0, lasts_ms: 300 }
+    }
+}
+
 /// What is written down.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -229,6 +323,9 @@ pub enum ConfigError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// Everyone may write it.
+    #[error("configuration {0}")]
+    Untrusted(#[from] Untrusted),
     /// Not TOML, a wrong type, or a key that does not exist.
     #[error("configuration {path} is not valid: {source}")]
     Parse {
@@ -256,8 +353,9 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// When the file cannot be read, is not TOML of this shape, or holds a value out of range.
+    /// When everyone may write the file, it cannot be read, is not TOML of this shape, or holds a value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        access::check(path)?;
         let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config = Self::parse(&text, path)?;
         if let Some(folder) = path.parent() {
@@ -343,6 +441,10 @@ impl Config {
             command.lease_ms,
             "must be between the deadline and 60000",
         )?;
+        let CommandConfig { scale, tremor_filter_hz, .. } = *command;
+        require((0.01..=1.0).contains(&scale), "command.scale", scale, "must be 0.01 to 1")?;
+        let tremor = "must be 0 (none) to 50";
+        require((0.0..=50.0).contains(&tremor_filter_hz), "command.tremor_filter_hz", tremor_filter_hz, tremor)?;
         positive("command.step_deg", command.step_deg)?;
         require(command.step_counts > 0, "command.step_counts", command.step_counts, "must be above 0")
     }
@@ -370,7 +472,41 @@ impl Config {
             "limits.following_error_counts",
             limits.following_error_counts,
             "must be above 0",
-        )
+        )?;
+        let trip = limits.current_trip_ma.unwrap_or(1);
+        require(trip > 0, "limits.current_trip_ma", trip, "must be above 0")?;
+        require(limits.late_window_ms > 0, "limits.late_window_ms", limits.late_window_ms, "must be above 0")?;
+        self.check_joints()?;
+        let MoveConfig { velocity_deg_s, acceleration_deg_s2, jerk_deg_s3 } = self.move_jp;
+        positive("move_jp.velocity_deg_s", velocity_deg_s)?;
+        positive("move_jp.acceleration_deg_s2", acceleration_deg_s2)?;
+        positive("move_jp.jerk_deg_s3", jerk_deg_s3)?;
+        let distance = self.plausibility.distance_deg;
+        require((0.0..=90.0).contains(&distance), "plausibility.distance_deg", distance, "must be 0 to 90")
+    }
+
+    fn check_joints(&self) -> Result<(), WrongValue> {
+        let joints = &self.joints;
+        for (key, value) in [
+            ("joints.velocity_deg_s", joints.velocity_deg_s),
+            ("joints.acceleration_deg_s2", joints.acceleration_deg_s2),
+            ("joints.jerk_deg_s3", joints.jerk_deg_s3),
+        ] {
+            value.map_or(Ok(()), |value| positive(key, value))?;
+        }
+        let all = |list: &Option<Vec<f64>>| list.iter().flatten().copied().collect::<Vec<f64>>();
+        let (low, high) = (all(&joints.position_min_deg), all(&joints.position_max_deg));
+        let finite = low.iter().chain(&high).all(|angle| angle.is_finite());
+        let ordered = low.iter().zip(&high).all(|(low, high)| low < high);
+        let shown = format!("{low:?} to {high:?}");
+        require(finite && ordered, "joints.position_min_deg", shown, "must be finite and below position_max_deg")?;
+        let needs = "needs joints.acceleration_deg_s2: jerk is limited by averaging a limited acceleration";
+        let jerk = joints.jerk_deg_s3.unwrap_or(1.0);
+        let complete = joints.jerk_deg_s3.is_none() || joints.acceleration_deg_s2.is_some();
+        require(complete, "joints.jerk_deg_s3", jerk, needs)?;
+        let window = joints.window_ticks(self.control.period()).unwrap_or(1);
+        let short = "must be higher: the delay would be longer than 16 ticks";
+        require(window as usize <= LONGEST_WINDOW, "joints.jerk_deg_s3", jerk, short)
     }
 
     fn check_compensation(&self) -> Result<(), WrongValue> {

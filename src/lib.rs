@@ -29,6 +29,7 @@
 //! | [`clock`] | the monotonic clock and the absolute sleep |
 //! | [`wall`] | the clock of the wall, for file names only |
 //! | [`rt`] | asking for real-time scheduling and reading back what was granted |
+//! | [`access`] | who may write what the controller trusts |
 //! | [`config`] | the configuration file |
 //! | [`model`] | forward model and inverse, model files |
 //! | [`drive`] | maxon drives: frames, objects, CiA 402, one thread per serial port |
@@ -36,6 +37,7 @@
 //! | [`control`] | the cycle, its states and limits, and the process around it |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod access;
 pub mod clock;
 pub mod config;
 pub mod control;

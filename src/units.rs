@@ -14,6 +14,9 @@ pub const MAX_MOTORS: usize = 2;
 /// The most outputs that one model can have: pitch and yaw, or the tip position x, y, z.
 pub const MAX_OUTPUTS: usize = 3;
 
+/// The longest window of the filter that limits jerk, ticks: the largest array that can be written to a file.
+pub const LONGEST_WINDOW: usize = 32;
+
 /// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors are 0.
 pub type MotorVec = [f64; MAX_MOTORS];
 

@@ -110,3 +110,17 @@ fn model_of_another_schema() {
     let text = complaint(folder.path(), &config("[control]\nmodel = \"model.json\"", &absent));
     assert!(text.contains("99"), "{text}");
 }
+
+#[test]
+fn files_that_everyone_may_write() {
+    let (folder, absent) = folder();
+    let all = || std::os::unix::fs::PermissionsExt::from_mode(0o666);
+    let path = folder.path().join("model.json");
+    fs::write(&path, model("here", 1)).unwrap();
+    fs::set_permissions(&path, all()).unwrap();
+    let text = complaint(folder.path(), &config("[control]\nmodel = \"model.json\"", &absent));
+    assert!(text.contains("model.json") && text.contains("chmod o-w"), "{text}");
+    fs::set_permissions(folder.path().join("robot.toml"), all()).unwrap();
+    let text = complaint(folder.path(), &config("", &absent));
+    assert!(text.contains("robot.toml") && text.contains("chmod o-w"), "{text}");
+}

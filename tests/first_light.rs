@@ -4,19 +4,18 @@
 mod rig;
 
 use std::fs;
-use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::control::black_box::{Content, TickRecord, replay};
+use i2ris::ipc::OperatingState;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::{JointState, OperatingStateMsg};
-use i2ris::ipc::{OperatingState, StateCommand};
+use i2ris::ipc::payload::JointState;
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
 use nix::sys::signal::Signal;
-use rig::{PATIENCE, Rig, settle, wait_for_end};
+use rig::{PATIENCE, Rig, wait_for_end};
 
 /// Set-points that tests send are this far apart.
 const SEND_PERIOD: Nanos = Nanos::from_millis(5);
@@ -88,52 +87,6 @@ fn angles_commanded_by_a_client_are_reached() {
     assert!((pitch - 6.0).hypot(yaw + 4.0) < 5.0, "{pitch} {yaw}");
 }
 
-/// Not a test of its own: the commander that the next test kills.
-#[test]
-#[ignore = "run as a process by another test"]
-fn commander_process() {
-    let domain = i2ris::ipc::Domain::new(&std::env::var("RIG_DOMAIN").unwrap()).unwrap();
-    let client = Client::connect(&domain, PATIENCE).unwrap();
-    stream_counts(&client, 60.0, |t| [(600.0 * (t * 2.0).sin()) as i32, (600.0 * (t * 1.7).sin()) as i32]);
-}
-
-#[test]
-fn the_snake_holds_when_its_commander_is_killed() {
-    let mut rig = Rig::new();
-    let mut client = rig.enabled();
-    let mut commander = Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "commander_process"])
-        .env("RIG_DOMAIN", &rig.config.ipc.domain)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let moving = |state: &OperatingStateMsg| state.accepted > 50;
-    client.wait_for(PATIENCE, moving).unwrap();
-    commander.kill().unwrap();
-    let killed = clock::now();
-    commander.wait().unwrap();
-    let held = client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::HOLDING != 0).unwrap();
-    assert_eq!(held.state, OperatingState::Enabled.number());
-    assert!(held.stale_stops >= 1);
-    // Half a second after the deadline nothing moves any more, however slow the machine is.
-    clock::sleep(Nanos::from_millis(500));
-    let quiet = killed + Nanos::from_millis(rig.config.command.deadline_ms + 250);
-    for axis in 0..2 {
-        let setpoints = rig.setpoints(axis);
-        let before = setpoints.iter().filter(|(stamp, _)| *stamp < killed).map(|(_, counts)| counts);
-        assert!(before.clone().max().unwrap() - before.min().unwrap() > 20, "it moved before");
-        let after: Vec<i32> = setpoints.iter().filter(|(stamp, _)| *stamp > quiet).map(|(_, counts)| *counts).collect();
-        assert!(after.len() > 5, "set-points are still sent");
-        assert!(after.iter().all(|counts| counts == &after[0]), "{after:?}");
-    }
-    // The lease falls free, so the next commander is not locked out.
-    client.wait_for(PATIENCE, |state| state.lease_client_id == 0).unwrap();
-    let here = rig.emulator.snapshot().axes.map(|axis| axis.drive.position);
-    stream_counts(&client, 0.5, |_| here);
-    assert!(settle(&mut client, |state| state.lease_client_id != 0).accepted > held.accepted);
-}
-
 #[test]
 fn sigterm_and_sigint_stop_in_order_with_exit_code_0() {
     for signal in [Signal::SIGTERM, Signal::SIGINT] {
@@ -163,34 +116,6 @@ fn sigterm_and_sigint_stop_in_order_with_exit_code_0() {
 }
 
 #[test]
-fn a_second_controller_is_refused_and_harms_nothing() {
-    let mut rig = Rig::new();
-    let mut client = rig.enabled();
-    let mut second = rig.spawn_controller("second");
-    let status = wait_for_end(&mut second).expect("it ends at once");
-    assert_eq!(status.code(), Some(1));
-    let text = rig.said("second");
-    assert!(text.starts_with("error: ") && text.lines().count() == 1, "{text}");
-    assert_eq!(settle(&mut client, |_| true).state, OperatingState::Enabled.number());
-}
-
-#[test]
-fn a_restarted_controller_goes_on_with_the_same_client_and_the_zero_of_the_drives() {
-    let mut rig = Rig::new();
-    let mut client = rig.enabled();
-    rig.signal(Signal::SIGKILL);
-    rig.wait_for_end();
-    rig.start_controller();
-    rig.client();
-    let state = settle(&mut client, |state| state.state == OperatingState::Disabled.number());
-    assert!(state.flags & OperatingStateMsg::HOMED != 0, "the drives kept their zero");
-    rig::enable(&mut client);
-    stream_counts(&client, 0.5, |t| [(200.0 * t) as i32, 0]);
-    client.state_command(StateCommand::Disable).unwrap();
-    settle(&mut client, |state| state.state == OperatingState::Disabled.number());
-}
-
-#[test]
 fn a_drive_that_does_not_answer_is_named() {
     let mut rig = Rig::new();
     rig.config.ports[1].reply_timeout_ms = 50;
@@ -216,6 +141,31 @@ fn nothing_is_left_in_shared_memory_after_a_clean_end() {
     let left = fs::read_dir("/dev/shm").unwrap().filter_map(Result::ok);
     let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix)).collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn every_run_is_logged_with_what_it_ran_on_and_every_change_of_state_and_who_commanded() {
+    let mut rig = Rig::new();
+    for _ in 0..2 {
+        let client = rig.enabled();
+        stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
+        rig.signal(Signal::SIGTERM);
+        assert_eq!(rig.wait_for_end().code(), Some(0));
+    }
+    let text = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let of = |event: &str| lines.iter().filter(|line| line["event"] == event).collect::<Vec<_>>();
+    let begins = of("begin");
+    assert_eq!((begins.len(), of("end").len()), (2, 2), "{text}");
+    assert_ne!(begins[0]["run"], begins[1]["run"]);
+    assert_eq!(begins[0]["config_sha256"].as_str().unwrap().len(), 64);
+    assert_eq!(begins[0]["drives"][1]["serial_number"], rig.config.ports[1].axes[0].serial_number);
+    let enabled = |line: &&&serde_json::Value| line["to"] == "ENABLED" && line["command"] == "enable";
+    assert_eq!(of("state").iter().filter(enabled).count(), 2, "{text}");
+    let leases = of("lease");
+    let ours = format!("process {}", std::process::id());
+    assert!(leases.iter().any(|line| line["caller"].as_str().is_some_and(|caller| caller.contains(&ours))), "{text}");
+    assert!(rig.said("controller").contains(&ours));
 }
 
 /// The black boxes of a rig, by what they were written for.

@@ -13,10 +13,11 @@ use i2ris::control::runtime;
 const HELP: &str = "\
 Teleoperation controller for the I2RIS snake robot
 
-Usage: i2ris-control --config FILE
+Usage: i2ris-control --config FILE [--note TEXT]
 
 Options:
   --config FILE  Configuration (TOML), for example config/emulator.toml
+  --note TEXT    What the operator has to say about this run, for the log of runs
   --version      Print the version
   --help         Print this
 
@@ -27,7 +28,7 @@ SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exi
 enum Request {
     Help,
     Version,
-    Run(PathBuf),
+    Run(PathBuf, String),
 }
 
 type Failure = Box<dyn std::error::Error>;
@@ -46,18 +47,30 @@ fn start() -> Result<(), Failure> {
     match parse(std::env::args_os().skip(1))? {
         Request::Help => print(HELP),
         Request::Version => print(concat!("i2ris-control ", env!("CARGO_PKG_VERSION"), "\n")),
-        Request::Run(path) => {
+        Request::Run(path, note) => {
             let config = Config::load(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&shutdown);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            Ok(runtime::run(&config, &shutdown, &mut io::stderr())?)
+            Ok(runtime::run_with_note(&config, &note, &shutdown, &mut io::stderr())?)
         }
     }
 }
 
 fn print(text: &str) -> Result<(), Failure> {
     Ok(io::stdout().write_all(text.as_bytes())?)
+}
+
+/// `--note TEXT`, if it is there.
+fn note(arguments: &mut impl Iterator<Item = OsString>) -> Result<String, Failure> {
+    match arguments.next() {
+        None => Ok(String::new()),
+        Some(option) if option == "--note" => {
+            let text = arguments.next().ok_or("--note wants a text; see i2ris-control --help")?;
+            Ok(text.to_string_lossy().into_owned())
+        }
+        Some(more) => Err(format!("unexpected argument {}; see i2ris-control --help", more.display()).into()),
+    }
 }
 
 fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failure> {
@@ -67,7 +80,7 @@ fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failu
         Some("--help" | "-h") => Request::Help,
         Some("--version" | "-V") => Request::Version,
         Some("--config" | "-c") => match arguments.next() {
-            Some(path) => Request::Run(path.into()),
+            Some(path) => Request::Run(path.into(), note(&mut arguments)?),
             None => return wrong("--config wants a file".to_owned()),
         },
         _ => return wrong(format!("unknown argument {}", first.display())),

@@ -3,6 +3,7 @@
 use super::axis::Axis;
 use super::joint::{Joints, NotFinite};
 use super::limit::Target;
+use super::shape::Step;
 use super::state::Course;
 use super::steady::Settled;
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
@@ -33,18 +34,7 @@ pub(super) fn take(
     match (course, joints) {
         (Course::Joint(trend), Some(joints)) => {
             let (here, before) = trend.at(now, tick);
-            let Settled { goal: settled, held } = joints.settle(&here);
-            let before = if held { settled } else { before };
-            let (now_goal, before_goal) = (joints.blended(settled, now), joints.blended(before, now - tick));
-            let now_at = land(&now_goal, axes, joints)?;
-            joints.start_from(now_at.counts);
-            let (before_at, asked) = if now_goal == before_goal {
-                (now_at, now_at)
-            } else {
-                (land(&before_goal, axes, joints)?, land(&joints.blended(*trend.goal(), now), axes, joints)?)
-            };
-            let goal = if asked.clipped { joints.pose(&asked.counts)? } else { *trend.goal() };
-            Ok(Aim { targets: targets(&now_at.counts, &before_at.counts), goal: Some(goal), clipped: asked.clipped })
+            lead(Step { here, before }, trend.goal(), axes, joints, now, tick)
         }
         // Angles are only accepted with a model.
         (Course::Joint(_), None) => Err(NotFinite),
@@ -54,6 +44,30 @@ pub(super) fn take(
             Ok(Aim { targets: targets(&within(here, axes), &within(before, axes)), goal, clipped: false })
         }
     }
+}
+
+/// Takes aim at angles that moved by a step; `asked` is what is asked in the end.
+pub(super) fn lead(
+    step: Step,
+    asked: &OutputVec,
+    axes: &[Axis],
+    joints: &mut Joints,
+    now: Nanos,
+    tick: Nanos,
+) -> Result<Aim, NotFinite> {
+    let Step { here, before } = joints.shape(step)?;
+    let Settled { goal: settled, held } = joints.settle(&here);
+    let before = if held { settled } else { before };
+    let (now_goal, before_goal) = (joints.blended(settled, now), joints.blended(before, now - tick));
+    let now_at = land(&now_goal, axes, joints)?;
+    joints.start_from(now_at.counts);
+    let (before_at, end) = if now_goal == before_goal && here == *asked {
+        (now_at, now_at)
+    } else {
+        (land(&before_goal, axes, joints)?, land(&joints.blended(*asked, now), axes, joints)?)
+    };
+    let goal = if end.clipped { joints.pose(&end.counts)? } else { *asked };
+    Ok(Aim { targets: targets(&now_at.counts, &before_at.counts), goal: Some(goal), clipped: end.clipped })
 }
 
 /// Where a goal brings the motors.

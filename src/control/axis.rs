@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::limit::{Limiter, Limits, Target};
+use super::load::Patience;
 use super::sight::{AxisSight, age};
 use crate::config::{AxisConfig, Config};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
@@ -33,6 +34,10 @@ pub(super) struct Axis {
     following_error: i64,
     limiter: Limiter,
     grip: Grip,
+    /// mA, absolute; above it for longer than the patience is a fault.
+    current_trip: Option<u32>,
+    patience: Patience,
+    overloaded: bool,
     fault_resets: u32,
     homings: u32,
     /// The zero counts only if it comes from this homing or a later one.
@@ -58,6 +63,9 @@ impl Axis {
             following_error: i64::from(config.limits.following_error_counts),
             limiter: Limiter::new(&limits, config.control.period()),
             grip: Grip::Loose,
+            current_trip: config.limits.current_trip_ma,
+            patience: Patience::new(Nanos::from_millis(config.limits.current_trip_ms)),
+            overloaded: false,
             fault_resets: 0,
             homings: 0,
             zero_from: 0,
@@ -65,9 +73,22 @@ impl Axis {
         }
     }
 
+    /// Takes in a report.
+    pub fn hear(&mut self, feedback: &AxisFeedback, now: Nanos) {
+        self.feedback = *feedback;
+        let firm = matches!(self.grip, Grip::Firm { .. });
+        let high = self.current_trip.is_some_and(|trip| feedback.current_ma.unsigned_abs() > trip);
+        self.overloaded = self.patience.is_over(firm && high, now);
+    }
+
     /// What decisions need to know.
     pub fn sight(&self, now: Nanos) -> AxisSight {
-        AxisSight { phase: self.feedback.phase, age: age(&self.feedback, now), strayed: self.strayed() }
+        AxisSight {
+            phase: self.feedback.phase,
+            age: age(&self.feedback, now),
+            strayed: self.strayed(),
+            overloaded: self.overloaded,
+        }
     }
 
     /// The drive knows its zero, and nobody has asked to forget it.

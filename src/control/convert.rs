@@ -1,12 +1,12 @@
 //! Between the payloads of shared memory and the values of the cycle. Nothing is judged here: the cycle does that,
 //! and the server of shared memory adds sequence and boot id.
 
-use super::{Goal, JointReport, Report, ServoCommand};
+use super::{External, Goal, JointReport, Report, ServoCommand};
 use crate::drive::AxisFeedback;
-use crate::ipc::payload::{ActuatorState, JointState, OperatingStateMsg, ServoActuator, ServoJp};
+use crate::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp};
 use crate::ipc::word::axis_phase;
 use crate::rt::Granted;
-use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
 
 /// What the messages say about the robot.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +23,7 @@ impl From<&ServoJp> for ServoCommand {
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
             goal: Goal::Joint(raw.position, raw.count),
+            clutched: raw.flags & ServoJp::CLUTCH != 0,
         }
     }
 }
@@ -35,8 +36,17 @@ impl From<&ServoActuator> for ServoCommand {
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
             goal: Goal::Actuator(raw.position_counts.map(Counts), raw.count),
+            clutched: false,
         }
     }
+}
+
+/// What a camera saw, if it saw something.
+#[must_use]
+pub fn external(raw: &ExternalPosition) -> Option<External> {
+    let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
+    let seen = External { stamp: Nanos(raw.stamp_ns), position: raw.position, outputs: raw.count };
+    (valid && raw.position.iter().all(|value| value.is_finite())).then_some(seen)
 }
 
 /// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not valid.

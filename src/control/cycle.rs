@@ -19,21 +19,29 @@ use serde::{Deserialize, Serialize};
 
 use super::aim;
 use super::axis::Axis;
+use super::clutch::Clutch;
 use super::event::Events;
 use super::gate::{Gate, Scene};
 use super::joint::{Joints, NotFinite};
+use super::load::Bucket;
+use super::plausible::Plausible;
+use super::profile::{Bounds, Profile};
 use super::progress::{fail, progress};
 use super::reach::{Steps, setpoints};
-use super::sight::{Sight, off};
+use super::shape::Step;
+use super::sight::{Expected, Sight, off};
 use super::slots::{Candidate, Moment, RememberedSlots, Slots};
-use super::state::{Cause, Follow, Inactive, Machine, Motion, State};
+use super::state::{Cause, Follow, Inactive, Machine, Motion, State, Way};
 use super::stroke::{Plan, Stroke};
 use super::table::{self, Verdict};
 use super::trail::Trail;
-use super::{EventKind, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest};
+use super::{
+    EventKind, External, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest,
+};
 use crate::config::Config;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::ipc::{Fault, Refusal, StateCommand};
+use crate::model::file::OutputUnit;
 use crate::model::{Model, ModelId};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
@@ -49,11 +57,15 @@ pub struct Cycle {
     lost: Nanos,
     steps: Steps,
     stroke_plan: Plan,
+    bounds: Bounds,
     axes: Vec<Axis>,
     trail: Trail,
     models: Slots,
+    lateness: Bucket,
+    plausible: Plausible,
     machine: Machine,
     gate: Gate,
+    clutch: Clutch,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -67,8 +79,11 @@ pub struct Snapshot {
     axes: [Option<Axis>; MAX_MOTORS],
     trail: Trail,
     models: RememberedSlots,
+    lateness: Bucket,
+    plausible: Plausible,
     machine: Machine,
     gate: Gate,
+    clutch: Clutch,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -111,8 +126,12 @@ impl Cycle {
             lost: Nanos::from_millis(config.limits.feedback_lost_ms),
             steps: Steps::new(&config.command),
             stroke_plan: Plan::new(config),
+            bounds: Bounds::new(&config.move_jp),
+            clutch: Clutch::new(config.command.scale),
             axes: (0..motors).filter_map(|motor| config.axis(motor)).map(|axis| Axis::new(axis, config)).collect(),
             trail: Trail::new(),
+            lateness: Bucket::new(config.limits.late_ticks, Nanos::from_millis(config.limits.late_window_ms)),
+            plausible: Plausible::new(&config.plausibility),
             models: Slots::new(model.map(|model| Joints::new(model, config))),
             machine: Machine::new(),
             gate: Gate::new(&config.command),
@@ -137,9 +156,12 @@ impl Cycle {
         Some(Snapshot {
             axes,
             trail: self.trail,
+            lateness: self.lateness,
+            plausible: self.plausible,
             models: self.models.remembered()?,
             machine: self.machine,
             gate: self.gate,
+            clutch: self.clutch,
             ticks: self.ticks,
             stale_stops: self.stale_stops,
             lost_events: self.lost_events,
@@ -160,9 +182,12 @@ impl Cycle {
         Ok(Self {
             axes: snapshot.axes.iter().flatten().copied().collect(),
             trail: snapshot.trail,
+            lateness: snapshot.lateness,
+            plausible: snapshot.plausible,
             models: Slots::restored(&snapshot.models, config, model)?,
             machine: snapshot.machine,
             gate: snapshot.gate,
+            clutch: snapshot.clutch,
             ticks: snapshot.ticks,
             stale_stops: snapshot.stale_stops,
             lost_events: snapshot.lost_events,
@@ -227,9 +252,11 @@ impl Cycle {
             if from != to {
                 events.push(EventKind::Axis { motor, from, to, error_code: feedback.error_code });
             }
-            axis.feedback = *feedback;
+            axis.hear(feedback, now);
         }
         let model_sound = self.observe(inputs.feedback.get(..self.axes.len()).unwrap_or_default());
+        let late = self.lateness.add(u32::from(inputs.missed > 0), now);
+        let implausible = self.look_from_outside(inputs.external.as_ref(), now);
         let mut axes = [None; MAX_MOTORS];
         axes.iter_mut().zip(&self.axes).for_each(|(sight, axis)| *sight = Some(axis.sight(now)));
         Sight {
@@ -243,6 +270,8 @@ impl Cycle {
             homing_done: self.axes.iter().all(Axis::homing_done),
             reset_done: self.axes.iter().all(Axis::reset_done),
             model_sound,
+            late,
+            implausible,
         }
     }
 
@@ -250,7 +279,10 @@ impl Cycle {
     fn observe(&mut self, drives: &[AxisFeedback]) -> bool {
         match self.machine.state() {
             // The zero moves, and a jump of the counts is no motion.
-            State::Disabled(Inactive::Homing { .. }) => self.trail.forget(),
+            State::Disabled(Inactive::Homing { .. }) => {
+                self.trail.forget();
+                self.plausible.forget();
+            }
             State::Disabled(_) | State::Enabled(_) | State::Paused | State::Fault(_) => {}
         }
         if drives.iter().any(|drive| drive.stamp == Nanos::ZERO) {
@@ -261,6 +293,16 @@ impl Cycle {
             joints.go_along(&self.trail);
         });
         self.models.active_mut().is_none_or(|joints| joints.observe(&self.trail, drives).is_ok())
+    }
+
+    /// The camera against the model; true if they have been apart for too long.
+    fn look_from_outside(&mut self, picture: Option<&External>, now: Nanos) -> bool {
+        let Some(joints) = self.models.active().filter(|_| self.plausible.is_on()) else { return false };
+        let Some(report) = joints.report(None) else { return false };
+        let on = self.machine.state().expected() == Expected::On;
+        let homed = self.axes.iter().all(Axis::homed);
+        self.plausible.note(now, report.measured);
+        self.plausible.is_broken(picture, joints.outputs(), on && homed && report.memory_known, now)
     }
 
     fn go_on(&mut self, sight: &Sight, events: &mut Events) {
@@ -308,6 +350,7 @@ impl Cycle {
                 *self.machine.state()
             }
             Verdict::Condition => State::Enabled(Motion::Conditioning(self.condition(request.client_id)?)),
+            Verdict::Move => State::Enabled(Motion::Moving(self.way(request, sight)?)),
             Verdict::Release => return self.release(request.client_id, sight.now, events),
         };
         self.machine.change(to, Cause::Command(request.command), sight.now, events);
@@ -322,13 +365,16 @@ impl Cycle {
         let state = self.machine.state();
         let moment = Moment {
             now: sight.now,
-            conditioning: state.conditioning().is_some(),
-            following: state.following().is_some_and(|follow| follow.course.is_joint()),
+            conditioning: state.conditioning(),
+            following: state.in_joint_space(),
             drives,
             setpoints: &setpoints(&self.axes),
             trail: &self.trail,
         };
         let refusal = self.models.change(request, &moment, events).err().unwrap_or(Refusal::None);
+        if refusal == Refusal::None {
+            self.plausible.forget();
+        }
         ModelReply { id: request.id, refusal }
     }
 
@@ -336,6 +382,34 @@ impl Cycle {
     fn condition(&self, client_id: u64) -> Result<Stroke, Refusal> {
         self.gate.unheld_by_others(client_id)?;
         self.stroke_plan.begin(setpoints(&self.axes), self.models.active().map(Joints::model))
+    }
+
+    /// From where the set-points stand to a pose.
+    fn way(&self, request: &StateRequest, sight: &Sight) -> Result<Way, Refusal> {
+        let (to, entries) = request.pose.ok_or(Refusal::Malformed)?;
+        let joints = self.models.active().ok_or(Refusal::NoModel)?;
+        if entries as usize != joints.outputs() {
+            return Err(Refusal::Malformed);
+        }
+        if joints.unit() != OutputUnit::Deg {
+            return Err(Refusal::Unsupported);
+        }
+        let mut end = OutputVec::default();
+        end.iter_mut().zip(to).take(entries as usize).for_each(|(end, to)| *end = to);
+        if !end.iter().all(|angle| angle.is_finite()) {
+            return Err(Refusal::NotFinite);
+        }
+        if !sight.at_rest {
+            return Err(Refusal::Busy);
+        }
+        self.gate.unheld_by_others(request.client_id)?;
+        let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
+        // Outside the hull the way would go on where the motors cannot: it ends where they end.
+        let answer = joints.solve(&end).map_err(|_| Refusal::BadModel)?;
+        let clipped = answer.clipped;
+        let to = if clipped { joints.pose(&answer.counts).map_err(|_| Refusal::BadModel)? } else { end };
+        let length = from.iter().zip(to).map(|(from, to)| (to - from) * (to - from)).sum::<f64>().sqrt();
+        Ok(Way { from, to, clipped, profile: Profile::new(length, &self.bounds), begun: sight.now })
     }
 
     /// A client that gives the lease back does not command any more, so the robot stops.
@@ -353,11 +427,14 @@ impl Cycle {
     }
 
     fn judge(&mut self, command: &ServoCommand, sight: &Sight, events: &mut Events) {
+        let (goal, clutch) = self.clutch.lead(command, self.models.active().and_then(Joints::setpoint));
+        let command = &ServoCommand { goal, ..*command };
         match self.accepts(command, sight) {
             Ok(follow) => {
                 self.gate.accept(command, sight.now, events);
-                let to = State::Enabled(Motion::Following(follow));
-                self.machine.change(to, Cause::Progress(None), sight.now, events);
+                self.clutch = clutch;
+                let motion = if command.clutched { Motion::Holding } else { Motion::Following(follow) };
+                self.machine.change(State::Enabled(motion), Cause::Progress(None), sight.now, events);
             }
             Err(refusal) => self.gate.refuse(command.client_id, refusal, events),
         }
@@ -368,7 +445,7 @@ impl Cycle {
         let scene = Scene {
             now: sight.now,
             state: state.operating(),
-            conditioning: state.conditioning().is_some(),
+            occupied: state.occupied(),
             homed: sight.homed,
             fresh: sight.fresh(),
         };
@@ -404,7 +481,7 @@ impl Cycle {
     }
 
     fn guide(&mut self, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
-        if !self.machine.state().following().is_some_and(|follow| follow.course.is_joint())
+        if !self.machine.state().in_joint_space()
             && let Some(joints) = self.models.active_mut()
         {
             joints.release();
@@ -412,6 +489,7 @@ impl Cycle {
         match *self.machine.state() {
             State::Enabled(Motion::Following(follow)) => self.follow(&follow, now),
             State::Enabled(Motion::Conditioning(stroke)) => self.stroke(stroke, now, events),
+            State::Enabled(Motion::Moving(way)) => self.go(&way, now, events),
             State::Enabled(Motion::Holding) | State::Disabled(_) | State::Paused | State::Fault(_) => {
                 self.axes.iter_mut().for_each(Axis::stop);
                 Ok(Guidance::default())
@@ -427,6 +505,17 @@ impl Cycle {
         let motion = next.map_or(Motion::Holding, Motion::Conditioning);
         self.machine.change(State::Enabled(motion), Cause::Progress(None), now, events);
         Ok(Guidance { goal, ..Guidance::default() })
+    }
+
+    fn go(&mut self, way: &Way, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
+        let Some(joints) = self.models.active_mut() else { return Err(NotFinite) };
+        let step = Step { here: way.at(now), before: way.at(now - self.period) };
+        let aim = aim::lead(step, &way.to, &self.axes, joints, now, self.period)?;
+        self.axes.iter_mut().zip(aim.targets).for_each(|(axis, target)| axis.follow(target));
+        if way.is_over(now) && self.axes.iter().all(Axis::at_rest) {
+            self.machine.change(State::Enabled(Motion::Holding), Cause::Progress(None), now, events);
+        }
+        Ok(Guidance { goal: aim.goal, clipped: aim.clipped || way.clipped, ..Guidance::default() })
     }
 
     fn follow(&mut self, follow: &Follow, now: Nanos) -> Result<Guidance, NotFinite> {
@@ -505,7 +594,12 @@ fn sets_going(command: StateCommand) -> bool {
         | StateCommand::Resume
         | StateCommand::Home
         | StateCommand::Unhome
-        | StateCommand::Condition => true,
-        StateCommand::Disable | StateCommand::Pause | StateCommand::Acknowledge | StateCommand::Release => false,
+        | StateCommand::Condition
+        | StateCommand::Move => true,
+        StateCommand::Disable
+        | StateCommand::Pause
+        | StateCommand::Acknowledge
+        | StateCommand::Release
+        | StateCommand::Hold => false,
     }
 }

@@ -9,7 +9,7 @@
 //! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | here |
 //! | 4 | younger than its deadline | `Stale` | here |
 //! | 5 | state ENABLED, | `NotEnabled` | here |
-//! |   | and no conditioning under way | `Busy` | here |
+//! |   | and no motion of its own under way | `Busy` | here |
 //! | 6 | every axis homed | `NotHomed` | here |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | here |
 //! | 8 | lease free, or held by this client | `Lease` | here |
@@ -46,8 +46,8 @@ pub(super) struct Scene {
     pub now: Nanos,
     /// The state.
     pub state: OperatingState,
-    /// The robot is being conditioned.
-    pub conditioning: bool,
+    /// The robot moves by itself.
+    pub occupied: bool,
     /// Every axis knows its zero.
     pub homed: bool,
     /// Every position is fresh.
@@ -194,7 +194,7 @@ fn allowed_here(scene: &Scene) -> Result<(), Refusal> {
         OperatingState::Enabled => {}
         OperatingState::Disabled | OperatingState::Paused | OperatingState::Fault => return Err(Refusal::NotEnabled),
     }
-    if scene.conditioning {
+    if scene.occupied {
         return Err(Refusal::Busy);
     }
     if !scene.homed {

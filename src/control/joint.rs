@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::JointReport;
 use super::blend::Blend;
+use super::shape::{Shape, Step};
 use super::steady::{Settled, Steady};
 use super::trail::{Mark, Next, Trail};
 use crate::config::Config;
@@ -66,6 +67,7 @@ pub(super) struct Remembered {
     measured: Option<Measured>,
     setpoint: Option<Setpoint>,
     steady: Steady,
+    shape: Shape,
     /// The goal of the last tick after the turning band, while angles are followed.
     settled: Option<OutputVec>,
     blend: Option<Blend>,
@@ -92,6 +94,8 @@ impl Joints {
         // Without a memory the inverse does not jump at a turn.
         let jumps = model.wipe_counts() != MotorVec::default();
         let steady = Steady::new(&config.compensation, unit, config.control.period(), jumps);
+        let angles = unit == OutputUnit::Deg;
+        let shape = Shape::new(&config.command, &config.joints, config.control.period(), angles);
         let state = Remembered {
             mark,
             seen: memory,
@@ -100,6 +104,7 @@ impl Joints {
             measured: None,
             setpoint: None,
             steady,
+            shape,
             settled: None,
             blend: None,
         };
@@ -164,6 +169,9 @@ impl Joints {
         let before = from.map(|from| &from.state);
         self.state.start = *setpoints;
         self.state.steady.begin_like(before.map(|before| &before.steady));
+        if let Some(before) = before {
+            self.state.shape = before.shape;
+        }
         self.state.settled = before.and_then(|before| before.settled);
         self.state.blend = None;
         self.see(drives)?;
@@ -176,6 +184,12 @@ impl Joints {
             Blend::new(offset, now, self.blend_span)
         });
         Ok(())
+    }
+
+    /// Takes the goal of this tick through tremor filter and limits. It begins where the set-points are.
+    pub fn shape(&mut self, step: Step) -> Result<Step, NotFinite> {
+        let start = self.setpoint().ok_or(NotFinite)?;
+        Ok(self.state.shape.apply(step, start))
     }
 
     /// Takes the goal of this tick through the turning band.
@@ -196,6 +210,7 @@ impl Joints {
     /// No angles are followed in this tick.
     pub fn release(&mut self) {
         self.state.steady.release();
+        self.state.shape.release();
         self.state.settled = None;
         self.state.blend = None;
     }

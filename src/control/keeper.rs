@@ -3,9 +3,7 @@
 //! Everything that takes time or memory about a model happens here, under normal scheduling. The loop is given a pointer and
 //! gives one back.
 
-use std::fs;
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,6 +15,7 @@ use super::chronicle::{Chronicle, Known, SharedChronicle};
 use super::compare::{Remembering, difference};
 use super::lane::{KeeperEnds, Offer};
 use super::slots::{Candidate, ModelChange, ModelRequest};
+use crate::access;
 use crate::clock;
 use crate::config::Config;
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
@@ -112,7 +111,7 @@ impl Keeper {
 
     fn stage(&mut self, file: &Path) -> Result<Option<ModelDifference>, Refused> {
         let bad = |message: String| Refused { refusal: Refusal::BadModel, message };
-        check_access(file).map_err(bad)?;
+        access::check(file).map_err(|error| bad(format!("model file {error}")))?;
         let model = self.load(file).map_err(|error| bad(error.to_string()))?;
         let (history, active, position) = {
             let chronicle = self.chronicle.lock();
@@ -209,18 +208,6 @@ fn path(field: &[u8]) -> Result<PathBuf, Refusal> {
     let bytes = field.split(|byte| *byte == 0).next().unwrap_or_default();
     let path = PathBuf::from(std::ffi::OsStr::from_bytes(bytes));
     if path.is_absolute() && bytes.len() < field.len() { Ok(path) } else { Err(Refusal::Malformed) }
-}
-
-/// What every user may write, every user could have written.
-fn check_access(file: &Path) -> Result<(), String> {
-    match fs::metadata(file) {
-        Ok(metadata) if metadata.mode() & 0o002 != 0 => Err(format!(
-            "model file {}: every user of this machine may write it; take that away with `chmod o-w` and check it",
-            file.display()
-        )),
-        // What cannot be looked at cannot be read either, and reading says why.
-        Ok(_) | Err(_) => Ok(()),
-    }
 }
 
 /// The models at hand as clients see them.

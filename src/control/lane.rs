@@ -8,7 +8,7 @@ use triple_buffer::triple_buffer;
 
 use super::black_box::RecorderEnds;
 use super::slots::{Candidate, ModelReply, ModelRequest};
-use super::{Event, Report, ServoCommand, StateReply, StateRequest};
+use super::{Event, External, Report, ServoCommand, StateReply, StateRequest};
 use crate::rt::TickTiming;
 
 /// Ticks that the relay may fall behind before reports are dropped: a quarter of a second at 1 kHz.
@@ -43,6 +43,8 @@ pub struct Record {
 pub struct LoopEnds {
     /// Newest servo command.
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
+    /// Newest picture of the snake.
+    pub external: triple_buffer::Output<Option<External>>,
     /// State commands in order.
     pub requests: Consumer<StateRequest>,
     /// Answers in order.
@@ -67,6 +69,8 @@ pub struct LoopEnds {
 pub struct RelayEnds {
     /// Newest servo command.
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
+    /// Newest picture of the snake.
+    pub external: triple_buffer::Input<Option<External>>,
     /// State commands in order.
     pub requests: Producer<StateRequest>,
     /// Answers in order.
@@ -91,6 +95,7 @@ pub struct KeeperEnds {
 #[must_use]
 pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<Event>) {
     let (servo_in, servo_out) = triple_buffer(&None);
+    let (external_in, external_out) = triple_buffer(&None);
     let (requests_in, requests_out) = RingBuffer::new(COMMANDS);
     let (replies_in, replies_out) = RingBuffer::new(COMMANDS);
     let (records_in, records_out) = RingBuffer::new(REPORTS);
@@ -101,6 +106,7 @@ pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consum
     let (retired_in, retired_out) = RingBuffer::new(MODELS);
     let of_loop = LoopEnds {
         servo: servo_out,
+        external: external_out,
         requests: requests_out,
         replies: replies_in,
         offers: offers_out,
@@ -111,7 +117,13 @@ pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consum
         recorder,
         events: events_in,
     };
-    let of_relay = RelayEnds { servo: servo_in, requests: requests_in, replies: replies_out, records: records_out };
+    let of_relay = RelayEnds {
+        servo: servo_in,
+        external: external_in,
+        requests: requests_in,
+        replies: replies_out,
+        records: records_out,
+    };
     let of_keeper =
         KeeperEnds { offers: offers_in, requests: model_requests_in, replies: model_replies_out, retired: retired_out };
     (of_loop, of_relay, of_keeper, events_out)

@@ -12,8 +12,13 @@
 //! | `trend` | the goal between two commands |
 //! | `aim` | from the goal to targets for the motors, by the inverse of the model |
 //! | `stroke` | the decaying stroke of the command `condition` |
+//! | `clutch` | clutch and motion scaling |
+//! | `shape` | tremor filter, limits on the angles |
+//! | `profile` | the way of `move_jp` |
 //! | `limit` | velocity and acceleration limits on the set-point of one motor |
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
+//! | `load` | too many late ticks, too much current |
+//! | `plausible` | whether the snake is where the model says |
 //! | `joint` | joint space: the model, its memory, estimates |
 //! | `slots` | the models at hand: in use, staged, former; swapping them |
 //! | `trail` | the way of the motors, which all models are led along |
@@ -25,6 +30,7 @@
 //! | `keeper` | the thread of the models: reads, checks, compares, frees |
 //! | `compare` | how two models differ, in counts |
 //! | [`black_box`] | the last seconds of every tick, and how to live through them again |
+//! | [`audit`] | the log of runs |
 //! | `runtime` | the process: start, threads, end |
 //! | `lane` | what passes between the threads |
 //! | `relay` | the thread of shared memory |
@@ -57,6 +63,8 @@
 //! | `unhome` | zero forgotten | Busy | State | State | State | State |
 //! | `condition` | State | Busy | a stroke, busy meanwhile (6) | State | State | State |
 //! | `acknowledge` | State | State | State | State | (4) | Busy |
+//! | `hold` | State | Busy | holding | nothing | State | State |
+//! | `move` | State | Busy | a way, busy meanwhile (7) | State | State | State |
 //! | `release` | lease free (5) | lease free (5) | lease free, holding (5) | lease free (5) | lease free (5) | lease free (5) |
 //!
 //! A word with a capital is a [`Refusal`]. A client id of 0 is refused as Malformed. Once the process ends, what would set
@@ -77,6 +85,11 @@
 //!    the following of a command. Servo commands are refused with Busy until the stroke has ended, where it began, and
 //!    the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a zero that is lost end it at once.
 //!
+//! 7. By the request `move_jp`. Refused in this order: Malformed without a pose or with a wrong number of entries, NotFinite,
+//!    Busy during a stroke, another way or while a set-point moves, NotHomed, DrivesNotReady, NoModel, Unsupported for a
+//!    model of the tip position, Lease if another client holds it. A pose outside the hull is clipped to it and reported.
+//!    Otherwise as a stroke: servo commands are refused with Busy meanwhile, and the same things end it.
+//!
 //! # What leads to FAULT, and what the drives do then
 //!
 //! | what | fault | seen in |
@@ -89,11 +102,15 @@
 //! | enabling, powering off: 3 s; homing: 30 s | DriveTimeout | DISABLED, busy |
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
+//! | `late_ticks` within `late_window_ms` | Late | drives on |
+//! | camera and model apart by `plausibility.distance_deg` for `lasts_ms` | Implausible | drives on, memory known |
+//! | motor current above `current_trip_ma` for `current_trip_ms` | Current | while the drive follows |
 //!
 //! The reaction is the mildest that does not lean on what just failed. Cutting the power lets the wires lose their tension
 //! and tissue push the snake, so **a drive that works holds**, by its own quick stop, which once begun needs neither this
 //! loop nor the line. **The drive that is the cause is switched off**: one that reports a fault has switched itself off;
-//! one that cannot follow is blocked or pulls on something, and holding would go on pulling with the whole current limit;
+//! one that cannot follow, or takes too much current, is blocked or pulls on something, and holding would go on pulling
+//! with the whole current limit;
 //! one that left its state by itself is not to be trusted with power. The gear hardly turns backwards, so the snake stays
 //! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard,
 //! because no watchdog is known on its serial lines; it is told to quick stop, for the case that it still hears. If power
@@ -118,10 +135,12 @@
 //! set-point starts where it holds, at the target it was preloaded with, and at rest.
 
 mod aim;
+pub mod audit;
 mod axis;
 pub mod black_box;
 mod blend;
 mod chronicle;
+mod clutch;
 mod compare;
 mod convert;
 pub mod cycle;
@@ -131,12 +150,16 @@ mod joint;
 mod keeper;
 mod lane;
 pub mod limit;
+mod load;
 mod log;
+mod plausible;
+mod profile;
 mod progress;
 mod reach;
 pub mod rehearse;
 mod relay;
 pub mod runtime;
+mod shape;
 mod sight;
 mod slots;
 mod state;
@@ -169,6 +192,8 @@ pub struct ServoCommand {
     pub deadline: Nanos,
     /// What is asked.
     pub goal: Goal,
+    /// The clutch is open: the snake holds.
+    pub clutched: bool,
 }
 
 /// What a servo command asks.
@@ -181,7 +206,7 @@ pub enum Goal {
 }
 
 /// A state command as it arrived.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StateRequest {
     /// Names the request towards the thread that has to answer it.
     pub id: u64,
@@ -189,6 +214,8 @@ pub struct StateRequest {
     pub client_id: u64,
     /// What is asked.
     pub command: StateCommand,
+    /// Where to go, rad, and how many entries count; for [`StateCommand::Move`] only.
+    pub pose: Option<(OutputVec, u32)>,
 }
 
 /// The answer to a state command.
@@ -211,10 +238,25 @@ pub struct Inputs {
     pub request: Option<StateRequest>,
     /// The next change of the model in use, if one is asked for.
     pub model: Option<ModelRequest>,
+    /// The newest picture of the snake, if one arrived since the last tick.
+    pub external: Option<External>,
+    /// Ticks that were over already when this one began, and will not be run.
+    pub missed: u32,
     /// The newest report of every drive. It may be the same as in the last tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
     /// The process has been asked to end: decelerate, hold, power off in order. Stays true once true.
     pub shutdown: bool,
+}
+
+/// What a camera or another sensor saw.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct External {
+    /// When.
+    pub stamp: Nanos,
+    /// Angles, rad.
+    pub position: OutputVec,
+    /// How many of them count.
+    pub outputs: u32,
 }
 
 /// What one tick decides.

@@ -36,7 +36,9 @@ pub(super) fn progress(state: &State, sight: &Sight) -> Next {
     }
     match state {
         State::Disabled(stage) => disabled(stage, sight),
-        State::Enabled(Motion::Following(_) | Motion::Conditioning(_)) if !sight.fresh() || !sight.homed => {
+        State::Enabled(Motion::Following(_) | Motion::Conditioning(_) | Motion::Moving(_))
+            if !sight.fresh() || !sight.homed =>
+        {
             Some((State::Enabled(Motion::Holding), Cause::Progress(None)))
         }
         State::Enabled(_) | State::Paused | State::Fault(_) => None,
@@ -50,7 +52,7 @@ pub(super) fn fail(state: &State, fault: Fault, sight: &Sight) -> (State, Cause)
     for (demand, axis) in demands.iter_mut().zip(&sight.axes) {
         let Some(axis) = axis else { continue };
         let at_fault = match axis.wrong(expected, sight.lost) {
-            Some(Fault::Drive | Fault::DriveState | Fault::FollowingError) => true,
+            Some(Fault::Drive | Fault::DriveState | Fault::FollowingError | Fault::Current) => true,
             Some(_) | None => false,
         };
         if expected == Expected::On && !at_fault {
@@ -62,7 +64,10 @@ pub(super) fn fail(state: &State, fault: Fault, sight: &Sight) -> (State, Cause)
 }
 
 fn wrong(state: &State, sight: &Sight) -> Option<Fault> {
-    sight.wrong(state.expected()).or((!sight.model_sound).then_some(Fault::Model))
+    let on = state.expected() == Expected::On;
+    let of_all = [(!sight.model_sound, Fault::Model), (on && sight.late, Fault::Late)];
+    let of_all = of_all.into_iter().chain([(on && sight.implausible, Fault::Implausible)]);
+    sight.wrong(state.expected()).or_else(|| of_all.into_iter().find_map(|(is, fault)| is.then_some(fault)))
 }
 
 fn disabled(stage: &Inactive, sight: &Sight) -> Next {

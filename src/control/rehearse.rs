@@ -93,7 +93,14 @@ impl Rehearsal {
     pub fn follow(&mut self, goal: Goal) -> Result<&Report, RehearsalError> {
         self.sequence += 1;
         let stamp = self.now + self.period;
-        let command = ServoCommand { client_id: CLIENT, sequence: self.sequence, stamp, deadline: Nanos::ZERO, goal };
+        let command = ServoCommand {
+            client_id: CLIENT,
+            sequence: self.sequence,
+            stamp,
+            deadline: Nanos::ZERO,
+            goal,
+            clutched: false,
+        };
         let refused = self.report.refused;
         self.tick(Some(command), None);
         if self.report.refused > refused {
@@ -118,7 +125,7 @@ impl Rehearsal {
     }
 
     fn enable(&mut self) -> Result<(), RehearsalError> {
-        let request = StateRequest { id: 0, client_id: CLIENT, command: StateCommand::Enable };
+        let request = StateRequest { id: 0, client_id: CLIENT, command: StateCommand::Enable, pose: None };
         self.tick(None, Some(request));
         for _ in 0..ENABLING_TICKS {
             if self.report.state == OperatingState::Enabled {
@@ -184,6 +191,7 @@ pub fn without_limits(config: &Config) -> Config {
     config.limits.acceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.stop_deceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.following_error_counts = i32::MAX;
+    config.joints = crate::config::JointLimitConfig::default();
     config.command.step_deg = NO_LIMIT;
     config.command.step_counts = i32::MAX;
     for axis in config.ports.iter_mut().flat_map(|port| &mut port.axes) {

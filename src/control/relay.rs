@@ -20,6 +20,9 @@ use crate::units::{MAX_OUTPUTS, Nanos};
 /// Length of a window of the loop's statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
+/// In the token of a `move_jp`; tokens count up from 1.
+const MOVE: u64 = 1 << 63;
+
 /// What the relay keeps between two passes.
 pub struct Relay {
     server: Server,
@@ -78,7 +81,9 @@ impl Relay {
     /// One pass: commands in, answers and ticks out, housekeeping.
     pub fn pass(&mut self, now: Nanos) {
         self.take_servo();
+        self.take_external();
         self.take_requests(now);
+        self.take_moves(now);
         self.take_models(now);
         self.take_black_boxes(now);
         while let Ok(reply) = self.ends.replies.pop() {
@@ -99,6 +104,12 @@ impl Relay {
         // A client that mixes both kinds gets the one that it sent last.
         if let Some(command) = [joint, actuator].into_iter().flatten().max_by_key(|command| command.stamp) {
             self.ends.servo.write(Some(command));
+        }
+    }
+
+    fn take_external(&mut self) {
+        if let Some(seen) = self.server.poll_external().as_ref().and_then(convert::external) {
+            self.ends.external.write(Some(seen));
         }
     }
 
@@ -149,9 +160,26 @@ impl Relay {
         self.server.describe(shape, model.unwrap_or_default().0, output_names(&names));
     }
 
+    /// Ways to a pose go to the loop as state commands, with a mark on the token that tells their answers apart.
+    fn take_moves(&mut self, now: Nanos) {
+        let (requests, state) = (&mut self.ends.requests, self.state);
+        let mut refused = Vec::new();
+        self.server.poll_moves(now, |token, raw| {
+            let (id, pose) = (token | MOVE, Some((raw.position, raw.count)));
+            let request = StateRequest { id, client_id: raw.client_id, command: StateCommand::Move, pose };
+            if requests.push(request).is_err() {
+                refused.push(StateReply { id, refusal: Refusal::Busy, state });
+            }
+        });
+        refused.into_iter().for_each(|reply| self.answer(reply));
+    }
+
     fn answer(&mut self, reply: StateReply) {
         let answer = StateCommandReply { refusal: reply.refusal.number(), state: reply.state.number() };
-        self.server.reply(reply.id, answer);
+        match reply.id & MOVE {
+            0 => self.server.reply(reply.id, answer),
+            _ => self.server.reply_move(reply.id & !MOVE, answer),
+        }
     }
 
     fn publish(&mut self, record: &Record) {
@@ -176,7 +204,7 @@ fn hand_over(requests: &mut rtrb::Producer<StateRequest>, id: u64, raw: StateCom
     if raw.client_id == 0 {
         return Err(Refusal::Malformed);
     }
-    requests.push(StateRequest { id, client_id: raw.client_id, command }).map_err(|_| Refusal::Busy)
+    requests.push(StateRequest { id, client_id: raw.client_id, command, pose: None }).map_err(|_| Refusal::Busy)
 }
 
 /// Names of a model's outputs.

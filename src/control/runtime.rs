@@ -16,6 +16,7 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::Consumer;
 
+use super::audit::{Audit, Run};
 use super::black_box::{Recorder, RecorderEnds, TickRecord, Wish, Written};
 use super::chronicle::{Known, SharedChronicle};
 use super::convert::Identity;
@@ -23,16 +24,17 @@ use super::cycle::Cycle;
 use super::keeper::{Answer, Keeper, Question};
 use super::lane::{LoopEnds, Record, RelayEnds, lanes};
 use super::relay::{Desk, Relay};
-use super::{Event, Inputs};
+use super::{Event, EventKind, Inputs};
+use crate::access::{self, Untrusted};
 use crate::clock;
 use crate::config::{Config, ControlConfig};
-use crate::drive::AxisFeedback;
 use crate::drive::error::DriveError;
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::drive::port::{Opened, Port};
 use crate::drive::runner::{AxisLink, PortRunner};
+use crate::drive::{AxisFeedback, AxisIdentity};
 use crate::ipc::server::RELAY_LEAD;
-use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server};
+use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server, look_up};
 use crate::model::{Model, ModelError};
 use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
 use crate::units::{MAX_MOTORS, Nanos};
@@ -49,6 +51,9 @@ const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 /// Why the controller could not start, or ended badly.
 #[derive(Debug, thiserror::Error)]
 pub enum RuntimeError {
+    /// Everyone may write the model.
+    #[error("model file {0}")]
+    Untrusted(#[from] Untrusted),
     /// The model is missing, damaged, or of another robot.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -80,10 +85,26 @@ pub enum RuntimeError {
 ///
 /// When something does not come up, or a thread ended early.
 pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> Result<(), RuntimeError> {
+    run_with_note(config, "", shutdown, log)
+}
+
+/// The same with what the operator has to say about this run, for the log of runs.
+///
+/// # Errors
+///
+/// As [`run`].
+pub fn run_with_note(
+    config: &Config,
+    note: &str,
+    shutdown: &Arc<AtomicBool>,
+    log: &mut dyn Write,
+) -> Result<(), RuntimeError> {
     let model = load_model(config)?.map(Arc::new);
     // The lock comes before the ports: a second controller must not touch the drives of the first.
-    let guard = DomainGuard::acquire(&Domain::new(&config.ipc.domain)?)?;
-    let (runners, mut links) = bring_up_ports(config)?;
+    let domain = Domain::new(&config.ipc.domain)?;
+    let guard = DomainGuard::acquire(&domain)?;
+    let (boot_id, first_model) = (guard.boot_id(), model.as_ref().map(|model| model.id()));
+    let Drives { runners, mut links, found } = bring_up_ports(config)?;
     let (recorder, recorder_ends) = Recorder::new(config, model.as_ref(), &software(), guard.boot_id());
     let (loop_ends, relay_ends, keeper_ends, events) = lanes(recorder_ends);
     let quit = Arc::new(AtomicBool::new(false));
@@ -110,13 +131,20 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
     let cycle = Cycle::new(config, model);
     let (told_in, told) = mpsc::channel();
     let control = Thread::control(&config.control, cycle, loop_ends, links, first, told_in, shutdown)?;
+    let mut rights = Granted::default();
     if let Ok(granted) = told.recv() {
+        // A relay that is gone already is noticed right below. It comes first: a log that nobody reads may block.
+        let _ = granted_in.send((granted.clone(), first));
         tell_granted(log, &granted);
-        // A relay that is gone already is noticed right below.
-        let _ = granted_in.send((granted, first));
+        rights = granted;
     }
+    let software = software();
+    let drives = &found;
+    let run = Run { software: &software, boot_id, config, model: first_model, drives, granted: &rights, note };
+    let (audit, begun) = Audit::begin(&run);
+    begun.unwrap_or_else(|error| say(log, format_args!("warning: the log of runs is not written: {error}")));
 
-    let mut watch = Watch { events, port_events, lines, log };
+    let mut watch = Watch { events, port_events, lines, audit, domain, boot_id, log };
     watch.until_end(&control, &[&relay, &keeper, &recorder], &ports, shutdown);
     let control = control.join();
     quit.store(true, Ordering::Release);
@@ -126,11 +154,13 @@ pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> 
         .chain([relay.join(), keeper.join(), recorder.join()])
         .collect::<Result<Vec<()>, _>>();
     watch.drain();
+    let _ = watch.audit.end(if control.is_ok() { "in order" } else { "the control loop ended early" });
     control.and(others.map(|_| ()))
 }
 
 fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
     let Some(path) = &config.control.model else { return Ok(None) };
+    access::check(path)?;
     let model = Model::load(path)?;
     model.check_robot(&config.robot_id, config.motors())?;
     Ok(Some(model))
@@ -153,16 +183,25 @@ fn chronicle(config: &Config, model: Option<&Arc<Model>>) -> SharedChronicle {
     shared
 }
 
+/// All drives, ready to be enabled.
+struct Drives {
+    runners: Vec<PortRunner>,
+    links: Vec<AxisLink>,
+    found: Vec<AxisIdentity>,
+}
+
 /// All ports are opened before the first is configured, so that a missing one is found before any drive is touched.
-fn bring_up_ports(config: &Config) -> Result<(Vec<PortRunner>, Vec<AxisLink>), RuntimeError> {
+fn bring_up_ports(config: &Config) -> Result<Drives, RuntimeError> {
     let opened = config.ports.iter().map(Port::<Opened>::open).collect::<Result<Vec<_>, _>>()?;
-    let (mut runners, mut links) = (Vec::new(), Vec::new());
+    let (mut runners, mut links, mut found) = (Vec::new(), Vec::new(), Vec::new());
     for port in opened {
-        let (runner, of_port) = port.bring_up()?.split();
+        let port = port.bring_up()?;
+        found.extend_from_slice(port.axes());
+        let (runner, of_port) = port.split();
         runners.push(runner);
         links.extend(of_port);
     }
-    Ok((runners, links))
+    Ok(Drives { runners, links, found })
 }
 
 /// Waits until the port threads read positions. The ones from bringing up may be old by now, and the loop would take them for
@@ -352,6 +391,8 @@ fn control_loop(
             servo: if ends.servo.update() { *ends.servo.output_buffer() } else { None },
             request: ends.requests.pop().ok(),
             model: ends.model_requests.pop().ok(),
+            external: if ends.external.update() { *ends.external.output_buffer() } else { None },
+            missed: u32::try_from(tick.missed).unwrap_or(u32::MAX),
             feedback: read_feedback(&mut links),
             shutdown: shutdown.load(Ordering::Acquire),
         };
@@ -429,6 +470,9 @@ struct Watch<'a> {
     events: Consumer<Event>,
     port_events: mpsc::Receiver<PortEvent>,
     lines: mpsc::Receiver<String>,
+    audit: Audit,
+    domain: Domain,
+    boot_id: u64,
     log: &'a mut dyn Write,
 }
 
@@ -444,6 +488,16 @@ impl Watch<'_> {
         }
     }
 
+    /// Who has taken the lease.
+    fn caller(&self, event: &Event) -> Option<String> {
+        match event.kind {
+            EventKind::Lease { client_id } if client_id != 0 => {
+                look_up(&self.domain, self.boot_id, client_id).map(|caller| caller.to_string())
+            }
+            _ => None,
+        }
+    }
+
     fn drain(&mut self) {
         while let Ok(event) = self.port_events.try_recv() {
             // The loop tells about phases, too, at the tick that acts on them.
@@ -452,7 +506,13 @@ impl Watch<'_> {
             }
         }
         while let Ok(event) = self.events.pop() {
-            let _ = writeln!(self.log, "{event}");
+            let caller = self.caller(&event);
+            match &caller {
+                Some(caller) => drop(writeln!(self.log, "{event}: {caller}")),
+                None => drop(writeln!(self.log, "{event}")),
+            }
+            // A disk that is full does not stop the robot.
+            let _ = self.audit.note(&event, caller.as_deref());
         }
         while let Ok(line) = self.lines.try_recv() {
             say(self.log, format_args!("{line}"));

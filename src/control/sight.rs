@@ -13,6 +13,8 @@ pub(super) struct AxisSight {
     pub age: Nanos,
     /// It follows set-points, and the last one written is too far from the encoder.
     pub strayed: bool,
+    /// It takes too much current.
+    pub overloaded: bool,
 }
 
 /// All drives.
@@ -38,6 +40,10 @@ pub(super) struct Sight {
     pub reset_done: bool,
     /// The model gives finite values at the present position.
     pub model_sound: bool,
+    /// Too many ticks were late.
+    pub late: bool,
+    /// The snake is not where the model says.
+    pub implausible: bool,
 }
 
 impl Sight {
@@ -88,7 +94,8 @@ impl AxisSight {
             AxisPhase::Starting => (expected != Expected::Off).then_some(Fault::Link),
             _ if self.age >= lost => Some(Fault::Link),
             phase if expected == Expected::On && phase != AxisPhase::Enabled => Some(Fault::DriveState),
-            _ => self.strayed.then_some(Fault::FollowingError),
+            _ if self.strayed => Some(Fault::FollowingError),
+            _ => self.overloaded.then_some(Fault::Current),
         }
     }
 }

@@ -7,12 +7,13 @@ use serde::{Deserialize, Serialize};
 
 use super::EventKind;
 use super::event::Events;
+use super::profile::Profile;
 use super::sight::Expected;
 use super::stroke::Stroke;
 use super::trend::Trend;
 use crate::drive::Demand;
 use crate::ipc::{Fault, OperatingState, StateCommand};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
 
 /// What the robot is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -69,6 +70,8 @@ pub(super) enum Motion {
     Following(Follow),
     /// The set-points go through a decaying stroke. Servo commands are refused.
     Conditioning(Stroke),
+    /// The set-points go to a pose. Servo commands are refused.
+    Moving(Way),
 }
 
 /// The command that is being followed.
@@ -84,6 +87,39 @@ pub(super) struct Follow {
     pub deadline: Nanos,
     /// What it asks, and where that is heading.
     pub course: Course,
+}
+
+/// A way from rest to rest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Way {
+    /// Where it begins, rad.
+    pub from: OutputVec,
+    /// Where it ends, rad.
+    pub to: OutputVec,
+    /// The pose that was asked for could not be reached, so it ends where the motors do.
+    pub clipped: bool,
+    /// How it goes.
+    pub profile: Profile,
+    /// When it began.
+    pub begun: Nanos,
+}
+
+impl Way {
+    /// Where it has come to, rad.
+    pub fn at(&self, now: Nanos) -> OutputVec {
+        let share = self.profile.share(now.since(self.begun).as_seconds());
+        let mut place = self.from;
+        place
+            .iter_mut()
+            .zip(self.to)
+            .for_each(|(place, to)| *place = if share >= 1.0 { to } else { *place + share * (to - *place) });
+        place
+    }
+
+    /// It has ended.
+    pub fn is_over(&self, now: Nanos) -> bool {
+        now.since(self.begun).as_seconds() >= self.profile.duration_s()
+    }
 }
 
 /// What a commander asks, and where that is heading.
@@ -168,7 +204,7 @@ impl State {
     pub fn busy(&self, at_rest: bool) -> bool {
         match self {
             Self::Disabled(Inactive::Idle) | Self::Enabled(Motion::Holding | Motion::Following(_)) => false,
-            Self::Enabled(Motion::Conditioning(_)) => true,
+            Self::Enabled(Motion::Conditioning(_) | Motion::Moving(_)) => true,
             Self::Paused => !at_rest,
             Self::Disabled(_) => true,
             Self::Fault(failure) => matches!(failure.stage, Stage::Resetting { .. }),
@@ -188,12 +224,20 @@ impl State {
         }
     }
 
-    /// The stroke that is under way.
-    pub fn conditioning(&self) -> Option<&Stroke> {
-        match self {
-            Self::Enabled(Motion::Conditioning(stroke)) => Some(stroke),
-            Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
-        }
+    /// A stroke is under way.
+    pub fn conditioning(&self) -> bool {
+        matches!(self, Self::Enabled(Motion::Conditioning(_)))
+    }
+
+    /// The robot moves by itself: a stroke, or a way to a pose.
+    pub fn occupied(&self) -> bool {
+        matches!(self, Self::Enabled(Motion::Conditioning(_) | Motion::Moving(_)))
+    }
+
+    /// Angles are led somewhere.
+    pub fn in_joint_space(&self) -> bool {
+        matches!(self, Self::Enabled(Motion::Moving(_)))
+            || self.following().is_some_and(|follow| follow.course.is_joint())
     }
 }
 

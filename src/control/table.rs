@@ -23,6 +23,8 @@ pub(super) enum Verdict {
     Unhome,
     /// A stroke begins, if the lease and the room allow it.
     Condition,
+    /// A way to a pose begins, if lease, model and pose allow it.
+    Move,
     /// The lease is given back, if the client has it.
     Release,
 }
@@ -36,9 +38,11 @@ pub(super) fn judge(command: StateCommand, state: &State, sight: &Sight) -> Resu
         StateCommand::Resume => resume(state),
         StateCommand::Home => home(state, sight),
         StateCommand::Unhome => idle(state).map(|()| Verdict::Unhome),
-        StateCommand::Condition => condition(state, sight),
+        StateCommand::Condition => motion(state, sight).map(|()| Verdict::Condition),
         StateCommand::Acknowledge => acknowledge(state, sight),
         StateCommand::Release => Ok(Verdict::Release),
+        StateCommand::Hold => hold(state),
+        StateCommand::Move => motion(state, sight).map(|()| Verdict::Move),
     }
 }
 
@@ -110,13 +114,22 @@ fn resume(state: &State) -> Result<Verdict, Refusal> {
     }
 }
 
-/// The drives are on in ENABLED, so what has to be looked at is what a servo command needs, too.
-fn condition(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
+fn hold(state: &State) -> Result<Verdict, Refusal> {
     match state {
-        State::Enabled(Motion::Conditioning(_)) => Err(Refusal::Busy),
+        State::Enabled(Motion::Holding) | State::Paused => Ok(Verdict::Nothing),
+        State::Enabled(_) => Ok(Verdict::Change(State::Enabled(Motion::Holding))),
+        State::Disabled(Inactive::Idle) | State::Fault(_) => Err(Refusal::State),
+        State::Disabled(_) => Err(Refusal::Busy),
+    }
+}
+
+/// Motion of the robot's own. The drives are on in ENABLED, so what has to be looked at is what a servo command needs, too.
+fn motion(state: &State, sight: &Sight) -> Result<(), Refusal> {
+    match state {
+        State::Enabled(_) if state.occupied() => Err(Refusal::Busy),
         State::Enabled(_) if !sight.homed => Err(Refusal::NotHomed),
         State::Enabled(_) if !sight.fresh() => Err(Refusal::DrivesNotReady),
-        State::Enabled(_) => Ok(Verdict::Condition),
+        State::Enabled(_) => Ok(()),
         State::Disabled(Inactive::Idle) | State::Paused | State::Fault(_) => Err(Refusal::State),
         State::Disabled(_) => Err(Refusal::Busy),
     }

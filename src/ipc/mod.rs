@@ -11,9 +11,11 @@
 //! | `guard` | the controller's exclusive hold on a domain |
 //! | `ready` | how clients learn which start of which controller serves |
 //! | `service` | names and sizes of the services |
+//! | `caller` | who a client is: process, user, program |
 //! | `server` | the controller's side: owns every publisher, subscriber and server |
 //! | `client` | the public client library |
 
+mod caller;
 pub mod client;
 pub mod domain;
 pub mod guard;
@@ -26,6 +28,7 @@ pub mod server;
 mod service;
 pub mod word;
 
+pub use caller::{Caller, look_up};
 pub use domain::{Domain, DomainError};
 pub use guard::DomainGuard;
 pub use identity::random_id;

@@ -31,8 +31,14 @@ pub struct ServoJp {
     pub position: [f64; MAX_OUTPUTS],
     /// How many entries of `position` count.
     pub count: u32,
-    /// No flag is defined yet: 0.
+    /// 0 or [`ServoJp::CLUTCH`].
     pub flags: u32,
+}
+
+impl ServoJp {
+    /// Flag: the clutch is open. The snake holds, whatever `position` says, and the lease is renewed. The first command
+    /// without this flag couples: `position` is then taken to be where the snake is, and only what it changes by counts.
+    pub const CLUTCH: u32 = 1;
 }
 
 /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. Needs no model; for calibration.
@@ -277,6 +283,21 @@ pub struct StateCommandRequest {
     pub client_id: u64,
     /// [`crate::ipc::StateCommand`].
     pub command: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
+/// `move_jp`, request: go to a pose, from rest to rest with limited jerk; answered with [`StateCommandReply`].
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[type_name("I2risMoveRequestV1")]
+pub struct MoveRequest {
+    /// Who asks. Not 0.
+    pub client_id: u64,
+    /// Desired pitch and yaw, rad.
+    pub position: [f64; MAX_OUTPUTS],
+    /// How many entries of `position` count.
+    pub count: u32,
     /// 0.
     pub reserved: u32,
 }

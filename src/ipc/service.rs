@@ -55,6 +55,7 @@ pub(super) const EXTERNAL: Stream = Stream { publishers: 4, ..state("i2ris/exter
 pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
 pub(super) const BLACK_BOX: &str = "i2ris/black_box";
 pub(super) const MODEL: &str = "i2ris/model";
+pub(super) const MOVE_JP: &str = "i2ris/move_jp";
 pub(super) const VERSION: &str = "i2ris/version";
 
 /// What went wrong inside iceoryx2: which step, and its own word for the reason.

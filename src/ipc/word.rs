@@ -82,6 +82,10 @@ words! {
         Acknowledge = 8, "acknowledge";
         /// Give the lease back.
         Release = 9, "release";
+        /// ENABLED: stop and hold, whatever is followed; the next servo command is followed again.
+        Hold = 10, "hold";
+        /// ENABLED: go to a pose, from rest to rest; busy meanwhile. Only with a pose, by the request `move_jp`.
+        Move = 11, "move";
     }
 }
 
@@ -166,6 +170,12 @@ words! {
         Homing = 6, "homing failed";
         /// Internal: the model gave a value that is not finite.
         Model = 7, "the model gave a value that is not finite";
+        /// Too many late ticks.
+        Late = 8, "too many late ticks: the computer does not keep up";
+        /// The camera sees the snake elsewhere than the model.
+        Implausible = 9, "the snake is not where the model says";
+        /// A motor takes too much current for too long.
+        Current = 10, "a motor takes too much current for too long";
     }
 }
 

@@ -7,7 +7,7 @@ use i2ris::config::Config;
 use i2ris::control::black_box::{OfferRecord, Snapshot, TickRecord};
 use i2ris::control::cycle::Cycle;
 use i2ris::control::{
-    Candidate, Event, EventKind, Goal, Inputs, JointReport, Mark, ModelChange, ModelRequest, Outputs, Report,
+    Candidate, Event, EventKind, External, Goal, Inputs, JointReport, Mark, ModelChange, ModelRequest, Outputs, Report,
     ServoCommand, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
@@ -143,6 +143,14 @@ pub struct Bench {
     pub shutdown: bool,
     /// Asked for in the next tick.
     pub model_request: Option<ModelRequest>,
+    /// The clutch is open in servo commands from now on.
+    pub clutched: bool,
+    /// Where to go, in the next request.
+    pub pose: Option<(OutputVec, u32)>,
+    /// Seen by a camera, in the next tick.
+    pub external: Option<External>,
+    /// How many ticks late every tick is from now on.
+    pub missed: u32,
     /// Something that counts, read before and after every step, and the sum of the differences.
     pub probe: fn() -> u64,
     pub probed: u64,
@@ -208,6 +216,10 @@ impl Bench {
             events: Vec::with_capacity(1000),
             shutdown: false,
             model_request: None,
+            clutched: false,
+            pose: None,
+            external: None,
+            missed: 0,
             probe: || 0,
             probed: 0,
             history: History::default(),
@@ -231,7 +243,8 @@ impl Bench {
         self.now = self.now + self.config.control.period();
         self.drives.iter_mut().zip(&requests).for_each(|(drive, request)| drive.tick(self.now, request));
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
-        let inputs = Inputs { servo, request, model: self.model_request.take(), feedback, shutdown: self.shutdown };
+        let (model, external, missed) = (self.model_request.take(), self.external.take(), self.missed);
+        let inputs = Inputs { servo, request, model, external, missed, feedback, shutdown: self.shutdown };
         let before = (self.probe)();
         self.out = self.cycle.step(self.now, &inputs);
         let retired = self.cycle.retired();
@@ -313,7 +326,8 @@ impl Bench {
     pub fn ask_as(&mut self, client_id: u64, command: StateCommand) -> StateReply {
         self.request_id += 1;
         let id = self.request_id;
-        self.step(None, Some(StateRequest { id, client_id, command }));
+        let pose = self.pose.take();
+        self.step(None, Some(StateRequest { id, client_id, command, pose }));
         let reply = self.out.reply.expect("a state command is answered in its tick");
         assert_eq!(reply.id, id);
         assert_eq!(reply.state, self.out.report.state);
@@ -328,7 +342,14 @@ impl Bench {
     pub fn servo(&mut self, goal: Goal) -> ServoCommand {
         self.client_sequence += 1;
         let stamp = self.now + self.config.control.period();
-        ServoCommand { client_id: CLIENT, sequence: self.client_sequence, stamp, deadline: Nanos::ZERO, goal }
+        ServoCommand {
+            client_id: CLIENT,
+            sequence: self.client_sequence,
+            stamp,
+            deadline: Nanos::ZERO,
+            goal,
+            clutched: self.clutched,
+        }
     }
 
     /// One tick with a servo command; the refusal, or `None` if it was accepted.

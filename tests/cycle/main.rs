@@ -12,6 +12,7 @@ mod faults;
 mod following;
 mod gate;
 mod invariant;
+mod leading;
 mod random;
 mod rehearsing;
 mod replaying;

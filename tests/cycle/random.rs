@@ -7,7 +7,7 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
 use proptest::prelude::*;
 
-use crate::bench::{Bench, config, model};
+use crate::bench::{Bench, config, model, rad};
 use crate::drive::Quirk;
 
 #[derive(Debug, Clone)]
@@ -84,13 +84,15 @@ fn perform(bench: &mut Bench, act: Act, sequence: &mut i64) {
         Act::Run(ticks) => bench.run(ticks),
         Act::Skip(milliseconds) => bench.skip(Nanos::from_millis(milliseconds)),
         Act::Ask(client, command) => {
+            bench.pose = (command == StateCommand::Move).then(|| (rad(3.0, -2.0), 2));
             let _ = bench.ask_as(client, command);
         }
         Act::Servo(client_id, rise, age_ms, deadline_ms, goal) => {
             *sequence += rise;
             let stamp = Nanos((bench.now.0 as i64 - age_ms * 1_000_000) as u64);
             let deadline = Nanos::from_millis(deadline_ms);
-            let _ = bench.send(ServoCommand { client_id, sequence: sequence.unsigned_abs(), stamp, deadline, goal });
+            let (sequence, clutched) = (sequence.unsigned_abs(), age_ms % 5 == 3);
+            let _ = bench.send(ServoCommand { client_id, sequence, stamp, deadline, goal, clutched });
         }
         Act::Stream(step, steps, ticks) => {
             let mut goal = bench.targets();

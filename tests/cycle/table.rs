@@ -4,7 +4,7 @@ use i2ris::control::Report;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 
-use crate::bench::{Bench, CLIENT};
+use crate::bench::{Bench, CLIENT, rad};
 use crate::drive::Quirk;
 
 use OperatingState::{Disabled as D, Enabled as E, Fault as F, Paused as P};
@@ -20,10 +20,10 @@ const fn no(refusal: Refusal, state: OperatingState) -> (Refusal, OperatingState
 }
 
 /// How a state is reached, and what is answered to every command, in the order of `StateCommand::ALL`: enable, disable,
-/// pause, resume, home, unhome, condition, acknowledge, release.
-type Row = (&'static str, fn() -> Bench, [(Refusal, OperatingState); 9]);
+/// pause, resume, home, unhome, condition, acknowledge, release, hold, move.
+type Row = (&'static str, fn() -> Bench, [(Refusal, OperatingState); 11]);
 
-const BUSY: [(Refusal, OperatingState); 9] = [
+const BUSY: [(Refusal, OperatingState); 11] = [
     no(Refusal::Busy, D),
     to(D),
     no(Refusal::Busy, D),
@@ -33,9 +33,11 @@ const BUSY: [(Refusal, OperatingState); 9] = [
     no(Refusal::Busy, D),
     no(Refusal::State, D),
     to(D),
+    no(Refusal::Busy, D),
+    no(Refusal::Busy, D),
 ];
 
-const ENABLED: [(Refusal, OperatingState); 9] = [
+const ENABLED: [(Refusal, OperatingState); 11] = [
     no(Refusal::State, E),
     to(D),
     to(P),
@@ -45,11 +47,21 @@ const ENABLED: [(Refusal, OperatingState); 9] = [
     to(E),
     no(Refusal::State, E),
     to(E),
+    to(E),
+    to(E),
 ];
 
-const CONDITIONING: [(Refusal, OperatingState); 9] = {
+const CONDITIONING: [(Refusal, OperatingState); 11] = {
     let mut row = ENABLED;
     row[6] = no(Refusal::Busy, E);
+    row[10] = no(Refusal::Busy, E);
+    row
+};
+
+/// A way begins at rest.
+const FOLLOWING: [(Refusal, OperatingState); 11] = {
+    let mut row = ENABLED;
+    row[10] = no(Refusal::Busy, E);
     row
 };
 
@@ -67,6 +79,8 @@ const TABLE: &[Row] = &[
             no(Refusal::State, D),
             no(Refusal::State, D),
             to(D),
+            no(Refusal::State, D),
+            no(Refusal::State, D),
         ],
     ),
     ("enabling", enabling, BUSY),
@@ -75,7 +89,8 @@ const TABLE: &[Row] = &[
     ("settling", settling, BUSY),
     ("powering off", powering_off, BUSY),
     ("holding", Bench::enabled, ENABLED),
-    ("following", Bench::moving, ENABLED),
+    ("following", Bench::moving, FOLLOWING),
+    ("on its way", on_its_way, CONDITIONING),
     ("conditioning", conditioning, CONDITIONING),
     (
         "paused",
@@ -90,6 +105,8 @@ const TABLE: &[Row] = &[
             no(Refusal::State, P),
             no(Refusal::State, P),
             to(P),
+            to(P),
+            no(Refusal::State, P),
         ],
     ),
     (
@@ -105,6 +122,8 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             to(F),
             to(F),
+            no(Refusal::State, F),
+            no(Refusal::State, F),
         ],
     ),
     (
@@ -120,6 +139,8 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             to(D),
             to(F),
+            no(Refusal::State, F),
+            no(Refusal::State, F),
         ],
     ),
     (
@@ -135,6 +156,8 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             no(Refusal::CausePersists, F),
             to(F),
+            no(Refusal::State, F),
+            no(Refusal::State, F),
         ],
     ),
     (
@@ -150,6 +173,8 @@ const TABLE: &[Row] = &[
             no(Refusal::State, F),
             no(Refusal::Busy, F),
             to(F),
+            no(Refusal::State, F),
+            no(Refusal::State, F),
         ],
     ),
 ];
@@ -181,6 +206,14 @@ fn conditioning() -> Bench {
     let mut bench = Bench::enabled();
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.run(100);
+    bench
+}
+
+fn on_its_way() -> Bench {
+    let mut bench = Bench::enabled();
+    bench.pose = Some((rad(5.0, 0.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    bench.run(50);
     bench
 }
 
@@ -230,6 +263,7 @@ fn every_command_in_every_state_does_what_the_table_says() {
     for (name, build, row) in TABLE {
         for (command, (refusal, state)) in StateCommand::ALL.iter().zip(row) {
             let (mut bench, mut twin) = (build(), build());
+            bench.pose = (*command == StateCommand::Move).then(|| (rad(1.0, 0.0), 2));
             let reply = bench.ask_as(CLIENT, *command);
             assert_eq!((reply.refusal, reply.state), (*refusal, *state), "{command} when {name}");
             twin.tick();

@@ -14,6 +14,16 @@ use crate::rig::Rig;
 /// Set-points that tests send are this far apart.
 const SEND_PERIOD: Nanos = Nanos::from_millis(5);
 
+/// Sends a motion of the motors for a while.
+pub fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32; 2]) {
+    let (mut commander, start) = (client.commander(), clock::now());
+    while (clock::now() - start).as_seconds() < seconds {
+        let now = clock::now();
+        commander.servo_actuators(&counts((now - start).as_seconds())).unwrap();
+        clock::sleep_until(now + SEND_PERIOD);
+    }
+}
+
 /// Sends angles, degrees, until `goal` gives none any more.
 pub fn stream_angles(client: &Client, mut goal: impl FnMut(f64) -> Option<[f64; 2]>) {
     let (mut commander, start) = (client.commander(), clock::now());

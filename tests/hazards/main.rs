@@ -13,7 +13,27 @@ mod drive;
 #[path = "../cycle/invariant.rs"]
 mod invariant;
 mod live;
+mod noise;
 #[path = "../rig/mod.rs"]
 mod rig;
 
+mod campaign;
+mod coverage;
+mod h01;
+mod h02;
+mod h03;
+mod h04;
+mod h05;
+mod h06;
+mod h07;
 mod h08;
+mod h09;
+mod h10;
+mod h11;
+mod h12;
+mod h13;
+mod h14;
+mod h15;
+mod h16;
+mod h17;
+mod h18;

@@ -14,8 +14,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
-    PortConfig, RecordConfig, SwapConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, JointLimitConfig,
+    LimitConfig, MoveConfig, PlausibilityConfig, PortConfig, RecordConfig, SwapConfig,
 };
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -70,6 +70,9 @@ impl Rig {
             compensation: CompensationConfig::default(),
             condition: ConditionConfig::default(),
             swap: SwapConfig::default(),
+            joints: JointLimitConfig::default(),
+            move_jp: MoveConfig::default(),
+            plausibility: PlausibilityConfig::default(),
             record: RecordConfig::default(),
             ports,
         };
@@ -82,16 +85,25 @@ impl Rig {
         self.controller = Some(self.spawn_controller("controller"));
     }
 
+    /// The same with another place for what it says.
+    pub fn start_controller_with(&mut self, stderr: Stdio) {
+        assert!(self.controller.is_none(), "one at a time");
+        self.controller = Some(self.spawn(stderr));
+    }
+
     /// Starts a controller without keeping it: for tests about second ones.
     pub fn spawn_controller(&self, name: &str) -> Child {
+        self.spawn(Stdio::from(fs::File::options().create(true).append(true).open(self.log_file(name)).unwrap()))
+    }
+
+    fn spawn(&self, stderr: Stdio) -> Child {
         let file = self.folder.path().join("robot.toml");
         fs::write(&file, toml::to_string(&self.config).unwrap()).unwrap();
-        let log = fs::File::options().create(true).append(true).open(self.log_file(name)).unwrap();
         Command::new(env!("CARGO_BIN_EXE_i2ris-control"))
             .args([Path::new("--config"), &file])
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(log)
+            .stderr(stderr)
             .spawn()
             .unwrap()
     }

@@ -25,13 +25,20 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
 pub struct Commander {
     link: Arc<Link>,
     deadline: Nanos,
+    clutched: bool,
     servo: Port<Publisher<Flavour, ServoJp, ()>>,
     actuators: Port<Publisher<Flavour, ServoActuator, ()>>,
 }
 
 impl Commander {
     pub(super) fn new(link: &Arc<Link>) -> Self {
-        Self { link: Arc::clone(link), deadline: Nanos::ZERO, servo: Port::default(), actuators: Port::default() }
+        Self {
+            link: Arc::clone(link),
+            deadline: Nanos::ZERO,
+            clutched: false,
+            servo: Port::default(),
+            actuators: Port::default(),
+        }
     }
 
     /// The age at which commands sent from now on are stale and the robot stops. Zero: the controller's default.
@@ -39,6 +46,12 @@ impl Commander {
     pub fn with_deadline(mut self, deadline: Nanos) -> Self {
         self.deadline = deadline;
         self
+    }
+
+    /// Opens or closes the clutch, from the next [`Commander::servo_jp`] on. While it is open the snake holds, and where the
+    /// master goes meanwhile does not matter: when it closes, the master is taken to be where the snake is.
+    pub fn set_clutch(&mut self, open: bool) {
+        self.clutched = open;
     }
 
     /// `servo_jp`: go to these angles now: pitch and yaw, rad (x, y, z, m). Returns the sequence number.
@@ -59,7 +72,7 @@ impl Commander {
             deadline_ns: self.deadline.0,
             position,
             count,
-            flags: 0,
+            flags: if self.clutched { ServoJp::CLUTCH } else { 0 },
         };
         send(publisher, command, &self.link, service::SERVO_JP).map(|()| sequence)
     }

@@ -11,6 +11,7 @@ use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc_threadsafe;
 
 use super::ClientError;
+use crate::ipc::caller::Note;
 use crate::ipc::domain::Domain;
 use crate::ipc::identity::random_id;
 use crate::ipc::ready::{INTERFACE_VERSION, Ready};
@@ -27,6 +28,8 @@ pub(super) type Flavour = ipc_threadsafe::Service;
 #[derive(Debug)]
 pub(super) struct Session {
     pub ready: Ready,
+    /// For people who want to know who commands.
+    _note: Note,
     pub node: Node<Flavour>,
 }
 
@@ -71,7 +74,7 @@ impl Link {
         let mut state = self.lock();
         if now >= state.next_probe {
             state.next_probe = now + PROBE_PERIOD;
-            state.probe(&self.domain)?;
+            state.probe(&self.domain, self.client_id)?;
         }
         match (&state.session, state.foreign) {
             (Some(session), _) => Ok(Arc::clone(session)),
@@ -96,7 +99,7 @@ impl Link {
 }
 
 impl State {
-    fn probe(&mut self, domain: &Domain) -> Result<(), Transport> {
+    fn probe(&mut self, domain: &Domain, client_id: u64) -> Result<(), Transport> {
         let ready = Ready::read(domain);
         self.foreign = ready.map(|ready| ready.interface).filter(|interface| *interface != INTERFACE_VERSION);
         let Some(ready) = ready.filter(|ready| ready.interface == INTERFACE_VERSION) else {
@@ -105,7 +108,8 @@ impl State {
         };
         if self.session.as_ref().is_none_or(|session| session.ready != ready) {
             self.session = None;
-            self.session = Some(Arc::new(Session { ready, node: create_node(domain, ready.boot_id)? }));
+            let (node, note) = (create_node(domain, ready.boot_id)?, Note::leave(domain, ready.boot_id, client_id));
+            self.session = Some(Arc::new(Session { ready, _note: note, node }));
         }
         Ok(())
     }

@@ -44,7 +44,7 @@ pub use watcher::{Latest, Subscription, Watcher};
 
 use super::domain::Domain;
 use super::payload::{
-    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, OperatingStateMsg, StateCommandReply,
+    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, StateCommandReply,
     StateCommandRequest, Version, VersionRequest, text_of,
 };
 use super::service;
@@ -64,6 +64,7 @@ pub struct Client {
     state_commands: Requester<StateCommandRequest, StateCommandReply>,
     black_boxes: Requester<BlackBoxRequest, BlackBoxReply>,
     models: Requester<ModelRequest, ModelReply>,
+    moves: Requester<MoveRequest, StateCommandReply>,
     versions: Requester<VersionRequest, Version>,
     operating_state: Latest<OperatingStateMsg>,
 }
@@ -90,6 +91,7 @@ impl Client {
             state_commands: Requester::new(service::STATE_COMMAND, PATIENCE),
             black_boxes: Requester::new(service::BLACK_BOX, models::PATIENCE),
             models: Requester::new(service::MODEL, models::PATIENCE),
+            moves: Requester::new(service::MOVE_JP, PATIENCE),
             versions: Requester::new(service::VERSION, PATIENCE),
             link,
         })
@@ -121,6 +123,19 @@ impl Client {
         let request = StateCommandRequest { client_id: self.id(), command: command.number(), reserved: 0 };
         let reply = self.state_commands.ask(&self.link, request)?;
         judge(command, reply)
+    }
+
+    /// Asks the robot to go to a pose (pitch and yaw, rad), from rest to rest on a straight line with limited jerk, and
+    /// returns the state right after. It is busy until it has arrived: [`OperatingStateMsg::BUSY`], [`Client::wait_for`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::state_command`], and [`ClientError::Count`] for a wrong number of values.
+    pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
+        let (position, count) = commander::padded(position)?;
+        let request = MoveRequest { client_id: self.id(), position, count, reserved: 0 };
+        let reply = self.moves.ask(&self.link, request)?;
+        judge(StateCommand::Move, reply)
     }
 
     /// The newest `operating_state`; `None` until the first one has arrived, up to 50 ms after connecting.

@@ -15,7 +15,7 @@ use super::IpcError;
 use crate::ipc::domain::Domain;
 use crate::ipc::guard::DomainGuard;
 use crate::ipc::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest, MoveRequest,
     OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
     VersionRequest,
 };
@@ -42,6 +42,7 @@ pub(super) struct Services {
     pub state_commands: Request<StateCommandRequest, StateCommandReply>,
     pub black_boxes: Request<BlackBoxRequest, BlackBoxReply>,
     pub models: Request<ModelRequest, ModelReply>,
+    pub moves: Request<MoveRequest, StateCommandReply>,
     pub versions: Request<VersionRequest, Version>,
 }
 
@@ -86,6 +87,7 @@ impl Services {
             state_commands: create_request(&node, service::STATE_COMMAND)?,
             black_boxes: create_request(&node, service::BLACK_BOX)?,
             models: create_request(&node, service::MODEL)?,
+            moves: create_request(&node, service::MOVE_JP)?,
             versions: create_request(&node, service::VERSION)?,
             node,
         })

@@ -37,7 +37,7 @@ use iceoryx2::prelude::{ZeroCopySend, ipc};
 use super::domain::DomainError;
 use super::guard::DomainGuard;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest, MoveRequest,
     OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
     VersionRequest,
 };
@@ -96,6 +96,7 @@ pub struct Server {
     state_commands: Requests<StateCommandRequest, StateCommandReply>,
     black_boxes: Requests<BlackBoxRequest, BlackBoxReply>,
     models: Requests<ModelRequest, ModelReply>,
+    moves: Requests<MoveRequest, StateCommandReply>,
     versions: Requests<VersionRequest, Version>,
     version: Version,
     failures: u64,
@@ -136,6 +137,7 @@ impl Server {
             state_commands: Requests::new(&services.state_commands, service::STATE_COMMAND, FORGET_AFTER)?,
             black_boxes: Requests::new(&services.black_boxes, service::BLACK_BOX, FORGET_SLOW_AFTER)?,
             models: Requests::new(&services.models, service::MODEL, FORGET_SLOW_AFTER)?,
+            moves: Requests::new(&services.moves, service::MOVE_JP, FORGET_AFTER)?,
             versions: Requests::new(&services.versions, service::VERSION, FORGET_AFTER)?,
             version: version(boot_id),
             failures: 0,
@@ -189,6 +191,18 @@ impl Server {
     pub fn reply(&mut self, token: u64, reply: StateCommandReply) {
         let sent = self.state_commands.reply(token, reply);
         self.count(sent, service::STATE_COMMAND);
+    }
+
+    /// The same for `move_jp`.
+    pub fn poll_moves(&mut self, now: Nanos, take: impl FnMut(u64, MoveRequest)) {
+        let polled = self.moves.poll(now, take);
+        self.count(polled, service::MOVE_JP);
+    }
+
+    /// Answers a `move_jp`.
+    pub fn reply_move(&mut self, token: u64, reply: StateCommandReply) {
+        let sent = self.moves.reply(token, reply);
+        self.count(sent, service::MOVE_JP);
     }
 
     /// The same for requests about models, which may take longer.

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, LimitConfig,
-    PortConfig, RecordConfig, SwapConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, JointLimitConfig,
+    LimitConfig, MoveConfig, PlausibilityConfig, PortConfig, RecordConfig, SwapConfig,
 };
 use i2ris::control::Goal;
 use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
@@ -246,6 +246,9 @@ fn standard(model: &Model) -> Config {
         compensation: CompensationConfig::default(),
         condition: ConditionConfig::default(),
         swap: SwapConfig::default(),
+        joints: JointLimitConfig::default(),
+        move_jp: MoveConfig::default(),
+        plausibility: PlausibilityConfig::default(),
         record: RecordConfig::default(),
         ports: vec![PortConfig::new(PathBuf::new(), axes)],
     }

@@ -1,0 +1,87 @@
+//! H12: an axis that is stuck, a wire that is slack, a motor that runs away.
+
+use i2ris::control::External;
+use i2ris::drive::Demand;
+use i2ris::ipc::{Fault, OperatingState, Refusal};
+use i2ris::model::file::OutputUnit;
+
+use crate::bench::{Bench, config, model};
+use crate::drive::Quirk;
+
+#[test]
+fn h12_a_blocked_motor_is_a_following_error_and_loses_its_power() {
+    let mut bench = Bench::enabled();
+    bench.quirk(0, Quirk::Blocked);
+    let mut goal = 0;
+    while bench.state() == OperatingState::Enabled {
+        goal += 5;
+        let _ = bench.actuator([goal, 0]);
+        bench.run(4);
+        assert!(goal < 1000, "{:?}", bench.report());
+    }
+    assert_eq!(bench.report().fault, Fault::FollowingError);
+    bench.tick();
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled, Demand::QuickStop]);
+    // The set-point was never further from the motor than allowed, and a bit of way in flight.
+    assert!(goal <= bench.config.limits.following_error_counts + 60, "{goal}");
+}
+
+/// The emulated wire: a camera that sees the snake where the encoders say it is, later by `latency`, and off by `slack`.
+fn watched(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
+    let mut bench =
+        Bench::new(config("[plausibility]\ndistance_deg = 2.0\nlasts_ms = 300"), Some(model(OutputUnit::Deg)));
+    bench.home();
+    bench.enable();
+    let mut seen = Vec::new();
+    for k in 0..ticks {
+        let t = k as f64 * 1e-3;
+        if k.is_multiple_of(5) && bench.state() == OperatingState::Enabled {
+            let refusal = bench.joint(8.0 * t.sin(), 0.0);
+            assert!(refusal == Refusal::None || bench.state() == OperatingState::Fault, "{refusal:?}");
+        } else {
+            bench.tick();
+        }
+        seen.push((bench.now, bench.joints().measured));
+        if k.is_multiple_of(33) && k > latency_ms {
+            let (stamp, mut position) = seen[(k - latency_ms) as usize];
+            if k > 2000 {
+                position[0] += slack_deg.to_radians();
+            }
+            bench.external = Some(External { stamp, position, outputs: 2 });
+        }
+    }
+    bench
+}
+
+#[test]
+fn h12_a_snake_that_is_not_where_the_model_says_is_a_fault_and_the_drives_hold() {
+    let bench = watched(120, 3.0, 3000);
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Implausible));
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::QuickStop; 2]);
+}
+
+#[test]
+fn h12_a_late_camera_that_agrees_is_no_fault() {
+    // 8 deg/s and 120 ms: compared with the newest estimate it would be off by one degree, with half the limit to spare.
+    let bench = watched(120, 1.0, 6000);
+    assert_eq!(bench.state(), OperatingState::Enabled);
+    let bench = watched(400, 0.0, 4000);
+    assert_eq!(bench.state(), OperatingState::Enabled);
+}
+
+#[test]
+fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() {
+    let mut bench = Bench::new(config("[limits]\ncurrent_trip_ma = 150\ncurrent_trip_ms = 100"), None);
+    bench.home();
+    bench.enable();
+    bench.drives[1].feedback.current_ma = -200;
+    bench.run(90);
+    bench.drives[1].feedback.current_ma = 20;
+    bench.run(5);
+    bench.drives[1].feedback.current_ma = 200;
+    bench.run(90);
+    assert_eq!(bench.state(), OperatingState::Enabled, "a start takes current, too");
+    bench.run(20);
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Current));
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::QuickStop, Demand::Disabled]);
+}
