@@ -3,6 +3,7 @@
 mod collect;
 mod compare;
 mod fit;
+mod merge;
 mod progress;
 mod report;
 
@@ -17,6 +18,8 @@ pub enum Command {
     Compare(compare::Arguments),
     /// Fit a model to a recording of encoder counts and angles
     Fit(fit::Arguments),
+    /// Put angles that were measured in pictures in the place of those of a recording
+    Merge(merge::Arguments),
 }
 
 /// Runs it.
@@ -25,5 +28,6 @@ pub fn run(command: Command) -> Result<(), Failure> {
         Command::Collect(arguments) => collect::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
+        Command::Merge(arguments) => merge::run(&arguments),
     }
 }

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
+use i2ris_emulator::camera::CameraConfig;
 use i2ris_emulator::drive::Family;
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, Snapshot};
@@ -51,6 +52,9 @@ pub struct Arguments {
     /// Do not publish camera pictures
     #[arg(long)]
     no_camera: bool,
+    /// Standard deviation of the camera's angles; 0: the true angles, for drawing pictures of them
+    #[arg(long, value_name = "DEG", default_value_t = CameraConfig::default().noise_deg, value_parser = noise)]
+    camera_noise_deg: f64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -81,6 +85,7 @@ impl Arguments {
         }
         let mut config = EmulatorConfig::new(SnakeConfig::load(&self.snake)?, &self.ports);
         config.seed = self.seed;
+        config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
         if self.family == FamilyName::Epos2 {
             config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
@@ -167,6 +172,12 @@ fn say(line: &str) {
 fn print_over(line: &str) {
     let mut out = io::stdout().lock();
     let _ = write!(out, "\r\x1b[K{line}").and_then(|()| out.flush());
+}
+
+/// Parses a standard deviation.
+fn noise(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|deg: &f64| (0.0..=10.0).contains(deg));
+    value.ok_or_else(|| "must be a number of degrees from 0 to 10".to_owned())
 }
 
 /// Parses a span in seconds.

@@ -16,6 +16,7 @@ mod emulate;
 mod files;
 mod model;
 mod monitor;
+mod record;
 mod replay;
 mod series;
 mod vision;
@@ -47,6 +48,8 @@ enum Task {
     Command(command::Arguments),
     /// Watch the robot
     Monitor(monitor::Arguments),
+    /// Record trials, and make tables of recordings
+    Record(record::Arguments),
     /// Run the black box of a controller again and compare to the bit
     Replay(replay::Arguments),
     /// Have the running controller write its black box: the last seconds of every tick
@@ -65,6 +68,7 @@ fn main() -> ExitCode {
         Task::Doctor(arguments) => doctor::run(arguments),
         Task::Command(arguments) => command::run(arguments),
         Task::Monitor(arguments) => monitor::run(arguments),
+        Task::Record(arguments) => record::run(arguments),
         Task::Replay(arguments) => replay::run(&arguments),
         Task::Dump(arguments) => replay::dump(&arguments),
         Task::Vision(arguments) => vision::run(arguments),

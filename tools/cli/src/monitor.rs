@@ -19,6 +19,8 @@ const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
 const LINE_PERIOD: Nanos = Nanos::from_millis(1000);
 /// How often streams are read: their buffers hold 128 messages.
 const READ_PERIOD: Nanos = Nanos::from_millis(50);
+/// The first rate is told early, from fewer exchanges.
+const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 /// Statistics come once a second: what is not there by then will not come.
 const FIRST_NEWS: Nanos = Nanos::from_millis(1500);
 
@@ -134,14 +136,15 @@ impl Sight {
             camera: self.camera.refresh()?.copied(),
             actuators,
             statistics: self.statistics.refresh()?.copied(),
-            exchange_rates: actuators.map(|message| self.exchanges.rates(&message)).unwrap_or_default(),
+            exchange_rates: actuators.and_then(|message| self.exchanges.rates(&message)),
         };
         Ok(())
     }
 
     fn is_complete(&self) -> bool {
-        let View { state, measured, actuators, statistics, .. } = &self.view;
-        state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some()
+        let View { state, measured, actuators, statistics, exchange_rates, .. } = &self.view;
+        let all = state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
+        all && exchange_rates.is_some()
     }
 }
 
@@ -149,19 +152,20 @@ impl Sight {
 #[derive(Debug, Default)]
 struct Exchanges {
     before: Option<ActuatorState>,
-    rates: [f64; MAX_MOTORS],
+    rates: Option<[f64; MAX_MOTORS]>,
 }
 
 impl Exchanges {
-    fn rates(&mut self, message: &ActuatorState) -> [f64; MAX_MOTORS] {
+    /// `None` until there are two messages to compare.
+    fn rates(&mut self, message: &ActuatorState) -> Option<[f64; MAX_MOTORS]> {
         let before = *self.before.get_or_insert(*message);
         let span = message.stamp() - before.stamp();
         if before.boot_id != message.boot_id {
             *self = Self { before: Some(*message), ..Self::default() };
-        } else if span >= LINE_PERIOD {
-            for (rate, (now, then)) in self.rates.iter_mut().zip(message.exchanges.iter().zip(before.exchanges)) {
-                *rate = now.saturating_sub(then) as f64 / span.as_seconds();
-            }
+        } else if span >= if self.rates.is_none() { FIRST_SPAN } else { LINE_PERIOD } {
+            self.rates = Some(std::array::from_fn(|motor| {
+                message.exchanges[motor].saturating_sub(before.exchanges[motor]) as f64 / span.as_seconds()
+            }));
             self.before = Some(*message);
         }
         self.rates
@@ -181,10 +185,12 @@ mod tests {
             ..ActuatorState::default()
         };
         let mut exchanges = Exchanges::default();
-        assert_eq!(exchanges.rates(&message(1000, 100, 1)), [0.0, 0.0]);
-        assert_eq!(exchanges.rates(&message(1500, 300, 1)), [0.0, 0.0]);
-        assert_eq!(exchanges.rates(&message(2000, 500, 1)), [400.0, 800.0]);
-        assert_eq!(exchanges.rates(&message(2100, 3, 2)), [0.0, 0.0]);
-        assert_eq!(exchanges.rates(&message(3100, 103, 2)), [100.0, 200.0]);
+        assert_eq!(exchanges.rates(&message(1000, 100, 1)), None);
+        assert_eq!(exchanges.rates(&message(1200, 180, 1)), None);
+        assert_eq!(exchanges.rates(&message(1500, 300, 1)), Some([400.0, 800.0]));
+        assert_eq!(exchanges.rates(&message(2000, 550, 1)), Some([400.0, 800.0]), "once a second");
+        assert_eq!(exchanges.rates(&message(2500, 800, 1)), Some([500.0, 1000.0]));
+        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "another controller counts anew");
+        assert_eq!(exchanges.rates(&message(3600, 103, 2)), Some([100.0, 200.0]));
     }
 }

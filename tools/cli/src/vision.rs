@@ -8,6 +8,7 @@ mod measure;
 mod render;
 mod report;
 mod scale;
+pub mod table;
 
 use crate::Failure;
 

@@ -1,5 +1,6 @@
 //! The whole way of a calibration: emulated drives, snake and camera, the controller's own threads, `i2ris calibrate
-//! collect` and `i2ris calibrate fit` as processes.
+//! collect` and `i2ris calibrate fit` as processes; then the same through pictures of the snake, and a command with the
+//! model that came of them.
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
@@ -21,8 +22,8 @@ use tempfile::TempDir;
 struct Rig {
     emulator: Emulator,
     folder: TempDir,
-    shutdown: Arc<AtomicBool>,
-    controller: Option<JoinHandle<()>>,
+    config: Config,
+    controller: Option<(Arc<AtomicBool>, JoinHandle<()>)>,
 }
 
 impl Rig {
@@ -44,11 +45,27 @@ impl Rig {
         (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
         config.condition.half_width_counts = Some(400);
         (config.condition.turns, config.condition.velocity_counts_s) = (1, 2000.0);
-        std::fs::write(folder.path().join("robot.toml"), toml::to_string(&config).unwrap()).unwrap();
-        let shutdown = Arc::new(AtomicBool::new(false));
+        let mut rig = Self { emulator, folder, config, controller: None };
+        rig.control(None);
+        rig
+    }
+
+    /// Ends the controller, if one runs, and starts one with this model.
+    fn control(&mut self, model: Option<&str>) {
+        self.stop();
+        self.config.control.model = model.map(|name| self.path(name));
+        std::fs::write(self.path("robot.toml"), toml::to_string(&self.config).unwrap()).unwrap();
+        let (config, shutdown) = (self.config.clone(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&shutdown);
-        let controller = thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
-        Self { emulator, folder, shutdown, controller: Some(controller) }
+        let thread = thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
+        self.controller = Some((shutdown, thread));
+    }
+
+    fn stop(&mut self) {
+        if let Some((shutdown, thread)) = self.controller.take() {
+            shutdown.store(true, Ordering::Release);
+            let _ = thread.join();
+        }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -67,16 +84,48 @@ impl Rig {
 
 impl Drop for Rig {
     fn drop(&mut self) {
-        self.shutdown.store(true, Ordering::Release);
-        if let Some(controller) = self.controller.take() {
-            let _ = controller.join();
-        }
+        self.stop();
     }
 }
 
+/// Root mean square distance between the angles of two recordings at their common instants, and how many those are.
+fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
+    let mut squares = Vec::new();
+    for row in one.rows() {
+        let same = other.rows().iter().find(|seen| (seen.time_s.unwrap() - row.time_s.unwrap()).abs() < 1e-6);
+        squares
+            .extend(same.map(|seen| (0..2).map(|axis| (seen.outputs[axis] - row.outputs[axis]).powi(2)).sum::<f64>()));
+    }
+    ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len())
+}
+
+/// Pictures of what was recorded, the angles that are in them, and a model of those.
+fn through_pictures(rig: &Rig) -> Model {
+    let common = ["vision", "render", "--angles", "@take.csv", "--output", "@pictures", "--size", "640x480"];
+    rig.tool(&[&common[..], &["--every", "6"]].concat());
+    let setup = ["vision", "calibrate", "--setup", "@pictures/vision.toml", "--output", "@vision.toml"];
+    rig.tool(&[&setup[..], &["--rest", "@pictures/rest0", "@pictures/rest1"]].concat());
+    let measure = ["vision", "--setup", "@vision.toml", "@pictures/view0", "@pictures/view1", "--rest-s", "0"];
+    rig.tool(&[&measure[..], &["--output", "@angles.csv"]].concat());
+    rig.tool(&["calibrate", "merge", "@take.csv", "@angles.csv", "--output", "@seen.csv"]);
+    let read = |name: &str| Recording::read(&rig.path(name), &ColumnMap::default()).unwrap().0;
+    let (apart, common) = apart_deg(&read("seen.csv"), &read("take.csv"));
+    assert!(common > 80 && apart < 0.1, "{common} pictures, {apart} deg");
+    assert!(apart > 0.0, "the angles are those of the pictures");
+    fit(rig, "@seen.csv", "@seen.json")
+}
+
+fn fit(rig: &Rig, recording: &str, output: &str) -> Model {
+    let fit = ["calibrate", "fit", recording, "--robot-id", "i2ris-emulated", "--family", "gmr", "--output", output];
+    rig.tool(&[&fit[..], &["--components", "4", "--restarts", "2"]].concat());
+    let model = Model::load(&rig.path(&output[1..])).unwrap();
+    model.check_robot("i2ris-emulated", 2).unwrap();
+    model
+}
+
 #[test]
-fn what_was_collected_makes_a_model() {
-    let rig = Rig::start();
+fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
+    let mut rig = Rig::start();
     let printed = rig.tool(&[
         "calibrate",
         "collect",
@@ -106,24 +155,20 @@ fn what_was_collected_makes_a_model() {
     assert!(reach(0) > 600.0 && reach(1) > 600.0 && reach(0).max(reach(1)) < 1205.0, "{} {}", reach(0), reach(1));
     assert_eq!(rig.emulator.host_bugs(), 0);
 
-    rig.tool(&[
-        "calibrate",
-        "fit",
-        "@take.csv",
-        "--robot-id",
-        "i2ris-emulated",
-        "--family",
-        "gmr",
-        "--components",
-        "4",
-        "--restarts",
-        "2",
-        "--output",
-        "@model.json",
-    ]);
-    let model = Model::load(&rig.path("model.json")).unwrap();
-    model.check_robot("i2ris-emulated", 2).unwrap();
-    for metrics in &model.file().metrics {
-        assert!(metrics.training.r2 > 0.9, "{:?}", model.file().metrics);
+    let direct = fit(&rig, "@take.csv", "@model.json");
+    for metrics in &direct.file().metrics {
+        assert!(metrics.training.r2 > 0.9, "{:?}", direct.file().metrics);
     }
+
+    let seen = through_pictures(&rig);
+    for metrics in &seen.file().metrics {
+        assert!(metrics.training.r2 > 0.9, "{:?}", seen.file().metrics);
+    }
+    rig.control(Some("seen.json"));
+    let domain = rig.config.ipc.domain.clone();
+    let pose = ["command", "--domain", &domain, "--enable", "pose", "8", "-6", "--duration-s", "1"];
+    rig.tool(&pose);
+    let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
+    // The model has no memory: half the width of the loop, and what friction has left of the motion before.
+    assert!((pitch - 8.0).hypot(yaw + 6.0) < 4.0, "{pitch} {yaw}");
 }

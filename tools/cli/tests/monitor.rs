@@ -1,7 +1,11 @@
-//! `i2ris monitor` against a controller without drives.
+//! `i2ris monitor` and `i2ris record` against a controller without drives.
 #![allow(clippy::unwrap_used)]
 
 mod fake_controller;
+#[path = "watching/python.rs"]
+mod python;
+#[path = "watching/record.rs"]
+mod record;
 
 use std::io::{BufRead, BufReader, Read};
 

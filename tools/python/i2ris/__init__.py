@@ -2,6 +2,8 @@
 
 Modules are imported by name, so that none asks for packages that another one needs:
 
+- ``i2ris.arm``: commanding and watching the robot (extra ``client``)
+- ``i2ris.payload``: the messages in shared memory
 - ``i2ris.markers``: bending angles from ArUco markers (extra ``markers``); ``python -m i2ris.markers``
 - ``i2ris.external``: publishing angles to the controller (extra ``publish``)
 """

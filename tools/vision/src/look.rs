@@ -79,7 +79,7 @@ impl Eye {
                 Look {
                     stamp: frame.stamp,
                     name: frame.name,
-                    digest: has_structure.then(|| frame.picture.digest()),
+                    digest: self.guard.digest().filter(|_| has_structure),
                     size: [frame.picture.width(), frame.picture.height()],
                     picture: Some(frame.picture),
                     seen,

@@ -18,6 +18,10 @@ const CONTROLLER_CONFIG: &str = include_str!("../../../../config/emulator.toml")
 /// Bringing up drives and shared memory takes well under a second; a loaded machine may need much longer.
 const START_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 
+/// How late an emulated drive may answer. The demo shares the machine with whatever else runs on it, and a stall of the
+/// emulator is not what it is about.
+const PATIENCE_MS: u64 = 500;
+
 /// A stroke of conditioning takes so long at most.
 const CONDITION_TIMEOUT: Nanos = Nanos::from_millis(120_000);
 
@@ -66,7 +70,10 @@ impl Bench {
         config.ipc.domain.clone_from(&domain);
         for (number, port) in config.ports.iter_mut().enumerate() {
             port.device = folder.join(format!("axis{number}"));
+            port.reply_timeout_ms = PATIENCE_MS;
         }
+        config.limits.feedback_stale_ms = PATIENCE_MS;
+        config.limits.feedback_lost_ms = 5 * PATIENCE_MS;
         Ok(Self { folder, domain, config, this_program, controller_program })
     }
 
@@ -122,14 +129,14 @@ impl Bench {
         self.tool(name, &in_domain)
     }
 
-    /// Starts the emulator and waits for its ports.
-    pub fn start_emulator(&self, seed: u64) -> Result<Process, Failure> {
+    /// Starts the emulator, with more options if need be, and waits for its ports.
+    pub fn start_emulator(&self, seed: u64, options: &[&str]) -> Result<Process, Failure> {
         let snake = text(&self.path("snake.toml"))?;
         let ports = text(&self.folder)?;
         let seed = seed.to_string();
         let log = text(&self.path("setpoints.csv"))?;
         let arguments = ["emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed, "--log", &log];
-        let mut emulator = self.tool_in_domain("emulator", &arguments)?;
+        let mut emulator = self.tool_in_domain("emulator", &[&arguments[..], options].concat())?;
         let start = i2ris::clock::now();
         while !self.config.ports.iter().all(|port| port.device.exists()) {
             emulator.check()?;

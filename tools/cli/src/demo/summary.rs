@@ -16,9 +16,10 @@ pub struct Followed {
     pub run: Run,
 }
 
-/// Prints everything.
-pub fn print(followed: &[Followed]) {
+/// Prints everything. `note` says what the camera adds.
+pub fn print(followed: &[Followed], note: &str) {
     tracking(followed);
+    println!("  {note}");
     if let Some(last) = followed.last() {
         statistics(&last.run.statistics);
         latency(&last.run.command_to_wire_us);
@@ -28,7 +29,7 @@ pub fn print(followed: &[Followed]) {
 fn tracking(followed: &[Followed]) {
     println!("\nTracking error on unseen motions: goal against camera, degrees");
     println!(
-        "  {:14} {:14} {:>8} {:>9} {:>9} {:>10} {:>10} {:>10} {:>13}",
+        "  {:14} {:16} {:>8} {:>9} {:>9} {:>10} {:>10} {:>10} {:>13}",
         "motion", "model", "pictures", "pitch RMS", "yaw RMS", "length RMS", "length p99", "length max", "below linear"
     );
     for Followed { family, motion, run } in followed {
@@ -43,11 +44,10 @@ fn tracking(followed: &[Followed]) {
             _ => "-".to_owned(),
         };
         println!(
-            "  {motion:14} {family:14} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} {max:>10.3} {below:>13}",
+            "  {motion:14} {family:16} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} {max:>10.3} {below:>13}",
             errors.len()
         );
     }
-    println!("  The camera adds its noise of about 0.05 degrees per axis.");
 }
 
 fn statistics(windows: &[PeriodStatistics]) {

@@ -23,7 +23,7 @@ pub struct View {
     pub actuators: Option<ActuatorState>,
     pub statistics: Option<PeriodStatistics>,
     /// Answered requests per second and drive.
-    pub exchange_rates: [f64; MAX_MOTORS],
+    pub exchange_rates: Option<[f64; MAX_MOTORS]>,
 }
 
 impl View {
@@ -134,13 +134,14 @@ impl View {
         };
         let read = Nanos(actuators.measured_stamp_ns.get(motor).copied().unwrap_or_default());
         let age = if read == Nanos::ZERO { "  NEVER READ".to_owned() } else { mark_age(now.since(read), STALE) };
+        let rate = self.exchange_rates.and_then(|rates| rates.get(motor).copied());
+        let rate = rate.map_or_else(|| "exchanges not counted yet".to_owned(), |rate| format!("{rate:.0} exchanges/s"));
         format!(
-            "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status 0x{:04X}; {:.0} exchanges/s{age}",
+            "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status 0x{:04X}; {rate}{age}",
             drive(&actuators.setpoint_counts),
             drive(&actuators.measured_counts),
             drive(&actuators.current_ma),
             word(&actuators.statusword),
-            self.exchange_rates.get(motor).copied().unwrap_or_default(),
         )
     }
 
@@ -295,7 +296,7 @@ mod tests {
                 memory_locked: 1,
                 ..PeriodStatistics::default()
             }),
-            exchange_rates: [470.2, 468.0],
+            exchange_rates: Some([470.2, 468.0]),
         }
     }
 

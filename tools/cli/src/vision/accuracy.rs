@@ -1,6 +1,6 @@
 //! `i2ris vision accuracy`: the table of accuracy over synthetic pictures.
 
-use i2ris_vision::accuracy::{Row, clear, cluttered, conditions, rigs, stereo};
+use i2ris_vision::accuracy::{Row, clear, cluttered, conditions, rigs, speed, stereo};
 
 use crate::Failure;
 
@@ -38,6 +38,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     for (name, rig) in rigs().iter().filter(|_| frames > 0) {
         print_row(&stereo(name, rig, frames, seed)?);
+    }
+    if frames > 0 {
+        let rate = speed(seed)?;
+        println!("\none view at 1280x960, one thread: {rate:.0} pictures per second (a camera delivers 30)");
     }
     if cluttered_frames > 0 {
         let outcome = cluttered(cluttered_frames, seed);

@@ -1,23 +1,21 @@
 //! `i2ris vision render`: pictures of given angles, from a recording or from the emulator as it moves.
 
+mod fifo;
 mod live;
-mod table;
+mod recorded;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use i2ris::units::Nanos;
 use i2ris_vision::accuracy::setup;
-use i2ris_vision::scene::{Optics, Paint, Pose, Rig, Snake};
+use i2ris_vision::scene::{Optics, Paint, Rig, Snake};
 use i2ris_vision::setup::Setup;
-use i2ris_vision::show::save_grey;
 use i2ris_vision::source::Size;
 
+use super::table;
 use crate::Failure;
 use crate::console::Interrupt;
 
-/// Pictures of the straight pose that are drawn beside those of a recording.
-const AT_REST: u64 = 15;
 /// Scale of a picture of this width that shows the whole snake.
 const WIDTH_AT_200: f64 = 1280.0;
 
@@ -31,6 +29,9 @@ pub struct Arguments {
     /// output folder; the domain must be one that no controller serves
     #[arg(long, value_name = "NAME")]
     live: Option<String>,
+    /// Draw --angles as Y4M into FIFOs of the output folder, too, as fast as their reader takes them: no files
+    #[arg(long, conflicts_with = "live")]
+    stream: bool,
     /// Folder for the pictures (view0, view1), those at rest (rest0, rest1) and their setup (vision.toml)
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
@@ -57,9 +58,17 @@ struct LookArguments {
     /// Strong blur, noise and uneven light
     #[arg(long)]
     strong: bool,
+    /// Both cameras stand turned by this about the snake, from pitch towards yaw
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = turn)]
+    turned_deg: f64,
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+}
+
+fn turn(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|deg: &f64| deg.abs() <= 180.0);
+    value.ok_or_else(|| "must be an angle from -180 to 180".to_owned())
 }
 
 /// Runs it.
@@ -67,7 +76,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = rig(arguments);
     fs::create_dir_all(&arguments.output).map_err(|error| format!("{}: {error}", arguments.output.display()))?;
     match (&arguments.angles, &arguments.live) {
-        (Some(angles), _) => recorded(arguments, &rig, angles),
+        (Some(angles), _) => {
+            let poses = table::read(angles)?;
+            match arguments.stream {
+                false => recorded::files(arguments, &rig, &poses),
+                true => recorded::stream(arguments, &rig, &poses, &Interrupt::catch()?),
+            }
+        }
         (None, Some(domain)) => {
             let path = write_setup(arguments, &rig)?;
             println!(
@@ -87,6 +102,7 @@ fn rig(arguments: &Arguments) -> Rig {
     let look = &arguments.look;
     let mut rig = Rig::laboratory(width, height, 200.0 * width as f64 / WIDTH_AT_200);
     rig.seed = look.seed;
+    rig.cameras.iter_mut().for_each(|camera| camera.plane_rad += look.turned_deg.to_radians());
     if look.bare_fibre {
         rig.snake = Snake::fibre(0.125);
     }
@@ -108,34 +124,4 @@ fn write_setup(arguments: &Arguments, rig: &Rig) -> Result<PathBuf, Failure> {
     let setup: Setup = setup(rig);
     setup.save(&path)?;
     Ok(path)
-}
-
-fn recorded(arguments: &Arguments, rig: &Rig, angles: &Path) -> Result<(), Failure> {
-    let poses = table::read(angles)?;
-    for view in 0..rig.cameras.len() {
-        for kind in ["view", "rest"] {
-            let folder = arguments.output.join(format!("{kind}{view}"));
-            fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        }
-    }
-    for number in 0..AT_REST {
-        // Numbers that no row has, so that the noise is another.
-        draw(arguments, rig, "rest", Nanos::from_millis(33 * number), Pose::default(), u64::MAX - number)?;
-    }
-    let mut drawn = 0_u64;
-    for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
-        draw(arguments, rig, "view", *stamp, *pose, number as u64)?;
-        drawn += 1;
-    }
-    let path = write_setup(arguments, rig)?;
-    println!("{drawn} poses drawn for {} views; wrote {}", rig.cameras.len(), path.display());
-    Ok(())
-}
-
-fn draw(arguments: &Arguments, rig: &Rig, kind: &str, stamp: Nanos, pose: Pose, number: u64) -> Result<(), Failure> {
-    let name = format!("frame_t{}.{:09}.png", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000);
-    for (view, picture) in rig.shoot(pose, number).iter().enumerate() {
-        save_grey(&arguments.output.join(format!("{kind}{view}")).join(&name), picture)?;
-    }
-    Ok(())
 }

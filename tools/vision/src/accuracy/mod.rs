@@ -2,6 +2,7 @@
 //!
 //! A repeatable experiment, not a test of one picture: the same seed gives the same table.
 
+mod speed;
 mod stereo;
 
 use std::collections::BTreeMap;
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 use crate::fibre::{Doubt, Ground, Settings, Side, measure};
 use crate::scene::{Camera, Optics, Paint, Scene, Snake, random};
 
+pub use speed::speed;
 pub use stereo::{rigs, setup, stereo};
 
 /// A reading whose angle is off by more than this is wrong, deg.

@@ -33,6 +33,9 @@ struct Touch {
 
 const UNTOUCHED: Touch = Touch { distance: f32::INFINITY, cover: 0.0, across: 0.0, along: 0.0 };
 
+/// Pieces meet at small angles, so on the outer side of a bend a piece reaches this far beyond its ends at most, px.
+const BEYOND: f64 = 8.0;
+
 impl Canvas {
     /// An even ground.
     pub fn new(width: usize, height: usize, ground: f32) -> Self {
@@ -46,8 +49,10 @@ impl Canvas {
             return;
         };
         let mut along = 0.0;
-        for pair in rod.points.windows(2) {
-            self.touch(&mut touches, pair[0], pair[1], &cut, along);
+        let last = rod.points.len().saturating_sub(2);
+        for (number, pair) in rod.points.windows(2).enumerate() {
+            let is_outer = [number == 0, number == last];
+            self.touch(&mut touches, pair[0], pair[1], is_outer, &cut, along);
             along += (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
         }
         for (pixel, touch) in self.data.iter_mut().zip(&touches) {
@@ -57,16 +62,19 @@ impl Canvas {
         }
     }
 
-    /// Notes for every pixel how the piece from `a` to `b` covers it.
-    fn touch(&self, touches: &mut [Touch], a: [f64; 3], b: [f64; 3], cut: &Cut, along: f64) {
+    /// Notes for every pixel how the piece from `a` to `b` covers it. `is_outer`: which of its ends is one of the rod;
+    /// beyond the others the next piece is nearer.
+    fn touch(&self, touches: &mut [Touch], a: [f64; 3], b: [f64; 3], is_outer: [bool; 2], cut: &Cut, along: f64) {
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let length = dx.hypot(dy).max(1e-9);
         let (ux, uy) = (dx / length, dy / length);
         let reach = a[2].max(b[2]) + 1.5;
         let (columns, rows) = self
             .window([a[0].min(b[0]) - reach, a[0].max(b[0]) + reach], [a[1].min(b[1]) - reach, a[1].max(b[1]) + reach]);
+        let low = if is_outer[0] { f64::NEG_INFINITY } else { -BEYOND };
+        let high = if is_outer[1] { f64::INFINITY } else { length + BEYOND };
         for row in rows {
-            for column in columns.clone() {
+            for column in beside(columns.clone(), [low, high], a, [ux, uy], row) {
                 let (x, y) = (column as f64, row as f64);
                 let (px, py) = (x - a[0], y - a[1]);
                 let t = px * ux + py * uy;
@@ -75,7 +83,7 @@ impl Canvas {
                 let half = a[2] + (b[2] - a[2]) * clamped / length;
                 let (kept, is_at_end) = cut.kept([x, y]);
                 // At the end the rod is cut off square, so only the distance from its middle line counts there.
-                let distance = if is_at_end { side.abs() } else { (px - clamped * ux).hypot(py - clamped * uy) };
+                let distance = if is_at_end { side.abs() } else { distance(px - clamped * ux, py - clamped * uy) };
                 let touch = &mut touches[row * self.width + column];
                 let cover = (edge(half - distance) * kept) as f32;
                 if cover > 0.0 && (distance as f32) < touch.distance {
@@ -113,6 +121,30 @@ impl Canvas {
         let clip = |range: std::ops::Range<usize>, size: usize| range.start..range.end.min(size);
         (clip(range(x, self.width), self.width), clip(range(y, self.height), self.height))
     }
+}
+
+/// The columns of a row that lie beside a piece: between `low` and `high` along it.
+fn beside(
+    columns: std::ops::Range<usize>,
+    [low, high]: [f64; 2],
+    from: [f64; 3],
+    [ux, uy]: [f64; 2],
+    row: usize,
+) -> std::ops::Range<usize> {
+    if ux.abs() < 1e-3 {
+        return columns;
+    }
+    let at = |t: f64| from[0] + (t - (row as f64 - from[1]) * uy) / ux;
+    let (one, other) = (at(low), at(high));
+    // Casts of what lies outside give the ends of the range.
+    let first = (one.min(other).floor() as usize).max(columns.start);
+    let end = (one.max(other).ceil() as usize).saturating_add(1).min(columns.end);
+    first.min(end)..end
+}
+
+/// Without the care of `hypot` for huge numbers, which takes most of the time of a picture.
+fn distance(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
 }
 
 /// The square end of a rod.

@@ -15,6 +15,12 @@ pub struct Guard {
 }
 
 impl Guard {
+    /// Digest of the newest picture of the right size; `None` before the first.
+    #[must_use]
+    pub fn digest(&self) -> Option<u64> {
+        self.last_digest
+    }
+
     /// A picture whose size differs from the first one's, that was not taken after the one before, or that is identical
     /// to it becomes a gap. A sensor has noise: two identical pictures are one picture twice.
     pub fn check(&mut self, shot: Shot) -> Shot {

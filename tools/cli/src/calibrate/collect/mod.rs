@@ -21,6 +21,8 @@ mod shift;
 mod sidecar;
 mod take;
 
+pub use take::GAP_NS;
+
 use std::fs::File;
 use std::io::LineWriter;
 use std::path::{Path, PathBuf};

@@ -1,0 +1,265 @@
+//! `i2ris demo --through-images`: a calibration whose angles come from pictures, beside one from the angles themselves.
+//!
+//! One run of the emulator, its camera without noise, gives encoder counts and true angles. What a microscope would have
+//! filmed is drawn from the angles and measured by `i2ris vision`, which knows only what its own calibration, from motions
+//! of one axis at a time, found out. Both recordings hold the same motion and the same instants; one has true angles, the
+//! other those of the pictures. A model is fitted to each, and the controller follows an unseen motion with each.
+//!
+//! Pictures are drawn after the motion, not during it: two views at 30 pictures a second, drawn and measured, take more
+//! than a processor. (`i2ris vision render --live` draws during it, for who has them.)
+//!
+//! | file | holds |
+//! |---|---|
+//! | `swing` | motions of one joint axis |
+
+mod swing;
+
+use std::f64::consts::FRAC_PI_2;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use i2ris_vision::scene::Pose;
+use i2ris_vision::setup::Setup;
+use i2ris_vision::source::Size;
+
+use super::bench::{Bench, text};
+use super::process::Process;
+use super::summary::Followed;
+use super::track::rms_deg;
+use super::{Arguments, Motion, bar, calibrate, finish, fit_to, follow, step, watch_over};
+use crate::Failure;
+use crate::vision::table;
+use swing::{REST_S, Swing};
+
+/// The cameras stand turned by this, so that their calibration has something to find.
+const TURNED_DEG: &str = "10";
+/// Every so manieth picture of a motion of one axis is drawn: 10 a second tell enough.
+const EVERY: &str = "3";
+
+/// The recording with as many of its true angles as there are pictures.
+const DIRECT: &str = "direct.csv";
+
+/// The two ways to angles: name, and recording.
+const WAYS: [(&str, &str); 2] = [("direct", DIRECT), ("images", "images.csv")];
+
+/// Runs it.
+pub fn show(bench: &Bench, arguments: &Arguments, size: Size) -> Result<(), Failure> {
+    let mut emulator = step("start two emulated drives with a snake behind them", || {
+        bench.start_emulator(arguments.seed, &["--camera-noise-deg", "0"])
+    })?;
+    match &arguments.from {
+        Some(folder) => bench.take(folder)?,
+        None => {
+            swing(bench, &mut emulator)?;
+            calibrate(bench, &mut emulator, arguments)?;
+        }
+    }
+    if !bench.path("images.csv").exists() {
+        thin(&bench.path("recording.csv"), &bench.path(DIRECT), arguments.pictures_every)?;
+        look(bench, &mut emulator, size)?;
+    }
+    let families = arguments.families("gmr-stop");
+    let mut followed = Vec::new();
+    for family in &families {
+        for (way, recording) in WAYS {
+            let model = format!("{family}-{way}");
+            if !bench.path(&format!("{model}.json")).exists() {
+                step(&format!("fit `{family}` to {recording}"), || {
+                    fit_to(bench, recording, family, &model, arguments.seed)
+                })?;
+            }
+            followed.extend(follow(bench, &mut emulator, arguments, &model)?);
+        }
+    }
+    step("stop the emulator", || emulator.end())?;
+    super::summary::print(&followed, "The camera adds nothing: its angles are the true ones.");
+    seen(bench)?;
+    for family in &families {
+        arguments.motions.iter().for_each(|motion| loss(&followed, family, *motion));
+    }
+    Ok(())
+}
+
+/// Records motions of one axis at a time, from the straight pose on: nothing has moved the snake before.
+fn swing(bench: &Bench, emulator: &mut Process) -> Result<(), Failure> {
+    let (mut controller, mut client) = step("start the controller, home, enable", || bench.start_controller(None))?;
+    for (name, swing) in [("pitch", Swing::Pitch), ("yaw", Swing::Yaw)] {
+        let file = bench.path(&format!("{name}.csv"));
+        step(&format!("move {name} alone"), || {
+            swing.record(&mut client, &mut [&mut *emulator, &mut controller], &file)
+        })?;
+    }
+    drop(client);
+    controller.end()
+}
+
+/// Draws what the cameras would have seen and measures it.
+fn look(bench: &Bench, emulator: &mut Process, size: Size) -> Result<(), Failure> {
+    let size = size.to_string();
+    let file = |name: &str| text(&bench.path(name));
+    for axis in ["pitch", "yaw"] {
+        let (angles, folder) = (file(&format!("{axis}.csv"))?, file(axis)?);
+        let render = ["vision", "render", "--angles", &angles, "--output", &folder, "--size", &size];
+        let options = ["--turned-deg", TURNED_DEG, "--every", EVERY];
+        run(bench, emulator, &format!("draw the motion of {axis}"), &[&render[..], &options].concat())?;
+    }
+    guess(&bench.path("pitch/vision.toml"), &bench.path("guess.toml"))?;
+    let (guess, setup, rest) = (file("guess.toml")?, file("vision.toml")?, REST_S.to_string());
+    let folders = ["pitch/view0", "pitch/view1", "yaw/view0", "yaw/view1"].map(file);
+    let [p0, p1, y0, y1] = folders;
+    let (p0, p1, y0, y1) = (p0?, p1?, y0?, y1?);
+    let calibrate = ["vision", "calibrate", "--setup", &guess, "--output", &setup, "--rest-s", &rest];
+    let motions = ["--pitch", &p0, &p1, "--yaw", &y0, &y1];
+    run(bench, emulator, "calibrate the views by those motions", &[&calibrate[..], &motions].concat())?;
+    stream(bench, emulator, &size, &setup)?;
+    let (recording, angles, images) = (file(DIRECT)?, file("angles.csv")?, file("images.csv")?);
+    run(
+        bench,
+        emulator,
+        "bring angles and counts together",
+        &["calibrate", "merge", &recording, &angles, "--output", &images],
+    )
+}
+
+/// Leaves every so manieth row its angles, and all others their counts only.
+fn thin(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
+    let mut reader = csv::Reader::from_path(recording)?;
+    let header = reader.headers()?.clone();
+    let is_angle = |column: usize| header.get(column).is_some_and(|name| name.ends_with("_deg"));
+    let mut writer = csv::Writer::from_path(to)?;
+    writer.write_record(&header)?;
+    let mut pictures = 0_u32;
+    for row in reader.records() {
+        let row = row?;
+        let has_angles = (0..row.len()).any(|column| is_angle(column) && row.get(column) != Some(""));
+        let keeps = !has_angles || pictures.is_multiple_of(every);
+        pictures += u32::from(has_angles);
+        let cell = |(column, cell)| if keeps || !is_angle(column) { cell } else { "" };
+        writer.write_record(row.iter().enumerate().map(cell))?;
+    }
+    Ok(writer.flush()?)
+}
+
+/// What a person writes into the setup who has not calibrated the views yet.
+fn guess(drawn: &Path, to: &Path) -> Result<(), Failure> {
+    let mut setup = Setup::load(drawn)?;
+    for (number, view) in setup.views.iter_mut().enumerate() {
+        view.set_plane(number as f64 * FRAC_PI_2);
+        view.rest = None;
+    }
+    Ok(setup.save(to)?)
+}
+
+/// Two processes: one draws the recording, the other measures.
+fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Result<(), Failure> {
+    let file = |name: &str| text(&bench.path(name));
+    let (recording, folder, angles) = (file(DIRECT)?, file("pictures")?, file("angles.csv")?);
+    let (first, second) = (file("pictures/view0")?, file("pictures/view1")?);
+    let pictures = table::read(&bench.path(DIRECT))?.len();
+    let bar = bar("draw the recording as pictures and measure them", pictures as f64 / 10.0);
+    let mut renderer = bench.tool(
+        "render",
+        &[
+            "vision",
+            "render",
+            "--angles",
+            &recording,
+            "--output",
+            &folder,
+            "--size",
+            size,
+            "--turned-deg",
+            TURNED_DEG,
+            "--stream",
+        ],
+    )?;
+    while !Path::new(&second).exists() {
+        renderer.check()?;
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    // Every picture carries its stamp; a rate says that these come from a recording and need not come in time.
+    let measure = ["vision", "--setup", setup, &first, &second, "--rest-s", "0", "--fps", "30", "--output", &angles];
+    let mut vision = bench.tool("vision", &measure)?;
+    while !vision.finished()? {
+        watch_over(&mut [&mut *emulator])?;
+        bar.set_position(lines(Path::new(&angles)));
+        std::thread::sleep(Duration::from_millis(500));
+    }
+    finish(&bar, &format!("{pictures} pairs of pictures"));
+    while !renderer.finished()? {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
+fn lines(path: &Path) -> u64 {
+    fs::read(path).map_or(0, |bytes| bytes.iter().filter(|byte| **byte == b'\n').count() as u64)
+}
+
+/// Runs `i2ris` with arguments to its end.
+fn run(bench: &Bench, emulator: &mut Process, what: &str, arguments: &[&str]) -> Result<(), Failure> {
+    step(what, || {
+        let mut tool = bench.tool("images", arguments)?;
+        while !tool.finished()? {
+            watch_over(&mut [&mut *emulator])?;
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        Ok(())
+    })
+}
+
+/// How exact the pictures were: their angles against the true ones of the same instants.
+fn seen(bench: &Bench) -> Result<(), Failure> {
+    let truth = table::read(&bench.path(DIRECT))?;
+    let measured = table::read(&bench.path("images.csv"))?;
+    let degrees = |pose: &Pose| [pose.pitch_rad.to_degrees(), pose.yaw_rad.to_degrees()];
+    let errors: Vec<[f64; 2]> = measured
+        .iter()
+        .filter_map(|(stamp, pose)| {
+            let (_, exact) = truth.get(truth.partition_point(|(other, _)| other.0 + 1000 < stamp.0))?;
+            let (a, b) = (degrees(pose), degrees(exact));
+            Some([a[0] - b[0], a[1] - b[1]])
+        })
+        .collect();
+    let [pitch, yaw, length] = rms_deg(&errors);
+    println!(
+        "\nPictures: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, {yaw:.3} in yaw, \
+         {length:.3} in length (RMS)",
+        measured.len(),
+        truth.len()
+    );
+    Ok(())
+}
+
+/// What the way through pictures costs.
+fn loss(followed: &[Followed], family: &str, motion: Motion) {
+    let length = |way: &str| {
+        let run = followed.iter().find(|run| run.family == format!("{family}-{way}") && run.motion == motion);
+        run.map(|run| rms_deg(&run.run.errors_deg)[2])
+    };
+    if let (Some(direct), Some(images)) = (length("direct"), length("images")) {
+        println!(
+            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through pictures {images:.3} deg, \
+             loss {:+.3} deg",
+            images - direct
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_other_picture_loses_its_angles_and_no_row_its_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let (from, to) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
+        fs::write(&from, "t_s,q0_counts,pitch_deg,yaw_deg\n1,5,0.1,0.2\n2,6,,\n3,7,0.3,0.4\n4,8,0.5,0.6\n").unwrap();
+        thin(&from, &to, 2).unwrap();
+        assert_eq!(
+            fs::read_to_string(&to).unwrap(),
+            "t_s,q0_counts,pitch_deg,yaw_deg\n1,5,0.1,0.2\n2,6,,\n3,7,,\n4,8,0.5,0.6\n"
+        );
+    }
+}

@@ -1,0 +1,70 @@
+//! The Python client against a controller without drives, where there is a Python with what it needs.
+#![allow(clippy::print_stderr, reason = "a test that skips says so")]
+
+use std::path::Path;
+use std::process::Command;
+
+use i2ris::ipc::StateCommand;
+
+use crate::fake_controller::Controller;
+
+fn python(modules: &str) -> Option<Command> {
+    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
+        return None;
+    }
+    let mut command = Command::new(name);
+    command.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")).env("PYTHONDONTWRITEBYTECODE", "1");
+    Some(command)
+}
+
+const SCRIPT: &str = "
+import math, sys, time
+from i2ris.arm import Arm, NoController, Refused
+
+with Arm(sys.argv[1], deadline_s=0.5) as arm:
+    assert arm.version().interface == 1
+    try:
+        arm.state_command('enable')
+        raise AssertionError('it is not homed')
+    except Refused as refused:
+        assert 'not homed' in str(refused), refused
+    arm.state_command('home')
+    assert arm.state_command('enable') == 'ENABLED'
+    assert arm.wait_for(lambda state: state.state == 'ENABLED' and state.homed).fault == 'none'
+    for k in range(200):
+        arm.servo_jp([math.radians(5.0), math.radians(-3.0)])
+        time.sleep(0.005)
+        joints = arm.measured_js()
+        if k > 20 and joints is not None and abs(math.degrees(joints.position[0]) - 5.0) < 1e-9:
+            break
+    assert abs(math.degrees(joints.position[1]) + 3.0) < 1e-9 and joints.valid and len(joints.position) == 2, joints
+    state = arm.wait_for(lambda state: state.lease)
+    assert state.accepted > 0, state
+    assert list(arm.actuators.measured_js().measured_counts) == [40, -20]
+    try:
+        arm.servo_jp([])
+        raise AssertionError('nothing is no pose')
+    except ValueError:
+        pass
+
+try:
+    Arm('nobody-' + sys.argv[1][-8:]).measured_js()
+    raise AssertionError('nobody serves there')
+except NoController as error:
+    assert 'start i2ris-control' in str(error), error
+";
+
+#[test]
+fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
+    let Some(mut command) = python("iceoryx2, numpy") else { return };
+    let controller = Controller::start();
+    let output = command.args(["-c", SCRIPT, controller.domain.name()]).output().unwrap();
+    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{out}{err}");
+    let robot = controller.robot();
+    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert!((robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9, "{:?}", robot.pose);
+}

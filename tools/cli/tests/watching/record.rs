@@ -1,0 +1,140 @@
+//! `i2ris record` against a controller without drives: what is in the file, and what is there after a bad end.
+
+use std::fs;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use tempfile::TempDir;
+
+use crate::fake_controller::{Controller, Program};
+
+fn i2ris(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_i2ris")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn name(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn place() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("trial.mcap");
+    (folder, file)
+}
+
+/// Waits until a file has some size.
+fn wait_for_size(file: &Path, bytes: u64) {
+    let end = clock::now() + Nanos::from_millis(30_000);
+    while fs::metadata(file).map_or(0, |data| data.len()) < bytes {
+        assert!(clock::now() < end, "{} does not grow", file.display());
+        clock::sleep(Nanos::from_millis(10));
+    }
+}
+
+#[test]
+fn a_recording_holds_every_stream_and_becomes_tables() {
+    let controller = Controller::enabled();
+    let (folder, file) = place();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let arguments = ["record", "--output", name(&file), "--duration-s", "1.5", "--config", name(&config), "--json"];
+    let (success, output, error) = Program::run(&controller.domain, &arguments);
+    assert!(success, "{error}");
+    let report: serde_json::Value = serde_json::from_str(&output).unwrap();
+    assert_eq!((report["dropped"].as_u64(), report["missed"].is_u64()), (Some(0), true), "{output}");
+    assert!(report["messages"]["measured_js"].as_u64().unwrap() > 100, "{output}");
+
+    let output = i2ris(&["record", "info", name(&file)]);
+    let info = text(&output.stdout);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    for part in [
+        "i2ris.header",
+        "robot_id: i2ris-emulated",
+        "i2ris.outcome",
+        "attached emulator.toml",
+        "/measured_js",
+        "/i2ris/goal_js",
+    ] {
+        assert!(info.contains(part), "{part}\n{info}");
+    }
+    let tables = folder.path().join("tables");
+    assert!(i2ris(&["record", "export", name(&file), "--output", name(&tables)]).status.success());
+    let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
+    let mut lines = table.lines();
+    assert!(lines.next().unwrap().starts_with("t_s,received_s,sequence,stamp_ns,boot_id,position_0,position_1"));
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len() as u64, report["messages"]["measured_js"].as_u64().unwrap());
+    assert!(rows.iter().all(|row| (row[5].parse::<f64>().unwrap().to_degrees() - 1.0).abs() < 1e-9));
+    assert!(rows.windows(2).all(|pair| pair[0][2].parse::<u64>().unwrap() < pair[1][2].parse::<u64>().unwrap()));
+}
+
+#[test]
+fn what_was_written_before_kill_9_is_recovered() {
+    let controller = Controller::enabled();
+    let (folder, file) = place();
+    let mut program = Program::start(&controller.domain, &["record", "--output", name(&file), "--note", "killed"]);
+    wait_for_size(&file, 100_000);
+    program.child().kill().unwrap();
+    program.end();
+    assert!(!i2ris(&["record", "info", name(&file)]).status.success(), "it is cut off, and that is said");
+    let whole = folder.path().join("whole.mcap");
+    let output = i2ris(&["record", "recover", name(&file), "--output", name(&whole)]);
+    assert!(output.status.success() && text(&output.stdout).contains("1 metadata records"), "{}", text(&output.stdout));
+    let info = i2ris(&["record", "info", name(&whole)]);
+    assert!(info.status.success() && text(&info.stdout).contains("note: killed"), "{}", text(&info.stdout));
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
+    let controller = Controller::enabled();
+    let (folder, file) = place();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris"));
+    command.args(["record", "--output", name(&file), "--duration-s", "30", "--domain", controller.domain.name()]);
+    // A limit on the size of files refuses a write as a full disk does.
+    // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
+    unsafe {
+        command.pre_exec(|| {
+            use nix::sys::signal::{SigHandler, Signal, signal};
+            signal(Signal::SIGXFSZ, SigHandler::SigIgn)?;
+            let limit = nix::libc::rlimit { rlim_cur: 60_000, rlim_max: 60_000 };
+            nix::errno::Errno::result(nix::libc::setrlimit(nix::libc::RLIMIT_FSIZE, &limit))?;
+            Ok(())
+        });
+    }
+    let output = command.stdin(Stdio::null()).output().unwrap();
+    let error = text(&output.stderr);
+    assert!(!output.status.success() && error.contains("trial.mcap") && error.contains("recover"), "{error}");
+    let whole = folder.path().join("whole.mcap");
+    let output = i2ris(&["record", "recover", name(&file), "--output", name(&whole)]);
+    assert!(output.status.success() && !text(&output.stdout).contains("recovered 0"), "{}", text(&output.stdout));
+}
+
+#[test]
+fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
+    let controller = Controller::enabled();
+    let (folder, file) = place();
+    let arguments = |file| ["record", "--output", file, "--duration-s", "1"];
+    let first = Program::start(&controller.domain, &arguments(name(&file)));
+    wait_for_size(&file, 1);
+    let (success, _, error) = Program::run(&controller.domain, &arguments(name(&file)));
+    assert!(!success && error.contains("does not exist yet"), "{error}");
+    let other = folder.path().join("other.mcap");
+    let (success, _, error) = Program::run(&controller.domain, &arguments(name(&other)));
+    assert!(success, "{error}");
+    assert!(first.end().0);
+    assert!([&file, &other].iter().all(|file| i2ris(&["record", "info", name(file)]).status.success()));
+}
+
+#[test]
+fn places_that_cannot_be_written_are_refused_before_anything_else() {
+    let controller = Controller::enabled();
+    let missing = Path::new("/nonexistent/folder/trial.mcap");
+    let (success, _, error) = Program::run(&controller.domain, &["record", "--output", name(missing)]);
+    assert!(!success && error.contains("cannot make /nonexistent/folder/trial.mcap"), "{error}");
+}

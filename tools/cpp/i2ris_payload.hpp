@@ -1,0 +1,316 @@
+// The messages of i2ris in shared memory, byte for byte as in src/ipc/payload.rs, where fields are explained.
+// Written by `cargo run -p i2ris-record --example header`; a test compares and compiles it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace i2ris {
+
+struct SpanSummary {
+    std::uint64_t p50_ns;
+    std::uint64_t p90_ns;
+    std::uint64_t p99_ns;
+    std::uint64_t p999_ns;
+    std::uint64_t max_ns;
+};
+
+struct ServoJp {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risServoJpV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t client_id;
+    std::uint64_t deadline_ns;
+    double position[3];
+    std::uint32_t count;
+    std::uint32_t flags;
+};
+static_assert(sizeof(ServoJp) == 64);
+static_assert(offsetof(ServoJp, sequence) == 0);
+static_assert(offsetof(ServoJp, stamp_ns) == 8);
+static_assert(offsetof(ServoJp, client_id) == 16);
+static_assert(offsetof(ServoJp, deadline_ns) == 24);
+static_assert(offsetof(ServoJp, position) == 32);
+static_assert(offsetof(ServoJp, count) == 56);
+static_assert(offsetof(ServoJp, flags) == 60);
+
+struct ServoActuator {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risServoActuatorV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t client_id;
+    std::uint64_t deadline_ns;
+    std::int32_t position_counts[2];
+    std::uint32_t count;
+    std::uint32_t flags;
+};
+static_assert(sizeof(ServoActuator) == 48);
+static_assert(offsetof(ServoActuator, sequence) == 0);
+static_assert(offsetof(ServoActuator, stamp_ns) == 8);
+static_assert(offsetof(ServoActuator, client_id) == 16);
+static_assert(offsetof(ServoActuator, deadline_ns) == 24);
+static_assert(offsetof(ServoActuator, position_counts) == 32);
+static_assert(offsetof(ServoActuator, count) == 40);
+static_assert(offsetof(ServoActuator, flags) == 44);
+
+struct JointState {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risJointStateV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    double position[3];
+    double velocity[3];
+    double deviation[3];
+    std::uint8_t model_id[32];
+    std::uint32_t count;
+    std::uint32_t flags;
+};
+static_assert(sizeof(JointState) == 136);
+static_assert(offsetof(JointState, sequence) == 0);
+static_assert(offsetof(JointState, stamp_ns) == 8);
+static_assert(offsetof(JointState, boot_id) == 16);
+static_assert(offsetof(JointState, position) == 24);
+static_assert(offsetof(JointState, velocity) == 48);
+static_assert(offsetof(JointState, deviation) == 72);
+static_assert(offsetof(JointState, model_id) == 96);
+static_assert(offsetof(JointState, count) == 128);
+static_assert(offsetof(JointState, flags) == 132);
+
+struct ActuatorState {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risActuatorStateV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint64_t measured_stamp_ns[2];
+    std::uint64_t written_stamp_ns[2];
+    std::uint64_t command_stamp_ns[2];
+    std::uint64_t command_sequence[2];
+    std::uint64_t exchanges[2];
+    std::int32_t measured_counts[2];
+    std::int32_t setpoint_counts[2];
+    std::int32_t written_counts[2];
+    std::int32_t current_ma[2];
+    std::uint16_t statusword[2];
+    std::uint16_t error_code[2];
+    std::uint8_t phase[2];
+    std::uint8_t reserved[2];
+    std::uint32_t count;
+};
+static_assert(sizeof(ActuatorState) == 152);
+static_assert(offsetof(ActuatorState, sequence) == 0);
+static_assert(offsetof(ActuatorState, stamp_ns) == 8);
+static_assert(offsetof(ActuatorState, boot_id) == 16);
+static_assert(offsetof(ActuatorState, measured_stamp_ns) == 24);
+static_assert(offsetof(ActuatorState, written_stamp_ns) == 40);
+static_assert(offsetof(ActuatorState, command_stamp_ns) == 56);
+static_assert(offsetof(ActuatorState, command_sequence) == 72);
+static_assert(offsetof(ActuatorState, exchanges) == 88);
+static_assert(offsetof(ActuatorState, measured_counts) == 104);
+static_assert(offsetof(ActuatorState, setpoint_counts) == 112);
+static_assert(offsetof(ActuatorState, written_counts) == 120);
+static_assert(offsetof(ActuatorState, current_ma) == 128);
+static_assert(offsetof(ActuatorState, statusword) == 136);
+static_assert(offsetof(ActuatorState, error_code) == 140);
+static_assert(offsetof(ActuatorState, phase) == 144);
+static_assert(offsetof(ActuatorState, reserved) == 146);
+static_assert(offsetof(ActuatorState, count) == 148);
+
+struct OperatingStateMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risOperatingStateV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint64_t since_ns;
+    std::uint64_t lease_client_id;
+    std::uint64_t accepted;
+    std::uint64_t refused;
+    std::uint64_t stale_stops;
+    std::uint32_t state;
+    std::uint32_t fault;
+    std::uint32_t last_refusal;
+    std::uint32_t flags;
+};
+static_assert(sizeof(OperatingStateMsg) == 80);
+static_assert(offsetof(OperatingStateMsg, sequence) == 0);
+static_assert(offsetof(OperatingStateMsg, stamp_ns) == 8);
+static_assert(offsetof(OperatingStateMsg, boot_id) == 16);
+static_assert(offsetof(OperatingStateMsg, since_ns) == 24);
+static_assert(offsetof(OperatingStateMsg, lease_client_id) == 32);
+static_assert(offsetof(OperatingStateMsg, accepted) == 40);
+static_assert(offsetof(OperatingStateMsg, refused) == 48);
+static_assert(offsetof(OperatingStateMsg, stale_stops) == 56);
+static_assert(offsetof(OperatingStateMsg, state) == 64);
+static_assert(offsetof(OperatingStateMsg, fault) == 68);
+static_assert(offsetof(OperatingStateMsg, last_refusal) == 72);
+static_assert(offsetof(OperatingStateMsg, flags) == 76);
+
+struct PeriodStatistics {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risPeriodStatisticsV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint64_t window_ns;
+    std::uint64_t period_ns;
+    std::uint64_t ticks;
+    std::uint64_t missed;
+    std::uint64_t total_ticks;
+    std::uint64_t total_missed;
+    SpanSummary period;
+    SpanSummary lateness;
+    SpanSummary compute;
+    std::uint32_t priority;
+    std::uint32_t cpu;
+    std::uint32_t memory_locked;
+    std::uint32_t reserved;
+};
+static_assert(sizeof(PeriodStatistics) == 208);
+static_assert(offsetof(PeriodStatistics, sequence) == 0);
+static_assert(offsetof(PeriodStatistics, stamp_ns) == 8);
+static_assert(offsetof(PeriodStatistics, boot_id) == 16);
+static_assert(offsetof(PeriodStatistics, window_ns) == 24);
+static_assert(offsetof(PeriodStatistics, period_ns) == 32);
+static_assert(offsetof(PeriodStatistics, ticks) == 40);
+static_assert(offsetof(PeriodStatistics, missed) == 48);
+static_assert(offsetof(PeriodStatistics, total_ticks) == 56);
+static_assert(offsetof(PeriodStatistics, total_missed) == 64);
+static_assert(offsetof(PeriodStatistics, period) == 72);
+static_assert(offsetof(PeriodStatistics, lateness) == 112);
+static_assert(offsetof(PeriodStatistics, compute) == 152);
+static_assert(offsetof(PeriodStatistics, priority) == 192);
+static_assert(offsetof(PeriodStatistics, cpu) == 196);
+static_assert(offsetof(PeriodStatistics, memory_locked) == 200);
+static_assert(offsetof(PeriodStatistics, reserved) == 204);
+
+struct ExternalPosition {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risExternalPositionV2";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    double position[3];
+    double deviation[3];
+    double quality;
+    std::uint32_t count;
+    std::uint32_t flags;
+};
+static_assert(sizeof(ExternalPosition) == 80);
+static_assert(offsetof(ExternalPosition, sequence) == 0);
+static_assert(offsetof(ExternalPosition, stamp_ns) == 8);
+static_assert(offsetof(ExternalPosition, position) == 16);
+static_assert(offsetof(ExternalPosition, deviation) == 40);
+static_assert(offsetof(ExternalPosition, quality) == 64);
+static_assert(offsetof(ExternalPosition, count) == 72);
+static_assert(offsetof(ExternalPosition, flags) == 76);
+
+struct ModelRequest {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risModelRequestV1";
+    std::uint64_t client_id;
+    std::uint32_t action;
+    std::uint32_t flags;
+    std::uint8_t model_id[32];
+    std::uint8_t path[1024];
+};
+static_assert(sizeof(ModelRequest) == 1072);
+static_assert(offsetof(ModelRequest, client_id) == 0);
+static_assert(offsetof(ModelRequest, action) == 8);
+static_assert(offsetof(ModelRequest, flags) == 12);
+static_assert(offsetof(ModelRequest, model_id) == 16);
+static_assert(offsetof(ModelRequest, path) == 48);
+
+struct ModelSlot {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risModelSlotV1";
+    double training_rms[3];
+    double held_out_rms[3];
+    std::uint8_t model_id[32];
+    std::uint8_t family[32];
+    std::uint8_t file[120];
+    std::uint32_t outputs;
+    std::uint32_t flags;
+};
+static_assert(sizeof(ModelSlot) == 240);
+static_assert(offsetof(ModelSlot, training_rms) == 0);
+static_assert(offsetof(ModelSlot, held_out_rms) == 24);
+static_assert(offsetof(ModelSlot, model_id) == 48);
+static_assert(offsetof(ModelSlot, family) == 80);
+static_assert(offsetof(ModelSlot, file) == 112);
+static_assert(offsetof(ModelSlot, outputs) == 232);
+static_assert(offsetof(ModelSlot, flags) == 236);
+
+struct ModelDifference {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risModelDifferenceV1";
+    double present_counts[2];
+    double largest_counts[2];
+    double largest_at_counts[2];
+    double unreached;
+    std::uint32_t valid;
+    std::uint32_t reserved;
+};
+static_assert(sizeof(ModelDifference) == 64);
+static_assert(offsetof(ModelDifference, present_counts) == 0);
+static_assert(offsetof(ModelDifference, largest_counts) == 16);
+static_assert(offsetof(ModelDifference, largest_at_counts) == 32);
+static_assert(offsetof(ModelDifference, unreached) == 48);
+static_assert(offsetof(ModelDifference, valid) == 56);
+static_assert(offsetof(ModelDifference, reserved) == 60);
+
+struct BlackBoxRequest {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risBlackBoxRequestV1";
+    std::uint64_t client_id;
+};
+static_assert(sizeof(BlackBoxRequest) == 8);
+static_assert(offsetof(BlackBoxRequest, client_id) == 0);
+
+struct BlackBoxReply {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risBlackBoxReplyV1";
+    std::uint64_t ticks;
+    std::uint8_t text[1024];
+};
+static_assert(sizeof(BlackBoxReply) == 1032);
+static_assert(offsetof(BlackBoxReply, ticks) == 0);
+static_assert(offsetof(BlackBoxReply, text) == 8);
+
+struct StateCommandRequest {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandV1";
+    std::uint64_t client_id;
+    std::uint32_t command;
+    std::uint32_t reserved;
+};
+static_assert(sizeof(StateCommandRequest) == 16);
+static_assert(offsetof(StateCommandRequest, client_id) == 0);
+static_assert(offsetof(StateCommandRequest, command) == 8);
+static_assert(offsetof(StateCommandRequest, reserved) == 12);
+
+struct StateCommandReply {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandReplyV1";
+    std::uint32_t refusal;
+    std::uint32_t state;
+};
+static_assert(sizeof(StateCommandReply) == 8);
+static_assert(offsetof(StateCommandReply, refusal) == 0);
+static_assert(offsetof(StateCommandReply, state) == 4);
+
+struct VersionRequest {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risVersionRequestV1";
+    std::uint64_t reserved;
+};
+static_assert(sizeof(VersionRequest) == 8);
+static_assert(offsetof(VersionRequest, reserved) == 0);
+
+struct Version {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risVersionV1";
+    std::uint64_t boot_id;
+    std::uint32_t pid;
+    std::uint32_t interface;
+    std::uint16_t software[3];
+    std::uint8_t shape[2];
+    std::uint8_t model_id[32];
+    std::uint8_t output_names[48];
+};
+static_assert(sizeof(Version) == 104);
+static_assert(offsetof(Version, boot_id) == 0);
+static_assert(offsetof(Version, pid) == 8);
+static_assert(offsetof(Version, interface) == 12);
+static_assert(offsetof(Version, software) == 16);
+static_assert(offsetof(Version, shape) == 22);
+static_assert(offsetof(Version, model_id) == 24);
+static_assert(offsetof(Version, output_names) == 56);
+
+} // namespace i2ris

@@ -1,0 +1,461 @@
+"""The robot as CRTK sees an arm: streams, states, and commands that keep the lease.
+
+::
+
+    from i2ris.arm import Arm
+    import math, time
+
+    with Arm() as arm:
+        arm.state_command("enable")
+        for k in range(1000):
+            arm.servo_jp([0.1 * math.sin(0.01 * k), 0.0])
+            time.sleep(0.005)
+        print(arm.measured_js().position)
+
+Commands have to come faster than their deadline (50 ms unless told otherwise), or the robot stops and holds. At the end
+of the ``with`` block the lease is free and the robot holds. Nothing here waits for the controller but ``state_command``,
+``version`` and ``wait_for``.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import time
+from dataclasses import dataclass
+from typing import Callable, Sequence
+
+import numpy as np
+
+from .link import Link, NoController, OtherInterface, client, publisher, subscriber
+from .payload import (
+    ActuatorState,
+    ExternalPosition,
+    JointState,
+    ModelReply,
+    ModelRequest,
+    ModelSlot,
+    OperatingStateMsg,
+    PeriodStatistics,
+    ServoActuator,
+    ServoJp,
+    StateCommandReply,
+    StateCommandRequest,
+    Version,
+    VersionRequest,
+)
+
+__all__ = [
+    "Actuators",
+    "Arm",
+    "Joints",
+    "Model",
+    "Models",
+    "NoController",
+    "NoReply",
+    "OperatingState",
+    "OtherInterface",
+    "Refused",
+]
+
+STATES = {0: "DISABLED", 1: "ENABLED", 2: "PAUSED", 3: "FAULT"}
+COMMANDS = {
+    "enable": 1,
+    "disable": 2,
+    "pause": 3,
+    "resume": 4,
+    "home": 5,
+    "unhome": 6,
+    "condition": 7,
+    "acknowledge": 8,
+    "release": 9,
+}
+REFUSALS = {
+    1: "a value is not finite",
+    2: "stale: the command was older than its deadline when it arrived",
+    3: "step too large: commands may move only a little at a time",
+    4: "another client holds the lease",
+    5: "not enabled",
+    6: "not homed: an axis does not know its zero",
+    7: "no model is loaded",
+    8: "malformed command",
+    9: "outside the position limits",
+    10: "not allowed in this state",
+    11: "busy: a former command is being carried out",
+    12: "the cause of the fault is still there",
+    13: "sequence number did not rise",
+    14: "not supported by this controller",
+    15: "stamp in the future or deadline too long",
+    16: "the drives are not ready",
+    17: "this model is not staged",
+    18: "no model was in use before this one",
+    19: "the hysteresis memory is unknown: condition first, or force it",
+    20: "the model is refused",
+}
+FAULTS = {
+    0: "none",
+    1: "a drive reports an error",
+    2: "a drive does not answer",
+    3: "set-point and encoder are too far apart",
+    4: "a drive left the enabled state by itself",
+    5: "a drive did not reach the demanded state in time",
+    6: "homing failed",
+    7: "the model gave a value that is not finite",
+}
+
+#: How long an answer may take, s.
+PATIENCE_S = 1.0
+#: A model is read and checked over its whole hull, s.
+MODEL_PATIENCE_S = 30.0
+#: How often it is looked for one, s.
+POLL_S = 0.001
+
+
+class Refused(Exception):
+    """The controller refuses a command, and says why."""
+
+
+class NoReply(Exception):
+    """The controller does not answer."""
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Angles at an instant. ``valid`` is False while no model is loaded."""
+
+    stamp_ns: int
+    #: Pitch and yaw, rad (x, y, z, m, for a model of the tip).
+    position: np.ndarray
+    #: Per second.
+    velocity: np.ndarray
+    #: Standard deviation of ``position``; 0 where it is not known.
+    deviation: np.ndarray
+    valid: bool
+    #: The estimate is on the right branch of the hysteresis loop.
+    memory_known: bool
+    #: The goal lay outside the calibrated hull.
+    clipped: bool
+    sequence: int
+
+
+@dataclass(frozen=True)
+class Actuators:
+    """Motors at an instant."""
+
+    stamp_ns: int
+    measured_counts: np.ndarray
+    measured_stamp_ns: np.ndarray
+    setpoint_counts: np.ndarray
+    current_ma: np.ndarray
+    error_code: np.ndarray
+    sequence: int
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model at hand."""
+
+    #: SHA-256, hexadecimal.
+    id: str
+    family: str
+    file: str
+    memory_known: bool
+    #: Root mean square error per output on training data and on data held out, in degrees (millimetres).
+    training_rms: np.ndarray
+    held_out_rms: np.ndarray
+
+
+@dataclass(frozen=True)
+class Models:
+    """The models at hand; None where there is none."""
+
+    active: Model | None
+    staged: Model | None
+    former: Model | None
+
+
+@dataclass(frozen=True)
+class OperatingState:
+    """What state the controller is in."""
+
+    stamp_ns: int
+    state: str
+    fault: str
+    homed: bool
+    busy: bool
+    holding: bool
+    memory_known: bool
+    #: Whether this client holds the lease, and whether anybody does.
+    lease: bool
+    taken: bool
+    accepted: int
+    refused: int
+    #: Why the last refused command was refused; empty if none was.
+    last_refusal: str
+
+
+class Arm:
+    """A client of the controller of a domain. ``with`` gives the lease back at the end."""
+
+    def __init__(self, domain: str = "i2ris", deadline_s: float | None = None):
+        """``deadline_s``: age at which a command of this client is stale; None: the controller's default."""
+        self._link = Link(domain)
+        self._client_id = secrets.randbits(63) | 1
+        self._deadline_ns = 0 if deadline_s is None else int(deadline_s * 1e9)
+        self._sequence = 0
+        self._latest = {}
+        self._commanded = False
+        #: Motors one by one, without a model.
+        self.actuators = ActuatorArm(self)
+        #: Models: what is in use, and changing it.
+        self.model = ModelArm(self)
+
+    def __enter__(self) -> "Arm":
+        """Connects. What the controller tells arrives from here on, the first of it within 50 ms."""
+        for look in (self.measured_js, self.setpoint_js, self.goal_js, self.operating_state, self.external_jp):
+            look()
+        self.actuators.measured_js()
+        return self
+
+    def __exit__(self, *_error) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Gives the lease back, if this client commanded, and disconnects. The robot holds."""
+        try:
+            if self._commanded:
+                # A command that is still on its way would take the lease again; well below its deadline.
+                time.sleep(0.02)
+                self.state_command("release")
+        except (NoController, NoReply, Refused):
+            # Nobody there, or not ours any more: it is free, then.
+            pass
+        finally:
+            self._commanded = False
+            self._link.close()
+
+    def servo_jp(self, position: Sequence[float]) -> int:
+        """Go to these angles now, rad. Returns the number of the command. To be called again and again."""
+        if not 1 <= len(position) <= 3:
+            raise ValueError("1 to 3 values")
+        command = ServoJp(
+            sequence=self._next(),
+            stamp_ns=time.monotonic_ns(),
+            client_id=self._client_id,
+            deadline_ns=self._deadline_ns,
+            count=len(position),
+        )
+        command.position[: len(position)] = [float(value) for value in position]
+        return self._send("i2ris/servo_jp", command)
+
+    def measured_js(self) -> Joints | None:
+        """The model's estimate from the encoders; None until the first one has arrived."""
+        return self._joints("i2ris/measured_js")
+
+    def setpoint_js(self) -> Joints | None:
+        """The model's estimate for the set-points."""
+        return self._joints("i2ris/setpoint_js")
+
+    def goal_js(self) -> Joints | None:
+        """What was asked, after clipping to the calibrated hull."""
+        return self._joints("i2ris/goal_js")
+
+    def external_jp(self) -> ExternalPosition | None:
+        """What a camera saw last, as it was sent."""
+        return self._newest("i2ris/external/measured_jp", ExternalPosition)
+
+    def period_statistics(self) -> PeriodStatistics | None:
+        """How real-time the loop was in the last second."""
+        return self._newest("i2ris/period_statistics", PeriodStatistics)
+
+    def operating_state(self) -> OperatingState | None:
+        """What state the controller is in; None until it has told."""
+        message = self._newest("i2ris/operating_state", OperatingStateMsg)
+        if message is None:
+            return None
+        flag = lambda bit: bool(message.flags & bit)  # noqa: E731
+        return OperatingState(
+            stamp_ns=message.stamp_ns,
+            state=STATES.get(message.state, f"unknown state {message.state}"),
+            fault=FAULTS.get(message.fault, f"unknown fault {message.fault}"),
+            homed=flag(OperatingStateMsg.HOMED),
+            busy=flag(OperatingStateMsg.BUSY),
+            holding=flag(OperatingStateMsg.HOLDING),
+            memory_known=flag(OperatingStateMsg.MEMORY_KNOWN),
+            lease=message.lease_client_id == self._client_id,
+            taken=message.lease_client_id != 0,
+            accepted=message.accepted,
+            refused=message.refused,
+            last_refusal="" if message.last_refusal == 0 else _refusal(message.last_refusal),
+        )
+
+    def state_command(self, command: str) -> str:
+        """Asks for a change of state and returns the state right after: enable, disable, pause, resume, home, unhome,
+        condition, acknowledge, release. Raises Refused with the reason. What takes longer goes on after the answer: see
+        ``OperatingState.busy`` and ``wait_for``.
+        """
+        if command not in COMMANDS:
+            raise ValueError(f"no such command: {command!r}; one of {', '.join(COMMANDS)}")
+        request = StateCommandRequest(client_id=self._client_id, command=COMMANDS[command])
+        reply = self._ask("i2ris/state_command", request, StateCommandReply)
+        state = STATES.get(reply.state, f"unknown state {reply.state}")
+        if reply.refusal:
+            raise Refused(f"the controller refuses {command!r} in state {state}: {_refusal(reply.refusal)}")
+        return state
+
+    def wait_for(self, wanted: Callable[[OperatingState], bool], timeout_s: float = 15.0) -> OperatingState:
+        """Waits until the operating state is as wanted. Raises TimeoutError."""
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            state = self.operating_state()
+            if state is not None and wanted(state):
+                return state
+            time.sleep(POLL_S)
+        raise TimeoutError(f"the state was not as wanted within {timeout_s} s")
+
+    def version(self) -> Version:
+        """Who serves the domain."""
+        return self._ask("i2ris/version", VersionRequest(), Version)
+
+    def _next(self) -> int:
+        self._sequence += 1
+        return self._sequence
+
+    def _send(self, service: str, command) -> int:
+        publisher(self._link, service, type(command)).send_copy(command)
+        self._commanded = True
+        return command.sequence
+
+    def _ask(self, service: str, request, reply, patience_s: float = PATIENCE_S):
+        port = client(self._link, service, type(request), reply)
+        pending = port.send_copy(request)
+        end = time.monotonic() + patience_s
+        while time.monotonic() < end:
+            response = pending.receive()
+            if response is not None:
+                return reply.from_buffer_copy(response.payload().contents)
+            self._link.refresh()
+            time.sleep(POLL_S)
+        raise NoReply(f"{service} does not answer within {patience_s} s")
+
+    def _newest(self, service: str, payload):
+        boot = self._link.refresh()
+        port = subscriber(self._link, service, payload)
+        while (sample := port.receive()) is not None:
+            self._latest[service] = (boot, payload.from_buffer_copy(sample.payload().contents))
+        latest = self._latest.get(service)
+        # What a controller said that is gone is forgotten.
+        return latest[1] if latest is not None and latest[0] == boot else None
+
+    def _joints(self, service: str) -> Joints | None:
+        message = self._newest(service, JointState)
+        if message is None:
+            return None
+        count = message.count
+        return Joints(
+            stamp_ns=message.stamp_ns,
+            position=np.array(message.position[:count]),
+            velocity=np.array(message.velocity[:count]),
+            deviation=np.array(message.deviation[:count]),
+            valid=bool(message.flags & JointState.VALID),
+            memory_known=bool(message.flags & JointState.MEMORY_KNOWN),
+            clipped=bool(message.flags & JointState.CLIPPED),
+            sequence=message.sequence,
+        )
+
+
+class ActuatorArm:
+    """The motors of an arm, in counts."""
+
+    def __init__(self, arm: Arm):
+        self._arm = arm
+
+    def servo_jp(self, counts: Sequence[int]) -> int:
+        """Turn the motors to these encoder positions now. To be called again and again."""
+        if not 1 <= len(counts) <= 2:
+            raise ValueError("1 or 2 values")
+        arm = self._arm
+        command = ServoActuator(
+            sequence=arm._next(),
+            stamp_ns=time.monotonic_ns(),
+            client_id=arm._client_id,
+            deadline_ns=arm._deadline_ns,
+            count=len(counts),
+        )
+        command.position_counts[: len(counts)] = [int(value) for value in counts]
+        return arm._send("i2ris/actuators/servo_jp", command)
+
+    def measured_js(self) -> Actuators | None:
+        """The motors; None until the first message has arrived."""
+        message = self._arm._newest("i2ris/actuators/measured_js", ActuatorState)
+        if message is None:
+            return None
+        count = message.count
+        return Actuators(
+            stamp_ns=message.stamp_ns,
+            measured_counts=np.array(message.measured_counts[:count]),
+            measured_stamp_ns=np.array(message.measured_stamp_ns[:count], dtype=np.uint64),
+            setpoint_counts=np.array(message.setpoint_counts[:count]),
+            current_ma=np.array(message.current_ma[:count]),
+            error_code=np.array(message.error_code[:count]),
+            sequence=message.sequence,
+        )
+
+
+class ModelArm:
+    """The models of an arm."""
+
+    def __init__(self, arm: Arm):
+        self._arm = arm
+
+    def list(self) -> Models:
+        """What is in use, staged, and was in use before."""
+        return self._ask(1)
+
+    def stage(self, path: str | os.PathLike) -> Models:
+        """Has the controller read and check a model file. The model in use stays in use."""
+        name = os.fsencode(os.path.abspath(path))
+        if len(name) >= 1024:
+            raise ValueError(f"{path} is too long a path")
+        return self._ask(2, path=name)
+
+    def activate(self, model_id: str, force: bool = False) -> Models:
+        """Lets the staged model take over, if it has this id. ``force``: also while its memory is unknown."""
+        return self._ask(3, model_id=bytes.fromhex(model_id), force=force)
+
+    def rollback(self, force: bool = False) -> Models:
+        """Lets the model that was in use before take over again."""
+        return self._ask(4, force=force)
+
+    def _ask(self, action: int, model_id: bytes = b"", path: bytes = b"", force: bool = False) -> Models:
+        if len(model_id) not in (0, 32):
+            raise ValueError("a model id has 64 hexadecimal digits")
+        flags = ModelRequest.FORCE if force else 0
+        request = ModelRequest(client_id=self._arm._client_id, action=action, flags=flags)
+        request.model_id[: len(model_id)] = model_id
+        request.path[: len(path)] = path
+        reply = self._arm._ask("i2ris/model", request, ModelReply, MODEL_PATIENCE_S)
+        if reply.refusal:
+            raise Refused(f"{_refusal(reply.refusal)}: {_text(reply.message)}")
+        return Models(*(_model(slot) for slot in reply.slots))
+
+
+def _model(slot: ModelSlot) -> Model | None:
+    if not slot.flags & ModelSlot.PRESENT:
+        return None
+    return Model(
+        id=bytes(slot.model_id).hex(),
+        family=_text(slot.family),
+        file=_text(slot.file),
+        memory_known=bool(slot.flags & ModelSlot.MEMORY_KNOWN),
+        training_rms=np.array(slot.training_rms[: slot.outputs]),
+        held_out_rms=np.array(slot.held_out_rms[: slot.outputs]),
+    )
+
+
+def _text(field) -> str:
+    return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace")
+
+
+def _refusal(number: int) -> str:
+    return REFUSALS.get(number, f"unknown reason {number}")

@@ -1,0 +1,138 @@
+"""The connection to whatever controller serves a domain, across its restarts.
+
+Where the shared memory of a domain lies is told in ``src/ipc/domain.rs``. Every start of the controller has shared
+memory of its own; ports that belong to an old one are opened anew.
+"""
+
+import fcntl
+import os
+import re
+import struct
+import time
+from pathlib import Path
+
+import iceoryx2 as iox2
+
+INTERFACE_VERSION = 1
+#: How often it is looked which controller serves, s.
+PROBE_S = 0.02
+
+
+class NoController(Exception):
+    """Nobody serves the domain now; it may come."""
+
+
+class OtherInterface(Exception):
+    """The controller speaks another version; install the package that belongs to it."""
+
+
+class Link:
+    """The way to the controller of a domain. Opens nothing before it is asked."""
+
+    def __init__(self, domain: str = "i2ris"):
+        if not re.fullmatch(r"[A-Za-z0-9-]{1,32}", domain):
+            raise ValueError(f"domain name {domain!r} is not valid: use 1 to 32 letters, digits or -")
+        self.domain = domain
+        self.directory = Path(f"/dev/shm/i2ris-{os.geteuid()}-{domain}")
+        self._boot = None
+        self._node = None
+        self._ports = {}
+        self._next_probe = 0.0
+
+    def port(self, key, opened):
+        """The port of this key; ``opened(node)`` makes it, again after a restart of the controller."""
+        self.refresh()
+        if key not in self._ports:
+            self._ports[key] = opened(self._node)
+        return self._ports[key][-1]
+
+    def refresh(self) -> str:
+        """The boot id of the controller that serves. Raises NoController or OtherInterface."""
+        now = time.monotonic()
+        if self._boot is not None and now < self._next_probe:
+            return self._boot
+        boot = self._ready()
+        self._next_probe = now + PROBE_S
+        if boot != self._boot:
+            self.close()
+            self._node = self._create_node(boot)
+            self._boot = boot
+        return boot
+
+    def close(self) -> None:
+        """Lets go of everything. The next use connects anew."""
+        # In this order: a port must not outlive its node.
+        for port in self._ports.values():
+            port.clear()
+        self._ports.clear()
+        self._node = None
+        self._boot = None
+
+    def _create_node(self, boot: str):
+        config = iox2.config.default()
+        config.global_cfg.root_path = iox2.Path.new(str(self.directory / boot))
+        config.global_cfg.prefix = iox2.FileName.new(f"{self.directory.name}_{boot}_")
+        # Only the controller cleans up after dead processes.
+        config.global_cfg.node.cleanup_dead_nodes_on_creation = False
+        config.global_cfg.node.cleanup_dead_nodes_on_destruction = False
+        config.global_cfg.service.cleanup_dead_nodes_on_open = False
+        mode = iox2.SignalHandlingMode.Disabled
+        return iox2.NodeBuilder.new().config(config).signal_handling_mode(mode).create(iox2.ServiceType.Ipc)
+
+    def _ready(self) -> str:
+        absent = NoController(f"no controller serves domain {self.domain}; start i2ris-control, or name its domain")
+        try:
+            boot, interface, _pid = (self.directory / "ready").read_text().split()
+            with open(self.directory / "lock", "rb") as lock:
+                held = _is_held(lock)
+        except (OSError, ValueError):
+            held = False
+        if not held:
+            self.close()
+            raise absent
+        if int(interface) != INTERFACE_VERSION:
+            raise OtherInterface(f"the controller has interface version {interface}, not {INTERFACE_VERSION}")
+        return boot
+
+
+def publisher(link: Link, service: str, payload):
+    """A publisher of a stream that the controller reads."""
+
+    def opened(node):
+        factory = _streams(node, service, payload)
+        return [factory, factory.publisher_builder().create()]
+
+    return link.port(("publish", service), opened)
+
+
+def subscriber(link: Link, service: str, payload):
+    """A subscriber of a stream."""
+
+    def opened(node):
+        factory = _streams(node, service, payload)
+        return [factory, factory.subscriber_builder().create()]
+
+    return link.port(("subscribe", service), opened)
+
+
+def client(link: Link, service: str, request, reply):
+    """A client of a service that answers."""
+
+    def opened(node):
+        builder = node.service_builder(iox2.ServiceName.new(service)).request_response(request, reply)
+        factory = builder.open()
+        return [factory, factory.client_builder().create()]
+
+    return link.port(("ask", service), opened)
+
+
+def _streams(node, service: str, payload):
+    return node.service_builder(iox2.ServiceName.new(service)).publish_subscribe(payload).open()
+
+
+def _is_held(lock) -> bool:
+    """Whether a controller holds its lock: the file alone may have been left behind. Asks without taking it."""
+    layout = "hhqqi4x"
+    probe = struct.pack(layout, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+    answer = fcntl.fcntl(lock, fcntl.F_OFD_GETLK, probe)
+    return struct.unpack(layout, answer)[0] != fcntl.F_UNLCK

@@ -1,0 +1,295 @@
+"""The messages, byte for byte as in ``src/ipc/payload.rs``; what the fields mean is told there.
+
+Angles are radians, stamps are nanoseconds of the monotonic clock (``time.monotonic_ns()``), motors turn in counts.
+A test compares names, sizes and offsets with those of the controller.
+"""
+
+import ctypes
+from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
+
+
+class Payload(ctypes.Structure):
+    """A message of fixed size. ``NAME`` is its name in iceoryx2, with the version of its layout."""
+
+    NAME = ""
+
+    @classmethod
+    def type_name(cls) -> str:
+        return cls.NAME
+
+    def __repr__(self) -> str:
+        def shown(value):
+            if not isinstance(value, ctypes.Array):
+                return value
+            if value._type_ is c_uint8:
+                text = bytes(value).rstrip(b"\0")
+                return text.decode() if text.isascii() and text.decode().isprintable() else bytes(value).hex()
+            return [shown(entry) for entry in value]
+
+        fields = ", ".join(f"{name}={shown(getattr(self, name))}" for name, _ in self._fields_)
+        return f"{type(self).__name__}({fields})"
+
+
+class ServoJp(Payload):
+    """``servo_jp``, in: go to these angles now."""
+
+    NAME = "I2risServoJpV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("client_id", c_uint64),
+        ("deadline_ns", c_uint64),
+        ("position", c_double * 3),
+        ("count", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
+class ServoActuator(Payload):
+    """``actuators/servo_jp``, in: turn the motors to these encoder positions now."""
+
+    NAME = "I2risServoActuatorV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("client_id", c_uint64),
+        ("deadline_ns", c_uint64),
+        ("position_counts", c_int32 * 2),
+        ("count", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
+class JointState(Payload):
+    """``measured_js``, ``setpoint_js``, ``goal_js``, out: angles."""
+
+    NAME = "I2risJointStateV1"
+    VALID = 1
+    MEMORY_KNOWN = 2
+    CLIPPED = 4
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("position", c_double * 3),
+        ("velocity", c_double * 3),
+        ("deviation", c_double * 3),
+        ("model_id", c_uint8 * 32),
+        ("count", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
+class ActuatorState(Payload):
+    """``actuators/measured_js``, out: the motors."""
+
+    NAME = "I2risActuatorStateV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("measured_stamp_ns", c_uint64 * 2),
+        ("written_stamp_ns", c_uint64 * 2),
+        ("command_stamp_ns", c_uint64 * 2),
+        ("command_sequence", c_uint64 * 2),
+        ("exchanges", c_uint64 * 2),
+        ("measured_counts", c_int32 * 2),
+        ("setpoint_counts", c_int32 * 2),
+        ("written_counts", c_int32 * 2),
+        ("current_ma", c_int32 * 2),
+        ("statusword", c_uint16 * 2),
+        ("error_code", c_uint16 * 2),
+        ("phase", c_uint8 * 2),
+        ("reserved", c_uint8 * 2),
+        ("count", c_uint32),
+    ]
+
+
+class OperatingStateMsg(Payload):
+    """``operating_state``, out: what state the controller is in, and why."""
+
+    NAME = "I2risOperatingStateV1"
+    HOMED = 1
+    BUSY = 2
+    MODEL = 4
+    MEMORY_KNOWN = 8
+    HOLDING = 16
+    CLIPPED = 32
+    FIFO = 64
+    MEMORY_LOCKED = 128
+    PINNED = 256
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("since_ns", c_uint64),
+        ("lease_client_id", c_uint64),
+        ("accepted", c_uint64),
+        ("refused", c_uint64),
+        ("stale_stops", c_uint64),
+        ("state", c_uint32),
+        ("fault", c_uint32),
+        ("last_refusal", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
+class SpanSummary(Payload):
+    """A distribution of spans, nanoseconds."""
+
+    NAME = "I2risSpanSummaryV1"
+    _fields_ = [
+        ("p50_ns", c_uint64),
+        ("p90_ns", c_uint64),
+        ("p99_ns", c_uint64),
+        ("p999_ns", c_uint64),
+        ("max_ns", c_uint64),
+    ]
+
+
+class PeriodStatistics(Payload):
+    """``period_statistics``, out, once a second: how real-time the loop is."""
+
+    NAME = "I2risPeriodStatisticsV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("window_ns", c_uint64),
+        ("period_ns", c_uint64),
+        ("ticks", c_uint64),
+        ("missed", c_uint64),
+        ("total_ticks", c_uint64),
+        ("total_missed", c_uint64),
+        ("period", SpanSummary),
+        ("lateness", SpanSummary),
+        ("compute", SpanSummary),
+        ("priority", c_uint32),
+        ("cpu", c_uint32),
+        ("memory_locked", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ExternalPosition(Payload):
+    """``external/measured_jp``, in: angles seen by a sensor; all zero but the stamp where it saw nothing."""
+
+    NAME = "I2risExternalPositionV2"
+    VALID = 1
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("position", c_double * 3),
+        ("deviation", c_double * 3),
+        ("quality", c_double),
+        ("count", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
+class StateCommandRequest(Payload):
+    """``state_command``, request."""
+
+    NAME = "I2risStateCommandV1"
+    _fields_ = [("client_id", c_uint64), ("command", c_uint32), ("reserved", c_uint32)]
+
+
+class StateCommandReply(Payload):
+    """``state_command``, reply."""
+
+    NAME = "I2risStateCommandReplyV1"
+    _fields_ = [("refusal", c_uint32), ("state", c_uint32)]
+
+
+class VersionRequest(Payload):
+    """``version``, request."""
+
+    NAME = "I2risVersionRequestV1"
+    _fields_ = [("reserved", c_uint64)]
+
+
+class Version(Payload):
+    """``version``, reply: who serves this domain."""
+
+    NAME = "I2risVersionV1"
+    _fields_ = [
+        ("boot_id", c_uint64),
+        ("pid", c_uint32),
+        ("interface", c_uint32),
+        ("software", c_uint16 * 3),
+        ("shape", c_uint8 * 2),
+        ("model_id", c_uint8 * 32),
+        ("output_names", (c_uint8 * 16) * 3),
+    ]
+
+
+class ModelRequest(Payload):
+    """``model``, request."""
+
+    NAME = "I2risModelRequestV1"
+    FORCE = 1
+    _fields_ = [
+        ("client_id", c_uint64),
+        ("action", c_uint32),
+        ("flags", c_uint32),
+        ("model_id", c_uint8 * 32),
+        ("path", c_uint8 * 1024),
+    ]
+
+
+class ModelSlot(Payload):
+    """A model at hand."""
+
+    NAME = "I2risModelSlotV1"
+    PRESENT = 1
+    MEMORY_KNOWN = 2
+    _fields_ = [
+        ("training_rms", c_double * 3),
+        ("held_out_rms", c_double * 3),
+        ("model_id", c_uint8 * 32),
+        ("family", c_uint8 * 32),
+        ("file", c_uint8 * 120),
+        ("outputs", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
+class ModelDifference(Payload):
+    """How a staged model differs from the one in use."""
+
+    NAME = "I2risModelDifferenceV1"
+    _fields_ = [
+        ("present_counts", c_double * 2),
+        ("largest_counts", c_double * 2),
+        ("largest_at_counts", c_double * 2),
+        ("unreached", c_double),
+        ("valid", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
+class ModelReply(Payload):
+    """``model``, reply: the models in use, staged, and in use before."""
+
+    NAME = "I2risModelReplyV1"
+    _fields_ = [
+        ("refusal", c_uint32),
+        ("reserved", c_uint32),
+        ("slots", ModelSlot * 3),
+        ("difference", ModelDifference),
+        ("message", c_uint8 * 512),
+    ]
+
+
+class BlackBoxRequest(Payload):
+    """``black_box``, request."""
+
+    NAME = "I2risBlackBoxRequestV1"
+    _fields_ = [("client_id", c_uint64)]
+
+
+class BlackBoxReply(Payload):
+    """``black_box``, reply, once the file is written."""
+
+    NAME = "I2risBlackBoxReplyV1"
+    _fields_ = [("ticks", c_uint64), ("text", c_uint8 * 1024)]

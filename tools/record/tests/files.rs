@@ -1,0 +1,234 @@
+//! Files: what is written is what is read, whatever happened to them in between, here and in Python.
+#![allow(clippy::unwrap_used, clippy::print_stderr)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::mem::{offset_of, size_of};
+use std::path::Path;
+use std::process::Command;
+
+use i2ris::ipc::payload::{ActuatorState, JointState, ModelReply, PeriodStatistics};
+use i2ris::units::Nanos;
+use i2ris_record::export::export;
+use i2ris_record::layout::{SPAN_MEMBERS, payloads};
+use i2ris_record::recorder::{Header, Trial};
+use i2ris_record::recover::recover;
+use i2ris_record::topic::Stream;
+
+const UNIX: u64 = 1_700_000_000_000_000_000;
+const MESSAGES: u64 = 2000;
+
+/// Two seconds of a trial.
+fn trial(path: &Path) {
+    let about = BTreeMap::from([("note".to_owned(), "a test".to_owned())]);
+    let attachments = vec![("robot.toml".to_owned(), "application/toml", b"robot_id = \"x\"".to_vec())];
+    let joints = vec!["pitch".to_owned(), "yaw".to_owned()];
+    let mut trial = Trial::start(path, Header { about, attachments, unix_offset_ns: UNIX, joints }).unwrap();
+    for number in 1..=MESSAGES {
+        let stamp = Nanos::from_millis(number);
+        let angle = number as f64 * 1e-4;
+        let joints = JointState {
+            sequence: number,
+            stamp_ns: stamp.0,
+            position: [angle, -angle, 0.0],
+            model_id: [0xAB; 32],
+            count: 2,
+            flags: JointState::VALID,
+            ..JointState::default()
+        };
+        trial.take_joints(Stream::Measured, &joints, stamp);
+        let counts = [number as i32, -(number as i32)];
+        let motors =
+            ActuatorState { sequence: number, stamp_ns: stamp.0, measured_counts: counts, ..Default::default() };
+        trial.take(Stream::Actuators, &motors, stamp);
+        if number % 1000 == 0 {
+            let mut window = PeriodStatistics { sequence: number / 1000, stamp_ns: stamp.0, ..Default::default() };
+            window.lateness.p99_ns = 4321;
+            trial.take(Stream::Statistics, &window, stamp);
+        }
+    }
+    let written = trial.finish(BTreeMap::from([("dropped".to_owned(), "0".to_owned())])).unwrap();
+    assert_eq!((written.dropped, written.messages[&Stream::Measured]), (0, MESSAGES));
+}
+
+#[test]
+fn tables_hold_what_was_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    trial(&file);
+    let exported = export(&file, &folder.path().join("tables")).unwrap();
+    assert!(exported.stopped_by.is_none());
+    assert_eq!(exported.rows["measured_js.csv"], MESSAGES);
+    let mut reader = csv::Reader::from_path(folder.path().join("tables/actuators_measured_js.csv")).unwrap();
+    let header = reader.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|h| h == name).unwrap();
+    let (time, second) = (column("t_s"), column("measured_counts_1"));
+    for (number, row) in reader.records().map(Result::unwrap).enumerate() {
+        assert_eq!(row[second].parse::<i64>().unwrap(), -(number as i64 + 1));
+        assert!((row[time].parse::<f64>().unwrap() - number as f64 * 1e-3).abs() < 1e-6);
+    }
+    let table = fs::read_to_string(folder.path().join("tables/measured_js.csv")).unwrap();
+    assert!(table.lines().nth(1).unwrap().contains(&"ab".repeat(32)));
+    let table = fs::read_to_string(folder.path().join("tables/period_statistics.csv")).unwrap();
+    assert!(table.lines().next().unwrap().contains("lateness_p99_ns") && table.contains("4321"));
+}
+
+#[test]
+fn a_file_that_is_cut_off_anywhere_gives_what_it_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, cut, out) =
+        (folder.path().join("a.mcap"), folder.path().join("cut.mcap"), folder.path().join("out.mcap"));
+    trial(&whole);
+    let bytes = fs::read(&whole).unwrap();
+    let mut most = 0;
+    for part in 0..40 {
+        let length = bytes.len() * part / 39;
+        fs::write(&cut, &bytes[..length]).unwrap();
+        let _ = fs::remove_file(&out);
+        let recovered = recover(&cut, &out).unwrap();
+        assert!(recovered.messages >= most, "more of the file cannot hold less");
+        most = recovered.messages;
+        if length > 20_000 {
+            assert_eq!((recovered.attachments, recovered.metadata >= 1), (1, true), "{length}");
+        }
+        assert!(recover(&out, &folder.path().join(format!("again{part}.mcap"))).unwrap().stopped_by.is_none());
+    }
+    // Standard messages stand beside the controller's own.
+    assert_eq!(most, 3 * MESSAGES + 2);
+}
+
+#[test]
+fn damaged_bytes_are_an_end_and_no_panic() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, bad) = (folder.path().join("a.mcap"), folder.path().join("bad.mcap"));
+    trial(&whole);
+    let bytes = fs::read(&whole).unwrap();
+    for step in 0..60 {
+        let mut damaged = bytes.clone();
+        let place = bytes.len() * step / 60;
+        damaged[place] ^= 0xFF;
+        fs::write(&bad, damaged).unwrap();
+        let _ = export(&bad, &folder.path().join("tables"));
+    }
+}
+
+fn python(modules: &str) -> Option<Command> {
+    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
+        return None;
+    }
+    let mut command = Command::new(name);
+    command.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")).env("PYTHONDONTWRITEBYTECODE", "1");
+    Some(command)
+}
+
+fn succeeds(mut command: Command) {
+    let output = command.output().unwrap();
+    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{out}{err}");
+}
+
+#[test]
+fn python_opens_it_with_named_fields() {
+    let Some(mut command) = python("mcap, mcap_ros2") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    trial(&file);
+    let script = "
+import sys
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+reader = make_reader(open(sys.argv[1], 'rb'), decoder_factories=[DecoderFactory()])
+names = {metadata.name: metadata.metadata for metadata in reader.iter_metadata()}
+assert names['i2ris.header']['note'] == 'a test' and names['i2ris.outcome']['dropped'] == '0', names
+assert [a.data for a in reader.iter_attachments()] == [b'robot_id = \"x\"']
+counts = {}
+for schema, channel, message, decoded in reader.iter_decoded_messages():
+    k = counts[channel.topic] = counts.get(channel.topic, 0) + 1
+    if channel.topic == '/measured_js':
+        assert schema.name == 'sensor_msgs/msg/JointState'
+        assert decoded.name == ['pitch', 'yaw'] and list(decoded.effort) == []
+        assert abs(decoded.position[0] - k * 1e-4) < 1e-12 and abs(decoded.position[1] + k * 1e-4) < 1e-12
+        assert decoded.header.stamp.sec * 1000 + decoded.header.stamp.nanosec // 1000000 == 1700000000000 + k
+    elif channel.topic == '/i2ris/actuators/measured_js':
+        assert list(decoded.measured_counts) == [k, -k] and decoded.sequence == k
+    elif channel.topic == '/i2ris/measured_js':
+        assert bytes(decoded.model_id) == bytes([0xAB] * 32) and decoded.count == 2
+    elif channel.topic == '/i2ris/period_statistics':
+        assert decoded.lateness.p99_ns == 4321
+assert counts == {'/measured_js': 2000, '/i2ris/measured_js': 2000, '/i2ris/actuators/measured_js': 2000,
+                  '/i2ris/period_statistics': 2}, counts
+";
+    command.args(["-c", script]).arg(&file);
+    succeeds(command);
+}
+
+/// Every payload as JSON: name in iceoryx2, size, fields with offset, bytes and number of entries.
+fn table() -> serde_json::Value {
+    let payload = |(name, payload): (&'static str, i2ris_record::layout::Payload)| {
+        let field = |field: &i2ris_record::layout::Field| {
+            let count = if field.is_span { field.count / SPAN_MEMBERS.len() } else { field.count };
+            let bytes = field.kind.bytes() * field.count;
+            serde_json::json!({"name": field.name, "offset": field.offset, "bytes": bytes, "count": count,
+                               "kind": field.kind.ros()})
+        };
+        let fields: Vec<_> = payload.fields.iter().map(field).collect();
+        serde_json::json!({"type_name": name, "name": payload.name, "size": payload.size, "fields": fields})
+    };
+    payloads().into_iter().map(payload).collect::<Vec<_>>().into()
+}
+
+#[test]
+fn python_has_the_same_payloads() {
+    let Some(mut command) = python("ctypes") else { return };
+    let script = "
+import ctypes, json, sys, importlib.util
+spec = importlib.util.spec_from_file_location('payload', 'i2ris/payload.py')
+payload = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(payload)
+table = json.loads(sys.argv[1])
+seen = set()
+for entry in table:
+    kind = getattr(payload, entry['name'])
+    assert kind.type_name() == entry['type_name'], entry['name']
+    assert ctypes.sizeof(kind) == entry['size'], entry['name']
+    assert [name for name, _ in kind._fields_] == [field['name'] for field in entry['fields']], entry['name']
+    for field in entry['fields']:
+        own = getattr(kind, field['name'])
+        assert (own.offset, own.size) == (field['offset'], field['bytes']), (entry['name'], field)
+    seen.add(entry['name'])
+reply = json.loads(sys.argv[2])
+own = payload.ModelReply
+assert ctypes.sizeof(own) == reply['size'] and [getattr(own, name).offset for name, _ in own._fields_] == reply['offsets']
+seen.add('ModelReply')
+classes = {name for name, kind in vars(payload).items() if isinstance(kind, type) and issubclass(kind, payload.Payload)}
+assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
+";
+    // The one payload that is made of others.
+    let offsets = [
+        offset_of!(ModelReply, refusal),
+        offset_of!(ModelReply, reserved),
+        offset_of!(ModelReply, slots),
+        offset_of!(ModelReply, difference),
+        offset_of!(ModelReply, message),
+    ];
+    let reply = serde_json::json!({"size": size_of::<ModelReply>(), "offsets": offsets});
+    command.args(["-c", script]).arg(table().to_string()).arg(reply.to_string());
+    succeeds(command);
+}
+
+#[test]
+fn the_header_for_cpp_is_current_and_compiles() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cpp/i2ris_payload.hpp");
+    let written = fs::read_to_string(&path).unwrap();
+    assert!(written == i2ris_record::header::header(), "write it anew: cargo run -p i2ris-record --example header");
+    let mut compiler = Command::new("c++");
+    compiler.args(["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-include"]).arg(&path);
+    let Ok(output) = compiler.args(["-x", "c++", "/dev/null"]).output() else {
+        eprintln!("skipped: there is no C++ compiler");
+        return;
+    };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
