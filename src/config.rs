@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::access::{self, Untrusted};
 use crate::units::{LONGEST_WINDOW, Nanos};
 
-pub use drives::{AxisConfig, Family, Framing, HomingMethod, PortConfig, Streaming};
+pub use drives::{AxisConfig, Family, Framing, HomingMethod, Pattern, PortConfig, Streaming};
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -361,6 +361,8 @@ impl Config {
         if let Some(folder) = path.parent() {
             config.control.model.iter_mut().for_each(|model| *model = folder.join(&*model));
             config.record.folder = folder.join(&config.record.folder);
+            let positions = config.ports.iter_mut().filter_map(|port| port.positions_file.as_mut());
+            positions.for_each(|file| *file = folder.join(&*file));
         }
         Ok(config)
     }

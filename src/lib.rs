@@ -34,6 +34,7 @@
 //! | [`model`] | forward model and inverse, model files |
 //! | [`drive`] | maxon drives: frames, objects, CiA 402, one thread per serial port |
 //! | [`ipc`] | payloads and services in shared memory, the client library |
+//! | [`guard`] | the second process that stops the drives when the controller dies or hangs |
 //! | [`control`] | the cycle, its states and limits, and the process around it |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
@@ -42,6 +43,7 @@ pub mod clock;
 pub mod config;
 pub mod control;
 pub mod drive;
+pub mod guard;
 pub mod ipc;
 pub mod model;
 pub mod rt;

@@ -25,6 +25,18 @@ pub struct PortConfig {
     /// How long to wait for a reply, in milliseconds, 3 to 1000. Behind a gateway, longer than its own time-out for a node.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: u64,
+    /// Silence of the control loop after which the port stops its enabled axes, in milliseconds; 0: never. The loop writes a
+    /// request every tick, so this is a loop that hangs.
+    #[serde(default = "default_deadman_ms")]
+    pub deadman_ms: u64,
+    /// How often what is not pressing is read while a target is followed.
+    #[serde(default)]
+    pub pattern: Pattern,
+    /// A file that takes where the axes stand when the controller ends, relative to the folder of this file. With it, an axis
+    /// that stands elsewhere at the next start, or of which no one noted the place, is not homed. Absent: what the drive says
+    /// of its zero is believed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub positions_file: Option<PathBuf>,
     /// The axes, one drive each. More than one: the first drive passes requests on over CAN, by node id.
     pub axes: Vec<AxisConfig>,
 }
@@ -39,8 +51,27 @@ impl PortConfig {
             family: Family::default(),
             framing: Framing::default(),
             reply_timeout_ms: default_reply_timeout_ms(),
+            deadman_ms: default_deadman_ms(),
+            pattern: Pattern::default(),
+            positions_file: None,
             axes,
         }
+    }
+}
+
+/// How often what is not pressing is read. A round is a set-point and a position, and takes two exchanges of the line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Pattern {
+    /// Rounds between two looks at the statusword, 1 to 1000.
+    pub status_every: u32,
+    /// Rounds between two reads of the error code, and of the current, 20 to 10000.
+    pub rare_every: u32,
+}
+
+impl Default for Pattern {
+    fn default() -> Self {
+        Self { status_every: 4, rare_every: 32 }
     }
 }
 
@@ -97,6 +128,10 @@ fn default_baud() -> u32 {
 
 fn default_reply_timeout_ms() -> u64 {
     20
+}
+
+fn default_deadman_ms() -> u64 {
+    1000
 }
 
 /// One drive and its motor.
@@ -221,6 +256,9 @@ impl PortConfig {
         require((3..=1000).contains(&timeout), &key("reply_timeout_ms"), timeout, "must be 3 to 1000")?;
         require((9600..=4_000_000).contains(&self.baud), &key("baud"), self.baud, "must be 9600 to 4000000")?;
         require(!twice, &key("device"), self.device.display(), "is named by another port already")?;
+        let Pattern { status_every, rare_every } = self.pattern;
+        require((1..=1000).contains(&status_every), &key("pattern.status_every"), status_every, "must be 1 to 1000")?;
+        require((20..=10_000).contains(&rare_every), &key("pattern.rare_every"), rare_every, "must be 20 to 10000")?;
         let speaks = (self.family, self.framing) != (Family::Epos4, Framing::V1);
         require(speaks, &key("framing"), "v1", "is spoken by `family = \"epos2\"` on RS232 only")?;
         for (place, axis) in self.axes.iter().enumerate() {
@@ -304,6 +342,21 @@ mod tests {
         assert!(parse("", "family = \"epos2\"\nstreaming = \"profile\"").unwrap_err().contains("for EPOS4 only"));
         assert!(parse("", "family = \"epos2\"\ncurrent_limit_ma = 70000").unwrap_err().contains("below 65536"));
         assert!(parse("family = \"epos3\"", "").unwrap_err().contains("epos2"));
+    }
+
+    proptest::proptest! {
+        /// A damaged file is refused or understood, and never ends the process.
+        #[test]
+        fn damaged_files_never_panic(cut in 0..400usize, byte: u8, place in 0..400usize) {
+            let whole = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\nbaud = 115200\nfamily = \"epos2\"\n\
+                         [[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -100\n\
+                         position_max_counts = 100\nhoming = \"stop-positive\"\n";
+            let mut damaged = whole.as_bytes().to_vec();
+            let length = damaged.len();
+            damaged[place % length] = byte;
+            damaged.truncate(cut % length + length / 2);
+            let _ = Config::parse(&String::from_utf8_lossy(&damaged), Path::new("robot.toml"));
+        }
     }
 
     #[test]

@@ -18,7 +18,7 @@ mod steer;
 
 use std::ops::RangeInclusive;
 
-use crate::config::AxisConfig;
+use crate::config::{AxisConfig, Pattern};
 use crate::units::{Counts, Nanos};
 
 use super::cia402::{State, Statusword};
@@ -67,6 +67,7 @@ pub(super) struct Axis {
     plan: HomingPlan,
     stage: Stage,
     rearm: Rearm,
+    pattern: Pattern,
     cadence: Cadence,
     steer: Steer,
     feedback: AxisFeedback,
@@ -97,7 +98,7 @@ struct Reported {
 }
 
 impl Axis {
-    pub(super) fn new(config: &AxisConfig, drive: &'static dyn Drive) -> Self {
+    pub(super) fn new(config: &AxisConfig, drive: &'static dyn Drive, pattern: Pattern) -> Self {
         Self {
             motor: config.motor,
             limits: config.position_min_counts.0..=config.position_max_counts.0,
@@ -106,7 +107,8 @@ impl Axis {
             plan: drive.homing(config),
             stage: Stage::Starting,
             rearm: Rearm::Held,
-            cadence: Cadence::default(),
+            pattern,
+            cadence: Cadence::new(pattern),
             steer: Steer::default(),
             displaced: false,
             unrestored: false,
@@ -160,7 +162,7 @@ impl Axis {
     pub(super) fn readmit(&mut self, position: i32, events: Events<'_>) {
         let (before, after) = (self.feedback.position, Counts(position));
         if self.feedback.stamp > Nanos::ZERO && before.0.abs_diff(after.0) > self.reach {
-            self.displace(before, after, events);
+            self.displace(Some(before), after, events);
         }
         self.misses = 0;
         self.unrestored = false;
@@ -170,10 +172,22 @@ impl Axis {
     }
 
     /// The position is not where it was left: what the drive says of its zero is not believed until the axis is homed.
-    pub(super) fn displace(&mut self, before: Counts, after: Counts, events: Events<'_>) {
+    pub(super) fn displace(&mut self, before: Option<Counts>, after: Counts, events: Events<'_>) {
         self.displaced = true;
         self.feedback.homed = false;
         self.report(PortEventKind::Displaced { before, after }, events);
+    }
+
+    /// Compares where the axis stands with where it was left, at the start of the controller.
+    pub(super) fn compare(&mut self, before: Option<Counts>, after: Counts, events: Events<'_>) {
+        if before.is_none_or(|before| before.0.abs_diff(after.0) > self.reach) {
+            self.displace(before, after, events);
+        }
+    }
+
+    /// Where it rests, switched off and homed: a place to find it again.
+    pub(super) fn resting_place(&self) -> Option<Counts> {
+        (self.stage == Stage::Disabled && self.feedback.homed).then_some(self.feedback.position)
     }
 
     /// The axis answers, but is not usable as it is.
@@ -204,7 +218,7 @@ impl Axis {
         }
         self.still = false;
         self.stage = stage;
-        self.cadence = Cadence::default();
+        self.cadence = Cadence::new(self.pattern);
         self.steer = Steer::default();
         self.reported.refusal = None;
         let (to, statusword) = (stage.phase(), self.feedback.statusword);

@@ -65,6 +65,16 @@ pub(super) fn know_line<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFaul
     Ok(())
 }
 
+/// Learns the known constants of the line, and changes nothing.
+pub(super) fn identify_only<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFault> {
+    let parts = link.drive().parts();
+    link.wait_for_quiet().map_err(|error| AxisFault::Exchange { object: parts.vendor.address(), error })?;
+    check_vendor(link, LOCAL_NODE, parts)?;
+    let serial_number = read(link, LOCAL_NODE, parts.serial_number)?;
+    link.know_serial_number(serial_number);
+    Ok(())
+}
+
 /// Checks that this is the drive that was configured.
 pub(super) fn check_identity<T: Transport>(
     link: &mut Link<T>,
@@ -95,16 +105,21 @@ pub(super) fn read_identity<T: Transport>(
         motor: axis.motor,
         node_id: node,
         product_code: read(link, node, parts.product)?,
-        firmware: match parts.version {
-            Version::HighWord(object) => (read(link, node, object)? >> 16) as u16,
-            Version::Word(object) => read(link, node, object)?,
-        },
+        firmware: read_firmware(link, node, parts)?,
         serial_number: axis.serial_number,
         full_serial_number: full.and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes),
         name: read_text(link, node, parts.device_name)
             .and_then(|bytes| String::from_utf8(bytes).ok())
             .map(|name| name.trim_end_matches('\0').to_owned()),
     })
+}
+
+/// Firmware version, as maxon writes it in hexadecimal.
+pub(super) fn read_firmware<T: Transport>(link: &mut Link<T>, node: u8, parts: &Parts) -> Result<u16, AxisFault> {
+    match parts.version {
+        Version::HighWord(object) => Ok((read(link, node, object)? >> 16) as u16),
+        Version::Word(object) => read(link, node, object),
+    }
 }
 
 /// Good to know and no more: gateways do not carry it, and a drive may not have it.
@@ -158,6 +173,28 @@ fn command<T: Transport>(
     write(link, node, parts.controlword.set(controlword.0))
 }
 
+/// Why a drive could not be stopped from outside the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum StopError {
+    /// The port is not open.
+    #[error("the port could not be opened; cut the power of the drive")]
+    NotHeld,
+    /// Nothing answers.
+    #[error("the drive does not answer; cut its power")]
+    NoAnswer,
+}
+
+/// Stops a drive with its quick-stop ramp, whatever it is doing; it holds with power then. One without power is left so.
+pub(crate) fn quick_stop<T: Transport>(link: &mut Link<T>, node: u8, parts: &Parts) -> Result<State, StopError> {
+    // The command comes first, and blind: it does no harm to a drive without power but to make it harder to switch on.
+    let stop = parts.controlword.set(Controlword::QUICK_STOP.0);
+    let _ = link.write(node, stop, Repeat::Safe);
+    match drive_to(link, node, parts, Goal::Stopped) {
+        Ok(state) | Err(AxisFault::StillOn { state }) => Ok(state),
+        Err(_) => Err(StopError::NoAnswer),
+    }
+}
+
 /// Exchanges that are timed at start.
 const TIMED: usize = 21;
 
@@ -202,7 +239,7 @@ pub(super) fn read<T: Transport, V: Value>(link: &mut Link<T>, node: u8, object:
     link.read(node, object).map_err(|error| AxisFault::Exchange { object: object.address(), error })
 }
 
-fn read_back<T: Transport>(link: &mut Link<T>, node: u8, setting: Setting) -> Result<u32, AxisFault> {
+pub(super) fn read_back<T: Transport>(link: &mut Link<T>, node: u8, setting: Setting) -> Result<u32, AxisFault> {
     let object = setting.object;
     link.read_raw(node, object).map(|answer| answer.value).map_err(|error| AxisFault::Exchange { object, error })
 }

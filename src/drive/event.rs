@@ -98,10 +98,15 @@ pub enum PortEventKind {
     NotUsable(AxisFault),
     /// The position is not where it was left while no one looked: the axis counts as not homed.
     Displaced {
-        /// Where it was left.
-        before: Counts,
+        /// Where it was left; `None`: no one noted it.
+        before: Option<Counts>,
         /// Where it stands.
         after: Counts,
+    },
+    /// The control loop wrote no request for too long; the axis is stopped.
+    Deserted {
+        /// For how long.
+        silence: Nanos,
     },
     /// Exchanges take long: something holds replies back.
     SlowLine {
@@ -211,8 +216,17 @@ impl fmt::Display for PortEventKind {
             Self::StillOn { state } => write!(f, "power stage does not go off in order ({state:?}), cutting its power"),
             Self::Lost(error) => write!(f, "lost: {error}"),
             Self::NotUsable(fault) => write!(f, "not usable: {fault}"),
-            Self::Displaced { before, after } => {
+            Self::Displaced { before: Some(before), after } => {
                 write!(f, "stands at {after} and was left at {before}; it counts as not homed: home the axis")
+            }
+            Self::Displaced { before: None, after } => {
+                write!(
+                    f,
+                    "stands at {after}, and no one noted where it was left; it counts as not homed: home the axis"
+                )
+            }
+            Self::Deserted { silence } => {
+                write!(f, "the control loop has been silent for {:.0} ms; quick stop", silence.as_seconds() * 1e3)
             }
             Self::SlowLine { median } => write!(
                 f,

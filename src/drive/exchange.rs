@@ -67,6 +67,7 @@ pub struct Link<T> {
     byte_time: Nanos,
     frame_timeout: Nanos,
     serial_number: Option<u32>,
+    broken: bool,
     counters: LinkCounters,
 }
 
@@ -86,6 +87,7 @@ impl<T: Transport> Link<T> {
             byte_time,
             frame_timeout: DEFAULT_FRAME_TIMEOUT,
             serial_number: None,
+            broken: false,
             counters: LinkCounters::default(),
         }
     }
@@ -103,6 +105,22 @@ impl<T: Transport> Link<T> {
     /// Sleeps on the line's clock.
     pub fn sleep_until(&mut self, until: Nanos) {
         self.transport.sleep_until(until);
+    }
+
+    /// The port reported itself broken, and has not been opened anew.
+    pub fn is_broken(&self) -> bool {
+        self.broken
+    }
+
+    /// Opens a broken port anew.
+    ///
+    /// # Errors
+    ///
+    /// When it is still broken.
+    pub fn reopen(&mut self) -> Result<(), LinkError> {
+        self.transport.reopen().map_err(|error| LinkError::Broken(error.kind()))?;
+        self.broken = false;
+        Ok(())
     }
 
     /// Lifetime counters.

@@ -15,6 +15,8 @@
 //! | `transport`, `serial` | the line and its clock; a serial port as a line |
 //! | `histogram` | how long round trips take |
 //! | `exchange` | one request, one reply, and getting back in step when the reply does not come |
+//! | `hint` | where axes stood when the controller ended |
+//! | `inspect` | looking at drives without touching them |
 //! | `bring_up`, `port` | from a device file to drives that are known, switched off and limited |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `runner` | the thread that owns a serial port |
@@ -32,7 +34,9 @@ pub mod exchange;
 pub mod family;
 pub mod frame;
 pub mod handshake;
+mod hint;
 pub mod histogram;
+pub mod inspect;
 pub mod object;
 pub mod port;
 pub mod request;

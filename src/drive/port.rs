@@ -13,7 +13,7 @@ use super::family::{self, Parts};
 use super::runner::{AxisLink, PortRunner};
 use super::serial::SerialTransport;
 use super::transport::Transport;
-use crate::units::Nanos;
+use crate::units::{Counts, Nanos};
 
 /// A port whose stage of bring-up is `Stage`.
 #[derive(Debug)]
@@ -39,6 +39,8 @@ pub struct Identified {
 pub struct Configured {
     axes: Vec<AxisIdentity>,
     exchange: Nanos,
+    /// Where each axis stands.
+    stands: Vec<Counts>,
 }
 
 impl Port<Opened> {
@@ -102,15 +104,19 @@ impl<T: Transport> Port<Identified, T> {
     ///
     /// When a drive does not answer, or does not take a limit.
     pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
+        let mut stands = Vec::new();
         for axis in &self.config.axes {
             let settings = family::of_axis(&self.config, axis).settings(axis);
             bring_up::configure(&mut self.link, axis.node_id, &settings)
                 .map_err(|fault| explain(&self.config, axis, fault))?;
+            let position = family::of_axis(&self.config, axis).parts().position;
+            let found = bring_up::read(&mut self.link, axis.node_id, position);
+            stands.push(Counts(found.map_err(|fault| explain(&self.config, axis, fault))?));
         }
         Ok(Port {
             link: self.link,
             config: self.config,
-            stage: Configured { axes: self.stage.axes, exchange: self.stage.exchange },
+            stage: Configured { axes: self.stage.axes, exchange: self.stage.exchange, stands },
         })
     }
 }
@@ -129,7 +135,7 @@ impl<T: Transport> Port<Configured, T> {
     /// Parts the port into the thread's end and the control loop's ends, in the order of the configuration.
     #[must_use]
     pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
-        PortRunner::with_links(self.link, &self.config, self.stage.axes, self.stage.exchange)
+        PortRunner::with_links(self.link, &self.config, self.stage.axes, self.stage.exchange, &self.stage.stands)
     }
 }
 
@@ -141,7 +147,8 @@ fn identify<T: Transport>(link: &mut Link<T>, axis: &AxisConfig, parts: &Parts) 
     Ok(identity)
 }
 
-fn explain(port: &PortConfig, axis: &AxisConfig, fault: AxisFault) -> DriveError {
+/// What a fault at bring-up means to a person.
+pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, fault: AxisFault) -> DriveError {
     let (device, node) = (port.device.clone(), axis.node_id);
     match fault {
         AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered, .. } => {

@@ -3,12 +3,13 @@
 //! It and the control loop share nothing but a triple buffer each way per axis: neither ever waits for the other, and
 //! each sees the newest value.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use triple_buffer::{Input, Output, triple_buffer};
 
 use crate::config::{AxisConfig, PortConfig};
-use crate::units::Nanos;
+use crate::units::{Counts, Nanos};
 
 use super::axis::{Access, Ask, Axis, Reply};
 use super::bring_up::{self, AxisIdentity};
@@ -16,10 +17,11 @@ use super::error::{AxisFault, LinkError};
 use super::event::{PortEvent, PortEventKind};
 use super::exchange::Link;
 use super::family::{self, Parts};
+use super::hint::{self, Place};
 use super::object::Setting;
 use super::serial::SerialTransport;
 use super::transport::Transport;
-use super::{AxisFeedback, AxisRequest};
+use super::{AxisFeedback, AxisRequest, Demand};
 
 /// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without pace this leaves the
 /// processor to others.
@@ -56,6 +58,10 @@ pub struct PortRunner<T = SerialTransport> {
     slots: Vec<Slot>,
     /// What half of the exchanges took at least when the port was brought up.
     exchange: Nanos,
+    /// The last exchange took more than twice as long.
+    late: bool,
+    /// Takes where the axes stand at the end.
+    positions_file: Option<PathBuf>,
 }
 
 /// One axis with what the thread keeps for it.
@@ -68,16 +74,57 @@ struct Slot {
     requests: Output<AxisRequest>,
     feedback: Input<AxisFeedback>,
     next_admission: Nanos,
+    /// Where it was left and where it stands, if that was noted.
+    hint: Hint,
+    /// The newest request, and when it was first seen.
+    heard: (u64, Nanos),
+    /// Silence of the control loop after which the axis is stopped.
+    deadman: Option<Nanos>,
+    /// The control loop is silent, and this has been told.
+    deserted: bool,
 }
 
+/// Where an axis was left, if anyone noted it, and where it stands; `None`: not asked for.
+type Hint = Option<(Option<Counts>, Counts)>;
+
 impl Slot {
-    fn with_link(port: &PortConfig, config: &AxisConfig, identity: AxisIdentity) -> (Self, AxisLink) {
+    /// The newest request, or a quick stop if the control loop that enabled the axis has fallen silent.
+    fn newest_request(&mut self, now: Nanos, events: &mut dyn FnMut(PortEvent)) -> AxisRequest {
+        let request = *self.requests.read();
+        if request.sequence != self.heard.0 {
+            self.heard = (request.sequence, now);
+            self.deserted = false;
+        }
+        let silence = now - self.heard.1;
+        if request.demand != Demand::Enabled || self.deadman.is_none_or(|deadman| silence < deadman) {
+            return request;
+        }
+        if !std::mem::replace(&mut self.deserted, true) {
+            self.axis.report(PortEventKind::Deserted { silence }, events);
+        }
+        AxisRequest { demand: Demand::QuickStop, ..request }
+    }
+
+    fn with_link(port: &PortConfig, config: &AxisConfig, identity: AxisIdentity, hint: Hint) -> (Self, AxisLink) {
         let (drive, config) = (family::of_axis(port, config), config.clone());
         let (request_input, requests) = triple_buffer(&AxisRequest::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
         let link = AxisLink { motor: config.motor, requests: request_input, feedback: feedback_output };
-        let (settings, axis) = (drive.settings(&config), Axis::new(&config, drive));
-        (Self { config, identity, settings, axis, requests, feedback, next_admission: Nanos::ZERO }, link)
+        let (settings, axis) = (drive.settings(&config), Axis::new(&config, drive, port.pattern));
+        let slot = Self {
+            config,
+            identity,
+            settings,
+            axis,
+            requests,
+            feedback,
+            next_admission: Nanos::ZERO,
+            hint,
+            heard: (0, Nanos::ZERO),
+            deadman: (port.deadman_ms > 0).then(|| Nanos::from_millis(port.deadman_ms)),
+            deserted: false,
+        };
+        (slot, link)
     }
 
     fn publish<T: Transport>(&mut self, link: &Link<T>) {
@@ -91,10 +138,16 @@ impl<T: Transport> PortRunner<T> {
         port: &PortConfig,
         identities: Vec<AxisIdentity>,
         exchange: Nanos,
+        stands: &[Counts],
     ) -> (Self, Vec<AxisLink>) {
-        let with_link = |(config, identity)| Slot::with_link(port, config, identity);
-        let (slots, links) = port.axes.iter().zip(identities).map(with_link).unzip();
-        (Self { link, slots, exchange }, links)
+        let places = port.positions_file.as_deref().map(hint::take);
+        let with_link = |((config, identity), stands): ((&AxisConfig, AxisIdentity), &Counts)| {
+            let left = |place: &Place| (place.serial_number == config.serial_number).then_some(place.position);
+            let hint = places.as_ref().map(|places| (places.iter().find_map(left), *stands));
+            Slot::with_link(port, config, identity, hint)
+        };
+        let (slots, links) = port.axes.iter().zip(identities).zip(stands).map(with_link).unzip();
+        (Self { link, slots, exchange, late: false, positions_file: port.positions_file.clone() }, links)
     }
 
     /// Exchanges with the axes until `stop`, then leaves them switched off as far as they can be reached. Blocks; call
@@ -107,10 +160,25 @@ impl<T: Transport> PortRunner<T> {
         self.shut_down(&mut events);
     }
 
-    fn announce(&self, events: &mut dyn FnMut(PortEvent)) {
-        for slot in &self.slots {
+    /// Notes where the axes stand. Without a note the next start finds no hint, which is no worse than a wrong one.
+    fn leave_hints(&self) {
+        if let Some(file) = &self.positions_file {
+            let place = |slot: &Slot| {
+                let position = slot.axis.resting_place()?;
+                Some(Place { serial_number: slot.config.serial_number, position })
+            };
+            let _ = hint::leave(file, self.slots.iter().filter_map(place).collect());
+        }
+    }
+
+    /// Tells who was found.
+    pub fn announce(&mut self, events: &mut dyn FnMut(PortEvent)) {
+        for slot in &mut self.slots {
             let AxisIdentity { node_id, product_code, firmware, serial_number, .. } = slot.identity;
             slot.axis.report(PortEventKind::Ready { node_id, product_code, firmware, serial_number }, events);
+            if let Some((left, stands)) = slot.hint {
+                slot.axis.compare(left, stands, events);
+            }
         }
         if self.exchange > SLOW_EXCHANGE
             && let Some(slot) = self.slots.first()
@@ -143,11 +211,12 @@ impl<T: Transport> PortRunner<T> {
         for slot in &self.slots {
             slot.axis.report(PortEventKind::Ended { off: slot.axis.is_off() }, events);
         }
+        self.leave_hints();
     }
 
     /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
     fn serve(&mut self, place: usize, stopping: bool, events: &mut dyn FnMut(PortEvent)) {
-        let Self { link, slots, .. } = self;
+        let Self { link, slots, exchange: usual, late, .. } = self;
         let Some(slot) = slots.get_mut(place) else { return };
         if slot.axis.is_lost() {
             slot.axis.acknowledge(slot.requests.read(), events);
@@ -158,8 +227,9 @@ impl<T: Transport> PortRunner<T> {
             slot.axis.lose(error, events);
         } else {
             // The newest request, at the last moment before its set-point is encoded.
-            let request = if stopping { slot.axis.rest() } else { *slot.requests.read() };
-            let ask = slot.axis.next(&request, link.now(), events);
+            let request = if stopping { slot.axis.rest() } else { slot.newest_request(link.now(), events) };
+            let begin = link.now();
+            let ask = slot.axis.next(&request, begin, *late, events);
             let timeouts = link.counters().timeouts;
             let parts = slot.axis.drive().parts();
             let outcome = perform(link, slot.config.node_id, ask, parts);
@@ -168,7 +238,9 @@ impl<T: Transport> PortRunner<T> {
                 slot.axis.report(PortEventKind::TimedOut { object }, events);
                 slot.axis.disturbed(link.now(), events);
             }
-            slot.axis.done(ask, outcome, link.now(), events);
+            let end = link.now();
+            *late = end - begin > *usual + *usual;
+            slot.axis.done(ask, outcome, end, events);
         }
         slot.publish(link);
     }
@@ -196,6 +268,9 @@ fn readmit<T: Transport>(link: &mut Link<T>, slot: &mut Slot, events: &mut dyn F
         return;
     }
     slot.next_admission = now + READMISSION_PERIOD;
+    if link.is_broken() && link.reopen().is_err() {
+        return;
+    }
     // It may be another drive, or one that was restarted.
     link.forget_drive();
     if link.try_to_get_in_step().is_err() || !link.is_in_step() {

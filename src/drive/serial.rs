@@ -1,5 +1,7 @@
 //! A serial port of the operating system as a [`Transport`].
 
+pub mod latency;
+
 use std::io::{self, Read, Write};
 use std::os::fd::{AsRawFd, BorrowedFd};
 use std::path::Path;
@@ -24,6 +26,7 @@ const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 pub struct SerialTransport {
     port: TTYPort,
+    config: PortConfig,
 }
 
 impl SerialTransport {
@@ -33,31 +36,46 @@ impl SerialTransport {
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        let device = &config.device;
-        let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
-        let port = serialport::new(path, config.baud)
-            .timeout(WRITE_TIMEOUT)
-            .open_native()
-            .map_err(|source| explain(device, source))?;
-        port.clear(ClearBuffer::All).map_err(|source| explain(device, source))?;
-        Ok(Self { port })
+        Ok(Self { port: open(config)?, config: config.clone() })
     }
 
     /// Waits for something to read. Not by the time-out of `TTYPort`, which allocates its error every time.
     fn wait(&self, deadline: Nanos) -> io::Result<bool> {
         // SAFETY: the descriptor belongs to `self.port`, which outlives this borrow.
-        let descriptor = unsafe { BorrowedFd::borrow_raw(self.port.as_raw_fd()) };
-        let mut descriptors = [PollFd::new(descriptor, PollFlags::POLLIN)];
-        let span = TimeSpec::from(Duration::from_nanos(deadline.since(clock::now()).0));
-        match ppoll(&mut descriptors, Some(span), None) {
-            Ok(0) | Err(nix::errno::Errno::EINTR) => return Ok(false),
-            Ok(_) => {}
-            Err(error) => return Err(error.into()),
-        }
-        match descriptors[0].revents() {
-            Some(events) if events.contains(PollFlags::POLLIN) => Ok(true),
-            _ => Err(io::ErrorKind::BrokenPipe.into()),
-        }
+        wait(unsafe { BorrowedFd::borrow_raw(self.port.as_raw_fd()) }, deadline)
+    }
+}
+
+fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
+    let device = &config.device;
+    let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
+    let port = serialport::new(path, config.baud)
+        .timeout(WRITE_TIMEOUT)
+        .open_native()
+        .map_err(|source| explain(device, source))?;
+    // Before any traffic: changing a running timer stalls the line. Where it is not permitted, the time that exchanges take
+    // is measured and told.
+    latency::shorten(device);
+    port.clear(ClearBuffer::All).map_err(|source| explain(device, source))?;
+    Ok(port)
+}
+
+/// Waits for something to read until an instant.
+///
+/// # Errors
+///
+/// When the line is broken.
+pub(crate) fn wait(descriptor: BorrowedFd<'_>, deadline: Nanos) -> io::Result<bool> {
+    let mut descriptors = [PollFd::new(descriptor, PollFlags::POLLIN)];
+    let span = TimeSpec::from(Duration::from_nanos(deadline.since(clock::now()).0));
+    match ppoll(&mut descriptors, Some(span), None) {
+        Ok(0) | Err(nix::errno::Errno::EINTR) => return Ok(false),
+        Ok(_) => {}
+        Err(error) => return Err(error.into()),
+    }
+    match descriptors[0].revents() {
+        Some(events) if events.contains(PollFlags::POLLIN) => Ok(true),
+        _ => Err(io::ErrorKind::BrokenPipe.into()),
     }
 }
 
@@ -79,6 +97,11 @@ impl Transport for SerialTransport {
                 return Ok(0);
             }
         }
+    }
+
+    fn reopen(&mut self) -> io::Result<()> {
+        self.port = open(&self.config).map_err(io::Error::other)?;
+        Ok(())
     }
 
     fn now(&self) -> Nanos {

@@ -24,6 +24,16 @@ pub trait Transport {
     /// When the line is broken.
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize>;
 
+    /// Opens a line anew that broke: the cable may be back, with another device behind the same name. Used on a line that is
+    /// lost, so it may take its time. A line that cannot break has nothing to do.
+    ///
+    /// # Errors
+    ///
+    /// When it is still broken.
+    fn reopen(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
     /// The present instant.
     fn now(&self) -> Nanos;
 

@@ -294,5 +294,6 @@ pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
             ..AxisConfig::new(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
         })
         .collect();
-    PortConfig::new("/dev/bench".into(), axes)
+    // Tests write a request when something changes, and no others.
+    PortConfig { deadman_ms: 0, ..PortConfig::new("/dev/bench".into(), axes) }
 }

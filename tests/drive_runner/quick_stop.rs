@@ -1,3 +1,6 @@
+use i2ris::drive::{AxisLink, AxisRequest, Port, PortRunner};
+
+use super::drive_fixture::rig::open;
 use super::*;
 
 fn stopped() -> Rig {
@@ -83,4 +86,32 @@ fn a_drive_that_does_not_stop_is_switched_off() {
     assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::QuickStopFailed(_))));
     rig.drive(|drive| drive.refuses.clear());
     rig.until(AxisPhase::Disabled);
+}
+
+#[test]
+fn a_control_loop_that_falls_silent_is_stopped() {
+    let (bench, mut config, _) = open(vec![one_drive()]);
+    config.deadman_ms = 100;
+    let (mut runner, mut links) = Port::over(bench.clone(), &config).bring_up().unwrap().split();
+    let mut events = Vec::new();
+    let mut request = AxisRequest { demand: Demand::Enabled, ..AxisRequest::default() };
+    let mut until = |runner: &mut PortRunner<Bench>, links: &mut [AxisLink], speaks: bool, phase: AxisPhase| {
+        for _ in 0..2000 {
+            if speaks {
+                request.sequence += 1;
+                links[0].requests.write(request);
+            }
+            runner.turn(&mut |event| events.push(event.kind));
+            if links[0].feedback.read().phase == phase {
+                return;
+            }
+        }
+        panic!("never {phase:?}: {events:?}");
+    };
+    links[0].requests.write(AxisRequest::default());
+    (0..10).for_each(|_| runner.turn(&mut |_| {}));
+    until(&mut runner, &mut links, true, AxisPhase::Enabled);
+    until(&mut runner, &mut links, false, AxisPhase::QuickStopped);
+    until(&mut runner, &mut links, true, AxisPhase::Enabled);
+    assert_eq!(events.iter().filter(|kind| matches!(kind, PortEventKind::Deserted { .. })).count(), 1);
 }

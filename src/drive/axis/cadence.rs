@@ -3,13 +3,14 @@
 //! Every exchange takes its turn on the line, about 2 ms at 115200 baud, so every one beside set-point and position
 //! costs rate. While the target is followed, a round is set-point and position, and only some rounds carry a third.
 
-/// Rounds between two looks at the statusword.
-const STATUS_EVERY: u32 = 4;
+use crate::config::Pattern;
 
-/// Rounds between two reads of the error code, and of the current, apart from each other and from the statusword.
-const RARE_EVERY: u32 = 32;
+/// Where in their rounds the current and the error code are read, apart from each other and from the statusword.
 const CURRENT_AT: u32 = 2;
 const ERROR_CODE_AT: u32 = 18;
+
+/// Rounds in a row that may skip what they should carry beside set-point and position: a fault must show some time.
+const MOST_SKIPPED: u32 = 8;
 
 /// Rounds between the rarer reads of an axis that follows nothing, where nothing presses.
 const IDLE_EVERY: u32 = 8;
@@ -17,8 +18,10 @@ const IDLE_EVERY: u32 = 8;
 /// Counts rounds and slots.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Cadence {
+    pattern: Pattern,
     next: Slot,
     round: u32,
+    skipped: u32,
 }
 
 /// What a slot is for.
@@ -42,8 +45,19 @@ pub(super) enum Extra {
 }
 
 impl Cadence {
-    /// The next slot while the target is followed.
-    pub(super) fn following(&mut self) -> Slot {
+    pub(super) fn new(pattern: Pattern) -> Self {
+        Self { pattern, ..Self::default() }
+    }
+
+    /// The next slot while the target is followed. On a line that is late, only set-point and position have one.
+    pub(super) fn following(&mut self, late: bool) -> Slot {
+        if late && matches!(self.next, Slot::Extra(_)) && self.skipped < MOST_SKIPPED {
+            self.skipped += 1;
+            self.next = Slot::Lead;
+        }
+        if matches!(self.next, Slot::Extra(_)) {
+            self.skipped = 0;
+        }
         let slot = self.next;
         self.next = match slot {
             Slot::Lead => Slot::Position,
@@ -55,7 +69,8 @@ impl Cadence {
 
     fn begin_round(&mut self) -> Slot {
         self.round = self.round.wrapping_add(1);
-        match (self.round % STATUS_EVERY, self.round % RARE_EVERY) {
+        let Pattern { status_every, rare_every } = self.pattern;
+        match (self.round % status_every.max(1), self.round % rare_every.max(1)) {
             (0, _) => Slot::Extra(Extra::Status),
             (_, CURRENT_AT) => Slot::Extra(Extra::Current),
             (_, ERROR_CODE_AT) => Slot::Extra(Extra::ErrorCode),
@@ -93,9 +108,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_late_line_skips_what_is_not_pressing_but_not_for_ever() {
+        let mut cadence = Cadence::default();
+        let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(true)).collect();
+        let setpoints = slots.iter().filter(|slot| **slot == Slot::Lead).count();
+        assert!(setpoints >= 480, "{setpoints}");
+        assert!(slots.contains(&Slot::Extra(Extra::Status)), "a fault shows some time");
+    }
+
+    #[test]
+    fn the_pattern_is_as_configured() {
+        let mut cadence = Cadence::new(Pattern { status_every: 2, rare_every: 64 });
+        let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(false)).collect();
+        let looks = slots.iter().filter(|slot| **slot == Slot::Extra(Extra::Status)).count();
+        assert!((195..=200).contains(&looks), "every other round of 2.5 slots: {looks}");
+    }
+
+    #[test]
     fn following_never_goes_three_slots_without_a_setpoint() {
         let mut cadence = Cadence::default();
-        let slots: Vec<Slot> = (0..1000).map(|_| cadence.following()).collect();
+        let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(false)).collect();
         for three in slots.windows(3) {
             assert!(three.contains(&Slot::Lead) && three.contains(&Slot::Position), "{three:?}");
         }

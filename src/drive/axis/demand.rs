@@ -25,27 +25,27 @@ const HOMING_DEADLINE: Nanos = Nanos::from_millis(10_000);
 const STOP_SEARCH_DEADLINE: Nanos = Nanos::from_millis(60_000);
 
 impl Axis {
-    /// The next exchange, towards what the control loop demands.
-    pub(in crate::drive) fn next(&mut self, request: &AxisRequest, now: Nanos, events: Events<'_>) -> Ask {
+    /// The next exchange, towards what the control loop demands. On a line that is `late`, what is not pressing is left out.
+    pub(in crate::drive) fn next(&mut self, request: &AxisRequest, now: Nanos, late: bool, events: Events<'_>) -> Ask {
         self.check_deadline(now, events);
         if request.demand != Demand::Enabled {
             self.rearm = Rearm::Free;
         }
         self.obey(request, now, events);
         self.acknowledge(request, events);
-        if self.stage == Stage::Enabled { self.follow(request, events) } else { self.go_on() }
+        if self.stage == Stage::Enabled { self.follow(request, late, events) } else { self.go_on() }
     }
 
-    fn follow(&mut self, request: &AxisRequest, events: Events<'_>) -> Ask {
+    fn follow(&mut self, request: &AxisRequest, late: bool, events: Events<'_>) -> Ask {
         if let Some(ask) = self.steer.ask() {
             return ask;
         }
-        match self.cadence.following() {
+        match self.cadence.following(late) {
             Slot::Lead if self.limits.contains(&request.target.0) => Ask::Follow(*request),
             // Clamping would move the motor somewhere that no one asked for.
             Slot::Lead => {
                 self.report_target(request.target, events);
-                self.cadence.following();
+                self.cadence.following(late);
                 Ask::Position
             }
             Slot::Position => Ask::Position,

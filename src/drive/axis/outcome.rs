@@ -32,7 +32,14 @@ impl Axis {
         now: Nanos,
         events: Events<'_>,
     ) {
+        let none = Reply { raw: 0, sent: now, received: now };
         match outcome {
+            // A history without an entry.
+            Err(LinkError::Refused(_)) if ask == Ask::ErrorCode && self.drive.parts().error_code_is_history => {
+                self.misses = 0;
+                self.note(ask, &none);
+                self.advance(ask, none.raw, now, events);
+            }
             Ok(reply) => {
                 self.misses = 0;
                 self.note(ask, &reply);

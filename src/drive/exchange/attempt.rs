@@ -58,7 +58,11 @@ impl<T: Transport> Link<T> {
                         self.counters.timeouts += 1;
                         self.fall_out_of_step(1);
                     }
-                    Miss::Disturbed | Miss::Broken(_) => self.fall_out_of_step(0),
+                    Miss::Disturbed => self.fall_out_of_step(0),
+                    Miss::Broken(_) => {
+                        self.broken = true;
+                        self.fall_out_of_step(0);
+                    }
                 }
                 Err(miss)
             }

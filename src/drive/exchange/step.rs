@@ -60,7 +60,10 @@ impl<T: Transport> Link<T> {
 
     /// Bytes that arrive unasked mean that some reply is out of step.
     pub(super) fn notice_strays(&mut self) -> Result<(), LinkError> {
-        if self.discard(self.transport.now()).map_err(broken)? {
+        let now = self.transport.now();
+        let stray = self.discard(now);
+        self.broken |= stray.is_err();
+        if stray.map_err(broken)? {
             self.counters.resynchronisations += 1;
             self.fall_out_of_step(0);
         }
@@ -111,7 +114,10 @@ impl<T: Transport> Link<T> {
                 // A drive that holds half a request forgets it after this silence.
                 self.discard_until(self.transport.now() + self.frame_timeout).map_err(broken)?;
             }
-            Err(Miss::Broken(kind)) => return Err(LinkError::Broken(kind)),
+            Err(Miss::Broken(kind)) => {
+                self.broken = true;
+                return Err(LinkError::Broken(kind));
+            }
         }
         Ok(())
     }

@@ -10,8 +10,9 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use i2ris_emulator::camera::CameraConfig;
+use i2ris_emulator::drive::Family;
 use i2ris_emulator::snake::SnakeConfig;
-use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Snapshot};
+use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, Snapshot};
 
 use crate::Failure;
 
@@ -36,6 +37,18 @@ pub struct Arguments {
     /// Write every set-point, change of state and broken rule to a CSV file
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Family of the drives
+    #[arg(long, value_enum, default_value_t = FamilyName::Epos4)]
+    family: FamilyName,
+    /// Framing of the lines: v1 is EPOS2 on RS232
+    #[arg(long, value_enum, default_value_t = FramingName::V2)]
+    framing: FramingName,
+    /// One port: the second drive, node 2, is behind the first, node 1
+    #[arg(long)]
+    gateway: bool,
+    /// What is done to drives, lines and wires, and when (TOML)
+    #[arg(long, value_name = "FILE")]
+    scenario: Option<PathBuf>,
     /// Do not publish camera pictures
     #[arg(long)]
     no_camera: bool,
@@ -50,14 +63,51 @@ pub struct Arguments {
     duration: Option<Nanos>,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FamilyName {
+    Epos4,
+    Epos2,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FramingName {
+    V2,
+    V1,
+}
+
+/// What a request to a node behind another takes over CAN, there and back, microseconds.
+const GATEWAY_US: u64 = 600;
+
+impl Arguments {
+    fn config(&self) -> Result<EmulatorConfig, Failure> {
+        if (self.family, self.framing) == (FamilyName::Epos4, FramingName::V1) {
+            return Err("--framing v1 is spoken by --family epos2 only".into());
+        }
+        let mut config = EmulatorConfig::new(SnakeConfig::load(&self.snake)?, &self.ports);
+        config.seed = self.seed;
+        config.camera.noise_deg = self.camera_noise_deg;
+        config.log.clone_from(&self.log);
+        if self.family == FamilyName::Epos2 {
+            config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
+        }
+        if self.framing == FramingName::V1 {
+            config.line.framing = Framing::V1;
+        }
+        if self.gateway {
+            config.gateway_us = Some(GATEWAY_US);
+            config.drives[1].node_id = 2;
+        }
+        if let Some(file) = &self.scenario {
+            config.scenario = Scenario::load(file)?;
+        }
+        Ok(config)
+    }
+}
+
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let snake = SnakeConfig::load(&arguments.snake)?;
     let domain = Domain::new(&arguments.domain)?;
-    let mut config = EmulatorConfig::new(snake, &arguments.ports);
-    config.seed = arguments.seed;
-    config.camera.noise_deg = arguments.camera_noise_deg;
-    config.log.clone_from(&arguments.log);
+    let config = arguments.config()?;
 
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);

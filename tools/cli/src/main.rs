@@ -11,6 +11,7 @@ mod calibrate;
 mod command;
 mod console;
 mod demo;
+mod doctor;
 mod emulate;
 mod files;
 mod model;
@@ -41,6 +42,8 @@ enum Task {
     Model(model::Command),
     /// Run two emulated drives with a snake behind them
     Emulate(emulate::Arguments),
+    /// Check ports, drives and machine before the robot moves
+    Doctor(doctor::Arguments),
     /// Command the robot
     Command(command::Arguments),
     /// Watch the robot
@@ -62,6 +65,7 @@ fn main() -> ExitCode {
         Task::Calibrate(command) => calibrate::run(command),
         Task::Model(command) => model::run(command),
         Task::Emulate(arguments) => emulate::run(arguments),
+        Task::Doctor(arguments) => doctor::run(arguments),
         Task::Command(arguments) => command::run(arguments),
         Task::Monitor(arguments) => monitor::run(arguments),
         Task::Record(arguments) => record::run(arguments),

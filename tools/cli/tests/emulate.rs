@@ -91,3 +91,57 @@ fn bad_input_is_refused_with_a_reason() {
         assert!(!Path::new(&ports).exists(), "{arguments:?} left something behind");
     }
 }
+
+/// The configuration of a controller for emulated drives in a folder.
+fn controller_config(ports: &Path, change: impl Fn(String) -> String) -> PathBuf {
+    let standard = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let text = std::fs::read_to_string(standard).unwrap();
+    let file = ports.with_extension("toml");
+    std::fs::write(&file, change(text.replace("/tmp/i2ris-emulator", &ports.to_string_lossy()))).unwrap();
+    file
+}
+
+fn doctor(config: &Path, more: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_i2ris")).arg("doctor").arg("--config").arg(config).args(more).output().unwrap()
+}
+
+#[test]
+fn the_doctor_looks_at_drives_and_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = folder.path().join("ports");
+    let mut command = emulate(&["--no-camera", "--family", "epos2", "--framing", "v1", "--snake"]);
+    let mut running = Running(command.arg(snake("steel")).arg("--ports").arg(&ports).spawn().unwrap());
+    let mut output = BufReader::new(running.0.stdout.take().unwrap());
+    let mut lines = String::new();
+    while !lines.contains("ready") {
+        assert!(output.read_line(&mut lines).unwrap() > 0, "{lines}");
+    }
+    let epos2 = |text: String| text.replace("baud = 115200", "baud = 115200\nfamily = \"epos2\"\nframing = \"v1\"");
+    let config = controller_config(&ports, epos2);
+    let healthy = doctor(&config, &[]);
+    let said = String::from_utf8_lossy(&healthy.stdout);
+    assert!(healthy.status.success(), "{said}");
+    for part in
+        ["kernel", "scheduling", "shared memory", "ms an exchange", "EPOS2, serial number 62000001", "not homed"]
+    {
+        assert!(said.contains(part), "no `{part}` in:\n{said}");
+    }
+    let swapped = controller_config(&ports, |text| epos2(text).replace("62000001", "62000007"));
+    let sick = doctor(&swapped, &["--json"]);
+    assert!(!sick.status.success());
+    let checks: serde_json::Value = serde_json::from_slice(&sick.stdout).unwrap();
+    let failed: Vec<&serde_json::Value> =
+        checks["checks"].as_array().unwrap().iter().filter(|check| check["level"] == "fail").collect();
+    assert_eq!(failed.len(), 1, "{failed:?}");
+    assert!(failed[0]["found"].as_str().unwrap().contains("62000001 (0x03B20B81) instead of 62000007"), "{failed:?}");
+    assert!(!failed[0]["fix"].as_str().unwrap().is_empty());
+}
+
+#[test]
+fn the_doctor_names_a_port_that_is_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = doctor(&controller_config(&folder.path().join("ports"), |text| text), &[]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(!output.status.success());
+    assert!(said.contains("FAIL") && said.contains("axis0") && said.contains("-> plug in the drive"), "{said}");
+}

@@ -283,3 +283,53 @@ fn links_and_log_file_come_and_go() {
     let text = std::fs::read_to_string(log).unwrap();
     assert!(text.lines().any(|line| line.ends_with(",1,setpoint,-7,")), "{text}");
 }
+
+#[test]
+fn the_control_socket_does_what_it_is_told() {
+    use std::io::{BufRead, BufReader};
+    use std::os::unix::net::UnixStream;
+
+    let (emulator, folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    let socket = UnixStream::connect(folder.path().join("ports/control")).unwrap();
+    socket.set_read_timeout(Some(PATIENCE)).unwrap();
+    let (mut answers, mut commands) = (BufReader::new(socket.try_clone().unwrap()), socket);
+    let mut tell = |line: &str| {
+        writeln!(commands, "{line}").unwrap();
+        let mut answer = String::new();
+        answers.read_line(&mut answer).unwrap();
+        answer.trim().to_owned()
+    };
+    assert!(tell("state").starts_with("switch-on-disabled position 0 error 0x0000 homed false; "));
+    assert_eq!(tell("{axis = 0, kind = \"fault\", code = 0x2310}"), "ok");
+    assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
+    assert_eq!(tell("{kind = \"cut-reply-in-pair\"}"), "ok");
+    host.send(&READ_STATUSWORD);
+    assert_eq!(host.replies(), 0, "the reply was cut");
+    assert_eq!(host.read(0x1018, 1), 0xFB);
+    assert!(tell("{kind = \"explode\"}").starts_with("error: "));
+    assert!(emulator.log().iter().any(|event| event.kind == EventKind::Injected("cut-reply-in-pair")));
+}
+
+#[test]
+fn a_scenario_plays_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config(folder.path());
+    config.scenario =
+        i2ris_emulator::Scenario::parse("[[at]]\nms = 50\naxis = 1\nkind = \"fault\"\ncode = 0x3210").unwrap();
+    let emulator = Emulator::start(config).unwrap();
+    wait_for("the fault", || emulator.snapshot().axes[1].drive.error_code == 0x3210);
+    assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0);
+}
+
+#[test]
+fn a_port_hangs_up_and_comes_back_under_its_name() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    assert_eq!(host.read(0x1018, 1), 0xFB);
+    emulator.inject(0, i2ris_emulator::Injection::HangUp { for_ms: 100 });
+    wait_for("the host notices", || host.port.write_all(&READ_STATUSWORD).is_err());
+    drop(host);
+    wait_for("the port is back", || emulator.device(0).exists());
+    assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);
+}

@@ -176,7 +176,7 @@ impl Drive {
             }
             Task::SearchStop { speed, pressed_s } => self.search_stop(speed, pressed_s, dt_s),
             Task::Brake { deceleration, then } => {
-                let stands = self.demand.brake(deceleration, dt_s) && self.motor.stands();
+                let stands = self.demand.brake(deceleration, dt_s) && self.seems_to_stand();
                 if stands && let Some(state) = then {
                     self.finish_stop(state);
                 }
@@ -226,6 +226,11 @@ impl Drive {
             Mode::Current => self.dictionary.get(0x2030, 0) as f64,
             _ => self.dictionary.get(0x6071, 0) as f64 / 1000.0 * self.dictionary.get(0x3001, 1) as f64,
         }
+    }
+
+    /// Whether the motor stands, as far as its encoder tells.
+    fn seems_to_stand(&self) -> bool {
+        self.frozen.is_some() || self.motor.stands()
     }
 
     /// Looks for what ends in a fault.

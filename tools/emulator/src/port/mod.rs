@@ -145,6 +145,10 @@ impl Port {
         if self.is_between_frames() {
             self.mischief = Mischief(self.shared.lines[self.axis].take_mischief());
         }
+        if self.config.strict_baud && !self.pty.is_at(self.config.baud) {
+            // Every bit is taken at the wrong time.
+            bytes.iter_mut().for_each(|byte| *byte = byte.wrapping_mul(73).rotate_left(3) | 1);
+        }
         match self.config.framing {
             Framing::V2 => {
                 self.mischief.request(&mut bytes);

@@ -86,6 +86,17 @@ impl Pty {
         }
     }
 
+    /// The host has set this bit rate.
+    pub(super) fn is_at(&self, baud: u32) -> bool {
+        let Some(ends) = &self.ends else { return false };
+        // SAFETY: an all-zero `termios2` is a valid one, the pointer is to it, and the descriptor is open.
+        let speed = unsafe {
+            let mut settings: libc::termios2 = std::mem::zeroed();
+            (libc::ioctl(ends.slave.as_raw_fd(), libc::TCGETS2, &mut settings) == 0).then_some(settings.c_ospeed)
+        };
+        speed == Some(baud)
+    }
+
     /// Lets others open the port again. A host that was killed while it had the port for itself would otherwise keep it
     /// locked, since this end is never closed.
     pub(super) fn release(&self) {

@@ -25,6 +25,8 @@ pub struct LineConfig {
     pub framing: Framing,
     /// Bits per second; ten bits a byte.
     pub baud: u32,
+    /// A host at another bit rate sends rubbish, as on a real line; a pseudo-terminal would not mind.
+    pub strict_baud: bool,
     /// What the drive takes to answer, microseconds.
     pub processing_us: u64,
     /// The most that is added to it at random, microseconds.
@@ -41,6 +43,7 @@ impl Default for LineConfig {
         Self {
             framing: Framing::default(),
             baud: 115_200,
+            strict_baud: false,
             processing_us: 400,
             jitter_us: 0,
             adapter_hold_ms: 0,

@@ -1,0 +1,39 @@
+//! The same driver on real drives: with a configuration named in `I2RIS_HARDWARE`, the motors move by 20 counts.
+
+use std::env;
+use std::path::Path;
+
+use i2ris::config::Config;
+use i2ris::drive::{AxisPhase, Demand, PortEventKind};
+
+use super::bench::Bench;
+
+/// How far the motor moves, counts: a twentieth of a degree of the snake.
+const WAY: i32 = 20;
+
+#[test]
+fn real_drives_conform() {
+    let Some(file) = env::var_os("I2RIS_HARDWARE") else {
+        println!("no real drives: name a configuration in I2RIS_HARDWARE to test them");
+        return;
+    };
+    let bench = Bench::real(Config::load(Path::new(&file)).unwrap());
+    println!("identified: {:?}", bench.bring_up().unwrap().axes());
+    let wrong = bench.port_with(|axis| axis.serial_number = axis.serial_number.wrapping_add(1));
+    let refused = i2ris::drive::Port::open(&wrong).unwrap().bring_up().unwrap_err().to_string();
+    println!("swap refused: {refused}");
+
+    let mut axis = bench.run();
+    assert_eq!(axis.feedback().phase, AxisPhase::Disabled, "clear the fault first");
+    axis.enable();
+    let start = axis.feedback().position.0;
+    axis.move_to(start + WAY);
+    axis.move_to(start);
+    println!("moved by {WAY} counts and back");
+    axis.request(|request| request.demand = Demand::QuickStop);
+    axis.until_phase(AxisPhase::QuickStopped);
+    axis.enable();
+    println!("quick stop and back");
+    assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended { off: true }));
+    println!("ended in order");
+}

@@ -1,0 +1,129 @@
+//! Ports and the drives behind them.
+
+use i2ris::config::PortConfig;
+use i2ris::drive::DriveError;
+use i2ris::drive::cia402::State;
+use i2ris::drive::inspect::{Inspection, inspect};
+use i2ris::drive::serial::latency;
+use i2ris::units::Nanos;
+
+use super::report::Report;
+
+/// An exchange that takes longer is held back by something.
+const SLOW: Nanos = Nanos::from_millis(4);
+
+/// Supply voltages that a small drive should see, volts.
+const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.0..=50.0;
+
+/// Differing limits that are named at most.
+const MOST_NAMED: usize = 3;
+
+/// Checks a port, and its drives where `open`.
+pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
+    let name = port.device.display().to_string();
+    if !port.device.exists() {
+        let fix = "plug in the drive, or correct `device` (`ls -l /dev/serial/by-id`)";
+        return report.fail(name, "does not exist", fix);
+    }
+    check_latency(port, report);
+    if !open {
+        return report.pass(name, "exists; not opened");
+    }
+    match inspect(port) {
+        Ok(seen) => {
+            let ms = seen.exchange.as_seconds() * 1e3;
+            let found = format!("answers, {ms:.1} ms an exchange");
+            if seen.exchange > SLOW {
+                report.warn(name, found, "shorten the latency timer of the adapter, and use no hub");
+            } else {
+                report.pass(name, found);
+            }
+            for (axis, seen) in port.axes.iter().zip(seen.axes) {
+                let name = format!("motor {}", axis.motor);
+                match seen {
+                    Ok(seen) => check_drive(&name, &seen, report),
+                    Err(why) => {
+                        report.fail(name, why, "correct `serial_number` and `node_id`, or swap the cables back")
+                    }
+                }
+            }
+        }
+        Err(error @ DriveError::Busy { .. }) => {
+            report.warn(name, error.to_string(), "end the controller to look at its drives")
+        }
+        Err(error) => report.fail(name, error.to_string(), "see there"),
+    }
+}
+
+fn check_latency(port: &PortConfig, report: &mut Report) {
+    let name = format!("{} latency timer", port.device.display());
+    match latency::read(&port.device) {
+        None => {}
+        Some(0..=1) => report.pass(name, "1 ms"),
+        Some(ms) => report.warn(
+            name,
+            format!("{ms} ms: some {} exchanges a second", 1000 / (ms + 2)),
+            "udev rule: ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"",
+        ),
+    }
+}
+
+fn check_drive(name: &str, seen: &Inspection, report: &mut Report) {
+    let Inspection { family, serial_number, firmware, .. } = seen;
+    report.pass(name, format!("{family}, serial number {serial_number}, firmware 0x{firmware:04X}"));
+    check_state(name, seen, report);
+    if let Some(volts) = seen.supply_v {
+        let (name, found) = (format!("{name} supply"), format!("{volts:.1} V"));
+        if SUPPLY_V.contains(&volts) {
+            report.pass(name, found);
+        } else {
+            report.fail(name, found, "check the power supply of the drive");
+        }
+    }
+    let errors = format!("{name} errors");
+    if seen.errors.is_empty() {
+        report.pass(errors, "none in the history");
+    } else {
+        let listed: Vec<String> = seen.errors.iter().map(ToString::to_string).collect();
+        report.warn(errors, listed.join("; "), "remove the cause of the first; write 0 to object 0x1003:00 to clear");
+    }
+    check_limits(name, seen, report);
+}
+
+fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
+    let name = format!("{name} state");
+    let homed = if seen.homed { "homed" } else { "not homed" };
+    match seen.state {
+        Some(State::Fault | State::FaultReaction) => {
+            report.fail(
+                name,
+                format!("fault, {homed}"),
+                "remove the cause, then acknowledge: `i2ris command state acknowledge`",
+            );
+        }
+        Some(state @ (State::OperationEnabled | State::QuickStopActive)) => report.warn(
+            name,
+            format!("{state:?} without a controller, {homed}"),
+            "a controller died here; the next one switches the drive off in order at its start",
+        ),
+        Some(state) => report.pass(name, format!("{state:?}, {homed}")),
+        None => report.fail(name, "no known state", "check that the firmware is supported"),
+    }
+}
+
+fn check_limits(name: &str, seen: &Inspection, report: &mut Report) {
+    let name = format!("{name} limits");
+    if seen.differences.is_empty() {
+        return report.pass(name, "as configured");
+    }
+    let listed: Vec<String> = seen
+        .differences
+        .iter()
+        .take(MOST_NAMED)
+        .map(|(object, wanted, found)| format!("{object} 0x{found:X} instead of 0x{wanted:X}"))
+        .collect();
+    let more = seen.differences.len().saturating_sub(MOST_NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    // Every start of the controller writes them, so before the first one this is as it should be.
+    report.pass(name, format!("{}{more}; the controller writes them at its start", listed.join(", ")));
+}

@@ -1,0 +1,55 @@
+//! `i2ris doctor`: everything that must be right before a robot moves, a line each, with the fix.
+//!
+//! Nothing is changed: drives are read, not written. While a controller runs it holds the ports, and the drives cannot be
+//! looked at.
+
+mod drives;
+mod report;
+mod system;
+
+use std::path::PathBuf;
+
+use i2ris::config::Config;
+
+use crate::Failure;
+use report::Report;
+
+/// Arguments of `i2ris doctor`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The configuration of the controller
+    #[arg(long, value_name = "FILE", default_value = "config/emulator.toml")]
+    config: PathBuf,
+    /// Print JSON instead of lines
+    #[arg(long)]
+    json: bool,
+    /// Do not open the ports
+    #[arg(long)]
+    no_drives: bool,
+}
+
+/// Runs it. Fails when a check does.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    let mut report = Report::default();
+    match Config::load(&arguments.config) {
+        Ok(config) => {
+            report.pass("configuration", arguments.config.display().to_string());
+            system::check(&config, &mut report);
+            for port in &config.ports {
+                drives::check_port(port, !arguments.no_drives, &mut report);
+            }
+        }
+        Err(error) => {
+            report.fail("configuration", error.to_string(), "correct the file, or name another with --config")
+        }
+    }
+    if arguments.json {
+        println!("{}", report.to_json()?);
+    } else {
+        print!("{report}");
+    }
+    match report.failures() {
+        0 => Ok(()),
+        failures => Err(format!("{failures} checks failed").into()),
+    }
+}

@@ -1,0 +1,101 @@
+//! What was checked, and how it came out.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// How a check came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// As it should be.
+    Ok,
+    /// The robot works, but not as well as it could.
+    Warn,
+    /// The robot will not work.
+    Fail,
+}
+
+/// A check.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Check {
+    /// What was looked at.
+    pub name: String,
+    /// How it came out.
+    pub level: Level,
+    /// What was found.
+    pub found: String,
+    /// What to do about it; empty when nothing is to be done.
+    pub fix: String,
+}
+
+/// All checks, in order.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct Report {
+    checks: Vec<Check>,
+}
+
+impl Report {
+    /// Adds a check that came out as it should.
+    pub fn pass(&mut self, name: impl Into<String>, found: impl Into<String>) {
+        self.add(Level::Ok, name.into(), found.into(), String::new());
+    }
+
+    /// Adds a check with a doubt.
+    pub fn warn(&mut self, name: impl Into<String>, found: impl Into<String>, fix: impl Into<String>) {
+        self.add(Level::Warn, name.into(), found.into(), fix.into());
+    }
+
+    /// Adds a check that failed.
+    pub fn fail(&mut self, name: impl Into<String>, found: impl Into<String>, fix: impl Into<String>) {
+        self.add(Level::Fail, name.into(), found.into(), fix.into());
+    }
+
+    fn add(&mut self, level: Level, name: String, found: String, fix: String) {
+        self.checks.push(Check { name, level, found, fix });
+    }
+
+    /// How many failed.
+    pub fn failures(&self) -> usize {
+        self.checks.iter().filter(|check| check.level == Level::Fail).count()
+    }
+
+    /// All checks as JSON.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = self.checks.iter().map(|check| check.name.chars().count()).max().unwrap_or(0);
+        for Check { name, level, found, fix } in &self.checks {
+            let mark = match level {
+                Level::Ok => "ok  ",
+                Level::Warn => "WARN",
+                Level::Fail => "FAIL",
+            };
+            write!(f, "{mark}  {name:width$}  {found}")?;
+            if fix.is_empty() { writeln!(f)? } else { writeln!(f, "\n      {:width$}  -> {fix}", "")? }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_each_with_the_fix_below() {
+        let mut report = Report::default();
+        report.pass("memory", "locked");
+        report.fail("port 0", "does not exist", "plug it in");
+        assert_eq!(
+            report.to_string(),
+            "ok    memory  locked\nFAIL  port 0  does not exist\n              -> plug it in\n"
+        );
+        assert_eq!(report.failures(), 1);
+        assert!(report.to_json().unwrap().contains("\"level\": \"fail\""));
+    }
+}

@@ -1,0 +1,137 @@
+//! The machine: real-time scheduling, memory, processors, shared memory.
+
+use std::fs;
+use std::path::Path;
+use std::thread;
+
+use i2ris::config::Config;
+use i2ris::ipc::Domain;
+use i2ris::ipc::ready::Ready;
+use i2ris::rt::{self, Wanted};
+
+use super::report::Report;
+
+/// Checks everything about the machine.
+pub fn check(config: &Config, report: &mut Report) {
+    check_kernel(report);
+    check_granted(config, report);
+    check_processors(config, report);
+    check_memory(config, report);
+}
+
+fn check_kernel(report: &mut Report) {
+    let version = fs::read_to_string("/proc/version").unwrap_or_default();
+    let real_time = fs::read_to_string("/sys/kernel/realtime").is_ok_and(|text| text.trim() == "1");
+    let release = version.split_whitespace().nth(2).unwrap_or("unknown").to_owned();
+    if real_time || version.contains("PREEMPT_RT") {
+        report.pass("kernel", format!("{release}, real-time"));
+    } else {
+        report.warn(
+            "kernel",
+            format!("{release}, not real-time"),
+            "install a kernel with PREEMPT_RT for bounded latency",
+        );
+    }
+}
+
+/// Asks for what the controller would ask for, in a thread of its own.
+fn check_granted(config: &Config, report: &mut Report) {
+    let control = &config.control;
+    let wanted = Wanted { priority: control.priority, cpu: control.cpu, lock_memory: control.lock_memory };
+    let Ok(granted) = thread::spawn(move || rt::request(wanted)).join() else {
+        return report.fail("scheduling", "the test thread ended early", "see above");
+    };
+    if granted.warnings.is_empty() {
+        let locked = if granted.memory_locked { "memory locked" } else { "memory not locked, not asked for" };
+        report.pass("scheduling", format!("SCHED_FIFO {}, {locked}", granted.priority));
+    }
+    for warning in granted.warnings {
+        // A sentence of what, why, and how to allow it.
+        let (found, fix) = warning.split_once("; ").unwrap_or((warning.as_str(), "see the README"));
+        report.warn("scheduling", found, fix);
+    }
+}
+
+fn check_processors(config: &Config, report: &mut Report) {
+    let isolated = fs::read_to_string("/sys/devices/system/cpu/isolated").unwrap_or_default();
+    let isolated = isolated.trim();
+    match config.control.cpu {
+        None => report.warn(
+            "processor",
+            format!("the loop is not pinned; isolated: {}", if isolated.is_empty() { "none" } else { isolated }),
+            "isolate a processor (kernel argument isolcpus=N) and set control.cpu = N",
+        ),
+        Some(cpu) if contains(isolated, cpu) => report.pass("processor", format!("{cpu}, isolated")),
+        Some(cpu) => report.warn(
+            "processor",
+            format!("{cpu} is not isolated"),
+            format!("add isolcpus={cpu} to the arguments of the kernel"),
+        ),
+    }
+}
+
+/// Whether a list such as `1,4-6` holds a number.
+fn contains(list: &str, wanted: usize) -> bool {
+    list.split(',').any(|part| match part.trim().split_once('-') {
+        Some((first, last)) => {
+            let (first, last) = (first.parse::<usize>(), last.parse::<usize>());
+            first.is_ok_and(|first| first <= wanted) && last.is_ok_and(|last| wanted <= last)
+        }
+        None => part.trim().parse() == Ok(wanted),
+    })
+}
+
+fn check_memory(config: &Config, report: &mut Report) {
+    let domain = match Domain::new(&config.ipc.domain) {
+        Ok(domain) => domain,
+        Err(error) => return report.fail("shared memory", error.to_string(), "correct ipc.domain"),
+    };
+    if let Some(ready) = Ready::read(&domain) {
+        return report.pass("shared memory", format!("a controller serves `{}`, process {}", domain.name(), ready.pid));
+    }
+    let leftovers = count_leftovers(domain.directory(), Path::new("/dev/shm"), domain.prefix());
+    if leftovers == 0 {
+        report.pass("shared memory", format!("nothing left over in `{}`", domain.name()));
+    } else {
+        report.warn(
+            "shared memory",
+            format!("{leftovers} files of a controller that was killed in `{}`", domain.name()),
+            "nothing to do: the next controller removes them",
+        );
+    }
+}
+
+fn count_leftovers(folder: &Path, memory: &Path, prefix: &str) -> usize {
+    let count = |path: &Path, counts: &dyn Fn(&str) -> bool| {
+        fs::read_dir(path)
+            .map(|entries| entries.flatten().filter(|entry| counts(&entry.file_name().to_string_lossy())).count())
+            .unwrap_or(0)
+    };
+    // The lock file stays by design.
+    count(folder, &|name| !name.contains("lock")) + count(memory, &|name| name.starts_with(prefix))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_processors_are_understood() {
+        assert!(contains("1,4-6", 5) && contains("1,4-6\n", 1) && contains("3", 3));
+        assert!(!contains("1,4-6", 3) && !contains("", 0));
+    }
+
+    #[test]
+    fn leftovers_are_counted_and_the_lock_is_none() {
+        let base = tempfile::tempdir().unwrap();
+        let (folder, memory) = (base.path().join("domain"), base.path().join("shm"));
+        fs::create_dir_all(&folder).unwrap();
+        fs::create_dir_all(&memory).unwrap();
+        fs::write(folder.join("lock"), "").unwrap();
+        assert_eq!(count_leftovers(&folder, &memory, "i2ris_"), 0);
+        fs::write(folder.join("ready"), "").unwrap();
+        fs::write(memory.join("i2ris_7"), "").unwrap();
+        fs::write(memory.join("other"), "").unwrap();
+        assert_eq!(count_leftovers(&folder, &memory, "i2ris_"), 2);
+    }
+}
