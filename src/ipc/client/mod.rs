@@ -132,7 +132,8 @@ impl Client {
         self.operating_state.refresh().map(|message| message.copied())
     }
 
-    /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it.
+    /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it. States from before the call
+    /// do not count: they may not know yet of a request that has just been answered.
     ///
     /// # Errors
     ///
@@ -146,7 +147,7 @@ impl Client {
         let start = clock::now();
         loop {
             match self.operating_state()? {
-                Some(state) if condition(&state) => return Ok(state),
+                Some(state) if state.stamp_ns > start.0 && condition(&state) => return Ok(state),
                 _ if clock::now().since(start) > timeout => return Err(ClientError::Timeout { waited: timeout }),
                 _ => clock::sleep(POLL_PERIOD),
             }

@@ -89,6 +89,27 @@ fn one_motor_is_a_snake_as_well() {
 }
 
 #[test]
+fn a_snake_that_bends_in_stretches_is_told_from_one_that_does_not() {
+    let of = |segments: usize, rows: usize| {
+        let gain = SMatrix::<f64, 1, 1>::new(0.04);
+        let truth = start::start(&gain, &SVector::from([10.0]), 20.0, Structure { segments, stops: 2 });
+        let operator = Stops::<1>::prepare(&truth).unwrap();
+        let mut state = operator.begin(&SVector::from([wander(0.0)[0]]));
+        let mut noise = noise(8);
+        let recording = one_motor(rows, |time| {
+            let count = wander(time)[0];
+            operator.advance(&mut state, &SVector::from([count]));
+            (count, operator.bend(&state)[0] + 0.02 * noise())
+        });
+        let structures = [1, 2].map(|segments| Structure { segments, stops: 2 }).to_vec();
+        fit_stop(&whole(&recording), &StopOptions { structures, ..short() }, &Silent).unwrap()
+    };
+    let (one, two) = (of(1, 900), of(2, 900));
+    assert_eq!((one.reading.segments, two.reading.segments), (1, 2), "{:?} {:?}", one.tried, two.tried);
+    assert!(two.tried[1].1 < 0.7 * two.tried[0].1, "{:?}", two.tried);
+}
+
+#[test]
 fn what_shows_no_hysteresis_is_refused_or_doubted() {
     let ramp = recording(300, |time| ([10.0 * time, (3.0 * time).sin() * 200.0], [0.2 * time, (3.0 * time).sin()]));
     assert!(matches!(
