@@ -7,8 +7,11 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+mod bench;
 mod calibrate;
 mod command;
+mod completions;
+mod config;
 mod console;
 mod demo;
 mod doctor;
@@ -48,6 +51,13 @@ enum Task {
     Command(command::Arguments),
     /// Watch the robot
     Monitor(monitor::Arguments),
+    /// Look at a configuration
+    #[command(subcommand)]
+    Config(config::Command),
+    /// Measure latencies of this machine and of the controller's ways
+    Bench(bench::Arguments),
+    /// Print what a shell needs to complete commands
+    Completions(completions::Arguments),
     /// Record trials, and make tables of recordings
     Record(record::Arguments),
     /// Run the black box of a controller again and compare to the bit
@@ -68,6 +78,9 @@ fn main() -> ExitCode {
         Task::Doctor(arguments) => doctor::run(arguments),
         Task::Command(arguments) => command::run(arguments),
         Task::Monitor(arguments) => monitor::run(arguments),
+        Task::Config(command) => config::run(&command),
+        Task::Bench(arguments) => bench::run(&arguments),
+        Task::Completions(arguments) => completions::run(&arguments),
         Task::Record(arguments) => record::run(arguments),
         Task::Replay(arguments) => replay::run(&arguments),
         Task::Dump(arguments) => replay::dump(&arguments),

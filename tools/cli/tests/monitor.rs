@@ -1,4 +1,4 @@
-//! `i2ris monitor` and `i2ris record` against a controller without drives.
+//! `i2ris monitor`, `i2ris record` and the Python client against a controller without drives; what needs no controller.
 #![allow(clippy::unwrap_used)]
 
 mod fake_controller;
@@ -6,6 +6,8 @@ mod fake_controller;
 mod python;
 #[path = "watching/record.rs"]
 mod record;
+#[path = "watching/small.rs"]
+mod small;
 
 use std::io::{BufRead, BufReader, Read};
 

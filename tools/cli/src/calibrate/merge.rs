@@ -112,9 +112,9 @@ mod tests {
         let path = folder.path().join("take.csv");
         let mut text = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n".to_owned();
         for k in 0..100 {
-            // Every tenth row has angles of its own; there is a hole of 0.2 s.
+            // Every other row has angles of its own; there is a hole of 0.2 s.
             let time = f64::from(k) * 0.01 + if k >= 50 { 0.2 } else { 0.0 };
-            let angles = if k % 10 == 0 { format!("{},{}", 0.1 * f64::from(k), 7 - k % 3) } else { ",".to_owned() };
+            let angles = if k % 2 == 0 { format!("{},{}", 0.1 * f64::from(k), 7 - k % 3) } else { ",".to_owned() };
             text += &format!("{time},{},{},{angles}\n", 100.0 * time, -300.0 * time);
         }
         fs::write(&path, text).unwrap();

@@ -1,0 +1,60 @@
+//! What needs no controller: configurations, completions, benchmarks.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+fn i2ris(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_i2ris")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn a_configuration_is_judged_and_printed_with_its_defaults() {
+    let good = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let output = i2ris(&["config", "check", good.to_str().unwrap()]);
+    assert!(output.status.success() && text(&output.stdout).contains("valid; robot i2ris-emulated, 2 motor(s)"));
+    let folder = tempfile::tempdir().unwrap();
+    let printed = folder.path().join("printed.toml");
+    fs::write(&printed, i2ris(&["config", "print", good.to_str().unwrap()]).stdout).unwrap();
+    assert!(i2ris(&["config", "check", printed.to_str().unwrap()]).status.success(), "what is printed is valid, too");
+    let bad = folder.path().join("bad.toml");
+    fs::write(&bad, fs::read_to_string(&good).unwrap().replace("rate_hz", "rate_herz")).unwrap();
+    let output = i2ris(&["config", "check", bad.to_str().unwrap()]);
+    let error = text(&output.stderr);
+    assert!(!output.status.success() && error.contains("bad.toml") && error.contains("rate_herz"), "{error}");
+}
+
+#[test]
+fn shells_are_told_every_subcommand() {
+    for shell in ["bash", "zsh", "fish"] {
+        let output = i2ris(&["completions", shell]);
+        let script = text(&output.stdout);
+        assert!(output.status.success());
+        for word in ["calibrate", "vision", "record", "monitor"] {
+            assert!(script.contains(word), "{shell}: {word}");
+        }
+    }
+}
+
+#[test]
+fn latencies_are_measured_on_every_way_and_told_as_json() {
+    let output = i2ris(&["bench", "ipc", "--messages", "1000", "--json"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let outcome: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let ways = outcome["ways"].as_array().unwrap();
+    assert_eq!(ways.len(), 5);
+    for way in ways {
+        let spans = &way["spans_ns"];
+        assert!(spans["count"].as_u64().unwrap() > 0, "{way}");
+        assert!(
+            spans["p50"].as_u64() <= spans["p99"].as_u64() && spans["p99"].as_u64() <= spans["max"].as_u64(),
+            "{way}"
+        );
+    }
+    let output = i2ris(&["bench", "loop", "--duration-s", "1", "--priority", "0"]);
+    assert!(output.status.success() && text(&output.stdout).contains("bare timer"), "{}", text(&output.stderr));
+}
