@@ -247,7 +247,12 @@ fn waiting_ends_with_the_condition_or_with_the_time() {
     let mut stamp = 0;
     let _controller = Controller::start(&domain, move |server, _| {
         stamp += 1;
-        server.publish_operating_state(OperatingStateMsg { accepted: stamp, ..OperatingStateMsg::default() });
+        let now = clock::now().0;
+        server.publish_operating_state(OperatingStateMsg {
+            accepted: stamp,
+            stamp_ns: now,
+            ..OperatingStateMsg::default()
+        });
     });
     let mut client = Client::connect(&domain, Nanos::ZERO).unwrap();
     assert!(client.wait_for(PATIENCE, |state| state.accepted > 20).unwrap().accepted > 20);

@@ -188,7 +188,7 @@ mod tests {
         let mut shape = shape(CommandConfig::default(), joints);
         // A step to beyond the limit, and one back.
         let out = run(&mut shape, |t| if t < 0.6 { 8.0 } else { -3.0 }, 1500);
-        assert!((out[599] - 4.0).abs() < 1e-9 && (out[1499] + 3.0).abs() < 1e-9, "{} {}", out[599], out[1499]);
+        assert!((out[598] - 4.0).abs() < 1e-9 && (out[1499] + 3.0).abs() < 1e-9, "{} {}", out[598], out[1499]);
         let differences =
             |values: &[f64]| -> Vec<f64> { values.windows(2).map(|pair| (pair[1] - pair[0]) * 1e3).collect() };
         let velocity = differences(&out);

@@ -28,7 +28,7 @@ fn tests() -> BTreeSet<String> {
 
 /// Rows of the table: id and names of tests.
 fn table() -> Vec<(String, Vec<String>)> {
-    let text = fs::read_to_string(root().join("docs/hazards.md")).unwrap();
+    let text = fs::read_to_string(root().join("tests/hazards/README.md")).unwrap();
     let rows = text.lines().filter(|line| line.starts_with("| H"));
     rows.map(|row| {
         let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
@@ -54,10 +54,10 @@ fn every_hazard_has_a_row_and_a_test_that_bears_its_id() {
     let listed: BTreeSet<String> = table.into_iter().flat_map(|(_, names)| names).collect();
     let of_a_hazard = |name: &&String| name.starts_with('h') && name[1..3].parse::<u32>().is_ok();
     let forgotten: Vec<&String> = tests.iter().filter(of_a_hazard).filter(|name| !listed.contains(*name)).collect();
-    assert!(forgotten.is_empty(), "not in docs/hazards.md: {forgotten:?}");
+    assert!(forgotten.is_empty(), "not in tests/hazards/README.md: {forgotten:?}");
 }
 
-/// What the lock file says, with licences, as it should stand in `docs/third-party.md`.
+/// What the lock file says, with licences, as it should stand in `LICENSE-THIRD-PARTY.md`.
 fn third_party() -> String {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--locked", "--offline"])
@@ -89,7 +89,7 @@ fn third_party() -> String {
 
 #[test]
 fn the_list_of_third_party_software_is_up_to_date() {
-    let path: &Path = &root().join("docs/third-party.md");
+    let path: &Path = &root().join("LICENSE-THIRD-PARTY.md");
     let wanted = third_party();
     if std::env::var_os("I2RIS_UPDATE").is_some() {
         fs::write(path, &wanted).unwrap();
@@ -98,6 +98,6 @@ fn the_list_of_third_party_software_is_up_to_date() {
     let missing: Vec<&str> = wanted.lines().filter(|line| !found.contains(line)).collect();
     assert!(
         found == wanted,
-        "docs/third-party.md is out of date ({missing:?}); run I2RIS_UPDATE=1 cargo test --test hazards third_party"
+        "LICENSE-THIRD-PARTY.md is out of date ({missing:?}); run I2RIS_UPDATE=1 cargo test --test hazards third_party"
     );
 }

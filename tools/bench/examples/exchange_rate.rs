@@ -1,7 +1,7 @@
 //! How much of the wire the driver uses: exchanges and set-points per second against the limit of the line.
 //!
 //! ```text
-//! cargo run --release --example exchange_rate [SECONDS]
+//! cargo run --release -p i2ris-bench --example exchange_rate [SECONDS]
 //! ```
 //!
 //! Two emulated drives on two ports at 115200 baud, without processing delay. A request and its reply are 24 bytes of ten bits
@@ -34,7 +34,7 @@ const TICK: Nanos = Nanos::from_millis(1);
 fn main() -> Result<(), Box<dyn Error>> {
     let seconds: f64 = std::env::args().nth(1).map_or(Ok(5.0), |text| text.parse())?;
     let folder = tempfile::tempdir()?;
-    let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
+    let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml");
     let mut emulation = EmulatorConfig::new(SnakeConfig::load(&snake)?, &folder.path().join("ports"));
     emulation.line.processing_us = 0;
     let serial_numbers = emulation.drives.clone().map(|drive| drive.serial_number);

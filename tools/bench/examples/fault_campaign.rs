@@ -1,7 +1,7 @@
 //! The fault campaign: seeded injections of every kind at random moments while two motors move, and what became of them.
 //!
 //! ```text
-//! cargo run --release --example fault_campaign [INJECTIONS] [SEED] [RIGS]
+//! cargo run --release -p i2ris-bench --example fault_campaign [INJECTIONS] [SEED] [RIGS]
 //! ```
 //!
 //! Every rig is two emulated drives on two ports and the drive layer with its port threads. Something like the control loop
@@ -158,7 +158,7 @@ struct Rig {
 impl Rig {
     fn start(seed: u64) -> Result<Self, Box<dyn Error>> {
         let folder = tempfile::tempdir()?;
-        let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
+        let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml");
         let mut config = EmulatorConfig::new(SnakeConfig::load(&snake)?, &folder.path().join("ports"));
         config.seed = seed;
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
@@ -253,7 +253,11 @@ impl Side {
         let (sender, events) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
-        let thread = thread::spawn(move || runner.run(&stopped, |event| drop(sender.send(event))));
+        let thread = thread::spawn(move || {
+            runner.run(&stopped, |event| {
+                let _ = sender.send(event);
+            })
+        });
         Ok(Self {
             link: links.into_iter().next().ok_or("no axis")?,
             request: AxisRequest::default(),

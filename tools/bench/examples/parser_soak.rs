@@ -1,7 +1,7 @@
 //! Random bytes into the frame parser and the decoders of replies: no panic, and every good frame behind rubbish is found.
 //!
 //! ```text
-//! cargo run --release --example parser_soak [BYTES] [SEED]
+//! cargo run --release -p i2ris-bench --example parser_soak [BYTES] [SEED]
 //! ```
 //!
 //! Rubbish and good frames alternate. After every piece of rubbish the parser is reset, as the driver does after every time-out;
