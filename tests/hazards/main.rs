@@ -1,8 +1,13 @@
-//! The hazards of the design, one module per id, at least one test in each: see the table in the README.
+//! The hazards of the design, one module per id, at least one test in each: see the table in `README.md` beside this file.
 //!
 //! Where real processes prove more, the controller runs as a process against emulated drives ([`rig`]); where the exact tick
 //! matters, the cycle runs on counted time ([`bench`]).
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "tests, and campaigns that print figures"
+)]
 
 #[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
 #[path = "../cycle/bench.rs"]

@@ -97,7 +97,8 @@ impl Report<'_> {
             format!("{} {per_part:+.3} {} (at most {largest:.3})", output.name, output.unit)
         });
         let outputs: Vec<_> = outputs.collect();
-        writeln!(f, "drift      per {part}, away from the model: {}", outputs.join(", "))
+        let text = format!("per {part}, away from the model: {}", outputs.join(", "));
+        write!(f, "drift{}", &Wrapped(&text).to_string()["drift".len()..])
     }
 
     /// What the parameters say about the robot.
