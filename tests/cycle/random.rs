@@ -130,6 +130,8 @@ fn heal(bench: &mut Bench) {
 /// Heals the drives and does what an operator would do.
 fn bring_back(bench: &mut Bench) {
     heal(bench);
+    // At slow limits a stroke takes minutes. Refused where nothing moves.
+    let _ = bench.ask(StateCommand::Pause);
     // Longer than any time-out but that of homing.
     bench.run((4_000_000_000 / bench.config.control.period().0) as usize);
     bench.idle();
