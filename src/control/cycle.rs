@@ -40,7 +40,7 @@ use super::{
 };
 use crate::config::Config;
 use crate::drive::{AxisFeedback, AxisRequest};
-use crate::ipc::{Fault, Refusal, StateCommand};
+use crate::ipc::{Fault, Refusal};
 use crate::model::file::OutputUnit;
 use crate::model::{Model, ModelId};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
@@ -331,7 +331,7 @@ impl Cycle {
         if request.client_id == 0 {
             return Err(Refusal::Malformed);
         }
-        if self.ending.is_some() && sets_going(request.command) {
+        if self.ending.is_some() && table::sets_going(request.command) {
             return Err(Refusal::State);
         }
         let to = match table::judge(request.command, self.machine.state(), sight)? {
@@ -584,22 +584,5 @@ impl Cycle {
             State::Disabled(_) | State::Enabled(_) | State::Paused => false,
         };
         done || sight.now.since(since) >= SHUTDOWN_LIMIT
-    }
-}
-
-/// A command that has no place in a process that ends.
-fn sets_going(command: StateCommand) -> bool {
-    match command {
-        StateCommand::Enable
-        | StateCommand::Resume
-        | StateCommand::Home
-        | StateCommand::Unhome
-        | StateCommand::Condition
-        | StateCommand::Move => true,
-        StateCommand::Disable
-        | StateCommand::Pause
-        | StateCommand::Acknowledge
-        | StateCommand::Release
-        | StateCommand::Hold => false,
     }
 }

@@ -164,3 +164,20 @@ fn clear(failure: &Failure, sight: &Sight) -> Verdict {
         Verdict::Change(State::Disabled(Inactive::PoweringOff { since }))
     }
 }
+
+/// A command that has no place in a process that ends.
+pub(super) fn sets_going(command: StateCommand) -> bool {
+    match command {
+        StateCommand::Enable
+        | StateCommand::Resume
+        | StateCommand::Home
+        | StateCommand::Unhome
+        | StateCommand::Condition
+        | StateCommand::Move => true,
+        StateCommand::Disable
+        | StateCommand::Pause
+        | StateCommand::Acknowledge
+        | StateCommand::Release
+        | StateCommand::Hold => false,
+    }
+}

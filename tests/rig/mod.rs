@@ -37,6 +37,17 @@ pub struct Rig {
     pub config: Config,
     pub folder: TempDir,
     controller: Option<Child>,
+    /// The last to go: everything that had a part in the domain has gone by then.
+    _sweep: Sweep,
+}
+
+/// Removes the shared memory of a domain, also what a killed process left for a controller that never came.
+struct Sweep(Domain);
+
+impl Drop for Sweep {
+    fn drop(&mut self) {
+        drop(i2ris::ipc::DomainGuard::acquire(&self.0));
+    }
 }
 
 impl Rig {
@@ -76,7 +87,8 @@ impl Rig {
             record: RecordConfig::default(),
             ports,
         };
-        Self { emulator, config, folder, controller: None }
+        let sweep = Sweep(Domain::new(&config.ipc.domain).unwrap());
+        Self { emulator, config, folder, controller: None, _sweep: sweep }
     }
 
     /// Starts a controller on the rig's configuration. Its log goes to a file.
@@ -173,8 +185,6 @@ impl Drop for Rig {
         if let Some(mut child) = self.controller.take() {
             let _ = child.kill();
             let _ = child.wait();
-            // A killed controller leaves its shared memory for the next one; there is none here.
-            drop(i2ris::ipc::DomainGuard::acquire(&self.domain()));
         }
     }
 }
