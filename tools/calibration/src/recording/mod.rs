@@ -23,6 +23,7 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 pub use check::MIN_ROWS;
 pub use columns::{ColumnMap, OutputColumn, ParseColumnError, TimeColumn};
 pub use error::RecordingError;
+pub use shift::counts_at;
 pub use write::RecordingWriter;
 
 /// One row of a recording.

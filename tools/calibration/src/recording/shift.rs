@@ -55,7 +55,10 @@ fn usual_step(path: &[(f64, MotorVec)]) -> f64 {
     steps.get(steps.len() / 2).copied().unwrap_or_default()
 }
 
-fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap: f64) -> Option<MotorVec> {
+/// The counts at an instant, on the straight line between two positions of a path in order of time (s, counts); `None` beyond
+/// its ends and where those two lie more than `gap_s` apart.
+#[must_use]
+pub fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
     let after = path.partition_point(|(time, _)| *time < time_s);
     let (t1, b) = path.get(after)?;
     if *t1 == time_s {
@@ -63,7 +66,7 @@ fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap: f64) -> Option<MotorVec
     }
     let (t0, a) = path.get(after.checked_sub(1)?)?;
     let share = (time_s - t0) / (t1 - t0);
-    (t1 - t0 <= gap).then(|| std::array::from_fn(|motor| a[motor] + share * (b[motor] - a[motor])))
+    (t1 - t0 <= gap_s).then(|| std::array::from_fn(|motor| a[motor] + share * (b[motor] - a[motor])))
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::path::Path;
 use i2ris::model::file::OutputSpec;
 use i2ris::units::MotorVec;
 use i2ris_calibration::latency::{Latency, Place, Seen, estimate};
-use i2ris_calibration::recording::{RecordingWriter, Row};
+use i2ris_calibration::recording::{RecordingWriter, Row, counts_at};
 
 use super::take::{GAP_NS, is_sample};
 use crate::files::replace;
@@ -23,9 +23,10 @@ pub fn latency(rows: &[Row], motors: usize) -> Option<Latency> {
 /// or come into a gap of the encoders are left out.
 pub fn shifted(rows: &[Row], seconds: f64) -> Vec<Row> {
     let path: Vec<(f64, MotorVec)> = positions(rows).collect();
+    let gap_s = GAP_NS as f64 * 1e-9;
     let moved = rows.iter().filter(|row| is_sample(row)).filter_map(|row| {
         let time_s = row.time_s? - seconds;
-        Some(Row { time_s: Some(time_s), counts: counts_at(&path, time_s)?, ..*row })
+        Some(Row { time_s: Some(time_s), counts: counts_at(&path, time_s, gap_s)?, ..*row })
     });
     let mut all: Vec<Row> = rows.iter().filter(|row| !is_sample(row)).copied().chain(moved).collect();
     all.sort_by(|a, b| a.time_s.unwrap_or_default().total_cmp(&b.time_s.unwrap_or_default()));
@@ -52,16 +53,6 @@ pub fn rewrite(path: &Path, rows: &[Row], motors: usize, outputs: &[OutputSpec])
 
 fn positions(rows: &[Row]) -> impl Iterator<Item = (f64, MotorVec)> {
     rows.iter().filter(|row| !is_sample(row)).filter_map(|row| Some((row.time_s?, row.counts)))
-}
-
-fn counts_at(path: &[(f64, MotorVec)], time_s: f64) -> Option<MotorVec> {
-    let after = path.partition_point(|(time, _)| *time < time_s);
-    let ((t0, a), (t1, b)) = (path.get(after.checked_sub(1)?)?, path.get(after)?);
-    if t1 - t0 > GAP_NS as f64 * 1e-9 {
-        return None;
-    }
-    let share = (time_s - t0) / (t1 - t0);
-    Some(std::array::from_fn(|motor| a[motor] + share * (b[motor] - a[motor])))
 }
 
 #[cfg(test)]
