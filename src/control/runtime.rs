@@ -25,6 +25,7 @@ use super::keeper::{Answer, Keeper, Question};
 use super::lane::{LoopEnds, Record, RelayEnds, lanes};
 use super::relay::{Desk, Relay};
 use super::{Event, EventKind, Inputs};
+use crate::COMMIT;
 use crate::access::{self, Untrusted};
 use crate::clock;
 use crate::config::{Config, ControlConfig};
@@ -168,7 +169,7 @@ fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
 
 /// Version and commit of this software.
 fn software() -> String {
-    format!("i2ris {} ({})", env!("CARGO_PKG_VERSION"), option_env!("I2RIS_COMMIT").unwrap_or("commit not known"))
+    format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }
 
 /// What the slower threads know at the start.
