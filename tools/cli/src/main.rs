@@ -6,6 +6,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use i2ris_record::series;
 
 mod bench;
 mod calibrate;
@@ -21,7 +22,7 @@ mod model;
 mod monitor;
 mod record;
 mod replay;
-mod series;
+mod report;
 mod vision;
 
 /// Whatever ends a subcommand: one sentence for a person.
@@ -60,6 +61,8 @@ enum Task {
     Completions(completions::Arguments),
     /// Record trials, and make tables of recordings
     Record(record::Arguments),
+    /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
+    Report(report::Arguments),
     /// Run the black box of a controller again and compare to the bit
     Replay(replay::Arguments),
     /// Have the running controller write its black box: the last seconds of every tick
@@ -82,6 +85,7 @@ fn main() -> ExitCode {
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Completions(arguments) => completions::run(&arguments),
         Task::Record(arguments) => record::run(arguments),
+        Task::Report(arguments) => report::run(&arguments),
         Task::Replay(arguments) => replay::run(&arguments),
         Task::Dump(arguments) => replay::dump(&arguments),
         Task::Vision(arguments) => vision::run(arguments),
