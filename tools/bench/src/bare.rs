@@ -47,15 +47,23 @@ pub fn port(emulator: &Emulator, motor: usize, serial_number: u32) -> PortConfig
 ///
 /// # Errors
 ///
-/// When the port cannot be opened, or the drive does not answer.
+/// When the port cannot be opened, or breaks. A drive that does not answer is asked again.
 pub fn serve(port: &PortConfig, priority: u8, shared: &Shared) -> Result<(), BenchError> {
     let _ = request(Wanted { priority, ..Wanted::default() });
     let mut link = Link::new(SerialTransport::open(port)?, of_port(port), port);
     while !shared.stop.load(Ordering::Acquire) {
-        link.write(LOCAL, TARGET.set(shared.target.load(Ordering::Acquire)), Repeat::Safe)?;
-        let answer = link.read_raw(LOCAL, POSITION.address())?;
-        shared.measured_ns.store(answer.received.0, Ordering::Release);
-        shared.exchanges.fetch_add(2, Ordering::Relaxed);
+        let asked = link
+            .write(LOCAL, TARGET.set(shared.target.load(Ordering::Acquire)), Repeat::Safe)
+            .and_then(|_| link.read_raw(LOCAL, POSITION.address()));
+        match asked {
+            Ok(answer) => {
+                shared.measured_ns.store(answer.received.0, Ordering::Release);
+                shared.exchanges.fetch_add(2, Ordering::Relaxed);
+            }
+            Err(error) if link.is_broken() => return Err(error.into()),
+            // The machine stalled the emulator; the next exchange puts the line in step again.
+            Err(_) => {}
+        }
     }
     Ok(())
 }

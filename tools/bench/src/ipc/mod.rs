@@ -36,7 +36,7 @@ const BYTES: usize = 64;
 /// Every way gets so many turns: all meet the same weather.
 const TURNS: u64 = 4;
 
-/// Messages of each turn that do not count.
+/// Messages of each turn that do not count, at most.
 const WARM_UP: u64 = 300;
 
 /// Receivers that look again and again.

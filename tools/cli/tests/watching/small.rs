@@ -67,7 +67,7 @@ fn judge(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
 
 #[test]
 fn latencies_are_measured_on_every_way_beside_their_floors() {
-    let outcome = bench(&["ipc", "--messages", "400"]);
+    let outcome = bench(&["ipc", "--messages", "2000"]);
     judge(&outcome, &["polled", "waiting"]);
     assert_eq!(outcome["ways"].as_array().unwrap().len(), 11);
     let outcome = bench(&["loop", "--duration-s", "1"]);
