@@ -154,7 +154,11 @@ impl OpenGate {
     /// has shown that it got it.
     fn greet(&mut self, packet: &Packet<'_>, from: SocketAddr, now: Nanos, tell: &mut impl FnMut(Told)) {
         let Some(interface) = Rest(packet.body).u32() else { return };
-        let mut session = Session::new(&self.options.key, random_id(), from, now);
+        let call = packet.header.session;
+        if interface == INTERFACE_VERSION && self.welcome_again(call, from, packet, now) {
+            return;
+        }
+        let mut session = Session::new(&self.options.key, random_id(), from, call, now);
         session.peer.note(&packet.header, now);
         let joined = self.sessions.iter().filter(|it| it.confirmed).count();
         let refusal = match interface {
@@ -162,17 +166,33 @@ impl OpenGate {
             INTERFACE_VERSION => Some((REFUSED_FULL, Told::Full(from))),
             interface => Some((REFUSED_INTERFACE, Told::Foreign { address: from, interface })),
         };
-        let mut body = packet.header.session.to_le_bytes().to_vec();
+        let mut body = call.to_le_bytes().to_vec();
         if let Some((reason, told)) = refusal {
             body.extend(reason.to_le_bytes());
             body.extend(INTERFACE_VERSION.to_le_bytes());
             let _ = self.socket.send_to(&session.peer.write(Kind::Refused, &body, now), from);
             return tell(told);
         }
+        self.welcome(&mut session, now);
+        self.sessions.push(session);
+    }
+
+    /// The same call once more: its welcome was lost, or is still on its way.
+    fn welcome_again(&mut self, call: u64, from: SocketAddr, packet: &Packet<'_>, now: Nanos) -> bool {
+        let known = |it: &Session| it.call == call && it.address == from && !it.confirmed;
+        let Some(place) = self.sessions.iter().position(known) else { return false };
+        let mut session = self.sessions.swap_remove(place);
+        session.peer.note(&packet.header, now);
+        self.welcome(&mut session, now);
+        self.sessions.push(session);
+        true
+    }
+
+    fn welcome(&self, session: &mut Session, now: Nanos) {
+        let mut body = session.call.to_le_bytes().to_vec();
         body.extend(INTERFACE_VERSION.to_le_bytes());
         body.extend(u32::from(self.options.commands).to_le_bytes());
-        let _ = self.socket.send_to(&session.peer.write(Kind::Welcome, &body, now), from);
-        self.sessions.push(session);
+        let _ = self.socket.send_to(&session.peer.write(Kind::Welcome, &body, now), session.address);
     }
 
     /// Hands over what the controller has answered.

@@ -57,7 +57,12 @@ impl Controller {
 
     /// What is new since the last call.
     pub fn look(&mut self, now: Nanos) -> State {
-        let new = self.streams().unwrap_or_default();
+        let new = match self.streams() {
+            Ok(new) => new,
+            Err(ClientError::NoController { .. } | ClientError::Interface { .. }) => State::default(),
+            // It is there, and cannot be heard: no news, which watchers see grow old.
+            Err(_) => State { controller: self.known.controller, ..State::default() },
+        };
         if !new.controller {
             // What a controller said that is gone is forgotten.
             self.known = State::default();

@@ -21,6 +21,8 @@ const REMEMBERED: usize = 128;
 pub(super) struct Session {
     pub peer: Peer,
     pub address: SocketAddr,
+    /// The number of the hello that it began with.
+    pub call: u64,
     /// It has answered to its welcome, so it is there and not a recording.
     pub confirmed: bool,
     /// It has been told everything that is known.
@@ -30,9 +32,9 @@ pub(super) struct Session {
 }
 
 impl Session {
-    pub fn new(key: &Key, session: u64, address: SocketAddr, now: Nanos) -> Self {
+    pub fn new(key: &Key, session: u64, address: SocketAddr, call: u64, now: Nanos) -> Self {
         let peer = Peer::new(key, session, now);
-        Self { peer, address, confirmed: false, greeted: false, requests: BTreeMap::new() }
+        Self { peer, address, call, confirmed: false, greeted: false, requests: BTreeMap::new() }
     }
 
     /// Does what a packet asks for. The answer is one that is known already.
