@@ -147,6 +147,9 @@ pub struct LimitConfig {
     /// Deceleration when it must stop, counts per second squared. Large: a stop from full speed should end within two
     /// ticks, which is still less than a count or two of travel.
     pub stop_deceleration_counts_s2: f64,
+    /// Jerk of the set-point, counts per second cubed, stops included. It makes every motion late by
+    /// `stop_deceleration / jerk`, at most 16 ticks, and a stop longer by twice that. Absent: no limit.
+    pub jerk_counts_s3: Option<f64>,
     /// Age of the newest position at which the loop stops the motion, in milliseconds.
     pub feedback_stale_ms: u64,
     /// Age of the newest position at which the loop goes to FAULT, in milliseconds.
@@ -169,6 +172,7 @@ impl Default for LimitConfig {
             velocity_counts_s: 2000.0,
             acceleration_counts_s2: 40_000.0,
             stop_deceleration_counts_s2: 1_000_000.0,
+            jerk_counts_s3: None,
             feedback_stale_ms: 50,
             feedback_lost_ms: 250,
             following_error_counts: 300,
@@ -177,6 +181,14 @@ impl Default for LimitConfig {
             late_ticks: 0,
             late_window_ms: 1000,
         }
+    }
+}
+
+impl LimitConfig {
+    /// Over how many ticks the set-point of a motor is averaged, so that the jerk stays within its limit.
+    #[must_use]
+    pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
+        self.jerk_counts_s3.map(|jerk| window_ticks(self.stop_deceleration_counts_s2, jerk, tick))
     }
 }
 
@@ -266,9 +278,7 @@ impl JointLimitConfig {
     /// Over how many ticks acceleration is averaged, so that the jerk stays within its limit.
     #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
-        let (acceleration, jerk) = (self.acceleration_deg_s2?, self.jerk_deg_s3?);
-        // Rounding may not make a window of 20 ticks one of 21.
-        Some((2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9).ceil().clamp(1.0, 1e6) as u32)
+        Some(window_ticks(self.acceleration_deg_s2?, self.jerk_deg_s3?, tick))
     }
 }
 
@@ -475,6 +485,12 @@ impl Config {
             limits.stop_deceleration_counts_s2,
             "must not be below acceleration_counts_s2: a stop may not be weaker than a start",
         )?;
+        if let Some(jerk) = limits.jerk_counts_s3 {
+            positive("limits.jerk_counts_s3", jerk)?;
+        }
+        let window = limits.window_ticks(self.control.period()).unwrap_or(1);
+        let jerk = limits.jerk_counts_s3.unwrap_or(f64::INFINITY);
+        require(window as usize <= LONGEST_WINDOW, "limits.jerk_counts_s3", jerk, TOO_LATE)?;
         require(limits.feedback_stale_ms > 0, "limits.feedback_stale_ms", limits.feedback_stale_ms, "must be above 0")?;
         require(
             limits.feedback_lost_ms > limits.feedback_stale_ms,
@@ -520,8 +536,7 @@ impl Config {
         let complete = joints.jerk_deg_s3.is_none() || joints.acceleration_deg_s2.is_some();
         require(complete, "joints.jerk_deg_s3", jerk, needs)?;
         let window = joints.window_ticks(self.control.period()).unwrap_or(1);
-        let short = "must be higher: the delay would be longer than 16 ticks";
-        require(window as usize <= LONGEST_WINDOW, "joints.jerk_deg_s3", jerk, short)
+        require(window as usize <= LONGEST_WINDOW, "joints.jerk_deg_s3", jerk, TOO_LATE)
     }
 
     fn check_compensation(&self) -> Result<(), WrongValue> {
@@ -543,6 +558,16 @@ impl Config {
         require((1..=20).contains(&condition.turns), "condition.turns", condition.turns, "must be 1 to 20")?;
         positive("condition.velocity_counts_s", condition.velocity_counts_s)
     }
+}
+
+/// Why a jerk limit is refused.
+const TOO_LATE: &str = "must be higher: the delay would be longer than 16 ticks";
+
+/// Over how many ticks a limited acceleration is to be averaged, so that its jerk stays within a limit: in the mean over `n`
+/// ticks of length `T`, an acceleration between `-A` and `A` has a jerk of at most `2 A / (n T)`.
+fn window_ticks(acceleration: f64, jerk: f64, tick: Nanos) -> u32 {
+    // Rounding may not make a window of 20 ticks one of 21.
+    (2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9).ceil().clamp(1.0, 1e6) as u32
 }
 
 /// A key whose value makes no sense.

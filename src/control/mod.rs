@@ -162,6 +162,7 @@ pub mod runtime;
 mod shape;
 mod sight;
 mod slots;
+mod smooth;
 mod state;
 mod steady;
 mod stroke;

@@ -23,6 +23,7 @@ mod identity;
 mod lock;
 mod message;
 pub mod payload;
+pub mod pulse;
 pub mod ready;
 pub mod server;
 mod service;
