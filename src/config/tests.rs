@@ -27,7 +27,10 @@ fn a_short_file_gets_the_defaults() {
 #[test]
 fn an_unknown_key_is_named_with_its_line() {
     let text = error("[control]\nrate_herz = 3");
-    assert!(text.contains("rate_herz") && text.contains("line 13") && text.contains("rate_hz"), "{text}");
+    assert!(
+        text.contains("rate_herz") && text.contains("line 13") && text.contains("did you mean `rate_hz`?"),
+        "{text}"
+    );
 }
 
 #[test]

@@ -55,6 +55,8 @@ const TOLERANCE: i32 = 12;
 struct Tally {
     injections: usize,
     outside: Vec<String>,
+    /// Of those, the ones that a drive without power was given.
+    preloads: usize,
     wrong: Vec<String>,
     unexplained: Vec<String>,
     hangs: Vec<String>,
@@ -196,9 +198,19 @@ impl Rig {
         let log = self.emulator.log();
         let outside = |kind| matches!(kind, EventKind::Setpoint(counts) if !(-LIMIT..=LIMIT).contains(&counts));
         for (place, event) in log.iter().enumerate().filter(|(_, event)| outside(event.kind)) {
-            let before = log[..place].iter().rev().filter(|earlier| earlier.axis == event.axis).take(6);
-            let before: Vec<String> = before.map(|earlier| format!("{:?}", earlier.kind)).collect();
-            self.tally.outside.push(format!("{:?} after, the latest first, {}", event.kind, before.join(", ")));
+            let before =
+                || log[..place].iter().rev().filter(|earlier| earlier.axis == event.axis).map(|earlier| earlier.kind);
+            let state = before().find_map(|kind| if let EventKind::State { to, .. } = kind { Some(to) } else { None });
+            // An axis that lost its zero stands anywhere. Before it is homed, its target is put to where it stands.
+            if state.is_some_and(|state| state != State::OperationEnabled) {
+                self.tally.preloads += 1;
+            } else {
+                self.tally.outside.push(format!(
+                    "{:?} after, the latest first, {:?}",
+                    event.kind,
+                    before().take(6).collect::<Vec<_>>()
+                ));
+            }
         }
         self.tally.host_bugs = self.emulator.host_bugs();
         self.sides.iter_mut().for_each(Side::end);
@@ -370,6 +382,7 @@ impl Tally {
     fn add(&mut self, other: Self) {
         self.injections += other.injections;
         self.outside.extend(other.outside);
+        self.preloads += other.preloads;
         self.wrong.extend(other.wrong);
         self.unexplained.extend(other.unexplained);
         self.hangs.extend(other.hangs);
@@ -384,7 +397,8 @@ impl Tally {
 
     fn print(&mut self, seconds: f64) {
         println!("{} injections in {seconds:.0} s", self.injections);
-        println!("set-points accepted outside the limits: {}", self.outside.len());
+        println!("set-points accepted outside the limits by a drive with power: {}", self.outside.len());
+        println!("targets put to where an axis without a zero stood, power off: {}", self.preloads);
         println!("wrong values believed: {}", self.wrong.len());
         println!("hangs: {}", self.hangs.len());
         println!("unexplained states: {}", self.unexplained.len());

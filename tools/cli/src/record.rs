@@ -36,6 +36,13 @@ enum Task {
     Info(after::InfoArguments),
 }
 
+impl Arguments {
+    /// Whether it records nothing.
+    pub fn only_prints(&self) -> bool {
+        self.task.is_some()
+    }
+}
+
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.task {

@@ -1,11 +1,11 @@
-//! `i2ris monitor`, `i2ris record` and the Python client against a controller without drives; what needs no controller.
+//! `i2ris monitor` and `i2ris record` against a controller without drives; what needs no controller.
 #![allow(clippy::unwrap_used)]
 
 mod fake_controller;
-#[path = "watching/python.rs"]
-mod python;
 #[path = "watching/record.rs"]
 mod record;
+#[path = "watching/shell.rs"]
+mod shell;
 #[path = "watching/small.rs"]
 mod small;
 

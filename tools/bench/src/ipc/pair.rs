@@ -75,7 +75,8 @@ where
         let sending = scope.spawn(move || {
             let _ = run.seats.take(Who::Sender);
             let sent = sender().and_then(|mut send| {
-                let sent = until_ready(&is_ready, &mut send).and_then(|()| paced(run.messages + run.warm_up(), &mut send));
+                let sent =
+                    until_ready(&is_ready, &mut send).and_then(|()| paced(run.messages + run.warm_up(), &mut send));
                 // Before this end goes, which the receiver would take for a failure.
                 stop.store(true, Ordering::Relaxed);
                 sent

@@ -1,4 +1,4 @@
-//! Configurations, completions, benchmarks.
+//! Configurations, completions, benchmarks, units of systemd.
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::fs;
@@ -121,4 +121,29 @@ fn a_command_is_followed_to_the_wire_and_back() {
     };
     // Causes come before effects, whatever the machine does.
     assert!(p50("command to operating system") < p50(arrived) && p50(arrived) < p50(seen), "{outcome}");
+}
+
+/// The units, with the programs of this build in the place of the installed ones.
+#[test]
+fn the_units_of_systemd_are_valid() {
+    let probe = Command::new("systemd-analyze").arg("--version").output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: there is no systemd-analyze");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/system");
+    let units = ["i2ris-control@.service", "i2ris-guard@.service"].map(|name| {
+        let text = fs::read_to_string(from.join(name)).unwrap();
+        assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");
+        let program = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
+        let installed = program.split(' ').next().unwrap();
+        let unit = folder.path().join(name);
+        fs::write(&unit, text.replace(installed, env!("CARGO_BIN_EXE_i2ris"))).unwrap();
+        unit
+    });
+    let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    let ours: Vec<&str> = said.lines().filter(|line| line.contains("i2ris")).collect();
+    assert!(ours.is_empty(), "{ours:?}");
 }
