@@ -6,6 +6,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use i2ris_record::series;
 
 mod bench;
 mod bridge;
@@ -23,7 +24,7 @@ mod model;
 mod monitor;
 mod record;
 mod replay;
-mod series;
+mod report;
 mod vision;
 mod working;
 
@@ -65,6 +66,8 @@ enum Task {
     Completions(completions::Arguments),
     /// Record trials, and make tables of recordings
     Record(record::Arguments),
+    /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
+    Report(report::Arguments),
     /// Run the black box of a controller again and compare to the bit
     Replay(replay::Arguments),
     /// Have the running controller write its black box: the last seconds of every tick
@@ -81,7 +84,7 @@ impl Task {
     fn only_prints(&self) -> bool {
         match self {
             Self::Model(_) | Self::Doctor(_) | Self::Config(_) | Self::Completions(_) | Self::Replay(_) => true,
-            Self::Bench(_) | Self::Vision(_) => true,
+            Self::Bench(_) | Self::Vision(_) | Self::Report(_) => true,
             Self::Calibrate(command) => command.only_prints(),
             Self::Emulate(_) | Self::Command(_) | Self::Monitor(_) | Self::Bridge(_) => false,
             Self::Record(arguments) => arguments.only_prints(),
@@ -114,6 +117,7 @@ fn main() -> ExitCode {
         Task::Bench(arguments) => bench::run(&arguments),
         Task::Completions(arguments) => completions::run(&arguments),
         Task::Record(arguments) => record::run(arguments),
+        Task::Report(arguments) => report::run(&arguments),
         Task::Replay(arguments) => replay::run(&arguments),
         Task::Dump(arguments) => replay::dump(&arguments),
         Task::Vision(arguments) => vision::run(arguments),
