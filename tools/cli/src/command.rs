@@ -9,12 +9,14 @@ pub mod watch;
 
 use std::path::PathBuf;
 
+use clap::CommandFactory;
+use clap::error::ErrorKind;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
-use crate::Failure;
 use crate::console::{DomainOption, Interrupt, Screen, until_closed};
+use crate::{Cli, Failure};
 use path::{Angles, Path, Table};
 use stream::Plan;
 use teleop::Device;
@@ -198,8 +200,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
         (None, Some(device)) => return lead(&domain, &stream, &teleop, device),
-        (Some(_), Some(_)) => return Err("give either --keyboard or --gamepad or a subcommand, not both".into()),
-        (None, None) => return Err("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`".into()),
+        (Some(_), Some(_)) => wrong_usage("give either --keyboard or --gamepad or a subcommand, not both"),
+        (None, None) => wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`"),
     };
     // A file with a mistake is refused before the robot moves.
     let table = if let What::File { csv } = &what { Some(Table::load(csv)?) } else { None };
@@ -222,6 +224,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     let StreamOptions { rate_hz, speed_deg_s, enable } = stream;
     stream::run(&mut client, Plan { name, path, duration_s, rate_hz, speed_deg_s, enable }, &interrupt)
+}
+
+/// Ends the program as any command line that makes no sense.
+fn wrong_usage(what: &str) -> ! {
+    Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
 }
 
 fn lead(domain: &DomainOption, stream: &StreamOptions, options: &TeleopOptions, device: Device) -> Result<(), Failure> {

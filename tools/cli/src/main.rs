@@ -84,7 +84,7 @@ impl Task {
     fn only_prints(&self) -> bool {
         match self {
             Self::Model(_) | Self::Doctor(_) | Self::Config(_) | Self::Completions(_) | Self::Replay(_) => true,
-            Self::Bench(_) | Self::Report(_) | Self::Vision(_) => true,
+            Self::Bench(_) | Self::Vision(_) | Self::Report(_) => true,
             Self::Calibrate(command) => command.only_prints(),
             Self::Emulate(_) | Self::Command(_) | Self::Monitor(_) | Self::Bridge(_) => false,
             Self::Record(arguments) => arguments.only_prints(),

@@ -117,7 +117,6 @@ impl Pieces {
 }
 
 /// `Some(None)`: it is not there; `None`: it should be and is not.
-#[expect(clippy::option_option, reason = "absent and broken are two things")]
 fn piece<T: Plain>(mask: &mut u32, rest: &mut Rest<'_>) -> Option<Option<T>> {
     let present = *mask & 1 == 1;
     *mask >>= 1;

@@ -102,9 +102,11 @@ mod tests {
             let text = describe(&config).unwrap();
             assert_eq!(Config::parse(&text, Path::new("printed.toml")).unwrap(), config, "{text}");
             let lines: Vec<&str> = text.lines().collect();
-            for (number, line) in
-                lines.iter().enumerate().filter(|(_, line)| line.contains(" =") || line.starts_with('['))
-            {
+            let is_key = |line: &str| match line.strip_prefix("# ") {
+                Some(absent) => absent.ends_with(" =") && absent.split(' ').count() == 2,
+                None => line.starts_with('[') || line.contains(" ="),
+            };
+            for (number, line) in lines.iter().enumerate().filter(|(_, line)| is_key(line)) {
                 assert!(lines[number - 1].starts_with("# "), "{file}: `{line}` has no meaning above it");
                 assert!(line.len() <= WIDTH);
             }

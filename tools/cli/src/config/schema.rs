@@ -39,7 +39,7 @@ impl<'a> Node<'a> {
         Self { root, here: root }
     }
 
-    /// The keys of a table, in the order of the code; empty for what is no table.
+    /// The keys of a table, in the order of the alphabet; empty for what is no table.
     pub fn keys(self) -> Vec<(&'a str, Self)> {
         let object = self.resolved().here.get("properties").and_then(Value::as_object);
         object.into_iter().flatten().map(|(key, here)| (key.as_str(), Self { here, ..self })).collect()

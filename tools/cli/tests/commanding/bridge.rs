@@ -94,7 +94,8 @@ fn without_leave_to_command_others_can_only_watch() {
     assert!(!success && error.contains("not supported"), "{error}");
     let (success, _, error) = Program::run(&far.0, &["model", "stage", "any.json"]);
     assert!(!success && error.contains("watch only; start it with --command"), "{error}");
-    assert!(controller.robot().asked.is_empty() && controller.robot().poses.is_empty());
+    assert!(controller.robot().asked.is_empty());
+    assert!(controller.robot().poses.is_empty());
     assert!(Program::run(&far.0, &["monitor", "--once"]).0);
 }
 

@@ -30,7 +30,8 @@ fn the_exit_code_tells_what_kind_of_failure_it_was() {
     assert_eq!(code(domain, &["command", "state", "enable"]), Some(4), "not homed");
     assert_eq!(code(domain, &["command", "hold"]), Some(4), "not enabled");
     assert_eq!(code(domain, &["config", "check", bad.to_str().unwrap()]), Some(6));
-    (controller.robot().state, controller.robot().homed) = (OperatingState::Enabled, true);
+    controller.robot().state = OperatingState::Enabled;
+    controller.robot().homed = true;
     controller.robot().refuse = Some(Refusal::Range);
     assert_eq!(code(domain, &["command", "pose", "1", "1"]), Some(4), "every command refused");
     controller.robot().fault = Fault::Drive;

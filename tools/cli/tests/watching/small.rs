@@ -1,4 +1,4 @@
-//! Configurations, completions, benchmarks, units of systemd.
+//! What needs no controller: configurations, completions, benchmarks, units of systemd.
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::fs;

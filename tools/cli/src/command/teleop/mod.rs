@@ -30,6 +30,9 @@ use master::{Input, Master, Order};
 const SHOW_PERIOD: Nanos = Nanos::from_millis(100);
 const LOG_PERIOD: Nanos = Nanos::from_millis(1000);
 
+/// How long a command may be on its way to the control loop: some ticks.
+const ON_ITS_WAY: Nanos = Nanos::from_millis(20);
+
 /// What leads.
 #[derive(Debug, Clone)]
 pub enum Device {
@@ -98,6 +101,8 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     let outcome = lead.go(client, source.as_mut(), period, interrupt, &mut screen);
     // The clutch first: the lease runs on until it is given back.
     let held = lead.hold();
+    // A command that is still on its way would take the lease again.
+    clock::sleep(ON_ITS_WAY);
     let released = client.state_command(StateCommand::Release);
     outcome?;
     held?;
