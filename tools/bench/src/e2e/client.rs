@@ -82,14 +82,14 @@ impl Loop {
         let (watched, last) = (&mut self.watched, &mut self.last);
         self.actuators.drain(|state| {
             let seen = clock::now();
-            for motor in 0..2 {
+            for (motor, last) in last.iter_mut().enumerate() {
                 let measured = Nanos(state.measured_stamp_ns[motor]);
                 if watched.readings[motor].last().is_none_or(|reading| reading.measured < measured) {
                     watched.readings[motor].push(Reading { measured, seen });
                 }
                 let sequence = state.command_sequence[motor];
-                if state.command_stamp_ns[motor] != 0 && sequence != last[motor] {
-                    last[motor] = sequence;
+                if state.command_stamp_ns[motor] != 0 && sequence != *last {
+                    *last = sequence;
                     watched.written[motor].push(Written {
                         command: Nanos(state.command_stamp_ns[motor]),
                         written: Nanos(state.written_stamp_ns[motor]),

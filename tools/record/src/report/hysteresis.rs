@@ -69,6 +69,9 @@ fn one(rows: &[([f64; 2], [f64; 2])], axis: usize, output: &'static str, from: &
     Some(Loop { output, from, slope_deg_per_count: plane.slope(), width_deg, rising, falling })
 }
 
+/// Counts, and the angle there.
+type Row = ([f64; 2], f64);
+
 /// An angle as an affine function of the counts.
 struct Plane {
     middle: [f64; 2],
@@ -78,9 +81,9 @@ struct Plane {
 
 impl Plane {
     /// By least squares; `None`: the motors did not move, or not enough to tell.
-    fn fitted(rows: impl Iterator<Item = ([f64; 2], f64)> + Clone) -> Option<Self> {
+    fn fitted(rows: impl Iterator<Item = Row> + Clone) -> Option<Self> {
         let count = rows.clone().count() as f64;
-        let sum = |of: &dyn Fn(&([f64; 2], f64)) -> f64| rows.clone().map(|row| of(&row)).sum::<f64>() / count;
+        let sum = |of: &dyn Fn(&Row) -> f64| rows.clone().map(|row| of(&row)).sum::<f64>() / count;
         let (middle, value) = ([sum(&|row| row.0[0]), sum(&|row| row.0[1])], sum(&|row| row.1));
         let product = |i: usize, j: usize| sum(&|row| (row.0[i] - middle[i]) * (row.0[j] - middle[j]));
         let with = |i: usize| sum(&|row| (row.0[i] - middle[i]) * (row.1 - value));
