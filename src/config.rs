@@ -1,9 +1,10 @@
 //! The configuration file of the controller: TOML, units in the key names, unknown keys refused.
 //!
-//! Every key is documented here once. A value that parses but makes no sense is refused with the key, the value and
+//! Every key is documented here once: `i2ris config schema` and `i2ris config print` show what stands here. A value that parses but makes no sense is refused with the key, the value and
 //! the reason; nothing starts on a half-understood configuration.
 
 mod drives;
+mod suggest;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,7 @@ pub use drives::{AxisConfig, Family, Framing, HomingMethod, Pattern, PortConfig,
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     /// Name of the robot. A model that was calibrated on another robot is refused.
@@ -60,6 +62,7 @@ pub struct Config {
 
 /// The control loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
     /// Ticks per second, 100 to 4000.
@@ -92,6 +95,7 @@ impl ControlConfig {
 
 /// Shared memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct IpcConfig {
     /// Name of the domain: controllers and clients meet only inside one. Letters, digits and `-`, at most 32.
@@ -106,6 +110,7 @@ impl Default for IpcConfig {
 
 /// What is asked of commands from other processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CommandConfig {
     /// Age at which a servo command that names no deadline is stale and the robot stops, in milliseconds, 2 to 1000.
@@ -132,6 +137,7 @@ impl Default for CommandConfig {
 
 /// Limits on the motion of every motor. The reference is the previous set-point, not the measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitConfig {
     /// Velocity of the set-point, counts per second.
@@ -141,6 +147,9 @@ pub struct LimitConfig {
     /// Deceleration when it must stop, counts per second squared. Large: a stop from full speed should end within two
     /// ticks, which is still less than a count or two of travel.
     pub stop_deceleration_counts_s2: f64,
+    /// Jerk of the set-point, counts per second cubed, stops included. It makes every motion late by
+    /// `stop_deceleration / jerk`, at most 16 ticks, and a stop longer by twice that. Absent: no limit.
+    pub jerk_counts_s3: Option<f64>,
     /// Age of the newest position at which the loop stops the motion, in milliseconds.
     pub feedback_stale_ms: u64,
     /// Age of the newest position at which the loop goes to FAULT, in milliseconds.
@@ -163,6 +172,7 @@ impl Default for LimitConfig {
             velocity_counts_s: 2000.0,
             acceleration_counts_s2: 40_000.0,
             stop_deceleration_counts_s2: 1_000_000.0,
+            jerk_counts_s3: None,
             feedback_stale_ms: 50,
             feedback_lost_ms: 250,
             following_error_counts: 300,
@@ -174,8 +184,17 @@ impl Default for LimitConfig {
     }
 }
 
+impl LimitConfig {
+    /// Over how many ticks the set-point of a motor is averaged, so that the jerk stays within its limit.
+    #[must_use]
+    pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
+        self.jerk_counts_s3.map(|jerk| window_ticks(self.stop_deceleration_counts_s2, jerk, tick))
+    }
+}
+
 /// How a model with memory is used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CompensationConfig {
     /// Part of gaps and friction that is compensated, 0 to 1. Too much moves the tip at a turn, too little delays it.
@@ -197,6 +216,7 @@ impl Default for CompensationConfig {
 
 /// The decaying stroke that wipes out what is not known about the past of the wires.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ConditionConfig {
     /// Half the width of the first turn, counts of every motor, around where it begins. The model's need and the position
@@ -216,6 +236,7 @@ impl Default for ConditionConfig {
 
 /// How one model takes over from another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SwapConfig {
     /// How long the motors take to go where the new model wants them, in milliseconds, 0 to 10000. 0: as fast as the
@@ -231,6 +252,7 @@ impl Default for SwapConfig {
 
 /// Limits on the angles that are asked of the inverse. Each is off unless it is there; a model of the tip position has none.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct JointLimitConfig {
     /// Lowest angles, degrees, one per output.
@@ -256,14 +278,13 @@ impl JointLimitConfig {
     /// Over how many ticks acceleration is averaged, so that the jerk stays within its limit.
     #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
-        let (acceleration, jerk) = (self.acceleration_deg_s2?, self.jerk_deg_s3?);
-        // Rounding may not make a window of 20 ticks one of 21.
-        Some((2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9).ceil().clamp(1.0, 1e6) as u32)
+        Some(window_ticks(self.acceleration_deg_s2?, self.jerk_deg_s3?, tick))
     }
 }
 
 /// The way of `move_jp`: from rest to rest on a straight line in joint space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct MoveConfig {
     /// Velocity along the line, degrees per second.
@@ -282,6 +303,7 @@ impl Default for MoveConfig {
 
 /// The camera against the model: what `external/measured_jp` says against the estimate from the encoders at that instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlausibilityConfig {
     /// Distance between the two that leads to FAULT when it lasts, in degrees. 0: never, for robots without a camera.
@@ -298,6 +320,7 @@ impl Default for PlausibilityConfig {
 
 /// What is written down.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RecordConfig {
     /// Where black boxes and the log of runs go, relative to the folder of this file.
@@ -327,7 +350,7 @@ pub enum ConfigError {
     #[error("configuration {0}")]
     Untrusted(#[from] Untrusted),
     /// Not TOML, a wrong type, or a key that does not exist.
-    #[error("configuration {path} is not valid: {source}")]
+    #[error("configuration {path} is not valid: {source}{}", suggest::hint(.source.message()))]
     Parse {
         /// The file.
         path: PathBuf,
@@ -462,6 +485,12 @@ impl Config {
             limits.stop_deceleration_counts_s2,
             "must not be below acceleration_counts_s2: a stop may not be weaker than a start",
         )?;
+        if let Some(jerk) = limits.jerk_counts_s3 {
+            positive("limits.jerk_counts_s3", jerk)?;
+        }
+        let window = limits.window_ticks(self.control.period()).unwrap_or(1);
+        let jerk = limits.jerk_counts_s3.unwrap_or(f64::INFINITY);
+        require(window as usize <= LONGEST_WINDOW, "limits.jerk_counts_s3", jerk, TOO_LATE)?;
         require(limits.feedback_stale_ms > 0, "limits.feedback_stale_ms", limits.feedback_stale_ms, "must be above 0")?;
         require(
             limits.feedback_lost_ms > limits.feedback_stale_ms,
@@ -507,8 +536,7 @@ impl Config {
         let complete = joints.jerk_deg_s3.is_none() || joints.acceleration_deg_s2.is_some();
         require(complete, "joints.jerk_deg_s3", jerk, needs)?;
         let window = joints.window_ticks(self.control.period()).unwrap_or(1);
-        let short = "must be higher: the delay would be longer than 16 ticks";
-        require(window as usize <= LONGEST_WINDOW, "joints.jerk_deg_s3", jerk, short)
+        require(window as usize <= LONGEST_WINDOW, "joints.jerk_deg_s3", jerk, TOO_LATE)
     }
 
     fn check_compensation(&self) -> Result<(), WrongValue> {
@@ -530,6 +558,16 @@ impl Config {
         require((1..=20).contains(&condition.turns), "condition.turns", condition.turns, "must be 1 to 20")?;
         positive("condition.velocity_counts_s", condition.velocity_counts_s)
     }
+}
+
+/// Why a jerk limit is refused.
+const TOO_LATE: &str = "must be higher: the delay would be longer than 16 ticks";
+
+/// Over how many ticks a limited acceleration is to be averaged, so that its jerk stays within a limit: in the mean over `n`
+/// ticks of length `T`, an acceleration between `-A` and `A` has a jerk of at most `2 A / (n T)`.
+fn window_ticks(acceleration: f64, jerk: f64, tick: Nanos) -> u32 {
+    // Rounding may not make a window of 20 ticks one of 21.
+    (2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9).ceil().clamp(1.0, 1e6) as u32
 }
 
 /// A key whose value makes no sense.

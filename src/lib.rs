@@ -49,3 +49,9 @@ pub mod model;
 pub mod rt;
 pub mod units;
 pub mod wall;
+
+/// The commit that this software is made of, as far as a release knows it.
+pub const COMMIT: &str = match option_env!("I2RIS_COMMIT") {
+    Some(commit) => commit,
+    None => "commit not known",
+};

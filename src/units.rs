@@ -26,6 +26,7 @@ pub type OutputVec = [f64; MAX_OUTPUTS];
 /// Encoder position of one motor, in quadrature counts as the drive reports them (object 0x6064).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[serde(transparent)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counts(pub i32);
 
 impl Counts {

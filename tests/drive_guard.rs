@@ -28,7 +28,10 @@ struct Guarded {
 impl Guarded {
     /// A guard that takes this silence for hanging. A test takes more than any stall of the machine.
     fn new(silence_ms: u64) -> Self {
-        let mut rig = Rig::new();
+        Self::with(Rig::new(), silence_ms)
+    }
+
+    fn with(mut rig: Rig, silence_ms: u64) -> Self {
         let (file, said) = (rig.folder.path().join("guarded.toml"), rig.folder.path().join("guard.log"));
         fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
         let guard = Command::new(env!("CARGO_BIN_EXE_i2ris-guard"))
@@ -136,7 +139,10 @@ fn latency() {
     for (name, signal) in [("SIGKILL", Signal::SIGKILL), ("SIGSTOP", Signal::SIGSTOP)] {
         let mut spans: Vec<Nanos> = Vec::new();
         for _ in 0..TIMES {
-            let mut guarded = Guarded::new(40);
+            let mut rig = Rig::new();
+            // As a robot would be run, if the system allows it.
+            (rig.config.control.priority, rig.config.control.lock_memory) = (80, true);
+            let mut guarded = Guarded::with(rig, 40);
             let begin = clock::now();
             guarded.rig.signal(signal);
             guarded.until_stopped();

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use i2ris::COMMIT;
 use i2ris::config::Config;
 use i2ris::control::runtime;
 
@@ -46,7 +47,7 @@ fn main() -> ExitCode {
 fn start() -> Result<(), Failure> {
     match parse(std::env::args_os().skip(1))? {
         Request::Help => print(HELP),
-        Request::Version => print(concat!("i2ris-control ", env!("CARGO_PKG_VERSION"), "\n")),
+        Request::Version => print(&format!("i2ris-control {} ({COMMIT})\n", env!("CARGO_PKG_VERSION"))),
         Request::Run(path, note) => {
             let config = Config::load(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use i2ris::COMMIT;
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::guard::{self, Notice, Verdict};
@@ -54,7 +55,7 @@ fn main() -> ExitCode {
 fn start() -> Result<(), Failure> {
     match parse(std::env::args_os().skip(1))? {
         Request::Help => Ok(io::stdout().write_all(HELP.as_bytes())?),
-        Request::Version => Ok(writeln!(io::stdout(), "i2ris-guard {}", env!("CARGO_PKG_VERSION"))?),
+        Request::Version => Ok(writeln!(io::stdout(), "i2ris-guard {} ({COMMIT})", env!("CARGO_PKG_VERSION"))?),
         Request::Run(path, silence) => {
             let config = Config::load(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;

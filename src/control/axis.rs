@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::limit::{Limiter, Limits, Target};
 use super::load::Patience;
 use super::sight::{AxisSight, age};
+use super::smooth::Smooth;
 use crate::config::{AxisConfig, Config};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
 use crate::units::{Counts, Nanos};
@@ -33,6 +34,7 @@ pub(super) struct Axis {
     highest: Counts,
     following_error: i64,
     limiter: Limiter,
+    smooth: Smooth,
     grip: Grip,
     /// mA, absolute; above it for longer than the patience is a fault.
     current_trip: Option<u32>,
@@ -62,6 +64,7 @@ impl Axis {
             highest,
             following_error: i64::from(config.limits.following_error_counts),
             limiter: Limiter::new(&limits, config.control.period()),
+            smooth: Smooth::new(config.limits.window_ticks(config.control.period()).unwrap_or(1)),
             grip: Grip::Loose,
             current_trip: config.limits.current_trip_ma,
             patience: Patience::new(Nanos::from_millis(config.limits.current_trip_ms)),
@@ -114,7 +117,7 @@ impl Axis {
 
     /// The set-point does not move.
     pub fn at_rest(&self) -> bool {
-        self.limiter.at_rest()
+        self.limiter.at_rest() && self.smooth.at_rest()
     }
 
     /// Every homing that was asked for has ended.
@@ -152,14 +155,14 @@ impl Axis {
             (Demand::Disabled | Demand::QuickStop, _) => Grip::Loose,
             (Demand::Enabled, Grip::Loose) => Grip::Closing { since: now },
             (Demand::Enabled, Grip::Closing { since }) if follows => {
-                self.limiter.restart(self.held(since).as_f64());
+                self.restart(self.held(since));
                 Grip::Firm { since }
             }
             (Demand::Enabled, Grip::Firm { since }) if !follows => Grip::Closing { since },
             (Demand::Enabled, grip) => grip,
         };
         if !matches!(self.grip, Grip::Firm { .. }) {
-            self.limiter.restart(self.feedback.position.as_f64());
+            self.restart(self.feedback.position);
         }
     }
 
@@ -167,28 +170,35 @@ impl Axis {
     pub fn follow(&mut self, target: Target) {
         if matches!(self.grip, Grip::Firm { .. }) {
             self.limiter.follow(target);
+            self.smooth.take(self.limiter.position());
         }
     }
 
     /// One tick of slowing down.
     pub fn stop(&mut self) {
         self.limiter.stop();
+        self.smooth.take(self.limiter.position());
+    }
+
+    fn restart(&mut self, position: Counts) {
+        self.limiter.restart(position.as_f64());
+        self.smooth.restart(position.as_f64());
     }
 
     /// The set-point before rounding, counts.
     pub fn setpoint(&self) -> f64 {
-        self.limiter.position()
+        self.smooth.mean()
     }
 
     /// How far the set-point was moved in this tick, counts.
     pub fn moved(&self) -> f64 {
-        self.limiter.velocity()
+        self.smooth.moved()
     }
 
     /// The set-point, as sent.
     pub fn target(&self) -> Counts {
-        // The limiter stays between positions that are counts; the encoder says where it is if that were not so.
-        Counts::from_f64(self.limiter.position()).unwrap_or(self.feedback.position)
+        // The set-point stays between positions that are counts; the encoder says where it is if that were not so.
+        Counts::from_f64(self.smooth.mean()).unwrap_or(self.feedback.position)
     }
 
     /// What the drive shall do; sequence and command are the caller's to fill in.

@@ -9,6 +9,7 @@ use triple_buffer::triple_buffer;
 use super::black_box::RecorderEnds;
 use super::slots::{Candidate, ModelReply, ModelRequest};
 use super::{Event, External, Report, ServoCommand, StateReply, StateRequest};
+use crate::ipc::pulse::Pulse;
 use crate::rt::TickTiming;
 
 /// Ticks that the relay may fall behind before reports are dropped: a quarter of a second at 1 kHz.
@@ -63,6 +64,8 @@ pub struct LoopEnds {
     pub recorder: RecorderEnds,
     /// Every event.
     pub events: Producer<Event>,
+    /// What the guard feels; there is none before shared memory is up.
+    pub pulse: Option<Pulse>,
 }
 
 /// The ends that the thread of shared memory holds.
@@ -116,6 +119,7 @@ pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consum
         records: records_in,
         recorder,
         events: events_in,
+        pulse: None,
     };
     let of_relay = RelayEnds {
         servo: servo_in,

@@ -16,6 +16,7 @@
 //! | `shape` | tremor filter, limits on the angles |
 //! | `profile` | the way of `move_jp` |
 //! | `limit` | velocity and acceleration limits on the set-point of one motor |
+//! | `smooth` | the jerk limit: a mean over the last ticks |
 //! | `axis` | the set-point of one motor, and what is asked of its drive |
 //! | `load` | too many late ticks, too much current |
 //! | `plausible` | whether the snake is where the model says |
@@ -162,6 +163,7 @@ pub mod runtime;
 mod shape;
 mod sight;
 mod slots;
+mod smooth;
 mod state;
 mod steady;
 mod stroke;

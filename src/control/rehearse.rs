@@ -181,7 +181,7 @@ pub fn beginning(model: &Model, goal: &OutputVec) -> MotorVec {
     model.invert(goal, &model.new_memory(), &Query::new(model.hull().centre())).counts
 }
 
-/// The configuration with every limit on motion lifted: velocity, acceleration, steps and positions. The calibrated hull
+/// The configuration with every limit on motion lifted: velocity, acceleration, jerk, steps and positions. The calibrated hull
 /// of the model stays, and so do its filters.
 #[must_use]
 pub fn without_limits(config: &Config) -> Config {
@@ -190,6 +190,7 @@ pub fn without_limits(config: &Config) -> Config {
     // A tick is at least 0.25 ms, so this is more than any step in one of them.
     config.limits.acceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.stop_deceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
+    config.limits.jerk_counts_s3 = None;
     config.limits.following_error_counts = i32::MAX;
     config.joints = crate::config::JointLimitConfig::default();
     config.command.step_deg = NO_LIMIT;

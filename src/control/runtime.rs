@@ -25,6 +25,7 @@ use super::keeper::{Answer, Keeper, Question};
 use super::lane::{LoopEnds, Record, RelayEnds, lanes};
 use super::relay::{Desk, Relay};
 use super::{Event, EventKind, Inputs};
+use crate::COMMIT;
 use crate::access::{self, Untrusted};
 use crate::clock;
 use crate::config::{Config, ControlConfig};
@@ -33,8 +34,9 @@ use crate::drive::event::{PortEvent, PortEventKind};
 use crate::drive::port::{Opened, Port};
 use crate::drive::runner::{AxisLink, PortRunner};
 use crate::drive::{AxisFeedback, AxisIdentity};
+use crate::ipc::pulse::Pulse;
 use crate::ipc::server::RELAY_LEAD;
-use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server, look_up};
+use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, OperatingState, Server, look_up};
 use crate::model::{Model, ModelError};
 use crate::rt::{self, Granted, TickTiming, Ticker, Wanted};
 use crate::units::{MAX_MOTORS, Nanos};
@@ -106,7 +108,7 @@ pub fn run_with_note(
     let (boot_id, first_model) = (guard.boot_id(), model.as_ref().map(|model| model.id()));
     let Drives { runners, mut links, found } = bring_up_ports(config)?;
     let (recorder, recorder_ends) = Recorder::new(config, model.as_ref(), &software(), guard.boot_id());
-    let (loop_ends, relay_ends, keeper_ends, events) = lanes(recorder_ends);
+    let (mut loop_ends, relay_ends, keeper_ends, events) = lanes(recorder_ends);
     let quit = Arc::new(AtomicBool::new(false));
     let chronicle = chronicle(config, model.as_ref());
     let (questions, questions_out) = mpsc::channel();
@@ -120,7 +122,8 @@ pub fn run_with_note(
 
     let (granted_in, granted_out) = mpsc::channel();
     let desk = Desk { questions, answers, wishes, written };
-    let relay = Thread::relay(config, guard, relay_ends, chronicle, desk, granted_out, &quit)?;
+    let (relay, pulse) = Thread::relay(config, guard, relay_ends, chronicle, desk, granted_out, &quit)?;
+    loop_ends.pulse = Some(pulse);
     let (port_events_in, port_events) = mpsc::channel();
     let ports = runners
         .into_iter()
@@ -168,7 +171,7 @@ fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
 
 /// Version and commit of this software.
 fn software() -> String {
-    format!("i2ris {} ({})", env!("CARGO_PKG_VERSION"), option_env!("I2RIS_COMMIT").unwrap_or("commit not known"))
+    format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
 }
 
 /// What the slower threads know at the start.
@@ -245,7 +248,7 @@ impl Thread {
         self.handle.join().map_err(|_| RuntimeError::Died(self.name))
     }
 
-    /// Starts the thread of shared memory and waits until clients can find it.
+    /// Starts the thread of shared memory and waits until clients can find it; the pulse is for the loop.
     fn relay(
         config: &Config,
         guard: DomainGuard,
@@ -254,16 +257,16 @@ impl Thread {
         desk: Desk,
         granted: mpsc::Receiver<(Granted, Nanos)>,
         quit: &Arc<AtomicBool>,
-    ) -> Result<Self, RuntimeError> {
+    ) -> Result<(Self, Pulse), RuntimeError> {
         let identity = Identity { motors: config.motors() as u32 };
         let (period, quit) = (config.control.period(), Arc::clone(quit));
         let pinned = config.control.cpu;
         let (up_in, up) = mpsc::channel();
         let thread = Self::spawn("ipc", move || {
             rt::keep_normal(pinned);
-            match Server::create(guard) {
-                Ok(server) => {
-                    let _ = up_in.send(Ok(()));
+            match Server::create(guard).and_then(|server| Ok((server.pulse()?, server))) {
+                Ok((pulse, server)) => {
+                    let _ = up_in.send(Ok(pulse));
                     let relay = |granted| Relay::new(server, ends, identity, chronicle, desk, granted, period);
                     relay_until(&quit, relay, &granted, period);
                 }
@@ -273,7 +276,7 @@ impl Thread {
             }
         })?;
         match up.recv() {
-            Ok(Ok(())) => Ok(thread),
+            Ok(Ok(pulse)) => Ok((thread, pulse)),
             Ok(Err(error)) => Err(error.into()),
             Err(_) => Err(RuntimeError::Died("ipc")),
         }
@@ -413,6 +416,9 @@ fn control_loop(
         }
         for event in outputs.events.into_iter().flatten() {
             let _ = ends.events.push(event);
+        }
+        if let Some(pulse) = &ends.pulse {
+            pulse.beat(tick.started, outputs.report.state == OperatingState::Disabled && !outputs.report.busy);
         }
         let timing = TickTiming { tick, ended: clock::now() };
         let _ = ends.records.push(Record { report: outputs.report, timing });

@@ -6,16 +6,16 @@
 //! 1. **Tremor filter**: a first-order low-pass. It delays slow motion by its time constant, `1 / (2 pi f)`: 53 ms at 3 Hz.
 //!    Hand tremor has 8 to 12 Hz (C. N. Riviere et al. 1998), of which 3 Hz lets a third through.
 //! 2. **Limits** on position, velocity and acceleration, by one [`Limiter`] per output: without lag for a goal within them.
-//! 3. **Jerk**: the mean over a window. An acceleration between -A and A changes by at most `2 A / span` per second in
-//!    the mean over `span` (L. Biagiotti and C. Melchiorri 2012, trajectories by filters). It delays by half the window.
+//! 3. **Jerk**: a mean over the last ticks ([`Smooth`]), which delays by half its window.
 //!
 //! A stop does not pass through here: it is as hard as the motors' own limit says, because it has to be short.
 
 use serde::{Deserialize, Serialize};
 
 use super::limit::{Limiter, Limits, Target};
+use super::smooth::Smooth;
 use crate::config::{CommandConfig, JointLimitConfig};
-use crate::units::{LONGEST_WINDOW, MAX_OUTPUTS, Nanos, OutputVec};
+use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// Far beyond any angle, rad.
 const NO_LIMIT: f64 = 1e6;
@@ -26,17 +26,13 @@ pub(super) struct Shape {
     /// Part of the way that the tremor filter goes in one tick; 1: none.
     share: f64,
     limiters: Option<[Limiter; MAX_OUTPUTS]>,
-    /// Ticks in the window; 1: none.
-    window: u32,
+    smooth: [Smooth; MAX_OUTPUTS],
     state: Option<Shaped>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Shaped {
     low: OutputVec,
-    /// The last goals after the limits, newest at `ticks % window`.
-    past: [OutputVec; LONGEST_WINDOW],
-    ticks: u32,
     out: OutputVec,
 }
 
@@ -59,8 +55,8 @@ impl Shape {
         };
         let limited = angles && joints.is_any();
         let limiters = limited.then(|| std::array::from_fn(|output| Limiter::new(&limits(joints, output), tick)));
-        let window = joints.window_ticks(tick).filter(|_| limited).unwrap_or(1).min(LONGEST_WINDOW as u32);
-        Self { share, limiters, window: window.max(1), state: None }
+        let window = joints.window_ticks(tick).filter(|_| limited).unwrap_or(1);
+        Self { share, limiters, smooth: [Smooth::new(window); MAX_OUTPUTS], state: None }
     }
 
     /// Nothing is followed: the next goal begins anew.
@@ -79,8 +75,7 @@ impl Shape {
             *low = if self.share >= 1.0 { here } else { *low + self.share * (here - *low) };
         }
         let raw_before = if self.share >= 1.0 { step.before } else { before };
-        let limited = self.limit(&state.low, &raw_before);
-        let out = state.mean(limited, self.window);
+        let out = self.limit(&state.low, &raw_before);
         let step = Step { here: out, before: state.out };
         state.out = out;
         self.state = Some(state);
@@ -91,35 +86,20 @@ impl Shape {
         if let Some(limiters) = &mut self.limiters {
             limiters.iter_mut().zip(start).for_each(|(limiter, start)| limiter.restart(start));
         }
-        Shaped { low: start, past: [start; LONGEST_WINDOW], ticks: 0, out: start }
+        self.smooth.iter_mut().zip(start).for_each(|(smooth, start)| smooth.restart(start));
+        Shaped { low: start, out: start }
     }
 
     fn limit(&mut self, goal: &OutputVec, before: &OutputVec) -> OutputVec {
         let mut limited = *goal;
         let Some(limiters) = &mut self.limiters else { return limited };
-        for ((limiter, limited), before) in limiters.iter_mut().zip(&mut limited).zip(before) {
+        let parts = limiters.iter_mut().zip(&mut self.smooth);
+        for (((limiter, smooth), limited), before) in parts.zip(&mut limited).zip(before) {
             limiter.follow(Target { position: *limited, moved: *limited - before });
-            *limited = limiter.position();
+            smooth.take(limiter.position());
+            *limited = smooth.mean();
         }
         limited
-    }
-}
-
-impl Shaped {
-    /// Takes a goal in; the mean over the window.
-    fn mean(&mut self, goal: OutputVec, window: u32) -> OutputVec {
-        self.ticks = (self.ticks + 1) % window;
-        if let Some(place) = self.past.get_mut(self.ticks as usize) {
-            *place = goal;
-        }
-        if window <= 1 {
-            return goal;
-        }
-        let mut sum = OutputVec::default();
-        for past in self.past.iter().take(window as usize) {
-            sum.iter_mut().zip(past).for_each(|(sum, past)| *sum += past);
-        }
-        sum.map(|sum| sum / f64::from(window))
     }
 }
 

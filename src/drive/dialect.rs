@@ -79,3 +79,29 @@ pub(super) fn after_error_code(reply: Frame<'_>) -> Result<&[u8], ReplyError> {
         _ => Err(ReplyError::OutOfStep),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::config::{Family, PortConfig};
+    use crate::drive::object;
+
+    proptest! {
+        /// Four bytes behind an error code of 0 are the value, none are a success; nothing else is believed.
+        #[test]
+        fn any_reply_is_read_or_refused(opcode: u8, data in prop::collection::vec(any::<u8>(), 0..300), good: bool) {
+            let (opcode, data) = if good { (REPLY, [&[0; 4], &data[..]].concat()) } else { (opcode, data) };
+            let reply = Frame { opcode, data: &data };
+            let sound = opcode == REPLY && data.starts_with(&[0; 4]);
+            for family in [Family::Epos4, Family::Epos2] {
+                let port = PortConfig { family, ..PortConfig::new("/dev/null".into(), Vec::new()) };
+                let dialect = crate::drive::family::of_port(&port).dialect();
+                prop_assert_eq!(dialect.read_reply(reply).is_ok(), sound && data.len() == 8);
+                prop_assert_eq!(dialect.write_reply(reply).is_ok(), sound && data.len() == 4);
+                let _ = dialect.read_long(1, object::DEVICE_NAME).take(reply);
+            }
+        }
+    }
+}

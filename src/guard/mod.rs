@@ -1,12 +1,12 @@
 //! The guard: a second process that stops the drives when the controller dies or hangs.
 //!
 //! A drive on a serial line does not notice that its host is gone: it stays powered and holds its last demand. The guard
-//! watches the heartbeat of the controller in shared memory (the stamp of its loop in `operating_state`). When the controller
-//! is killed, or its loop has been silent for too long, the guard sends quick stop over the same ports.
+//! watches the pulse of the control loop in shared memory ([`crate::ipc::pulse`]). When the controller is killed, or its loop has
+//! been silent for too long, the guard sends quick stop over the same ports.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `watch` | when the controller counts as gone; a pure function of what was heard |
+//! | `watch` | when the controller counts as gone; a pure function of what was felt |
 //! | `port` | a port that is held open without taking it from the controller, and the stop |
 //!
 //! The guard opens its ports before the controller does and keeps them: a port that the controller has opened is locked for
@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::config::Config;
 use crate::ipc::Domain;
-use crate::ipc::client::Watcher;
+use crate::ipc::pulse::Finger;
 use crate::units::Nanos;
 
 pub use port::{GuardedPort, Stopped};
@@ -59,7 +59,7 @@ pub enum Notice {
 /// Watches until `stop`. Every notice goes to `tell`.
 pub fn run(config: &Config, domain: &Domain, silence: Nanos, stop: &AtomicBool, tell: &mut dyn FnMut(Notice)) {
     let mut ports: Vec<GuardedPort> = config.ports.iter().map(GuardedPort::new).collect();
-    let mut states = Watcher::new(domain).operating_state();
+    let mut finger = Finger::new(domain);
     let mut heartbeat = Heartbeat::new(silence);
     let mut next_try = Nanos::ZERO;
     while !stop.load(Ordering::Acquire) {
@@ -68,8 +68,8 @@ pub fn run(config: &Config, domain: &Domain, silence: Nanos, stop: &AtomicBool, 
             next_try = now + TRY_PORTS;
             ports.iter_mut().filter_map(GuardedPort::hold).for_each(&mut *tell);
         }
-        let heard = states.newest();
-        let verdict = heartbeat.judge(heard.as_ref().map(Option::as_ref).map_err(|_| ()), clock::now());
+        let felt = finger.feel();
+        let verdict = heartbeat.judge(felt, clock::now());
         match verdict {
             Verdict::Waiting | Verdict::Alive => {}
             Verdict::Arrived => tell(Notice::Watching),

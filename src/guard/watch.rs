@@ -1,10 +1,9 @@
 //! When the controller counts as gone.
 
-use crate::ipc::OperatingState;
-use crate::ipc::payload::OperatingStateMsg;
+use crate::ipc::pulse::{Absent, Beat};
 use crate::units::Nanos;
 
-/// What the guard makes of what it hears.
+/// What the guard makes of what it feels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// No controller yet, or none any more.
@@ -30,9 +29,7 @@ pub struct Heartbeat {
 
 #[derive(Debug, Clone, Copy)]
 struct Last {
-    boot_id: u64,
-    stamp: Nanos,
-    off: bool,
+    beat: Beat,
     told: bool,
 }
 
@@ -46,44 +43,34 @@ impl Heartbeat {
     /// How old the last beat is.
     #[must_use]
     pub fn age(&self, now: Nanos) -> Nanos {
-        self.last.map_or(Nanos::ZERO, |last| now - last.stamp)
+        self.last.map_or(Nanos::ZERO, |last| now - last.beat.stamp)
     }
 
-    /// Takes the newest message, if there is one; an error: nobody serves the domain.
-    pub fn judge(&mut self, heard: Result<Option<&OperatingStateMsg>, ()>, now: Nanos) -> Verdict {
-        match (heard, self.last) {
-            (Err(()), None) | (Ok(None), None) => Verdict::Waiting,
-            (Err(()), Some(last)) => {
+    /// Takes the last beat as it is felt now.
+    pub fn judge(&mut self, felt: Result<Option<Beat>, Absent>, now: Nanos) -> Verdict {
+        match (felt, self.last) {
+            (Err(Absent), None) | (Ok(None), None) => Verdict::Waiting,
+            (Err(Absent), Some(last)) => {
                 self.last = None;
-                match (last.off, last.told) {
+                match (last.beat.off, last.told) {
                     (true, _) => Verdict::Ended,
                     (false, true) => Verdict::Waiting,
-                    (false, false) => {
-                        self.last = None;
-                        Verdict::Gone
-                    }
+                    (false, false) => Verdict::Gone,
                 }
             }
-            (Ok(Some(message)), last) => self.beat(message, last, now),
+            (Ok(Some(beat)), last) => {
+                let same = last.filter(|last| last.beat.boot_id == beat.boot_id);
+                let goes_on = same.is_none_or(|last| beat.stamp > last.beat.stamp);
+                let last = Last { beat, told: !goes_on && same.is_some_and(|last| last.told) };
+                self.last = Some(last);
+                if same.is_none() { Verdict::Arrived } else { self.silent(last, now) }
+            }
             (Ok(None), Some(last)) => self.silent(last, now),
         }
     }
 
-    fn beat(&mut self, message: &OperatingStateMsg, last: Option<Last>, now: Nanos) -> Verdict {
-        let stamp = Nanos(message.stamp_ns);
-        let same = last.filter(|last| last.boot_id == message.boot_id);
-        // Whoever joins is given the last message again.
-        if let Some(last) = same.filter(|last| stamp <= last.stamp) {
-            return self.silent(last, now);
-        }
-        let off = message.state == OperatingState::Disabled.number() && message.flags & OperatingStateMsg::BUSY == 0;
-        let beat = Last { boot_id: message.boot_id, stamp, off, told: false };
-        self.last = Some(beat);
-        if same.is_none() { Verdict::Arrived } else { self.silent(beat, now) }
-    }
-
     fn silent(&mut self, last: Last, now: Nanos) -> Verdict {
-        if last.off || last.told || now - last.stamp <= self.silence {
+        if last.beat.off || last.told || now - last.beat.stamp <= self.silence {
             return Verdict::Alive;
         }
         self.last = Some(Last { told: true, ..last });
@@ -95,66 +82,50 @@ impl Heartbeat {
 mod tests {
     use super::*;
 
-    fn message(stamp_ms: u64, state: OperatingState) -> OperatingStateMsg {
-        OperatingStateMsg {
-            sequence: stamp_ms,
-            stamp_ns: Nanos::from_millis(stamp_ms).0,
-            boot_id: 7,
-            since_ns: 0,
-            lease_client_id: 0,
-            accepted: 0,
-            refused: 0,
-            stale_stops: 0,
-            state: state.number(),
-            fault: 0,
-            last_refusal: 0,
-            flags: 0,
-        }
+    fn beat(stamp_ms: u64, off: bool) -> Result<Option<Beat>, Absent> {
+        Ok(Some(Beat { boot_id: 7, stamp: Nanos::from_millis(stamp_ms), off }))
     }
 
-    fn heartbeat(state: OperatingState) -> Heartbeat {
+    fn heartbeat(off: bool) -> Heartbeat {
         let mut heartbeat = Heartbeat::new(Nanos::from_millis(40));
-        assert_eq!(heartbeat.judge(Ok(Some(&message(100, state))), Nanos::from_millis(101)), Verdict::Arrived);
+        assert_eq!(heartbeat.judge(beat(100, off), Nanos::from_millis(101)), Verdict::Arrived);
         heartbeat
     }
 
     #[test]
     fn silence_is_told_once_until_the_loop_goes_on() {
-        let mut heartbeat = heartbeat(OperatingState::Enabled);
+        let mut heartbeat = heartbeat(false);
         let at = Nanos::from_millis;
-        assert_eq!(heartbeat.judge(Ok(None), at(140)), Verdict::Alive);
-        assert_eq!(heartbeat.judge(Ok(None), at(141)), Verdict::Hangs);
-        assert_eq!(heartbeat.judge(Ok(None), at(190)), Verdict::Alive);
-        assert_eq!(heartbeat.judge(Ok(Some(&message(200, OperatingState::Enabled))), at(201)), Verdict::Alive);
-        assert_eq!(heartbeat.judge(Ok(None), at(300)), Verdict::Hangs);
-        assert_eq!(heartbeat.judge(Err(()), at(310)), Verdict::Waiting, "stopped already");
+        assert_eq!(heartbeat.judge(beat(100, false), at(140)), Verdict::Alive);
+        assert_eq!(heartbeat.judge(beat(100, false), at(141)), Verdict::Hangs);
+        assert_eq!(heartbeat.judge(beat(100, false), at(190)), Verdict::Alive);
+        assert_eq!(heartbeat.judge(beat(200, false), at(201)), Verdict::Alive);
+        assert_eq!(heartbeat.judge(beat(200, false), at(300)), Verdict::Hangs);
+        assert_eq!(heartbeat.judge(Err(Absent), at(310)), Verdict::Waiting, "stopped already");
     }
 
     #[test]
     fn a_controller_that_is_gone_is_told_at_once_unless_its_drives_were_off() {
         let now = Nanos::from_millis(102);
-        for (state, verdict) in [
-            (OperatingState::Enabled, Verdict::Gone),
-            (OperatingState::Paused, Verdict::Gone),
-            (OperatingState::Fault, Verdict::Gone),
-            (OperatingState::Disabled, Verdict::Ended),
-        ] {
-            let mut heartbeat = heartbeat(state);
-            assert_eq!(heartbeat.judge(Err(()), now), verdict, "{state:?}");
-            assert_eq!(heartbeat.judge(Err(()), now), Verdict::Waiting);
+        for (off, verdict) in [(false, Verdict::Gone), (true, Verdict::Ended)] {
+            let mut heartbeat = heartbeat(off);
+            assert_eq!(heartbeat.judge(Err(Absent), now), verdict);
+            assert_eq!(heartbeat.judge(Err(Absent), now), Verdict::Waiting);
         }
     }
 
     #[test]
-    fn a_message_that_is_given_again_is_no_beat() {
-        let mut heartbeat = heartbeat(OperatingState::Enabled);
-        let again = message(100, OperatingState::Enabled);
-        assert_eq!(heartbeat.judge(Ok(Some(&again)), Nanos::from_millis(150)), Verdict::Hangs);
+    fn the_last_beat_says_whether_the_drives_are_off() {
+        let mut heartbeat = heartbeat(true);
+        assert_eq!(heartbeat.judge(beat(100, true), Nanos::from_millis(900)), Verdict::Alive);
+        assert_eq!(heartbeat.judge(beat(901, false), Nanos::from_millis(902)), Verdict::Alive);
+        assert_eq!(heartbeat.judge(beat(901, false), Nanos::from_millis(942)), Verdict::Hangs);
     }
 
     #[test]
-    fn drives_that_are_off_need_no_stop() {
-        let mut heartbeat = heartbeat(OperatingState::Disabled);
-        assert_eq!(heartbeat.judge(Ok(None), Nanos::from_millis(900)), Verdict::Alive);
+    fn a_controller_that_started_anew_has_arrived() {
+        let mut heartbeat = heartbeat(false);
+        let other = Beat { boot_id: 8, stamp: Nanos::from_millis(99), off: true };
+        assert_eq!(heartbeat.judge(Ok(Some(other)), Nanos::from_millis(102)), Verdict::Arrived);
     }
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `/dev/shm/i2ris-UID-NAME/lock` | the controller's exclusive lock, and its process id for people |
 //! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version and process id of the controller, once it serves |
+//! | `/dev/shm/i2ris-UID-NAME/pulse` | when the control loop last began a tick: see [`super::pulse`] |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
 //! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | the shared memory of iceoryx2 itself |
 //!
@@ -136,6 +137,10 @@ impl Domain {
 
     pub(super) fn ready_file(&self) -> PathBuf {
         self.directory.join("ready")
+    }
+
+    pub(super) fn pulse_file(&self) -> PathBuf {
+        self.directory.join("pulse")
     }
 
     pub(super) fn ready_draft(&self) -> PathBuf {

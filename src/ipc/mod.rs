@@ -10,6 +10,7 @@
 //! | `domain` | where the shared memory of one controller lives, and its clean-up |
 //! | `guard` | the controller's exclusive hold on a domain |
 //! | `ready` | how clients learn which start of which controller serves |
+//! | `pulse` | the pulse of the control loop, for the guard |
 //! | `service` | names and sizes of the services |
 //! | `caller` | who a client is: process, user, program |
 //! | `server` | the controller's side: owns every publisher, subscriber and server |
@@ -23,6 +24,7 @@ mod identity;
 mod lock;
 mod message;
 pub mod payload;
+pub mod pulse;
 pub mod ready;
 pub mod server;
 mod service;

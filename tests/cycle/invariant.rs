@@ -11,7 +11,7 @@ pub struct Watch {
     velocity: f64,
     /// Counts per tick, per tick.
     slow_down: f64,
-    /// Ticks of a stop from full speed.
+    /// Ticks of a stop from full speed, with those that the jerk limit adds.
     stop_ticks: u32,
     /// Lowest and highest position of every motor, counts.
     limits: Vec<(i32, i32)>,
@@ -36,10 +36,11 @@ impl Watch {
         let limits = axes.map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0)).collect();
         let (velocity, slow_down) =
             (config.limits.velocity_counts_s * tick, config.limits.stop_deceleration_counts_s2 * tick * tick);
+        let window = config.limits.window_ticks(config.control.period()).unwrap_or(1);
         Self {
             velocity,
             slow_down,
-            stop_ticks: (velocity / slow_down).ceil() as u32,
+            stop_ticks: (velocity / slow_down).ceil() as u32 + window - 1,
             limits,
             axes: [AxisWatch::default(); 2],
             state: OperatingState::Disabled,

@@ -165,12 +165,15 @@ proptest! {
     #[test]
     fn nothing_that_happens_breaks_a_promise_with_other_limits(
         rate_hz in 100..4000_u32, velocity in 50.0..20_000.0_f64, acceleration in 500.0..1e6_f64, ratio in 1.0..100.0_f64,
+        window in 1..=32_u32,
         acts in prop::collection::vec(act(), 1..40)
     ) {
         let deceleration = (acceleration * ratio).max(20.0 * velocity);
+        let jerk = 2.0 * deceleration * f64::from(rate_hz) / (f64::from(window) - 0.5);
         let tables = format!(
             "[control]\nrate_hz = {rate_hz}\n[limits]\nvelocity_counts_s = {velocity}\n\
-             acceleration_counts_s2 = {acceleration}\nstop_deceleration_counts_s2 = {deceleration}"
+             acceleration_counts_s2 = {acceleration}\nstop_deceleration_counts_s2 = {deceleration}\n\
+             jerk_counts_s3 = {jerk}"
         );
         let mut bench = Bench::new(config(&tables), Some(model(i2ris::model::file::OutputUnit::Deg)));
         bench.home();

@@ -1,6 +1,8 @@
 //! What people get wrong: one sentence with cause and remedy, and nothing that moves.
 
+use std::fs;
 use std::io::{Read, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -9,6 +11,7 @@ use i2ris::config::PortConfig;
 use i2ris::drive::inspect::inspect;
 use i2ris::drive::{AxisPhase, DriveError, Port};
 use i2ris_emulator::drive::State;
+use nix::unistd::{Uid, setfsuid};
 use serialport::{SerialPort, TTYPort};
 
 use super::bench::{Bench, SETUPS};
@@ -138,4 +141,16 @@ fn a_port_in_use_is_refused() {
     let mut axis = bench.run();
     assert!(matches!(inspect(&bench.port()), Err(DriveError::Busy { .. })));
     assert_eq!(axis.feedback().phase, AxisPhase::Disabled);
+}
+
+#[test]
+fn a_port_that_may_not_be_opened_names_the_remedy() {
+    let bench = Bench::emulated(&SETUPS[0]);
+    let port = PortConfig { device: fs::canonicalize(bench.port().device).unwrap(), ..bench.port() };
+    fs::set_permissions(&port.device, fs::Permissions::from_mode(0o000)).unwrap();
+    // Root may open everything, so this thread looks at files as nobody does; for others that changes nothing.
+    let before = setfsuid(Uid::from_raw(65_534));
+    let text = refusal(&port);
+    setfsuid(before);
+    assert!(text.contains("no permission") && text.contains("dialout"), "{text}");
 }

@@ -4,14 +4,16 @@
 //! cargo test --release --test hazards -- --ignored --nocapture --test-threads 1 campaign
 //! ```
 
+use std::io::{Seek, Write};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use i2ris::clock;
+use i2ris::config::ControlConfig;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::{OperatingStateMsg, PeriodStatistics, SpanSummary};
+use i2ris::ipc::payload::{OperatingStateMsg, PeriodStatistics};
 use i2ris::model::ModelId;
 use i2ris::rt::{self, LoopStatistics, TickTiming, Ticker, Wanted};
 use i2ris::units::Nanos;
@@ -104,9 +106,11 @@ fn bring_back(client: &mut Client) {
     client.state_command(StateCommand::Release).unwrap();
 }
 
+/// Blocks of swaps and blocks of the same motion without, in turns, beside a loop that does nothing.
 #[test]
 #[ignore = "a campaign"]
 fn campaign_swaps() {
+    const BLOCK: u32 = 200;
     let mut rig = rig();
     linear_model(&rig, "model.json", "rig", 1.0);
     let second = linear_model(&rig, "second.json", "rig", 1.2);
@@ -114,11 +118,11 @@ fn campaign_swaps() {
     let client = rig.enabled();
     let mut operator = Client::connect(&rig.domain(), PATIENCE).unwrap();
     let done = AtomicBool::new(false);
-    let mut statistics = client.watcher().period_statistics();
-    let count = times(1000);
-    let mut answer = Vec::new();
-    let (largest, pairs) = std::thread::scope(|scope| {
+    let (mut answer, mut blocks) = (Vec::new(), Vec::new());
+    let ((largest, pairs), bare, windows) = std::thread::scope(|scope| {
         let watch = scope.spawn(|| largest_step(&client, &done));
+        let bare = scope.spawn(|| bare_loop(&rig.config.control, &done));
+        let windows = scope.spawn(|| all_windows(&client, &done));
         scope.spawn(|| {
             stream_angles(&client, |t| {
                 (!done.load(Ordering::Relaxed)).then(|| [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()])
@@ -127,33 +131,91 @@ fn campaign_swaps() {
         let end = SetAtEnd(&done);
         let staged = operator.stage_model(&second).unwrap().slots[1].model_id;
         operator.activate_model(ModelId(staged), false).unwrap();
-        for _ in 1..count {
-            let asked = Instant::now();
-            operator.roll_back_model(false).unwrap();
-            answer.push(asked.elapsed().as_secs_f64() * 1e3);
-            clock::sleep(Nanos::from_millis(20));
+        for _ in 0..times(1000).div_ceil(BLOCK) {
+            let begun = clock::now();
+            for _ in 0..BLOCK {
+                let asked = Instant::now();
+                operator.roll_back_model(false).unwrap();
+                answer.push(asked.elapsed().as_secs_f64() * 1e3);
+                clock::sleep(Nanos::from_millis(20));
+            }
+            let ended = clock::now();
+            clock::sleep(ended.since(begun));
+            blocks.push([begun, ended, clock::now()]);
         }
         drop(end);
-        watch.join().unwrap()
+        (watch.join().unwrap(), bare.join().unwrap(), windows.join().unwrap())
     });
-    let missed = last(&mut statistics);
     let limit = rig.config.limits.velocity_counts_s * rig.config.control.period().as_seconds();
     println!(
-        "{count} swaps during motion: largest set-point step {largest} counts a tick in {pairs} ticks, {limit} allowed"
+        "{} swaps during motion: largest set-point step {largest} counts a tick in {pairs} ticks, {limit} allowed",
+        answer.len()
     );
-    println!("ticks {}, missed {}", missed.total_ticks, missed.total_missed);
     summary("from asking to answer", "ms", &mut answer);
+    for (what, part) in [("with swaps", 0), ("without", 1)] {
+        let inside = |window: &&PeriodStatistics| {
+            let (end, begin) = (Nanos(window.stamp_ns), Nanos(window.stamp_ns - window.window_ns));
+            blocks.iter().any(|block| begin >= block[part] && end <= block[part + 1])
+        };
+        tell(&format!("controller, {what}"), windows.iter().filter(inside));
+    }
+    tell("bare loop beside it", bare.iter());
 }
 
-fn last(statistics: &mut i2ris::ipc::client::Subscription<PeriodStatistics>) -> PeriodStatistics {
-    let start = clock::now();
-    loop {
-        if let Some(message) = statistics.newest().unwrap() {
-            return message;
-        }
-        assert!(clock::now().since(start) < PATIENCE, "no statistics");
-        clock::sleep(Nanos::from_millis(20));
+/// Everything that is published about the loop until told to end.
+fn all_windows(client: &Client, done: &AtomicBool) -> Vec<PeriodStatistics> {
+    let (mut statistics, mut windows) = (client.watcher().period_statistics(), Vec::new());
+    while !done.load(Ordering::Relaxed) {
+        statistics.drain(|message| windows.push(message)).unwrap();
+        clock::sleep(Nanos::from_millis(100));
     }
+    windows
+}
+
+/// A loop that does nothing, scheduled as the controller's, until told to end.
+fn bare_loop(config: &ControlConfig, done: &AtomicBool) -> Vec<PeriodStatistics> {
+    let granted = rt::request(Wanted { priority: config.priority, cpu: None, lock_memory: false });
+    let (period, spin) = (config.period(), Nanos::from_micros(u64::from(config.spin_us)));
+    let mut ticker = Ticker::new(clock::now() + period, period, spin);
+    let mut statistics = LoopStatistics::new(period, Nanos::from_millis(1000), granted);
+    let mut windows = Vec::with_capacity(4096);
+    while !done.load(Ordering::Relaxed) {
+        let tick = ticker.wait();
+        statistics.record(TickTiming { tick, ended: clock::now() });
+        windows.extend(statistics.take(clock::now()));
+    }
+    windows
+}
+
+/// One line about the windows of a loop: medians of the medians, the worst of the rest.
+fn tell<'a>(what: &str, windows: impl Iterator<Item = &'a PeriodStatistics>) {
+    let windows: Vec<_> = windows.collect();
+    let sum = |of: fn(&PeriodStatistics) -> u64| windows.iter().map(|window| of(window)).sum::<u64>();
+    let (ticks, missed) = (sum(|window| window.ticks), sum(|window| window.missed));
+    let us = |share: f64, of: fn(&PeriodStatistics) -> u64| {
+        let mut values: Vec<u64> = windows.iter().map(|window| of(window)).collect();
+        values.sort_unstable();
+        let last = values.len().saturating_sub(1) as f64;
+        values.get((last * share).round() as usize).map_or(f64::NAN, |ns| *ns as f64 / 1e3)
+    };
+    println!(
+        "{what}: priority {}, {ticks} ticks, {missed} missed ({:.2} %); us, median of {} windows (largest): lateness p50 \
+         {:.1} ({:.1}), p99 {:.1} ({:.1}), max {:.1} ({:.1}); compute p50 {:.1}, p99 {:.1} ({:.1}), max {:.1} ({:.1})",
+        windows.last().map_or(0, |window| window.priority),
+        100.0 * missed as f64 / (ticks + missed).max(1) as f64,
+        windows.len(),
+        us(0.5, |w| w.lateness.p50_ns),
+        us(1.0, |w| w.lateness.p50_ns),
+        us(0.5, |w| w.lateness.p99_ns),
+        us(1.0, |w| w.lateness.p99_ns),
+        us(0.5, |w| w.lateness.max_ns),
+        us(1.0, |w| w.lateness.max_ns),
+        us(0.5, |w| w.compute.p50_ns),
+        us(0.5, |w| w.compute.p99_ns),
+        us(1.0, |w| w.compute.p99_ns),
+        us(0.5, |w| w.compute.max_ns),
+        us(1.0, |w| w.compute.max_ns),
+    );
 }
 
 #[test]
@@ -177,57 +239,39 @@ fn campaign_restarts() {
     summary("from start to ENABLED", "s", &mut enabled);
 }
 
-/// The loop of the controller beside one that does nothing, under the same scheduling, in the same minute.
+/// The loop of the controller with a model and a moving snake, beside one that does nothing under the same scheduling, while as
+/// many threads as there are processors copy memory and write files. Seconds in `I2RIS_CAMPAIGN`.
 #[test]
 #[ignore = "a campaign"]
-fn campaign_bare_loop() {
+fn campaign_loop() {
     let mut rig = rig();
+    linear_model(&rig, "model.json", "rig", 1.0);
+    rig.config.control.model = Some("model.json".into());
     let client = rig.enabled();
-    let seconds = u64::from(times(60));
-    let mut statistics = client.watcher().period_statistics();
-    let config = rig.config.control.clone();
-    let bare = std::thread::spawn(move || {
-        let wanted = Wanted { priority: config.priority, cpu: None, lock_memory: false };
-        let granted = rt::request(wanted);
-        let (period, spin) = (config.period(), Nanos::from_micros(u64::from(config.spin_us)));
-        let window = Nanos::from_millis(seconds * 1000);
-        let mut ticker = Ticker::new(clock::now() + period, period, spin);
-        let mut statistics = LoopStatistics::new(period, window, granted);
-        loop {
-            let tick = ticker.wait();
-            statistics.record(TickTiming { tick, ended: clock::now() });
-            if let Some(message) = statistics.take(clock::now()) {
-                return message;
-            }
+    let seconds = f64::from(times(600));
+    let done = AtomicBool::new(false);
+    let (bare, windows) = std::thread::scope(|scope| {
+        let bare = scope.spawn(|| bare_loop(&rig.config.control, &done));
+        let windows = scope.spawn(|| all_windows(&client, &done));
+        for _ in 0..std::thread::available_parallelism().unwrap().get() {
+            scope.spawn(|| load(&done));
         }
+        let _end = SetAtEnd(&done);
+        stream_angles(&client, |t| (t < seconds).then(|| [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()]));
+        done.store(true, Ordering::Relaxed);
+        (bare.join().unwrap(), windows.join().unwrap())
     });
-    let mut windows = Vec::new();
-    while !bare.is_finished() {
-        statistics.drain(|message| windows.push(message)).unwrap();
-        clock::sleep(Nanos::from_millis(100));
-    }
-    let bare = bare.join().unwrap();
-    let worst = |of: fn(&PeriodStatistics) -> u64| windows.iter().map(of).max().unwrap_or(0);
-    println!(
-        "bare loop, {seconds} s, priority {}: {} missed, lateness {}",
-        bare.priority,
-        bare.missed,
-        spans(&bare.lateness)
-    );
-    println!(
-        "controller, worst of {} windows of 1 s, priority {}: lateness p50 {:.1}, p99 {:.1}, max {:.1} us; compute p99 {:.1}, max {:.1} us",
-        windows.len(),
-        windows.last().map_or(0, |window| window.priority),
-        worst(|w| w.lateness.p50_ns) as f64 / 1e3,
-        worst(|w| w.lateness.p99_ns) as f64 / 1e3,
-        worst(|w| w.lateness.max_ns) as f64 / 1e3,
-        worst(|w| w.compute.p99_ns) as f64 / 1e3,
-        worst(|w| w.compute.max_ns) as f64 / 1e3,
-    );
-    println!("controller missed {}", windows.iter().map(|window| window.missed).sum::<u64>());
+    tell("bare loop", bare.iter());
+    tell("controller", windows.iter());
 }
 
-fn spans(spans: &SpanSummary) -> String {
-    let us = |ns: u64| ns as f64 / 1e3;
-    format!("p50 {:.1}, p99 {:.1}, max {:.1} us", us(spans.p50_ns), us(spans.p99_ns), us(spans.max_ns))
+/// Keeps a processor, its memory and the file system busy.
+fn load(done: &AtomicBool) {
+    let mut file = tempfile::tempfile().unwrap();
+    let from = vec![1_u8; 16 << 20];
+    let mut to = vec![0_u8; from.len()];
+    while !done.load(Ordering::Relaxed) {
+        to.copy_from_slice(&from);
+        file.set_len(0).and_then(|()| file.rewind()).and_then(|()| file.write_all(&to[..1 << 20])).unwrap();
+    }
 }

@@ -6,6 +6,7 @@
 //! | [`Commander`] | streaming servo commands |
 //! | [`Watcher`], [`Subscription`], [`Latest`] | watching, message by message or the last one |
 //! | [`ExternalPublisher`] | cameras and other sensors that see the snake |
+//! | [`Forwarder`], [`RequestForwarder`] | passing on what clients elsewhere ask |
 //!
 //! ```no_run
 //! use i2ris::ipc::client::Client;
@@ -29,6 +30,7 @@
 mod commander;
 mod error;
 mod external;
+mod forward;
 mod link;
 mod models;
 mod request;
@@ -40,6 +42,7 @@ use std::sync::Arc;
 pub use commander::Commander;
 pub use error::ClientError;
 pub use external::ExternalPublisher;
+pub use forward::{Forwarder, RequestForwarder};
 pub use watcher::{Latest, Subscription, Watcher};
 
 use super::domain::Domain;

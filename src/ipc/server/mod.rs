@@ -41,6 +41,7 @@ use super::payload::{
     OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
     VersionRequest,
 };
+use super::pulse::Pulse;
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, Transport, transport};
 use crate::units::{MAX_OUTPUTS, Nanos};
@@ -120,6 +121,15 @@ impl Server {
         server.guard.restrict()?;
         Ready::announce(&server.guard)?;
         Ok(server)
+    }
+
+    /// The pulse of the loop, for the loop to write.
+    ///
+    /// # Errors
+    ///
+    /// When the system refuses the file.
+    pub fn pulse(&self) -> Result<Pulse, DomainError> {
+        Pulse::create(&self.guard)
     }
 
     fn with_ports(services: Services, guard: DomainGuard) -> Result<Self, Transport> {

@@ -38,6 +38,9 @@ const TICK: Nanos = Nanos::from_millis(2);
 /// An axis that has not come back to motion after this long hangs.
 const HANG: Nanos = Nanos::from_millis(30_000);
 
+/// Why an axis fell is known once the drive has been asked for it.
+const EXPLANATION: Nanos = Nanos::from_millis(500);
+
 /// How far back the truth about positions is kept.
 const MEMORY: Nanos = Nanos::from_millis(4000);
 
@@ -51,7 +54,9 @@ const TOLERANCE: i32 = 12;
 #[derive(Debug, Default)]
 struct Tally {
     injections: usize,
-    outside: usize,
+    outside: Vec<String>,
+    /// Of those, the ones that a drive without power was given.
+    preloads: usize,
     wrong: Vec<String>,
     unexplained: Vec<String>,
     hangs: Vec<String>,
@@ -79,7 +84,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         total.add(thread.join().map_err(|_| "a rig panicked")??);
     }
     total.print((clock::now() - begin).as_seconds());
-    let clean = total.outside == 0 && total.wrong.is_empty() && total.unexplained.is_empty() && total.hangs.is_empty();
+    let clean =
+        total.outside.is_empty() && total.wrong.is_empty() && total.unexplained.is_empty() && total.hangs.is_empty();
     if clean { Ok(()) } else { Err("see above".into()) }
 }
 
@@ -137,6 +143,8 @@ struct Side {
     request: AxisRequest,
     events: Receiver<PortEvent>,
     explained: bool,
+    /// When the axis fell without a reason so far, and how.
+    fell: Option<(Nanos, String)>,
     last: AxisFeedback,
     /// Position of the encoder as the drive would tell it, over time.
     truth: VecDeque<(Nanos, i32)>,
@@ -189,7 +197,21 @@ impl Rig {
         self.wait_for_motion();
         let log = self.emulator.log();
         let outside = |kind| matches!(kind, EventKind::Setpoint(counts) if !(-LIMIT..=LIMIT).contains(&counts));
-        self.tally.outside = log.iter().filter(|event| outside(event.kind)).count();
+        for (place, event) in log.iter().enumerate().filter(|(_, event)| outside(event.kind)) {
+            let before =
+                || log[..place].iter().rev().filter(|earlier| earlier.axis == event.axis).map(|earlier| earlier.kind);
+            let state = before().find_map(|kind| if let EventKind::State { to, .. } = kind { Some(to) } else { None });
+            // An axis that lost its zero stands anywhere. Before it is homed, its target is put to where it stands.
+            if state.is_some_and(|state| state != State::OperationEnabled) {
+                self.tally.preloads += 1;
+            } else {
+                self.tally.outside.push(format!(
+                    "{:?} after, the latest first, {:?}",
+                    event.kind,
+                    before().take(6).collect::<Vec<_>>()
+                ));
+            }
+        }
         self.tally.host_bugs = self.emulator.host_bugs();
         self.sides.iter_mut().for_each(Side::end);
         self.tally
@@ -263,6 +285,7 @@ impl Side {
             request: AxisRequest::default(),
             events,
             explained: true,
+            fell: None,
             last: AxisFeedback::default(),
             truth: VecDeque::new(),
             origin: 0,
@@ -288,9 +311,15 @@ impl Side {
         if feedback.sequence != self.last.sequence && !self.is_true(&feedback) {
             tally.wrong.push(format!("position {} at {:?}", feedback.position, feedback.stamp));
         }
-        let fell = self.last.phase == AxisPhase::Enabled && feedback.phase != AxisPhase::Enabled;
-        if fell && !self.explained && self.request.demand == Demand::Enabled {
-            tally.unexplained.push(format!("{:?} -> {:?}", self.last, feedback));
+        let (fell, now) = (self.last.phase == AxisPhase::Enabled && feedback.phase != AxisPhase::Enabled, clock::now());
+        if fell && self.request.demand == Demand::Enabled {
+            let AxisFeedback { phase, statusword, error_code, .. } = feedback;
+            self.fell = Some((now, format!("{phase:?}, statusword {statusword:04X}, error code {error_code:04X}")));
+        }
+        if self.explained {
+            self.fell = None;
+        } else if let Some((_, how)) = self.fell.take_if(|(since, _)| now - *since > EXPLANATION) {
+            tally.unexplained.push(how);
         }
         self.last = feedback;
     }
@@ -322,7 +351,8 @@ impl Side {
                 }
             }
             AxisPhase::Disabled if request.demand == Demand::Enabled => request.demand = Demand::Disabled,
-            AxisPhase::Disabled if !feedback.homed => {
+            // Where its encoder slips to is as good a zero as any; an axis outside its limits is not enabled.
+            AxisPhase::Disabled if !feedback.homed || feedback.position.0.abs() > LIMIT - AMPLITUDE as i32 => {
                 if request.homings == feedback.homings {
                     request.homings += 1;
                 }
@@ -351,7 +381,8 @@ impl Side {
 impl Tally {
     fn add(&mut self, other: Self) {
         self.injections += other.injections;
-        self.outside += other.outside;
+        self.outside.extend(other.outside);
+        self.preloads += other.preloads;
         self.wrong.extend(other.wrong);
         self.unexplained.extend(other.unexplained);
         self.hangs.extend(other.hangs);
@@ -366,12 +397,13 @@ impl Tally {
 
     fn print(&mut self, seconds: f64) {
         println!("{} injections in {seconds:.0} s", self.injections);
-        println!("set-points accepted outside the limits: {}", self.outside);
+        println!("set-points accepted outside the limits by a drive with power: {}", self.outside.len());
+        println!("targets put to where an axis without a zero stood, power off: {}", self.preloads);
         println!("wrong values believed: {}", self.wrong.len());
         println!("hangs: {}", self.hangs.len());
         println!("unexplained states: {}", self.unexplained.len());
         println!("rules broken by the host: {} (a reply that comes late looks like it)", self.host_bugs);
-        for line in self.wrong.iter().chain(&self.unexplained).chain(&self.hangs).take(20) {
+        for line in self.outside.iter().chain(&self.wrong).chain(&self.unexplained).chain(&self.hangs).take(20) {
             println!("  {line}");
         }
         println!("| kind | number | rode through | ms to safe: median | p90 | max |\n|---|---|---|---|---|---|");

@@ -2,98 +2,73 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `ipc` | from one thread to another: shared memory, sockets |
-//! | `ticks` | a periodic loop: the controller's ticker, a bare timer |
-//! | `spans` | many spans, and the few numbers that tell of them |
-//! | `machine` | what it was measured on |
+//! | `what` | arguments of every measurement, and running it |
+//! | `tell` | what is printed |
 
-mod ipc;
-mod machine;
-mod spans;
-mod ticks;
+mod tell;
+mod what;
 
-use serde::Serialize;
+use std::path::PathBuf;
+
+use i2ris_bench::{Outcome, show};
 
 use crate::Failure;
-use machine::Machine;
-use spans::Summary;
+use crate::console::Interrupt;
 
 /// Arguments of `i2ris bench`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris bench ipc
   i2ris bench loop --duration-s 30 --json
+  i2ris bench e2e --commands 2000
+  i2ris bench all --output latencies
 
-Run it on an idle machine. On a virtual one, medians mean something and maxima belong to the host.")]
+`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON, HDR histogram logs (.hlog).
+
+Run it on an idle machine, built with --release. Threads ask for SCHED_FIFO and for a processor of their own; without
+permission they go on without and say so. On a virtual machine ratios and medians mean something, maxima belong to the host.")]
 pub struct Arguments {
     #[command(subcommand)]
-    what: What,
-}
-
-#[derive(Debug, clap::Subcommand)]
-enum What {
-    /// Publish to receive, by polling: both ways of the controller, a bare word in shared memory, sockets
-    Ipc(ipc::Arguments),
-    /// Lateness of a periodic loop: the controller's ticker and a bare timer, in turns
-    Loop(ticks::Arguments),
-}
-
-/// One way of doing a thing.
-#[derive(Debug, Serialize)]
-struct Way {
-    name: &'static str,
-    /// What the others are compared with: the least that the machine needs, or what everybody has.
-    is_reference: bool,
-    spans_ns: Summary,
-}
-
-/// Everything that is printed.
-#[derive(Debug, Serialize)]
-struct Outcome {
-    bench: &'static str,
-    machine: Machine,
-    ways: Vec<Way>,
+    what: what::What,
+    /// Print as JSON
+    #[arg(long, global = true)]
+    json: bool,
+    /// Write page, figures, numbers and histograms into this folder
+    #[arg(long, value_name = "DIR", global = true)]
+    output: Option<PathBuf>,
+    /// SCHED_FIFO priority to ask for; 0: stay as it is
+    #[arg(long, value_name = "PRIORITY", default_value_t = 80, global = true,
+          value_parser = clap::value_parser!(u8).range(0..=98))]
+    priority: u8,
+    /// Let the scheduler choose processors
+    #[arg(long, global = true)]
+    unpinned: bool,
 }
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (outcome, json) = match &arguments.what {
-        What::Ipc(arguments) => {
-            (Outcome { bench: "ipc", ways: ipc::run(arguments)?, machine: machine::look() }, arguments.json)
-        }
-        What::Loop(arguments) => {
-            (Outcome { bench: "loop", ways: ticks::run(arguments)?, machine: machine::look() }, arguments.json)
-        }
-    };
-    if json {
-        println!("{}", serde_json::to_string_pretty(&outcome)?);
+    let interrupt = Interrupt::catch()?;
+    let seats = i2ris_bench::Seats { priority: arguments.priority, pinned: !arguments.unpinned };
+    let run = what::Run { seats, interrupt: &interrupt, quiet: arguments.json };
+    let outcomes = run.measure(&arguments.what)?;
+    if arguments.json {
+        println!("{:#}", as_json(&outcomes));
     } else {
-        print(&outcome);
+        outcomes.iter().for_each(tell::print);
+    }
+    if let Some(folder) = &arguments.output {
+        let written = show::write(folder, &outcomes)?;
+        if !arguments.json {
+            println!("\nwritten: {} and {} more", folder.join("index.html").display(), written.len() - 1);
+        }
     }
     Ok(())
 }
 
-fn print(outcome: &Outcome) {
-    println!("{}", outcome.machine.words());
-    println!(
-        "{:<44} {:>8} {:>9} {:>9} {:>9} {:>9} {:>10} {:>9}",
-        "microseconds", "count", "p50", "p90", "p99", "p99.9", "max", "x first"
-    );
-    let reference = outcome.ways.iter().find(|way| way.is_reference).map(|way| way.spans_ns.p50);
-    for Way { name, is_reference, spans_ns } in &outcome.ways {
-        let Summary { count, p50, p90, p99, p999, max } = *spans_ns;
-        let us = |ns: u64| format!("{:.2}", ns as f64 / 1e3);
-        let ratio = match reference {
-            Some(reference) if !is_reference && reference > 0 => format!("{:.2}", p50 as f64 / reference as f64),
-            _ => "-".to_owned(),
-        };
-        println!(
-            "{name:<44} {count:>8} {:>9} {:>9} {:>9} {:>9} {:>10} {ratio:>9}",
-            us(p50),
-            us(p90),
-            us(p99),
-            us(p999),
-            us(max)
-        );
+/// One object, or an array of all.
+fn as_json(outcomes: &[Outcome]) -> serde_json::Value {
+    match outcomes {
+        [one] => show::json(one),
+        all => all.iter().map(show::json).collect::<Vec<_>>().into(),
     }
 }

@@ -11,6 +11,10 @@ use crate::Failure;
 
 /// What `i2ris calibrate` can do.
 #[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris calibrate collect --config config/emulator.toml --enable --output RECORDING.csv
+  i2ris calibrate fit RECORDING.csv --robot-id i2ris-emulated --output config/models/snake.json
+  i2ris calibrate compare config/models/linear.json config/models/snake.json --recording unseen.csv")]
 pub enum Command {
     /// Move the motors through a calibration protocol and record them with what a camera sees
     Collect(collect::Arguments),
@@ -20,6 +24,13 @@ pub enum Command {
     Fit(fit::Arguments),
     /// Put angles that were measured in pictures in the place of those of a recording
     Merge(merge::Arguments),
+}
+
+impl Command {
+    /// Whether it moves nothing.
+    pub fn only_prints(&self) -> bool {
+        !matches!(self, Self::Collect(_))
+    }
 }
 
 /// Runs it.

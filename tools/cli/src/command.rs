@@ -4,31 +4,76 @@ mod path;
 mod player;
 pub mod prepare;
 mod stream;
+mod teleop;
 pub mod watch;
 
 use std::path::PathBuf;
 
+use clap::CommandFactory;
+use clap::error::ErrorKind;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
-use crate::Failure;
 use crate::console::{DomainOption, Interrupt, Screen, until_closed};
+use crate::{Cli, Failure};
 use path::{Angles, Path, Table};
 use stream::Plan;
+use teleop::Device;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
 
 /// Arguments of `i2ris command`.
 #[derive(Debug, clap::Args)]
+#[command(
+    arg_required_else_help = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:
+  i2ris command state home && i2ris command state enable
+  i2ris command pose 5 -3 --duration-s 2
+  i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
+  i2ris command file desired.csv
+  i2ris command --keyboard --scale 0.5           space bar: dead-man; arrows lead
+  i2ris command --gamepad /dev/input/js0         hold a shoulder button, lead with the left stick
+
+Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
+)]
 pub struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
     #[command(flatten)]
     stream: StreamOptions,
+    #[command(flatten)]
+    teleop: TeleopOptions,
     #[command(subcommand)]
-    what: What,
+    what: Option<What>,
+}
+
+#[derive(Debug, clap::Args)]
+struct TeleopOptions {
+    /// Lead the snake with the keys of this terminal
+    #[arg(long, conflicts_with = "gamepad")]
+    keyboard: bool,
+    /// Lead the snake with a gamepad
+    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "/dev/input/js0")]
+    gamepad: Option<PathBuf>,
+    /// Number of the button of the gamepad that has to be held; 5 is the right shoulder button of most
+    #[arg(long, default_value_t = 5, value_name = "NUMBER")]
+    dead_man: u8,
+    /// How much of the motion of keys and stick reaches the snake
+    #[arg(long, default_value_t = 1.0, value_name = "SHARE", value_parser = share)]
+    scale: f64,
+    /// How far one key press goes
+    #[arg(long, default_value_t = 0.25, value_name = "DEG", value_parser = step)]
+    step_deg: f64,
+}
+
+impl TeleopOptions {
+    fn device(&self) -> Option<Device> {
+        let gamepad = |path: &PathBuf| Device::Gamepad { path: path.clone(), dead_man: self.dead_man };
+        if self.keyboard { Some(Device::Keyboard) } else { self.gamepad.as_ref().map(gamepad) }
+    }
 }
 
 #[derive(Debug, clap::Args)]
@@ -36,7 +81,7 @@ struct StreamOptions {
     /// Commands per second; slower than the deadline of the controller allows, the robot stops in between
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate, global = true)]
     rate_hz: f64,
-    /// Speed limit on the way to the start of the path
+    /// Speed limit on the way to the start of the path, and of the master that keys or a gamepad lead
     #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive, global = true)]
     speed_deg_s: f64,
     /// Home and enable the robot first, where necessary
@@ -91,6 +136,9 @@ enum What {
         /// What to do
         #[arg(value_enum)]
         command: StateWord,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
     },
 }
 
@@ -148,13 +196,19 @@ impl StateWord {
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments { domain, stream, what } = arguments;
+    let Arguments { domain, stream, teleop, what } = arguments;
+    let what = match (what, teleop.device()) {
+        (Some(what), None) => what,
+        (None, Some(device)) => return lead(&domain, &stream, &teleop, device),
+        (Some(_), Some(_)) => wrong_usage("give either --keyboard or --gamepad or a subcommand, not both"),
+        (None, None) => wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`"),
+    };
     // A file with a mistake is refused before the robot moves.
     let table = if let What::File { csv } = &what { Some(Table::load(csv)?) } else { None };
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;
     let (name, path, duration_s) = match what {
-        What::State { command } => return change_state(&mut client, command),
+        What::State { command, json } => return change_state(&mut client, command.command(), json),
         What::Hold { duration_s } => ("hold", None, duration_s),
         What::Pose { pitch_deg, yaw_deg, duration_s } => ("pose", Some(Path::Point([pitch_deg, yaw_deg])), duration_s),
         What::Sine { amplitude_deg, periodic } => {
@@ -172,9 +226,34 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     stream::run(&mut client, Plan { name, path, duration_s, rate_hz, speed_deg_s, enable }, &interrupt)
 }
 
-fn change_state(client: &mut Client, command: StateWord) -> Result<(), Failure> {
-    let state = client.state_command(command.command())?;
-    until_closed(Screen::stdout().say(&format!("accepted: {}; the controller is {state}", command.command())))?;
+/// Ends the program as any command line that makes no sense.
+fn wrong_usage(what: &str) -> ! {
+    Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
+}
+
+fn lead(domain: &DomainOption, stream: &StreamOptions, options: &TeleopOptions, device: Device) -> Result<(), Failure> {
+    let mut client = Client::connect(&domain.domain()?, CONNECT)?;
+    let interrupt = Interrupt::catch()?;
+    let (TeleopOptions { scale, step_deg, .. }, StreamOptions { rate_hz, speed_deg_s, enable }) = (options, stream);
+    let plan = teleop::Plan {
+        device,
+        speed_deg_s: *speed_deg_s,
+        step_deg: *step_deg,
+        scale: *scale,
+        rate_hz: *rate_hz,
+        enable: *enable,
+    };
+    teleop::run(&mut client, &plan, &interrupt)
+}
+
+fn change_state(client: &mut Client, command: StateCommand, json: bool) -> Result<(), Failure> {
+    let state = client.state_command(command)?;
+    let told = if json {
+        serde_json::json!({ "accepted": command.text(), "state": state.text() }).to_string()
+    } else {
+        format!("accepted: {command}; the controller is {state}")
+    };
+    until_closed(Screen::stdout().say(&told))?;
     Ok(())
 }
 
@@ -195,4 +274,14 @@ fn positive(text: &str) -> Result<f64, String> {
 fn rate(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (10.0..=1000.0).contains(number);
     finite(text).ok().filter(in_range).ok_or_else(|| "must be 10 to 1000".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let in_range = |number: &f64| (0.01..=1.0).contains(number);
+    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 1".to_owned())
+}
+
+fn step(text: &str) -> Result<f64, String> {
+    let in_range = |number: &f64| (0.01..=2.0).contains(number);
+    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 2".to_owned())
 }

@@ -1,38 +1,65 @@
 //! `i2ris config`: looking at a configuration without starting anything.
 
+mod describe;
+mod schema;
+
 use std::path::PathBuf;
 
 use i2ris::config::Config;
 
 use crate::Failure;
+use schema::Kind;
 
 /// What `i2ris config` can do.
 #[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris config check my-robot.toml
+  i2ris config print config/robot.toml           every key with its meaning and its value
+  i2ris config schema > robot.schema.json        for editors: completion, meanings, unknown keys
+  i2ris config schema vision                     of the file that describes the views")]
 pub enum Command {
     /// Say whether a configuration is valid, or what is wrong with it and where
     Check {
-        /// The configuration
-        file: PathBuf,
-    },
-    /// Print a configuration with every key, those that the file leaves out with their defaults
-    Print {
         /// The configuration
         file: PathBuf,
         /// As JSON
         #[arg(long)]
         json: bool,
     },
+    /// Print a configuration with every key and what it means, those that the file leaves out with their defaults
+    Print {
+        /// The configuration
+        file: PathBuf,
+        /// As JSON, without meanings
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print a JSON Schema: every key, its type, what it means
+    Schema {
+        /// Of which kind of file
+        #[arg(value_enum, default_value_t = Kind::Controller)]
+        kind: Kind,
+    },
 }
 
 /// Runs it.
 pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
-        Command::Check { file } => {
-            let config = Config::load(file)?;
-            println!("{}: valid; robot {}, {} motor(s)", file.display(), config.robot_id, config.motors());
-        }
+        Command::Check { file, json } => check(file.clone(), *json)?,
         Command::Print { file, json: true } => println!("{}", serde_json::to_string_pretty(&Config::load(file)?)?),
-        Command::Print { file, json: false } => print!("{}", toml::to_string(&Config::load(file)?)?),
+        Command::Print { file, json: false } => print!("{}", describe::describe(&Config::load(file)?)?),
+        Command::Schema { kind } => println!("{}", serde_json::to_string_pretty(&schema::of(*kind))?),
+    }
+    Ok(())
+}
+
+fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
+    let config = Config::load(&file)?;
+    let (robot, motors) = (&config.robot_id, config.motors());
+    if json {
+        println!("{}", serde_json::json!({ "file": file, "valid": true, "robot_id": robot, "motors": motors }));
+    } else {
+        println!("{}: valid; robot {robot}, {motors} motor(s)", file.display());
     }
     Ok(())
 }

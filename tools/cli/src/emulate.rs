@@ -24,6 +24,11 @@ const NAP: Nanos = Nanos::from_millis(20);
 
 /// Arguments of `i2ris emulate`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris emulate --snake config/snakes/steel.toml --log setpoints.csv
+  i2ris emulate --family epos2
+
+Then, in another terminal: i2ris-control --config config/emulator.toml")]
 pub struct Arguments {
     /// Parameters of the snake
     #[arg(long, value_name = "FILE", default_value = "config/snakes/steel.toml")]

@@ -20,6 +20,11 @@ use table::Table;
 
 /// What `i2ris model` can do.
 #[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris model show config/models/snake.json
+  i2ris model stage config/models/newer.json && i2ris model activate
+  i2ris model rollback
+  i2ris model list --json")]
 pub enum Command {
     /// Print a model for a person
     Show(show::Arguments),

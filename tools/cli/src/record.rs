@@ -1,6 +1,7 @@
 //! `i2ris record`: trials as MCAP files, and what can be done with them afterwards.
 
 mod after;
+mod audit;
 mod ears;
 mod trial;
 
@@ -13,6 +14,7 @@ use crate::Failure;
   i2ris record --output trial.mcap --config config/emulator.toml --note 'circle, 5 deg'
   i2ris record info trial.mcap
   i2ris record export trial.mcap --output tables
+  i2ris record export trial.mcap --output tables --format parquet
   i2ris record recover killed.mcap --output whole.mcap
 
 Ctrl-C ends a recording. The file opens in Lichtblick, Foxglove, PlotJuggler, rosbags and the Python package mcap: topics
@@ -28,10 +30,17 @@ pub struct Arguments {
 enum Task {
     /// Make a whole file of one that was cut off: messages, metadata, attachments
     Recover(after::RecoverArguments),
-    /// Write every topic as a table, CSV
+    /// Write every topic as a table: CSV or Parquet
     Export(after::ExportArguments),
     /// Tell what a recording holds
     Info(after::InfoArguments),
+}
+
+impl Arguments {
+    /// Whether it records nothing.
+    pub fn only_prints(&self) -> bool {
+        self.task.is_some()
+    }
 }
 
 /// Runs it.

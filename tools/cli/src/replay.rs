@@ -9,6 +9,7 @@ use i2ris::units::Nanos;
 
 use crate::Failure;
 use crate::console::DomainOption;
+use crate::working::while_working;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
@@ -27,6 +28,8 @@ pub struct Arguments {
 
 /// Arguments of `i2ris dump`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  i2ris replay $(i2ris dump)")]
 pub struct DumpArguments {
     #[command(flatten)]
     domain: DomainOption,
@@ -35,18 +38,18 @@ pub struct DumpArguments {
 /// Has the controller write its black box, and prints where.
 pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    println!("{}", client.write_black_box()?.display());
+    println!("{}", while_working("the controller writes", || client.write_black_box())?.display());
     Ok(())
 }
 
 /// Runs a black box again. A tick that comes out otherwise is a failure.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let content = Content::read(&arguments.file)?;
+    let content = while_working("reading", || Content::read(&arguments.file))?;
     header(&content);
     if arguments.events {
         content.ticks.iter().for_each(|tick| events(&tick.outputs));
     }
-    let replayed = replay(&content)?;
+    let replayed = while_working("replaying", || replay(&content))?;
     let Replayed { ticks, swaps, skipped, difference } = &replayed;
     if *skipped > 0 {
         println!("skipped    {skipped} ticks that come after a gap, or before the first state that was kept");

@@ -15,6 +15,10 @@ use crate::Failure;
 /// Arguments of `i2ris vision`.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(after_help = "Examples:
+  i2ris vision calibrate --setup my.toml --pitch P/top P/side --yaw Y/top Y/side --output vision.toml
+  i2ris vision check --setup vision.toml --sheet sheet.png P/top P/side
+  i2ris vision --setup vision.toml top.fifo side.fifo --latency-ms 40 --publish --output angles.csv")]
 pub struct Arguments {
     #[command(subcommand)]
     task: Option<Task>,

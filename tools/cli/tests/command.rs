@@ -1,7 +1,15 @@
-//! `i2ris command` against a controller without drives.
+//! `i2ris command` and `i2ris bridge` against a controller without drives, Python against a whole one.
 #![allow(clippy::unwrap_used)]
 
+#[path = "commanding/bridge.rs"]
+mod bridge;
 mod fake_controller;
+#[path = "commanding/live.rs"]
+mod live;
+#[path = "watching/python.rs"]
+mod python;
+#[path = "commanding/teleop.rs"]
+mod teleop;
 
 use std::io::Write;
 

@@ -1,4 +1,4 @@
-//! `i2ris monitor`, `i2ris record` and the Python client against a controller without drives; what needs no controller.
+//! `i2ris monitor` and `i2ris record` against a controller without drives; what needs no controller.
 #![allow(clippy::unwrap_used)]
 
 #[path = "watching/browser.rs"]
@@ -12,10 +12,10 @@ mod http;
 mod processes;
 #[path = "watching/pty.rs"]
 mod pty;
-#[path = "watching/python.rs"]
-mod python;
 #[path = "watching/record.rs"]
 mod record;
+#[path = "watching/shell.rs"]
+mod shell;
 #[path = "watching/small.rs"]
 mod small;
 #[path = "watching/terminal.rs"]

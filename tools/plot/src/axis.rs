@@ -16,6 +16,8 @@ pub struct Axis {
     range: Option<(f64, f64)>,
     /// A value that is always in sight.
     includes: Option<f64>,
+    /// Where it is marked, with what is written there; empty: at round numbers.
+    marks: Vec<(f64, String)>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +31,13 @@ impl Axis {
     /// Numbers at equal distances. The label says what, and in which unit: `angle (deg)`.
     #[must_use]
     pub fn linear(label: impl Into<String>) -> Self {
-        Self { label: label.into(), kind: Kind::Numbers(Spacing::Linear), range: None, includes: None }
+        Self {
+            label: label.into(),
+            kind: Kind::Numbers(Spacing::Linear),
+            range: None,
+            includes: None,
+            marks: Vec::new(),
+        }
     }
 
     /// Numbers above 0, by their logarithm.
@@ -55,6 +63,12 @@ impl Axis {
     #[must_use]
     pub fn including(self, value: f64) -> Self {
         Self { includes: Some(value), ..self }
+    }
+
+    /// With marks of its own instead of those at round numbers. Of marks outside the range nothing is seen.
+    #[must_use]
+    pub fn marks(self, marks: Vec<(f64, String)>) -> Self {
+        Self { marks, ..self }
     }
 
     /// What it shows.
@@ -92,12 +106,20 @@ impl Axis {
 
     pub(crate) fn ticks(&self, scale: &Scale, count: usize) -> Vec<Tick> {
         match &self.kind {
+            Kind::Numbers(_) if !self.marks.is_empty() => self.own_ticks(scale),
             Kind::Numbers(_) => ticks(scale, count),
             Kind::Names(names) => {
                 let tick = |(index, name): (usize, &String)| Tick { value: index as f64, label: Some(name.clone()) };
                 names.iter().enumerate().map(tick).collect()
             }
         }
+    }
+
+    fn own_ticks(&self, scale: &Scale) -> Vec<Tick> {
+        let slack = 1e-6 * (scale.high() - scale.low());
+        let within = |(value, _): &&(f64, String)| (scale.low() - slack..=scale.high() + slack).contains(value);
+        let tick = |(value, label): &(f64, String)| Tick { value: *value, label: Some(label.clone()) };
+        self.marks.iter().filter(within).map(tick).collect()
     }
 
     pub(crate) fn has_numbers(&self) -> bool {

@@ -31,6 +31,7 @@ tr.rule td, tr.rule th { border-top: 1px solid #b4b4b4; }
 tr.strong td, tr.strong th { font-weight: 700; }
 .facts th { padding-right: 1.2rem; vertical-align: top; }
 td { white-space: nowrap; }
+td.words { white-space: normal; }
 .facts td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
 ul { margin: 0.4rem 0; padding-left: 1.3rem; }
 .notice { border-left: 4px solid #1a1a1a; background: #f3f3f3; padding: 0.5rem 0.9rem; margin: 1rem 0; }
@@ -137,6 +138,8 @@ pub struct Table {
     caption: String,
     header: Vec<String>,
     rows: Vec<TableRow>,
+    /// Columns of text, which begins at the left.
+    words: Vec<usize>,
 }
 
 /// A row of a table.
@@ -154,7 +157,19 @@ impl Table {
     /// An empty table. `header` names the columns.
     #[must_use]
     pub fn new(caption: impl Into<String>, header: impl IntoIterator<Item = impl Into<String>>) -> Self {
-        Self { caption: caption.into(), header: header.into_iter().map(Into::into).collect(), rows: Vec::new() }
+        Self {
+            caption: caption.into(),
+            header: header.into_iter().map(Into::into).collect(),
+            rows: Vec::new(),
+            words: vec![0],
+        }
+    }
+
+    /// With another column of text: it begins at the left, and its lines may break.
+    #[must_use]
+    pub fn words(mut self, column: usize) -> Self {
+        self.words.push(column);
+        self
     }
 
     /// Adds a row.
@@ -165,20 +180,21 @@ impl Table {
     fn element(&self) -> Element {
         let column = |(index, name): (usize, &String)| {
             let th = Element::new("th").with("scope", "col").text(&**name);
-            if index == 0 { th.with("class", "words") } else { th }
+            if self.words.contains(&index) { th.with("class", "words") } else { th }
         };
         let header = Element::new("tr").children(self.header.iter().enumerate().map(column));
         Element::new("table")
             .child(Element::new("caption").text(&*self.caption))
             .child(Element::new("thead").child(header))
-            .child(Element::new("tbody").children(self.rows.iter().map(TableRow::element)))
+            .child(Element::new("tbody").children(self.rows.iter().map(|row| row.element(&self.words))))
     }
 }
 
 impl TableRow {
-    fn element(&self) -> Element {
+    fn element(&self, words: &[usize]) -> Element {
         let cell = |(index, text): (usize, &String)| match index {
             0 => Element::new("th").with("scope", "row").text(&**text),
+            _ if words.contains(&index) => Element::new("td").with("class", "words").text(&**text),
             _ => Element::new("td").text(&**text),
         };
         let classes =

@@ -199,8 +199,8 @@ class Arm:
 
     def __init__(self, domain: str = "i2ris", deadline_s: float | None = None):
         """``deadline_s``: age at which a command of this client is stale; None: the controller's default."""
-        self._link = Link(domain)
         self._client_id = secrets.randbits(63) | 1
+        self._link = Link(domain, self._client_id)
         self._deadline_ns = 0 if deadline_s is None else int(deadline_s * 1e9)
         self._sequence = 0
         self._latest = {}

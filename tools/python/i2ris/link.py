@@ -29,11 +29,14 @@ class OtherInterface(Exception):
 class Link:
     """The way to the controller of a domain. Opens nothing before it is asked."""
 
-    def __init__(self, domain: str = "i2ris"):
+    def __init__(self, domain: str = "i2ris", client_id: int | None = None):
+        """``client_id``: the number under which this process commands, for people who want to know who does."""
         if not re.fullmatch(r"[A-Za-z0-9-]{1,32}", domain):
             raise ValueError(f"domain name {domain!r} is not valid: use 1 to 32 letters, digits or -")
         self.domain = domain
         self.directory = Path(f"/dev/shm/i2ris-{os.geteuid()}-{domain}")
+        self._client_id = client_id
+        self._note = None
         self._boot = None
         self._node = None
         self._ports = {}
@@ -56,6 +59,7 @@ class Link:
         if boot != self._boot:
             self.close()
             self._node = self._create_node(boot)
+            self._leave_note(boot)
             self._boot = boot
         return boot
 
@@ -67,6 +71,22 @@ class Link:
         self._ports.clear()
         self._node = None
         self._boot = None
+        if self._note is not None:
+            self._note.unlink(missing_ok=True)
+            self._note = None
+
+    def _leave_note(self, boot: str) -> None:
+        """Tells who has this client's number, as ``src/ipc/caller.rs`` says; the controller looks the process up by it."""
+        if self._client_id is None:
+            return
+        note = self.directory / f"client-{self._client_id:016x}-{boot}"
+        try:
+            with open(os.open(note, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+                file.write(f"{os.getpid()}\n")
+            self._note = note
+        except OSError:
+            # Without a note the client is not known by name, and that is all.
+            pass
 
     def _create_node(self, boot: str):
         config = iox2.config.default()
@@ -91,7 +111,11 @@ class Link:
             self.close()
             raise absent
         if int(interface) != INTERFACE_VERSION:
-            raise OtherInterface(f"the controller has interface version {interface}, not {INTERFACE_VERSION}")
+            self.close()
+            raise OtherInterface(
+                f"the controller of domain {self.domain} has interface version {interface}, this package "
+                f"{INTERFACE_VERSION}; install the package of the controller's release"
+            )
         return boot
 
 

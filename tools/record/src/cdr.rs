@@ -21,6 +21,12 @@ pub fn message<T: Laid>(payload: &T) -> Vec<u8> {
     bytes
 }
 
+/// The payload of a message. `None`: it is not such a message.
+#[must_use]
+pub fn payload<T: Laid>(message: &[u8]) -> Option<T> {
+    T::get(message.strip_prefix(&ENCAPSULATION)?)
+}
+
 /// Writes messages that are not payloads.
 #[derive(Debug)]
 pub struct Encoder(Vec<u8>);

@@ -94,6 +94,8 @@ pub trait Entry: Copy {
     const IS_SPAN: bool = false;
     /// Appends the entries in the order of memory, little end first.
     fn put(self, to: &mut Vec<u8>);
+    /// Takes the entries off the front again; `None`: there are not enough bytes.
+    fn get(from: &mut &[u8]) -> Option<Self>;
 }
 
 macro_rules! entry {
@@ -104,6 +106,12 @@ macro_rules! entry {
 
             fn put(self, to: &mut Vec<u8>) {
                 to.extend_from_slice(&self.to_le_bytes());
+            }
+
+            fn get(from: &mut &[u8]) -> Option<Self> {
+                let (bytes, rest) = from.split_first_chunk()?;
+                *from = rest;
+                Some(Self::from_le_bytes(*bytes))
             }
         })*
     };
@@ -119,6 +127,14 @@ impl<T: Entry, const N: usize> Entry for [T; N] {
     fn put(self, to: &mut Vec<u8>) {
         self.into_iter().for_each(|entry| entry.put(to));
     }
+
+    fn get(from: &mut &[u8]) -> Option<Self> {
+        let mut entries = [T::get(from)?; N];
+        for entry in entries.iter_mut().skip(1) {
+            *entry = T::get(from)?;
+        }
+        Some(entries)
+    }
 }
 
 impl Entry for SpanSummary {
@@ -130,6 +146,11 @@ impl Entry for SpanSummary {
         let Self { p50_ns, p90_ns, p99_ns, p999_ns, max_ns } = self;
         [p50_ns, p90_ns, p99_ns, p999_ns, max_ns].put(to);
     }
+
+    fn get(from: &mut &[u8]) -> Option<Self> {
+        let [p50_ns, p90_ns, p99_ns, p999_ns, max_ns] = Entry::get(from)?;
+        Some(Self { p50_ns, p90_ns, p99_ns, p999_ns, max_ns })
+    }
 }
 
 /// A payload whose fields are known.
@@ -139,6 +160,8 @@ pub trait Laid: ZeroCopySend + Copy {
     /// Appends every field in the order of memory, little end first: what stands in memory on every machine that the
     /// controller runs on, for payloads have no padding.
     fn put(&self, to: &mut Vec<u8>);
+    /// The payload whose fields these bytes are; `None`: there are not enough.
+    fn get(bytes: &[u8]) -> Option<Self>;
 }
 
 const fn field<T: Entry>(name: &'static str, offset: usize, _: fn() -> Option<T>) -> Field {
@@ -157,6 +180,11 @@ macro_rules! laid {
             fn put(&self, to: &mut Vec<u8>) {
                 let Self { $($field),* } = *self;
                 $(<$entry as Entry>::put($field, to);)*
+            }
+
+            fn get(bytes: &[u8]) -> Option<Self> {
+                let mut rest = bytes;
+                Some(Self { $($field: <$entry as Entry>::get(&mut rest)?),* })
             }
         })*
 
@@ -235,6 +263,16 @@ mod tests {
             assert_eq!(end, payload.size, "{name}");
             assert!(name.starts_with("I2ris"), "{name}");
         }
+    }
+
+    #[test]
+    fn what_is_put_is_got_again() {
+        let mut window = PeriodStatistics { sequence: 3, cpu: u32::MAX, ..PeriodStatistics::default() };
+        (window.lateness.p99_ns, window.compute.max_ns) = (7, 8);
+        let mut bytes = Vec::new();
+        window.put(&mut bytes);
+        assert_eq!(PeriodStatistics::get(&bytes), Some(window));
+        assert_eq!(PeriodStatistics::get(&bytes[1..]), None);
     }
 
     #[test]

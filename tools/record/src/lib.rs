@@ -11,7 +11,9 @@
 //! | `recorder` | from messages to a file that survives its writer |
 //! | `read` | records of a file, whole or cut off |
 //! | `recover` | a whole file from one that was cut off |
-//! | `export` | tables as CSV |
+//! | `export` | tables as CSV and Parquet |
+//! | `series` | values over time, brought to common instants |
+//! | `report` | what a trial shows: errors, loops, latencies, events; as numbers and as a page |
 //!
 //! A topic `i2ris/NAME` holds the controller's own payloads, bit by bit; `NAME` beside it holds the same angles as the
 //! standard message that every tool knows. Stamps inside the payloads are of the monotonic clock; those of the file and
@@ -25,5 +27,7 @@ pub mod layout;
 pub mod read;
 pub mod recorder;
 pub mod recover;
+pub mod report;
 pub mod schema;
+pub mod series;
 pub mod topic;

@@ -65,13 +65,16 @@ pub enum RecordError {
     },
 }
 
+/// A file that goes into a recording: name, media type, bytes.
+pub type Attached = (String, &'static str, Vec<u8>);
+
 /// What stands at the start of a file.
 #[derive(Debug, Clone, Default)]
 pub struct Header {
     /// Words about the recording: robot, software, model.
     pub about: BTreeMap<String, String>,
-    /// Files that go into it: name, media type, bytes.
-    pub attachments: Vec<(String, &'static str, Vec<u8>)>,
+    /// Files that go into it.
+    pub attachments: Vec<Attached>,
     /// Unix time minus monotonic time, ns.
     pub unix_offset_ns: u64,
     /// Names of the joints.
@@ -171,12 +174,12 @@ impl Trial {
         self.written.dropped += u64::from(!taken);
     }
 
-    /// Writes what waits, `outcome`, and the end of the file.
+    /// Writes what waits, `outcome`, files that go to the end, and the end of the file.
     ///
     /// # Errors
     ///
     /// [`RecordError::Write`] with what ended the recording, [`RecordError::Thread`].
-    pub fn finish(mut self, outcome: BTreeMap<String, String>) -> Result<Written, RecordError> {
+    pub fn finish(mut self, outcome: BTreeMap<String, String>, files: &[Attached]) -> Result<Written, RecordError> {
         self.to = None;
         let path = self.path.clone();
         let joined = self.thread.take().and_then(|thread| thread.join().ok());
@@ -187,6 +190,7 @@ impl Trial {
             Err(error) => return Err(refused(error)),
         };
         let end = |file: &mut Writer<BufWriter<File>>| {
+            attach(file, files, self.unix_offset_ns)?;
             file.write_metadata(&Metadata { name: OUTCOME.to_owned(), metadata: outcome })?;
             file.finish().map(drop)
         };
@@ -206,20 +210,25 @@ fn begin(file: File, header: &Header) -> Result<Writer<BufWriter<File>>, McapErr
     let mut about = header.about.clone();
     about.insert("unix_minus_monotonic_ns".to_owned(), header.unix_offset_ns.to_string());
     writer.write_metadata(&Metadata { name: HEADER.to_owned(), metadata: about })?;
-    for (name, media_type, data) in &header.attachments {
-        writer.attach(&Attachment {
-            log_time: header.unix_offset_ns,
-            create_time: header.unix_offset_ns,
-            name: name.clone(),
-            media_type: (*media_type).to_owned(),
-            data: data.as_slice().into(),
-        })?;
-    }
+    attach(&mut writer, &header.attachments, header.unix_offset_ns)?;
     for topic in Topic::all() {
         topic.declare(&mut writer)?;
     }
     writer.flush()?;
     Ok(writer)
+}
+
+fn attach(to: &mut Writer<BufWriter<File>>, files: &[Attached], unix_offset_ns: u64) -> Result<(), McapError> {
+    let now = unix_offset_ns.wrapping_add(i2ris::clock::now().0);
+    files.iter().try_for_each(|(name, media_type, data)| {
+        to.attach(&Attachment {
+            log_time: now,
+            create_time: now,
+            name: name.clone(),
+            media_type: (*media_type).to_owned(),
+            data: data.as_slice().into(),
+        })
+    })
 }
 
 /// Writes what comes until nothing more can come.

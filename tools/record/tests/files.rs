@@ -9,10 +9,11 @@ use std::process::Command;
 
 use i2ris::ipc::payload::{ActuatorState, JointState, ModelReply, PeriodStatistics};
 use i2ris::units::Nanos;
-use i2ris_record::export::export;
+use i2ris_record::export::{Format, export};
 use i2ris_record::layout::{SPAN_MEMBERS, payloads};
 use i2ris_record::recorder::{Header, Trial};
 use i2ris_record::recover::recover;
+use i2ris_record::report::Report;
 use i2ris_record::topic::Stream;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
@@ -47,7 +48,7 @@ fn trial(path: &Path) {
             trial.take(Stream::Statistics, &window, stamp);
         }
     }
-    let written = trial.finish(BTreeMap::from([("dropped".to_owned(), "0".to_owned())])).unwrap();
+    let written = trial.finish(BTreeMap::from([("dropped".to_owned(), "0".to_owned())]), &[]).unwrap();
     assert_eq!((written.dropped, written.messages[&Stream::Measured]), (0, MESSAGES));
 }
 
@@ -56,7 +57,7 @@ fn tables_hold_what_was_recorded() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     trial(&file);
-    let exported = export(&file, &folder.path().join("tables")).unwrap();
+    let exported = export(&file, &folder.path().join("tables"), Format::Csv).unwrap();
     assert!(exported.stopped_by.is_none());
     assert_eq!(exported.rows["measured_js.csv"], MESSAGES);
     let mut reader = csv::Reader::from_path(folder.path().join("tables/actuators_measured_js.csv")).unwrap();
@@ -71,6 +72,72 @@ fn tables_hold_what_was_recorded() {
     assert!(table.lines().nth(1).unwrap().contains(&"ab".repeat(32)));
     let table = fs::read_to_string(folder.path().join("tables/period_statistics.csv")).unwrap();
     assert!(table.lines().next().unwrap().contains("lateness_p99_ns") && table.contains("4321"));
+}
+
+#[test]
+fn parquet_holds_the_same_with_types() {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::RowAccessor;
+    let folder = tempfile::tempdir().unwrap();
+    let (file, tables) = (folder.path().join("a.mcap"), folder.path().join("tables"));
+    trial(&file);
+    let exported = export(&file, &tables, Format::Parquet).unwrap();
+    assert_eq!((exported.rows["measured_js.parquet"], exported.rows["period_statistics.parquet"]), (MESSAGES, 2));
+    let open = |name: &str| SerializedFileReader::new(fs::File::open(tables.join(name)).unwrap()).unwrap();
+    let reader = open("actuators_measured_js.parquet");
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let column = |name: &str| schema.columns().iter().position(|column| column.name() == name).unwrap();
+    let (time, sequence, second) = (column("t_s"), column("sequence"), column("measured_counts_1"));
+    let mut rows = 0;
+    for (number, row) in reader.get_row_iter(None).unwrap().map(Result::unwrap).enumerate() {
+        assert_eq!(
+            (row.get_ulong(sequence).unwrap(), row.get_int(second).unwrap()),
+            (number as u64 + 1, -(number as i32 + 1))
+        );
+        assert!((row.get_double(time).unwrap() - number as f64 * 1e-3).abs() < 1e-6);
+        rows += 1;
+    }
+    assert_eq!(rows, MESSAGES);
+    let reader = open("measured_js.parquet");
+    let row = reader.get_row_iter(None).unwrap().next().unwrap().unwrap();
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let model = schema.columns().iter().position(|column| column.name() == "model_id").unwrap();
+    assert_eq!(row.get_string(model).unwrap(), &"ab".repeat(32));
+    // Streams without messages are tables without rows, not missing files.
+    assert_eq!(open("goal_js.parquet").metadata().file_metadata().num_rows(), 0);
+}
+
+#[test]
+fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, cut) = (folder.path().join("a.mcap"), folder.path().join("cut.mcap"));
+    trial(&whole);
+    let report = Report::of(&whole).unwrap();
+    let summary = report.summary();
+    assert!(summary.cut_off.is_none() && (summary.length_s - 1.999).abs() < 1e-6, "{summary:?}");
+    assert_eq!((summary.about["note"].as_str(), summary.outcome["dropped"].as_str()), ("a test", "0"));
+    assert_eq!(summary.attached["robot.toml"], 14);
+    let measured = summary.streams.iter().find(|stream| stream.name == "measured_js").unwrap();
+    assert_eq!((measured.messages, measured.missing), (MESSAGES, 0));
+    assert!((measured.rate_hz - 1000.0).abs() < 1e-3);
+    let page = report.page().to_string();
+    assert!(page.contains("a test") && page.contains("no camera") == summary.estimate.is_some());
+
+    let bytes = fs::read(&whole).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let report = Report::of(&cut).unwrap();
+    assert!(report.summary().cut_off.is_some() && report.summary().length_s < 1.999);
+    assert!(report.page().to_string().contains("cut off"));
+    fs::write(&cut, "anything else, long enough to be taken for a file of some kind").unwrap();
+    assert!(Report::of(&cut).is_err());
+    for part in 0..40 {
+        let mut damaged = bytes.clone();
+        damaged[bytes.len() * part / 40] ^= 0xFF;
+        fs::write(&cut, damaged).unwrap();
+        if let Ok(report) = Report::of(&cut) {
+            drop(report.page());
+        }
+    }
 }
 
 #[test]
@@ -108,7 +175,7 @@ fn damaged_bytes_are_an_end_and_no_panic() {
         let place = bytes.len() * step / 60;
         damaged[place] ^= 0xFF;
         fs::write(&bad, damaged).unwrap();
-        let _ = export(&bad, &folder.path().join("tables"));
+        let _ = export(&bad, &folder.path().join("tables"), Format::Csv);
     }
 }
 
@@ -162,6 +229,54 @@ assert counts == {'/measured_js': 2000, '/i2ris/measured_js': 2000, '/i2ris/actu
                   '/i2ris/period_statistics': 2}, counts
 ";
     command.args(["-c", script]).arg(&file);
+    succeeds(command);
+}
+
+#[test]
+fn rosbags_opens_it_with_named_fields() {
+    let Some(mut command) = python("rosbags") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    trial(&file);
+    let script = "
+import sys
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+counts = {}
+with AnyReader([Path(sys.argv[1])]) as reader:
+    for connection, stamp, raw in reader.messages():
+        k = counts[connection.topic] = counts.get(connection.topic, 0) + 1
+        message = reader.deserialize(raw, connection.msgtype)
+        if connection.topic == '/measured_js':
+            assert connection.msgtype == 'sensor_msgs/msg/JointState'
+            assert message.name == ['pitch', 'yaw'] and abs(message.position[0] - k * 1e-4) < 1e-12
+        elif connection.topic == '/i2ris/actuators/measured_js':
+            assert list(message.measured_counts) == [k, -k] and message.sequence == k
+        elif connection.topic == '/i2ris/period_statistics':
+            assert message.lateness.p99_ns == 4321
+assert counts['/measured_js'] == counts['/i2ris/actuators/measured_js'] == 2000, counts
+";
+    command.args(["-c", script]).arg(&file);
+    succeeds(command);
+}
+
+#[test]
+fn python_reads_the_parquet_tables() {
+    let Some(mut command) = python("pyarrow") else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (file, tables) = (folder.path().join("a.mcap"), folder.path().join("tables"));
+    trial(&file);
+    export(&file, &tables, Format::Parquet).unwrap();
+    let script = "
+import sys, pyarrow.parquet
+table = pyarrow.parquet.read_table(sys.argv[1] + '/actuators_measured_js.parquet')
+columns = table.to_pydict()
+assert columns['measured_counts_0'] == list(range(1, 2001)) and columns['measured_counts_1'][9] == -10
+types = {field.name: str(field.type) for field in table.schema}
+assert (types['t_s'], types['sequence'], types['measured_counts_0'], types['statusword_0']) == \
+    ('double', 'uint64', 'int32', 'uint16'), types
+";
+    command.args(["-c", script]).arg(&tables);
     succeeds(command);
 }
 

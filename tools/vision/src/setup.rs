@@ -12,6 +12,7 @@ use crate::rest::Rest;
 
 /// The two joint axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Pitch.
@@ -22,6 +23,7 @@ pub enum Axis {
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
     /// Pictures of both views belong together if their stamps differ by no more than this, ms. Below half the time
@@ -35,6 +37,7 @@ pub struct Setup {
 
 /// One view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct View {
     /// Its name in messages, and in the file name of overlays.

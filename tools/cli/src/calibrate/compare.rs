@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::Failure;
 use crate::series::percentile;
+use crate::working::while_working;
 
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
@@ -59,7 +60,8 @@ struct Figures {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (recording, _) = Recording::read(&arguments.recording, &ColumnMap::default())?;
-    let entries = arguments.models.iter().map(|file| entry(file, &recording)).collect::<Result<Vec<_>, _>>()?;
+    let all = || arguments.models.iter().map(|file| entry(file, &recording)).collect::<Result<Vec<_>, _>>();
+    let entries = while_working("comparing", all)?;
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&entries)?);
     } else {

@@ -38,7 +38,7 @@ pub struct Plan {
 }
 
 /// Waits for the present pose, as the set-points have it.
-fn present_pose(client: &Client) -> Result<Angles, Failure> {
+pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
     let mut setpoint = Latest::new(client.watcher().setpoint_js());
     let start = clock::now();
     loop {
@@ -55,7 +55,7 @@ fn present_pose(client: &Client) -> Result<Angles, Failure> {
     }
 }
 
-fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
+pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     match joint.count {
         2 => Ok([joint.position[0].to_degrees(), joint.position[1].to_degrees()]),
         count => {

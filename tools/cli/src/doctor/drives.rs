@@ -120,7 +120,8 @@ fn check_limits(name: &str, seen: &Inspection, report: &mut Report) {
         .differences
         .iter()
         .take(MOST_NAMED)
-        .map(|(object, wanted, found)| format!("{object} 0x{found:X} instead of 0x{wanted:X}"))
+        // What is near 2^32 is a number below 0.
+        .map(|(object, wanted, found)| format!("{object} is {}, not {}", found.cast_signed(), wanted.cast_signed()))
         .collect();
     let more = seen.differences.len().saturating_sub(MOST_NAMED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };

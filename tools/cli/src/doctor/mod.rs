@@ -16,6 +16,9 @@ use report::Report;
 
 /// Arguments of `i2ris doctor`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris doctor --config my-robot.toml
+  i2ris doctor --config my-robot.toml --json --no-drives")]
 pub struct Arguments {
     /// The configuration of the controller
     #[arg(long, value_name = "FILE", default_value = "config/emulator.toml")]

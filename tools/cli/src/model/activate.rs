@@ -16,6 +16,9 @@ pub struct Arguments {
     /// Also while the hysteresis memory of the model is unknown
     #[arg(long)]
     force: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     domain: DomainOption,
 }
@@ -31,6 +34,5 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(expected) = arguments.id.as_ref().filter(|expected| !id.to_string().starts_with(expected.as_str())) {
         return Err(format!("{id} is staged, not {expected}").into());
     }
-    show(&client.activate_model(id, arguments.force)?);
-    Ok(())
+    show(&client.activate_model(id, arguments.force)?, arguments.json)
 }

@@ -4,6 +4,7 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{ModelReply, ModelSlot, text_of};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
+use serde_json::{Value, json};
 
 use crate::Failure;
 use crate::console::DomainOption;
@@ -14,6 +15,9 @@ pub const CONNECT: Nanos = Nanos::from_millis(2000);
 /// Arguments of `i2ris model list`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     domain: DomainOption,
 }
@@ -21,16 +25,41 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    show(&client.models()?);
-    Ok(())
+    show(&client.models()?, arguments.json)
 }
 
 /// Prints the models at hand.
-pub fn show(reply: &ModelReply) {
+pub fn show(reply: &ModelReply, json: bool) -> Result<(), Failure> {
+    if json {
+        println!("{}", serde_json::to_string_pretty(&models(reply))?);
+        return Ok(());
+    }
     let names = ["in use", "staged", "former"];
     for (name, slot) in names.iter().zip(&reply.slots) {
         println!("{name:8} {}", line(slot));
     }
+    Ok(())
+}
+
+/// The models at hand, for scripts.
+pub fn models(reply: &ModelReply) -> Value {
+    let [active, staged, former] = reply.slots.map(|slot| model(&slot));
+    json!({ "active": active, "staged": staged, "former": former })
+}
+
+fn model(slot: &ModelSlot) -> Value {
+    if slot.flags & ModelSlot::PRESENT == 0 {
+        return Value::Null;
+    }
+    let outputs = (slot.outputs as usize).min(slot.training_rms.len());
+    json!({
+        "id": ModelId(slot.model_id).to_string(),
+        "family": text_of(&slot.family),
+        "file": text_of(&slot.file),
+        "memory_known": slot.flags & ModelSlot::MEMORY_KNOWN != 0,
+        "training_rms": slot.training_rms[..outputs],
+        "held_out_rms": slot.held_out_rms[..outputs],
+    })
 }
 
 fn line(slot: &ModelSlot) -> String {

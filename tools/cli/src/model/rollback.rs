@@ -12,6 +12,9 @@ pub struct Arguments {
     /// Also while the hysteresis memory of the model is unknown
     #[arg(long)]
     force: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     domain: DomainOption,
 }
@@ -19,6 +22,5 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    show(&client.roll_back_model(arguments.force)?);
-    Ok(())
+    show(&client.roll_back_model(arguments.force)?, arguments.json)
 }

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ModelDifference;
 
-use super::list::{CONNECT, show};
+use super::list::{CONNECT, models, show};
 use crate::Failure;
 use crate::console::DomainOption;
+use crate::working::while_working;
 
 /// Arguments of `i2ris model stage`.
 #[derive(Debug, clap::Args)]
@@ -16,6 +17,9 @@ use crate::console::DomainOption;
 pub struct Arguments {
     /// The model file; the controller reads it itself
     model: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     domain: DomainOption,
 }
@@ -23,10 +27,27 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    let reply = client.stage_model(&arguments.model)?;
-    show(&reply);
+    let reply = while_working("the controller checks the model", || client.stage_model(&arguments.model))?;
+    if arguments.json {
+        let outcome = serde_json::json!({ "models": models(&reply), "difference": as_json(&reply.difference) });
+        println!("{}", serde_json::to_string_pretty(&outcome)?);
+        return Ok(());
+    }
+    show(&reply, false)?;
     difference(&reply.difference);
     Ok(())
+}
+
+fn as_json(difference: &ModelDifference) -> serde_json::Value {
+    if difference.valid == 0 {
+        return serde_json::Value::Null;
+    }
+    serde_json::json!({
+        "present_counts": difference.present_counts,
+        "largest_counts": difference.largest_counts,
+        "largest_at_counts": difference.largest_at_counts,
+        "unreached": difference.unreached,
+    })
 }
 
 fn difference(difference: &ModelDifference) {

@@ -28,6 +28,17 @@ pub struct ExportArguments {
     /// Folder for the tables
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
+    /// How tables are written
+    #[arg(long, value_enum, default_value_t = FormatName::Csv)]
+    format: FormatName,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum FormatName {
+    /// Comma-separated text
+    Csv,
+    /// Apache Parquet: columns with types, compressed
+    Parquet,
 }
 
 /// Arguments of `i2ris record info`.
@@ -51,7 +62,11 @@ pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
 
 /// Writes tables.
 pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
-    let exported = export::export(&arguments.recording, &arguments.output)?;
+    let format = match arguments.format {
+        FormatName::Csv => export::Format::Csv,
+        FormatName::Parquet => export::Format::Parquet,
+    };
+    let exported = export::export(&arguments.recording, &arguments.output, format)?;
     for (name, rows) in &exported.rows {
         println!("{rows:>9} rows  {}", arguments.output.join(name).display());
     }

@@ -9,11 +9,13 @@ use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::Version;
+use i2ris::model::file::ModelFile;
 use i2ris::units::Nanos;
 use i2ris_record::joint::USUAL_NAMES;
-use i2ris_record::recorder::{Header, Trial, Written};
+use i2ris_record::recorder::{Attached, Header, Trial, Written};
 use i2ris_record::topic::Stream;
 
+use super::audit;
 use super::ears::Ears;
 use crate::Failure;
 use crate::console::{DomainOption, Interrupt, Screen};
@@ -22,6 +24,7 @@ use crate::console::{DomainOption, Interrupt, Screen};
 const CONNECT: Nanos = Nanos::from_millis(2000);
 /// Buffers hold an eighth of a second.
 const READ_PERIOD: Nanos = Nanos::from_millis(4);
+const JSON_LINES: &str = "application/jsonl";
 /// How often a person sees something new.
 const DRAW_PERIOD: Nanos = Nanos::from_millis(500);
 
@@ -59,7 +62,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
     let version = client.version()?;
-    let header = header(arguments, &version)?;
+    let config = arguments.config.as_deref().map(Config::load).transpose()?;
+    let header = header(arguments, &version, config.as_ref())?;
     let mut trial = Trial::start(output, header)?;
     let mut ears = Ears::new(&client.watcher());
     let start = clock::now();
@@ -70,7 +74,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         missed.iter().map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string())).collect();
     outcome.insert("dropped".to_owned(), trial.written().dropped.to_string());
     outcome.insert("length_s".to_owned(), length_s.to_string());
-    let written = trial.finish(outcome)?;
+    // What happened in the meantime, with causes and callers: the streams do not tell those.
+    let audit = config.and_then(|config| audit::lines(&config.record.folder, version.boot_id));
+    let files: Vec<Attached> = audit.into_iter().map(|lines| ("audit.jsonl".to_owned(), JSON_LINES, lines)).collect();
+    let written = trial.finish(outcome, &files)?;
     tell(arguments.json, output, &written, &missed, length_s, absent?)
 }
 
@@ -108,7 +115,7 @@ fn listen(
     }
 }
 
-fn header(arguments: &Arguments, version: &Version) -> Result<Header, Failure> {
+fn header(arguments: &Arguments, version: &Version, config: Option<&Config>) -> Result<Header, Failure> {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let [major, minor, patch] = version.software;
     let model: String = version.model_id.iter().map(|byte| format!("{byte:02x}")).collect();
@@ -122,16 +129,30 @@ fn header(arguments: &Arguments, version: &Version) -> Result<Header, Failure> {
     .map(|(name, value)| (name.to_owned(), value))
     .into();
     let mut attachments = Vec::new();
-    if let Some(path) = &arguments.config {
-        let config = Config::load(path)?;
+    if let (Some(path), Some(config)) = (&arguments.config, config) {
         about.insert("robot_id".to_owned(), config.robot_id.clone());
         attachments.push((name(path), "application/toml", read(path)?));
-        if let Some(model) = &config.control.model {
-            attachments.push((name(model), "application/json", read(model)?));
+        if let Some(file) = &config.control.model {
+            attachments.push((name(file), "application/json", read(file)?));
+            about.insert("model_file".to_owned(), model_file(file, version));
         }
+        let audit = audit::lines(&config.record.folder, version.boot_id);
+        attachments.extend(audit.map(|lines| ("audit-begin.jsonl".to_owned(), JSON_LINES, lines)));
     }
     let unix_offset_ns = unix.wrapping_sub(clock::now().0);
     Ok(Header { about, attachments, unix_offset_ns, joints: joints(version) })
+}
+
+/// The model that is attached is the one that the configuration names; the one in use may be another one by now.
+fn model_file(file: &Path, version: &Version) -> String {
+    match ModelFile::read(file).and_then(|model| model.id()) {
+        Ok(id) if id.0 == version.model_id => format!("{}: the model in use", name(file)),
+        Ok(_) => {
+            eprintln!("warning: {} is attached, but another model is in use", file.display());
+            format!("{}: not the model in use", name(file))
+        }
+        Err(_) => format!("{}: cannot be read", name(file)),
+    }
 }
 
 fn name(path: &Path) -> String {

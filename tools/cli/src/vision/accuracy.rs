@@ -3,6 +3,7 @@
 use i2ris_vision::accuracy::{Row, clear, cluttered, conditions, rigs, speed, stereo};
 
 use crate::Failure;
+use crate::working::while_working;
 
 /// Arguments of `i2ris vision accuracy`.
 #[derive(Debug, clap::Args)]
@@ -34,17 +35,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     );
     println!("{:<66}{:>7}{:>7}{:>9}{:>8}{:>8}{:>9}{:>8}", "", "", "", "deg", "deg", "deg", "deg", "um");
     for condition in conditions().iter().filter(|_| frames > 0) {
-        print_row(&clear(condition, frames, seed));
+        print_row(&while_working("measuring", || clear(condition, frames, seed)));
     }
     for (name, rig) in rigs().iter().filter(|_| frames > 0) {
-        print_row(&stereo(name, rig, frames, seed)?);
+        print_row(&while_working("measuring with two views", || stereo(name, rig, frames, seed))?);
     }
     if frames > 0 {
-        let rate = speed(seed)?;
+        let rate = while_working("measuring the speed", || speed(seed))?;
         println!("\none view at 1280x960, one thread: {rate:.0} pictures per second (a camera delivers 30)");
     }
     if cluttered_frames > 0 {
-        let outcome = cluttered(cluttered_frames, seed);
+        let outcome = while_working("measuring cluttered pictures", || cluttered(cluttered_frames, seed));
         println!(
             "\n{} cluttered pictures: {} good, largest error of those {:.3} deg, wrong by more than 1 deg: {}",
             outcome.frames,

@@ -37,6 +37,8 @@ pub struct Robot {
     pub models: [u8; 3],
     /// Every request about models but `list`, in order.
     pub asked_of_models: Vec<ModelAction>,
+    /// Flags of the last accepted pose.
+    pub flags: u32,
     /// Every accepted pose with its stamp.
     pub poses: Vec<(Nanos, [f64; 2])>,
     /// Every accepted position of the motors.
@@ -60,6 +62,7 @@ impl Robot {
             asked: Vec::new(),
             models: [1, 0, 0],
             asked_of_models: Vec::new(),
+            flags: 0,
             poses: Vec::new(),
             places: Vec::new(),
             sequence: 0,
@@ -131,6 +134,7 @@ impl Robot {
             return;
         }
         self.pose = [command.position[0].to_degrees(), command.position[1].to_degrees()];
+        self.flags = command.flags;
         self.poses.push((Nanos(command.stamp_ns), self.pose));
     }
 
@@ -290,6 +294,12 @@ impl Program {
     pub fn interrupt(&mut self) {
         let pid = nix::unistd::Pid::from_raw(i32::try_from(self.child().id()).unwrap());
         nix::sys::signal::kill(pid, nix::sys::signal::Signal::SIGINT).unwrap();
+    }
+
+    /// Waits for the end: exit code, standard output, standard error.
+    pub fn code(mut self) -> (Option<i32>, String, String) {
+        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
+        (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
     }
 
     /// Waits for the end: success, standard output, standard error.

@@ -1,4 +1,5 @@
-//! What needs no controller: configurations, completions, benchmarks.
+//! What needs no controller: configurations, completions, benchmarks, units of systemd.
+#![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::fs;
 use std::path::Path;
@@ -40,13 +41,16 @@ fn shells_are_told_every_subcommand() {
     }
 }
 
-#[test]
-fn latencies_are_measured_on_every_way_and_told_as_json() {
-    let output = i2ris(&["bench", "ipc", "--messages", "1000", "--json"]);
+/// Runs a benchmark as JSON, without wishes that other tests would feel.
+fn bench(arguments: &[&str]) -> serde_json::Value {
+    let output = i2ris(&[&["bench"], arguments, &["--json", "--priority", "0", "--unpinned"]].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let outcome: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Every way was measured and is in order; those of ours stand beside a floor.
+fn judge(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
     let ways = outcome["ways"].as_array().unwrap();
-    assert_eq!(ways.len(), 5);
     for way in ways {
         let spans = &way["spans_ns"];
         assert!(spans["count"].as_u64().unwrap() > 0, "{way}");
@@ -54,7 +58,92 @@ fn latencies_are_measured_on_every_way_and_told_as_json() {
             spans["p50"].as_u64() <= spans["p99"].as_u64() && spans["p99"].as_u64() <= spans["max"].as_u64(),
             "{way}"
         );
+        let compared = way["role"] != "floor" && groups_with_floor.iter().any(|group| way["group"] == *group);
+        assert_eq!(way["x_floor"]["p50"].is_f64(), compared, "{way}");
     }
-    let output = i2ris(&["bench", "loop", "--duration-s", "1", "--priority", "0"]);
-    assert!(output.status.success() && text(&output.stdout).contains("bare timer"), "{}", text(&output.stderr));
+    assert!(outcome["machine"]["kernel"].as_str().is_some_and(|kernel| !kernel.is_empty()));
+    assert!(outcome["notes"].as_array().is_some_and(|notes| !notes.is_empty()));
+}
+
+#[test]
+fn latencies_are_measured_on_every_way_beside_their_floors() {
+    let outcome = bench(&["ipc", "--messages", "2000"]);
+    judge(&outcome, &["polled", "waiting"]);
+    assert_eq!(outcome["ways"].as_array().unwrap().len(), 11);
+    let outcome = bench(&["loop", "--duration-s", "1"]);
+    judge(&outcome, &["lateness", "compute"]);
+    judge(&bench(&["inverse", "--rounds", "1"]), &["inverse", "forward"]);
+}
+
+#[test]
+fn the_driver_and_a_bare_loop_share_the_wire_and_the_outcome_becomes_a_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = bench(&["wire", "--duration-s", "1", "--output", folder.path().to_str().unwrap()]);
+    judge(&outcome, &["set-point to set-point"]);
+    let quantity = |name: &str| {
+        let all = outcome["quantities"].as_array().unwrap();
+        all.iter().find(|quantity| quantity["name"] == name).unwrap()["value"].as_f64().unwrap()
+    };
+    // The emulator paces bytes: nobody can be faster than the wire, and something must come through.
+    for name in ["a bare loop uses", "the driver uses"] {
+        assert!((1.0..103.0).contains(&quantity(name)), "{name}: {}", quantity(name));
+    }
+    assert_eq!(quantity("rules broken by the host"), 0.0);
+    for name in ["wire.json", "wire.hlog", "wire.svg", "index.html"] {
+        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 500, "{name}");
+    }
+}
+
+#[test]
+fn without_a_controller_there_is_no_way_from_end_to_end_and_that_is_said() {
+    let output =
+        i2ris(&["bench", "e2e", "--commands", "50", "--priority", "0", "--controller", "/nonexistent/i2ris-control"]);
+    let error = text(&output.stderr);
+    assert!(!output.status.success() && error.contains("cannot start the controller"), "{error}");
+}
+
+/// The controller is a program of another package, which is there after a build of the whole workspace.
+#[test]
+fn a_command_is_followed_to_the_wire_and_back() {
+    let controller = Path::new(env!("CARGO_BIN_EXE_i2ris")).with_file_name("i2ris-control");
+    if !controller.exists() {
+        eprintln!("skipped: there is no {}", controller.display());
+        return;
+    }
+    let outcome = bench(&["e2e", "--commands", "80", "--controller", controller.to_str().unwrap()]);
+    let arrived = "command to last byte of the set-point";
+    let seen = "command to encoder position at the client";
+    judge(&outcome, &[arrived, seen]);
+    let p50 = |group: &str| {
+        let ways = outcome["ways"].as_array().unwrap();
+        let way = ways.iter().find(|way| way["group"] == group && way["role"] == "ours").unwrap();
+        way["spans_ns"]["p50"].as_u64().unwrap()
+    };
+    // Causes come before effects, whatever the machine does.
+    assert!(p50("command to operating system") < p50(arrived) && p50(arrived) < p50(seen), "{outcome}");
+}
+
+/// The units, with the programs of this build in the place of the installed ones.
+#[test]
+fn the_units_of_systemd_are_valid() {
+    let probe = Command::new("systemd-analyze").arg("--version").output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: there is no systemd-analyze");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/system");
+    let units = ["i2ris-control@.service", "i2ris-guard@.service"].map(|name| {
+        let text = fs::read_to_string(from.join(name)).unwrap();
+        assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");
+        let program = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
+        let installed = program.split(' ').next().unwrap();
+        let unit = folder.path().join(name);
+        fs::write(&unit, text.replace(installed, env!("CARGO_BIN_EXE_i2ris"))).unwrap();
+        unit
+    });
+    let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    let ours: Vec<&str> = said.lines().filter(|line| line.contains("i2ris")).collect();
+    assert!(ours.is_empty(), "{ours:?}");
 }

@@ -254,8 +254,10 @@ impl Port {
     /// Puts bytes on the line from `start` on, and hands them over when the last has arrived.
     fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
         let end = self.wire.depart(start, bytes.len());
-        self.listen_for_impatience(end + Nanos::from_millis(self.config.adapter_hold_ms));
+        let due = end + Nanos::from_millis(self.config.adapter_hold_ms);
+        self.listen_for_impatience(due);
         self.pty.write(&bytes);
+        self.wire.hand_over(due, clock::now());
     }
 
     /// Waits, and notices a host that sends before it has its reply. Its bytes are lost.

@@ -59,6 +59,8 @@ pub(super) struct Wire {
     allowance: Nanos,
     /// When the line towards the drive is free.
     free: Nanos,
+    /// How late the last reply was handed to the host: the time of this thread, not the host's.
+    late: Nanos,
 }
 
 impl Wire {
@@ -67,12 +69,13 @@ impl Wire {
             byte: Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1))),
             allowance: Nanos::from_micros(config.allowance_us),
             free: Nanos::ZERO,
+            late: Nanos::ZERO,
         }
     }
 
     /// When a byte that was read at `read` has arrived on the wire.
     pub(super) fn arrive(&mut self, read: Nanos) -> Nanos {
-        self.free = self.free.max(read - self.allowance) + self.byte;
+        self.free = self.free.max(read - (self.allowance + self.late)) + self.byte;
         self.free
     }
 
@@ -81,6 +84,11 @@ impl Wire {
         let end = start + Nanos(self.byte.0 * bytes as u64);
         self.free = self.free.max(end);
         end
+    }
+
+    /// The reply that should have gone out at `due` has.
+    pub(super) fn hand_over(&mut self, due: Nanos, now: Nanos) {
+        self.late = now - due;
     }
 }
 
@@ -111,6 +119,14 @@ mod tests {
             ideal = wire.depart(arrived, 2);
             assert_eq!(ideal, arrived + Nanos::from_millis(2));
         }
+    }
+
+    #[test]
+    fn the_host_is_not_charged_for_a_reply_that_came_late() {
+        let mut wire = wire();
+        let due = wire.depart(Nanos::from_millis(10), 1);
+        wire.hand_over(due, due + Nanos::from_micros(700));
+        assert_eq!(wire.arrive(due + Nanos::from_micros(800)), due + Nanos::from_millis(1));
     }
 
     #[test]

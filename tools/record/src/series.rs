@@ -1,9 +1,15 @@
 //! Values over time from several streams, brought to common instants.
 
 /// A quantity sampled over time, in the order of its stamps.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone)]
 pub struct Series<const N: usize> {
     samples: Vec<(u64, [f64; N])>,
+}
+
+impl<const N: usize> Default for Series<N> {
+    fn default() -> Self {
+        Self { samples: Vec::new() }
+    }
 }
 
 impl<const N: usize> Series<N> {
@@ -14,8 +20,15 @@ impl<const N: usize> Series<N> {
         }
     }
 
+    /// Whether there is nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
     /// The value at an instant, linearly between the samples around it; `None` outside the recording, or when they are
     /// further apart than `gap_ns`.
+    #[must_use]
     pub fn at(&self, stamp_ns: u64, gap_ns: u64) -> Option<[f64; N]> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < stamp_ns);
         let (t1, b) = *self.samples.get(after)?;
@@ -31,11 +44,13 @@ impl<const N: usize> Series<N> {
     }
 
     /// A sample by its number.
+    #[must_use]
     pub fn get(&self, index: usize) -> Option<&(u64, [f64; N])> {
         self.samples.get(index)
     }
 
     /// The newest sample.
+    #[must_use]
     pub fn last(&self) -> Option<&(u64, [f64; N])> {
         self.samples.last()
     }
@@ -47,6 +62,7 @@ impl<const N: usize> Series<N> {
 }
 
 /// The value below which a share of the sorted values lies (nearest rank); NaN for none.
+#[must_use]
 pub fn percentile(sorted: &[f64], share: f64) -> f64 {
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied().unwrap_or(f64::NAN)

@@ -1,0 +1,163 @@
+//! The virtual master that a device leads. Pure.
+
+use super::super::path::Angles;
+
+/// How far the master may be ahead of the snake, deg. Whoever keeps pushing against a limit must not gather a way that the snake
+/// goes later.
+const LEAD_DEG: f64 = 2.0;
+/// Key presses that may wait. Keys repeat faster than the snake moves, and it should stop soon after they do.
+const WAITING_STEPS: f64 = 3.0;
+/// A program that was held up goes on where it was instead of jumping ahead.
+const LONGEST_STEP_S: f64 = 0.02;
+
+/// What a device asks.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Input {
+    /// The dead-man is held.
+    pub engaged: bool,
+    /// Share of the full speed, pitch and yaw, -1 to 1.
+    pub velocity: Angles,
+    /// Key presses since the last call, pitch and yaw.
+    pub steps: [i32; 2],
+    /// The person wants to end.
+    pub quit: bool,
+}
+
+/// What the controller is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Order {
+    /// Where the master is, deg.
+    pub pose: Angles,
+    /// The snake holds.
+    pub clutch_open: bool,
+}
+
+/// The virtual master.
+#[derive(Debug, Clone)]
+pub(super) struct Master {
+    pose: Angles,
+    engaged: bool,
+    speed_deg_s: f64,
+    step_deg: f64,
+    /// What key presses have asked for and is not done yet, deg.
+    left: Angles,
+}
+
+impl Master {
+    /// At a pose, clutch open.
+    pub fn new(pose: Angles, speed_deg_s: f64, step_deg: f64) -> Self {
+        Self { pose, engaged: false, speed_deg_s, step_deg, left: [0.0; 2] }
+    }
+
+    /// Goes on by `step_s` seconds; `snake`: where the snake is asked to be, as the controller told last.
+    pub fn lead(&mut self, input: &Input, snake: Option<Angles>, step_s: f64) -> Order {
+        let begins = input.engaged && !self.engaged;
+        self.engaged = input.engaged;
+        if begins || !input.engaged {
+            // The master is where the snake is, so closing the clutch moves nothing.
+            self.pose = snake.unwrap_or(self.pose);
+            self.left = [0.0; 2];
+        }
+        if input.engaged {
+            self.advance(input, snake, step_s.clamp(0.0, LONGEST_STEP_S));
+        }
+        Order { pose: self.pose, clutch_open: !input.engaged }
+    }
+
+    /// Opens the clutch.
+    pub fn hold(&mut self) -> Order {
+        self.engaged = false;
+        Order { pose: self.pose, clutch_open: true }
+    }
+
+    fn advance(&mut self, input: &Input, snake: Option<Angles>, step_s: f64) {
+        let reach = self.speed_deg_s * step_s;
+        for axis in 0..2 {
+            let waiting = WAITING_STEPS * self.step_deg;
+            let left = self.left[axis] + f64::from(input.steps[axis]) * self.step_deg;
+            let left = left.clamp(-waiting, waiting);
+            let pressed = left.clamp(-reach, reach);
+            self.left[axis] = left - pressed;
+            let pushed = input.velocity[axis].clamp(-1.0, 1.0) * reach;
+            self.pose[axis] += (pressed + pushed).clamp(-reach, reach);
+            if let Some(snake) = snake {
+                self.pose[axis] = self.pose[axis].clamp(snake[axis] - LEAD_DEG, snake[axis] + LEAD_DEG);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP_S: f64 = 0.005;
+
+    fn pushed(pitch: f64, yaw: f64) -> Input {
+        Input { engaged: true, velocity: [pitch, yaw], ..Input::default() }
+    }
+
+    fn pressed(pitch: i32) -> Input {
+        Input { engaged: true, steps: [pitch, 0], ..Input::default() }
+    }
+
+    #[test]
+    fn without_the_dead_man_nothing_moves_whatever_the_stick_says() {
+        let mut master = Master::new([1.0, 2.0], 10.0, 0.25);
+        for _ in 0..100 {
+            let input = Input { engaged: false, velocity: [1.0, -1.0], steps: [3, 3], quit: false };
+            assert_eq!(master.lead(&input, Some([1.0, 2.0]), STEP_S), Order { pose: [1.0, 2.0], clutch_open: true });
+        }
+        // And what was pressed meanwhile is not done later.
+        assert_eq!(master.lead(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S).pose, [1.0, 2.0]);
+    }
+
+    #[test]
+    fn a_full_stick_is_the_full_speed_and_one_press_one_step() {
+        let mut master = Master::new([0.0; 2], 10.0, 0.25);
+        let mut snake = [0.0; 2];
+        for _ in 0..200 {
+            snake = master.lead(&pushed(1.0, -0.5), Some(snake), STEP_S).pose;
+        }
+        assert!((snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9, "{snake:?}");
+        let mut at = [0.0; 2];
+        let mut fresh = Master::new(at, 10.0, 0.25);
+        at = fresh.lead(&pressed(1), Some(at), STEP_S).pose;
+        for _ in 0..50 {
+            at = fresh.lead(&pushed(0.0, 0.0), Some(at), STEP_S).pose;
+        }
+        assert!((at[0] - 0.25).abs() < 1e-9, "{at:?}");
+    }
+
+    #[test]
+    fn a_hundred_presses_at_once_are_three_steps() {
+        let mut master = Master::new([0.0; 2], 10.0, 0.25);
+        let mut at = master.lead(&pressed(100), Some([0.0; 2]), STEP_S).pose;
+        for _ in 0..1000 {
+            at = master.lead(&pushed(0.0, 0.0), Some(at), STEP_S).pose;
+        }
+        assert!((at[0] - 0.75).abs() < 1e-9, "{at:?}");
+    }
+
+    #[test]
+    fn a_master_that_pushes_against_a_limit_gathers_no_way() {
+        let mut master = Master::new([0.0; 2], 10.0, 0.25);
+        for _ in 0..2000 {
+            assert!(master.lead(&pushed(1.0, 0.0), Some([0.0; 2]), STEP_S).pose[0] <= LEAD_DEG);
+        }
+    }
+
+    #[test]
+    fn closing_the_clutch_starts_where_the_snake_is() {
+        let mut master = Master::new([9.0, 9.0], 10.0, 0.25);
+        assert_eq!(master.lead(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S).pose, [3.0, 4.0]);
+        assert_eq!(master.hold(), Order { pose: [3.0, 4.0], clutch_open: true });
+    }
+
+    #[test]
+    fn a_program_that_was_held_up_does_not_jump() {
+        let mut master = Master::new([0.0; 2], 10.0, 0.25);
+        let order = master.lead(&pushed(1.0, 1.0), Some([0.0; 2]), 5.0);
+        assert!(order.pose[0] <= 10.0 * LONGEST_STEP_S + 1e-12);
+    }
+}

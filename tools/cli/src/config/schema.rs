@@ -1,0 +1,167 @@
+//! The schema of the configuration, as it follows from the code: keys, types, and the documentation of each key.
+
+use i2ris::config::Config;
+use i2ris_emulator::snake::SnakeConfig;
+use i2ris_vision::setup::Setup;
+use serde_json::Value;
+
+/// Kinds of files that people write.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub enum Kind {
+    /// What `i2ris-control` is given
+    Controller,
+    /// A snake of the emulator
+    Snake,
+    /// The views of `i2ris vision`
+    Vision,
+}
+
+/// The JSON Schema of such files.
+pub fn of(kind: Kind) -> Value {
+    match kind {
+        Kind::Controller => schemars::schema_for!(Config),
+        Kind::Snake => schemars::schema_for!(SnakeConfig),
+        Kind::Vision => schemars::schema_for!(Setup),
+    }
+    .into()
+}
+
+/// A node of a schema, and the schema that its references point into.
+#[derive(Debug, Clone, Copy)]
+pub struct Node<'a> {
+    root: &'a Value,
+    here: &'a Value,
+}
+
+impl<'a> Node<'a> {
+    /// The whole.
+    pub fn root(root: &'a Value) -> Self {
+        Self { root, here: root }
+    }
+
+    /// The keys of a table, in the order of the alphabet; empty for what is no table.
+    pub fn keys(self) -> Vec<(&'a str, Self)> {
+        let object = self.resolved().here.get("properties").and_then(Value::as_object);
+        object.into_iter().flatten().map(|(key, here)| (key.as_str(), Self { here, ..self })).collect()
+    }
+
+    /// What an array holds.
+    pub fn entry(self) -> Option<Self> {
+        let node = self.resolved();
+        node.here.get("items").map(|here| Self { here, ..self })
+    }
+
+    /// What the key means: said where it stands.
+    pub fn meaning(self) -> Option<&'a str> {
+        self.here.get("description").and_then(Value::as_str)
+    }
+
+    /// The words that can stand here, each with what it means; empty where any value of a type can.
+    pub fn words(self) -> Vec<(&'a str, &'a str)> {
+        let choices = self.resolved().here.get("oneOf").and_then(Value::as_array);
+        let word = |choice: &'a Value| Some((choice.get("const")?.as_str()?, choice.get("description")?.as_str()?));
+        choices.into_iter().flatten().filter_map(word).collect()
+    }
+
+    /// Behind references, and behind "this or nothing".
+    fn resolved(self) -> Self {
+        let here = self.here;
+        if let Some(name) = here.get("$ref").and_then(Value::as_str).and_then(|name| name.strip_prefix("#/")) {
+            let target = name.split('/').try_fold(self.root, |node, part| node.get(part));
+            return target.map_or(self, |here| Self { here, ..self }.resolved());
+        }
+        let some = |choice: &&Value| choice.get("type").and_then(Value::as_str) != Some("null");
+        match here.get("anyOf").and_then(Value::as_array).and_then(|choices| choices.iter().find(some)) {
+            Some(here) => Self { here, ..self }.resolved(),
+            None => self,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::*;
+
+    /// Every key of a table that is not in the schema, or has no meaning there.
+    fn unknown(table: &toml::Table, node: Node<'_>, path: &str, found: &mut Vec<String>) {
+        for (key, value) in table {
+            let place = format!("{path}{key}");
+            let Some((_, inner)) = node.keys().into_iter().find(|(name, _)| name == key) else {
+                found.push(format!("{place}: not in the schema"));
+                continue;
+            };
+            if inner.meaning().is_none_or(str::is_empty) {
+                found.push(format!("{place}: no meaning"));
+            }
+            match value {
+                toml::Value::Table(table) => unknown(table, inner, &format!("{place}."), found),
+                toml::Value::Array(list) => {
+                    for entry in list.iter().filter_map(toml::Value::as_table) {
+                        unknown(entry, inner.entry().unwrap(), &format!("{place}."), found);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn every_key_of_the_configurations_here_is_in_the_schema_with_its_meaning() {
+        for (kind, file) in [
+            (Kind::Controller, "robot.toml"),
+            (Kind::Controller, "emulator.toml"),
+            (Kind::Snake, "snakes/steel.toml"),
+            (Kind::Snake, "snakes/brass.toml"),
+            (Kind::Snake, "snakes/multi.toml"),
+            (Kind::Vision, "vision.toml"),
+        ] {
+            let schema = of(kind);
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
+            let table: toml::Table = fs::read_to_string(path).unwrap().parse().unwrap();
+            let mut found = Vec::new();
+            unknown(&table, Node::root(&schema), "", &mut found);
+            assert!(found.is_empty() && !table.is_empty(), "{file}: {found:?}");
+        }
+    }
+
+    fn without_meaning(node: Node<'_>, path: &str, found: &mut Vec<String>, count: &mut usize) {
+        for (key, inner) in node.keys() {
+            *count += 1;
+            if inner.meaning().is_none_or(str::is_empty) {
+                found.push(format!("{path}{key}"));
+            }
+            without_meaning(inner, &format!("{path}{key}."), found, count);
+            if let Some(entry) = inner.entry() {
+                without_meaning(entry, &format!("{path}{key}."), found, count);
+            }
+        }
+    }
+
+    #[test]
+    fn every_key_of_the_schema_has_a_meaning_and_tables_are_closed() {
+        for (kind, least) in [(Kind::Controller, 60), (Kind::Snake, 20), (Kind::Vision, 12)] {
+            let schema = of(kind);
+            let (mut found, mut count) = (Vec::new(), 0);
+            without_meaning(Node::root(&schema), "", &mut found, &mut count);
+            assert!(found.is_empty() && count > least, "{kind:?}: {count} keys, without meaning: {found:?}");
+        }
+        let schema = of(Kind::Controller);
+        assert_eq!(schema["additionalProperties"], false);
+        let limits = &schema["$defs"]["LimitConfig"];
+        assert_eq!(
+            (&limits["additionalProperties"], limits["properties"]["late_ticks"]["default"].as_u64()),
+            (&Value::Bool(false), Some(0))
+        );
+    }
+
+    #[test]
+    fn a_key_that_is_misspelt_is_in_no_schema() {
+        let table: toml::Table = "[control]\nrate_herz = 3".parse().unwrap();
+        let (schema, mut found) = (of(Kind::Controller), Vec::new());
+        unknown(&table, Node::root(&schema), "", &mut found);
+        assert_eq!(found, ["control.rate_herz: not in the schema"]);
+    }
+}

@@ -1,0 +1,89 @@
+//! Requests under way: sent again until they are answered or nobody waits any more. Without I/O.
+
+use std::collections::BTreeMap;
+
+use i2ris::units::Nanos;
+
+use crate::request::{Question, Service};
+
+/// How often a request is sent again.
+const REPEAT: Nanos = Nanos::from_millis(50);
+/// How long clients wait, and a little.
+const PATIENCE: Nanos = Nanos::from_millis(1500);
+const SLOW_PATIENCE: Nanos = Nanos::from_millis(31_000);
+
+/// Requests under way, by their number.
+#[derive(Debug, Default)]
+pub(super) struct Asked {
+    next: u64,
+    waiting: BTreeMap<u64, Waiting>,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    question: Question,
+    token: u64,
+    send: Nanos,
+}
+
+impl Asked {
+    /// A client asks. `token` is what its answer wants.
+    pub fn take(&mut self, token: u64, service: Service, payload: &[u8], now: Nanos) {
+        self.next += 1;
+        let question = Question { number: self.next, asked: now.0, service, payload: payload.to_vec() };
+        self.waiting.insert(self.next, Waiting { question, token, send: now });
+    }
+
+    /// Hands over what has to be sent now, and forgets what nobody waits for.
+    pub fn due(&mut self, now: Nanos, mut send: impl FnMut(&Question)) {
+        self.waiting.retain(|_, waiting| {
+            let patience = if waiting.question.service.is_slow() { SLOW_PATIENCE } else { PATIENCE };
+            now.since(Nanos(waiting.question.asked)) < patience
+        });
+        for waiting in self.waiting.values_mut().filter(|waiting| now >= waiting.send) {
+            waiting.send = now + REPEAT;
+            send(&waiting.question);
+        }
+    }
+
+    /// An answer has come. The first one counts.
+    pub fn answered(&mut self, number: u64) -> Option<(u64, Service)> {
+        self.waiting.remove(&number).map(|waiting| (waiting.token, waiting.question.service))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(milliseconds: u64) -> Nanos {
+        Nanos::from_millis(1_000 + milliseconds)
+    }
+
+    fn sent(asked: &mut Asked, now: Nanos) -> Vec<u64> {
+        let mut numbers = Vec::new();
+        asked.due(now, |question| numbers.push(question.number));
+        numbers
+    }
+
+    #[test]
+    fn a_request_is_repeated_until_its_answer_comes() {
+        let mut asked = Asked::default();
+        asked.take(40, Service::StateCommand, &[], at(0));
+        assert_eq!(sent(&mut asked, at(0)), [1]);
+        assert!(sent(&mut asked, at(49)).is_empty());
+        assert_eq!(sent(&mut asked, at(50)), [1]);
+        assert_eq!(asked.answered(1), Some((40, Service::StateCommand)));
+        assert_eq!(asked.answered(1), None);
+        assert!(sent(&mut asked, at(200)).is_empty());
+    }
+
+    #[test]
+    fn what_nobody_waits_for_is_forgotten() {
+        let mut asked = Asked::default();
+        asked.take(40, Service::Move, &[], at(0));
+        asked.take(41, Service::Model, &[], at(0));
+        assert_eq!(sent(&mut asked, at(1600)), [2]);
+        assert!(sent(&mut asked, at(32_000)).is_empty());
+    }
+}

@@ -1,0 +1,124 @@
+//! The domain on the console's computer.
+
+use i2ris::ipc::client::ExternalPublisher;
+use i2ris::ipc::payload::{ExternalPosition, ServoActuator, ServoJp};
+use i2ris::ipc::{Domain, DomainGuard, Server};
+use i2ris::units::Nanos;
+
+use crate::NetworkError;
+use crate::plain::Plain;
+use crate::request::{self, Answer};
+use crate::state::State;
+
+/// The domain, for one start of the controller at the other end.
+#[derive(Debug)]
+pub(super) struct Service {
+    server: Server,
+    external: ExternalPublisher,
+    boot_id: u64,
+    /// The client that commands, as the controller told last.
+    lease: u64,
+    /// The state, as the controller told last.
+    state: u32,
+}
+
+impl Service {
+    /// Serves, for the controller with this boot id.
+    pub fn start(domain: &Domain, boot_id: u64) -> Result<Self, NetworkError> {
+        let server = Server::create(DomainGuard::acquire(domain)?)?;
+        Ok(Self { server, external: ExternalPublisher::new(domain), boot_id, lease: 0, state: 0 })
+    }
+
+    /// Which start of the controller it stands for.
+    pub fn boot_id(&self) -> u64 {
+        self.boot_id
+    }
+
+    /// Shows clients what the controller tells.
+    pub fn show(&mut self, state: &State) {
+        if let Some(version) = &state.version {
+            self.server.describe(version.shape, version.model_id, version.output_names);
+        }
+        if let Some(goal) = state.goal {
+            self.server.publish_goal(goal);
+        }
+        if let Some(setpoint) = state.setpoint {
+            self.server.publish_setpoint(setpoint);
+        }
+        if let Some(measured) = state.measured {
+            self.server.publish_measured(measured);
+        }
+        if let Some(motors) = state.actuators {
+            self.server.publish_actuators(motors);
+        }
+        if let Some(statistics) = state.statistics {
+            self.server.publish_period_statistics(statistics);
+        }
+        if let Some(message) = state.operating {
+            (self.lease, self.state) = (message.lease_client_id, message.state);
+            self.server.publish_operating_state(message);
+        }
+        if let Some(seen) = state.external {
+            self.see(&seen);
+        }
+    }
+
+    /// What the camera there saw. That nobody listens here yet is no loss.
+    fn see(&mut self, seen: &ExternalPosition) {
+        let (stamp, count) = (Nanos(seen.stamp_ns), (seen.count as usize).min(seen.position.len()));
+        let _ = if seen.flags & ExternalPosition::VALID != 0 {
+            self.external.publish_judged(stamp, &seen.position[..count], &seen.deviation[..count], seen.quality)
+        } else {
+            self.external.publish_nothing(stamp)
+        };
+    }
+
+    /// The newest command in angles since the last call.
+    pub fn servo_jp(&mut self) -> Option<ServoJp> {
+        self.server.poll_servo(self.lease)
+    }
+
+    /// The newest command in counts since the last call.
+    pub fn servo_actuators(&mut self) -> Option<ServoActuator> {
+        self.server.poll_actuator(self.lease)
+    }
+
+    /// Hands every new request over, with the token that its answer wants.
+    pub fn questions(&mut self, now: Nanos, mut take: impl FnMut(u64, request::Service, &[u8])) {
+        self.server.poll_state_commands(now, |token, it| take(token, request::Service::StateCommand, it.bytes()));
+        self.server.poll_moves(now, |token, it| take(token, request::Service::Move, it.bytes()));
+        self.server.poll_models(now, |token, it| take(token, request::Service::Model, it.bytes()));
+        self.server.poll_black_boxes(now, |token, it| take(token, request::Service::BlackBox, it.bytes()));
+    }
+
+    /// Answers a client; one whose request came to nothing finds out by itself.
+    pub fn answer(&mut self, token: u64, service: request::Service, answer: &Answer) {
+        match service {
+            request::Service::StateCommand => {
+                if let Some(reply) = answer.state(self.state) {
+                    self.server.reply(token, reply);
+                }
+            }
+            request::Service::Move => {
+                if let Some(reply) = answer.state(self.state) {
+                    self.server.reply_move(token, reply);
+                }
+            }
+            request::Service::Model => {
+                if let Some(reply) = answer.model() {
+                    self.server.reply_model(token, reply);
+                }
+            }
+            request::Service::BlackBox => {
+                if let Some(reply) = answer.black_box() {
+                    self.server.reply_black_box(token, reply);
+                }
+            }
+        }
+    }
+
+    /// Housekeeping.
+    pub fn maintain(&mut self, now: Nanos) {
+        self.server.maintain(now);
+    }
+}
