@@ -28,10 +28,16 @@ pub struct Interrupt(Arc<AtomicBool>);
 impl Interrupt {
     /// Catches SIGINT, SIGTERM and SIGHUP. The second one ends the program at once, with the exit code of a shell.
     pub fn catch() -> Result<Self, ctrlc::Error> {
+        Self::catch_with(|| ())
+    }
+
+    /// The same; `last` is done before the second one ends the program.
+    pub fn catch_with(last: fn()) -> Result<Self, ctrlc::Error> {
         let flag = Arc::new(AtomicBool::new(false));
         let caught = Arc::clone(&flag);
         ctrlc::set_handler(move || {
             if caught.swap(true, Ordering::SeqCst) {
+                last();
                 std::process::exit(130);
             }
         })?;

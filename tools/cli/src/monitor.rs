@@ -1,84 +1,129 @@
-//! `i2ris monitor`: shows what the controller tells. Reads only; it cannot move anything.
+//! `i2ris monitor`: shows what the controller tells, as a screen, as lines, or as a page for a browser.
+//!
+//! | part | does |
+//! |---|---|
+//! | `sight` | subscribes to every stream; reads, and cannot move anything |
+//! | `board`, `view`, `trail`, `journal`, `models`, `hull` | what is shown: last messages, last seconds, last events, models |
+//! | `terminal` | the screen with keys; its `hands` are the only part that asks the controller to do something |
+//! | `web` | the page; holds a board and no client at all |
+//!
+//! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and the loop never waits.
 
+mod board;
+mod hull;
+mod journal;
+mod models;
+mod sight;
+mod terminal;
+mod trail;
 mod view;
+mod web;
+
+use std::io::{self, IsTerminal};
+use std::path::PathBuf;
 
 use i2ris::clock;
-use i2ris::ipc::Message;
-use i2ris::ipc::client::{Client, ClientError, Latest, Watcher};
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
-use i2ris::units::{MAX_MOTORS, Nanos};
+use i2ris::ipc::client::{Client, Watcher};
+use i2ris::units::Nanos;
 
 use crate::Failure;
 use crate::console::{DomainOption, Interrupt, Screen, until_closed};
-use view::View;
+use board::Board;
+use sight::{READ_PERIOD, Sight};
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
 /// How often a person sees something new, and how often a file gets a line.
 const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
 const LINE_PERIOD: Nanos = Nanos::from_millis(1000);
-/// How often streams are read: their buffers hold 128 messages.
-const READ_PERIOD: Nanos = Nanos::from_millis(50);
-/// The first rate is told early, from fewer exchanges.
-const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 /// Statistics come once a second: what is not there by then will not come.
 const FIRST_NEWS: Nanos = Nanos::from_millis(1500);
 
 /// Arguments of `i2ris monitor`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris monitor                     the screen, with keys to stop the robot and to change its model
+  i2ris monitor --web               a page to look at: http://127.0.0.1:8765/
+  i2ris monitor --web 8080          the same on another port
+  i2ris monitor | head              one line a second
+
+Exit codes: 0 ended as asked, 1 no controller (except --web, which waits for one), 2 wrong arguments.")]
 pub struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
     /// Show everything once and end
-    #[arg(long)]
+    #[arg(long, conflicts_with = "web")]
     once: bool,
     /// End after this time instead of with Ctrl-C
     #[arg(long = "duration-s", visible_alias = "duration", value_name = "S")]
     duration_s: Option<f64>,
+    /// Serve a page for a browser, to look at only, at PORT, ADDRESS or ADDRESS:PORT
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = web::DEFAULT_ADDRESS)]
+    web: Option<web::Place>,
+    /// The file of the model in use, for its hull, where it is not where the controller says
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
 }
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    let domain = arguments.domain.domain()?;
+    let span = arguments.duration_s.map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
+    if let Some(place) = arguments.web {
+        return web::run(&domain, place, arguments.model, span);
+    }
+    let mut client = Client::connect(&domain, CONNECT)?;
+    let title = title(&mut client, domain.name())?;
+    drop(client);
+    let mut sight = Sight::new(&Watcher::new(&domain));
+    if !arguments.once && io::stdout().is_terminal() && io::stdin().is_terminal() {
+        return terminal::run(&domain, sight, title, arguments.model, span);
+    }
     let interrupt = Interrupt::catch()?;
-    let title = title(&mut client, &arguments)?;
-    let mut sight = Sight::new(&client.watcher());
     if arguments.once {
         return once(&mut sight, &interrupt, title);
     }
+    plain(&mut sight, &interrupt, &title, span)
+}
+
+/// Lines into a file or a pipe; the same page again and again on a terminal that has no keyboard.
+fn plain(sight: &mut Sight, interrupt: &Interrupt, title: &str, span: Option<Nanos>) -> Result<(), Failure> {
     let start = clock::now();
-    let end = arguments.duration_s.map(|seconds| start + Nanos((seconds.max(0.0) * 1e9) as u64));
-    let mut screen = Screen::stdout();
+    let (mut screen, mut board) = (Screen::stdout(), Board::default());
     let period = if screen.is_terminal() { DRAW_PERIOD } else { LINE_PERIOD };
-    let (mut next_draw, mut open) = (start + READ_PERIOD, true);
-    while open && !interrupt.came() && end.is_none_or(|end| clock::now() < end) {
-        let outcome = sight.refresh();
+    let (mut next_draw, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
+    while open && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
         let now = clock::now();
+        sight.refresh(&mut board, now);
         if now >= next_draw {
             next_draw = now + period;
-            open = until_closed(screen.draw(&lines(&sight, outcome, &screen, &title, now)))?;
+            open = until_closed(screen.draw(&lines(&board, &screen, title, now)))?;
         }
         clock::sleep(READ_PERIOD);
     }
     Ok(())
 }
 
-fn lines(sight: &Sight, outcome: Result<(), ClientError>, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
-    match outcome {
-        Err(error) => vec![error.to_string()],
-        Ok(()) if screen.is_terminal() => [vec![title.to_owned()], sight.view.page(now)].concat(),
-        Ok(()) => vec![sight.view.line(now)],
+fn lines(board: &Board, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
+    match &board.problem {
+        Some(problem) => vec![problem.clone()],
+        None if screen.is_terminal() => [vec![title.to_owned()], board.view.page(now)].concat(),
+        None => vec![board.view.line(now)],
     }
 }
 
 /// Waits until every stream that a controller always tells has told something, then shows the page.
 fn once(sight: &mut Sight, interrupt: &Interrupt, title: String) -> Result<(), Failure> {
     let start = clock::now();
+    let mut board = Board::default();
     loop {
-        sight.refresh()?;
         let now = clock::now();
-        if sight.is_complete() || now.since(start) > FIRST_NEWS || interrupt.came() {
-            let page = [vec![title], sight.view.page(now)].concat();
+        sight.refresh(&mut board, now);
+        if let Some(problem) = board.problem {
+            return Err(problem.into());
+        }
+        if board.view.is_complete() || now.since(start) > FIRST_NEWS || interrupt.came() {
+            let page = [vec![title], board.view.page(now)].concat();
             until_closed(Screen::stdout().draw(&page))?;
             return Ok(());
         }
@@ -86,111 +131,12 @@ fn once(sight: &mut Sight, interrupt: &Interrupt, title: String) -> Result<(), F
     }
 }
 
-fn title(client: &mut Client, arguments: &Arguments) -> Result<String, Failure> {
+fn title(client: &mut Client, domain: &str) -> Result<String, Failure> {
     let version = client.version()?;
     let [major, minor, patch] = version.software;
-    let domain = arguments.domain.domain()?;
     let model: String = match version.model_id {
         [0, ..] if version.model_id == [0; 32] => "no model".to_owned(),
-        id => format!("model {}", id.iter().take(4).map(|byte| format!("{byte:02x}")).collect::<String>()),
+        id => format!("model {}", view::short_id(i2ris::model::ModelId(id))),
     };
-    Ok(format!("i2ris {major}.{minor}.{patch}, domain {}, process {}, {model}", domain.name(), version.pid))
-}
-
-/// All streams, and what they told last.
-struct Sight {
-    state: Latest<OperatingStateMsg>,
-    goal: Latest<JointState>,
-    setpoint: Latest<JointState>,
-    measured: Latest<JointState>,
-    camera: Latest<ExternalPosition>,
-    actuators: Latest<ActuatorState>,
-    statistics: Latest<PeriodStatistics>,
-    exchanges: Exchanges,
-    view: View,
-}
-
-impl Sight {
-    fn new(watcher: &Watcher) -> Self {
-        Self {
-            state: Latest::new(watcher.operating_state()),
-            goal: Latest::new(watcher.goal_js()),
-            setpoint: Latest::new(watcher.setpoint_js()),
-            measured: Latest::new(watcher.measured_js()),
-            camera: Latest::new(watcher.external()),
-            actuators: Latest::new(watcher.actuators()),
-            statistics: Latest::new(watcher.period_statistics()),
-            exchanges: Exchanges::default(),
-            view: View::default(),
-        }
-    }
-
-    fn refresh(&mut self) -> Result<(), ClientError> {
-        self.view = View::default();
-        let actuators = self.actuators.refresh()?.copied();
-        self.view = View {
-            state: self.state.refresh()?.copied(),
-            goal: self.goal.refresh()?.copied(),
-            setpoint: self.setpoint.refresh()?.copied(),
-            measured: self.measured.refresh()?.copied(),
-            camera: self.camera.refresh()?.copied(),
-            actuators,
-            statistics: self.statistics.refresh()?.copied(),
-            exchange_rates: actuators.and_then(|message| self.exchanges.rates(&message)),
-        };
-        Ok(())
-    }
-
-    fn is_complete(&self) -> bool {
-        let View { state, measured, actuators, statistics, exchange_rates, .. } = &self.view;
-        let all = state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
-        all && exchange_rates.is_some()
-    }
-}
-
-/// Turns counters into rates, about once a second.
-#[derive(Debug, Default)]
-struct Exchanges {
-    before: Option<ActuatorState>,
-    rates: Option<[f64; MAX_MOTORS]>,
-}
-
-impl Exchanges {
-    /// `None` until there are two messages to compare.
-    fn rates(&mut self, message: &ActuatorState) -> Option<[f64; MAX_MOTORS]> {
-        let before = *self.before.get_or_insert(*message);
-        let span = message.stamp() - before.stamp();
-        if before.boot_id != message.boot_id {
-            *self = Self { before: Some(*message), ..Self::default() };
-        } else if span >= if self.rates.is_none() { FIRST_SPAN } else { LINE_PERIOD } {
-            self.rates = Some(std::array::from_fn(|motor| {
-                message.exchanges[motor].saturating_sub(before.exchanges[motor]) as f64 / span.as_seconds()
-            }));
-            self.before = Some(*message);
-        }
-        self.rates
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn counters_become_rates() {
-        let message = |milliseconds, count, boot_id| ActuatorState {
-            stamp_ns: Nanos::from_millis(milliseconds).0,
-            exchanges: [count, 2 * count],
-            boot_id,
-            ..ActuatorState::default()
-        };
-        let mut exchanges = Exchanges::default();
-        assert_eq!(exchanges.rates(&message(1000, 100, 1)), None);
-        assert_eq!(exchanges.rates(&message(1200, 180, 1)), None);
-        assert_eq!(exchanges.rates(&message(1500, 300, 1)), Some([400.0, 800.0]));
-        assert_eq!(exchanges.rates(&message(2000, 550, 1)), Some([400.0, 800.0]), "once a second");
-        assert_eq!(exchanges.rates(&message(2500, 800, 1)), Some([500.0, 1000.0]));
-        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "another controller counts anew");
-        assert_eq!(exchanges.rates(&message(3600, 103, 2)), Some([100.0, 200.0]));
-    }
+    Ok(format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {}, {model}", version.pid))
 }

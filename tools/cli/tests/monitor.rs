@@ -1,13 +1,27 @@
 //! `i2ris monitor` and `i2ris record` against a controller without drives; what needs no controller.
 #![allow(clippy::unwrap_used)]
 
+#[path = "watching/browser.rs"]
+mod browser;
+#[path = "watching/chromium.rs"]
+mod chromium;
 mod fake_controller;
+#[path = "watching/http.rs"]
+mod http;
+#[path = "watching/processes.rs"]
+mod processes;
+#[path = "watching/pty.rs"]
+mod pty;
 #[path = "watching/record.rs"]
 mod record;
 #[path = "watching/shell.rs"]
 mod shell;
 #[path = "watching/small.rs"]
 mod small;
+#[path = "watching/terminal.rs"]
+mod terminal;
+#[path = "watching/web.rs"]
+mod web;
 
 use std::io::{BufRead, BufReader, Read};
 
@@ -76,8 +90,9 @@ fn on_a_terminal_the_page_is_drawn_over_again() {
     let controller = Controller::enabled();
     let pty = nix::pty::openpty(None, None).unwrap();
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_i2ris"))
-        .args(["monitor", "--duration", "0.6"])
+        .args(["monitor", "--duration", "2.5"])
         .env("I2RIS_DOMAIN", controller.domain.name())
+        .stdin(std::process::Stdio::null())
         .stdout(pty.slave)
         .spawn()
         .unwrap();

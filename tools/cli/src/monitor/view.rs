@@ -5,12 +5,15 @@ use i2ris::ipc::payload::{
 };
 use i2ris::ipc::word::phase_text;
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
 
 /// Age at which a value is marked as stale. Cameras are slow; everything else comes many times a second.
-const STALE: Nanos = Nanos::from_millis(500);
+pub const STALE: Nanos = Nanos::from_millis(500);
+/// The same for a camera.
+pub const CAMERA_STALE: Nanos = STALE;
 /// Statistics come once a second.
-const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
+pub const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
 
 /// The last message of every stream, as far as there is one.
 #[derive(Debug, Clone, Copy, Default)]
@@ -170,13 +173,22 @@ impl View {
         ]
     }
 
-    fn fault(&self) -> Option<Fault> {
+    /// Whether every stream that a controller always tells has told something.
+    pub fn is_complete(&self) -> bool {
+        let Self { state, measured, actuators, statistics, exchange_rates, .. } = self;
+        let all = state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
+        all && exchange_rates.is_some()
+    }
+
+    /// Why the robot is in FAULT, if it is.
+    pub fn fault(&self) -> Option<Fault> {
         let state = self.state.filter(|state| state.state == OperatingState::Fault.number())?;
         Fault::from_number(state.fault)
     }
 
-    fn camera_angles(&self) -> Option<[f64; 2]> {
-        let camera = self.camera.filter(|camera| camera.flags & ExternalPosition::VALID != 0)?;
+    /// What the camera saw last, degrees, fresh or not.
+    pub fn camera_angles(&self) -> Option<[f64; 2]> {
+        let camera = self.camera.filter(|camera| camera.flags & ExternalPosition::VALID != 0 && camera.count == 2)?;
         Some([camera.position[0].to_degrees(), camera.position[1].to_degrees()])
     }
 
@@ -184,14 +196,17 @@ impl View {
     fn camera_mark(&self, now: Nanos) -> String {
         match &self.camera {
             None => String::new(),
-            Some(camera) if camera.age(now) > STALE => format!("  CAMERA STALE {:.1} s", camera.age(now).as_seconds()),
+            Some(camera) if camera.age(now) > CAMERA_STALE => {
+                format!("  CAMERA STALE {:.1} s", camera.age(now).as_seconds())
+            }
             Some(camera) if camera.flags & ExternalPosition::VALID == 0 => "  CAMERA SEES NOTHING".to_owned(),
             Some(_) => String::new(),
         }
     }
 }
 
-fn granted(statistics: &PeriodStatistics) -> String {
+/// What the system granted to the loop; capitals where something is missing.
+pub fn granted(statistics: &PeriodStatistics) -> String {
     let scheduling = match statistics.priority {
         0 => "NORMAL SCHEDULING".to_owned(),
         priority => format!("SCHED_FIFO {priority}"),
@@ -204,7 +219,8 @@ fn granted(statistics: &PeriodStatistics) -> String {
     format!("{scheduling}, {memory}, {processor}")
 }
 
-fn state_name(state: &OperatingStateMsg) -> &'static str {
+/// The name of the state.
+pub fn state_name(state: &OperatingStateMsg) -> &'static str {
     OperatingState::from_number(state.state).map_or("UNKNOWN STATE", OperatingState::text)
 }
 
@@ -212,12 +228,14 @@ fn is_valid(joint: &JointState) -> bool {
     joint.flags & JointState::VALID != 0
 }
 
-fn angles(joint: Option<&JointState>) -> Option<[f64; 2]> {
-    let joint = joint.filter(|joint| is_valid(joint))?;
+/// Pitch and yaw, degrees; `None` where they mean nothing, or are a position instead.
+pub fn angles(joint: Option<&JointState>) -> Option<[f64; 2]> {
+    let joint = joint.filter(|joint| is_valid(joint) && joint.count == 2)?;
     Some([joint.position[0].to_degrees(), joint.position[1].to_degrees()])
 }
 
-fn count(count: u32) -> usize {
+/// How many motors there are.
+pub fn count(count: u32) -> usize {
     usize::try_from(count).unwrap_or(MAX_MOTORS).min(MAX_MOTORS)
 }
 
@@ -225,7 +243,13 @@ fn signed(degrees: Option<f64>) -> String {
     degrees.map_or_else(|| "-".to_owned(), |value| format!("{value:+.2}"))
 }
 
-fn microseconds(nanos: u64) -> String {
+/// The beginning of a model's identity: enough for people to tell models apart.
+pub fn short_id(id: ModelId) -> String {
+    id.to_string().chars().take(8).collect()
+}
+
+/// Microseconds, with as many digits as mean something.
+pub fn microseconds(nanos: u64) -> String {
     let value = nanos as f64 / 1000.0;
     if value < 10.0 { format!("{value:.1}") } else { format!("{value:.0}") }
 }
@@ -331,7 +355,7 @@ mod tests {
     #[test]
     fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
         let camera = |stamp_ns, flags| View {
-            camera: Some(ExternalPosition { stamp_ns, flags, ..ExternalPosition::default() }),
+            camera: Some(ExternalPosition { stamp_ns, flags, count: 2, ..ExternalPosition::default() }),
             ..view()
         };
         assert!(page(&camera(NOW.0, 0)).contains("CAMERA SEES NOTHING"));

@@ -8,10 +8,10 @@ use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
 use i2ris::ipc::payload::{
-    ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply,
-    StateCommandRequest,
+    ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator,
+    ServoJp, StateCommandReply, StateCommandRequest, padded_text,
 };
-use i2ris::ipc::{Domain, DomainGuard, Fault, OperatingState, Refusal, Server, StateCommand, random_id};
+use i2ris::ipc::{Domain, DomainGuard, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand, random_id};
 use i2ris::units::Nanos;
 
 /// What the robot is and what happened to it.
@@ -33,6 +33,10 @@ pub struct Robot {
     pub refuse: Option<Refusal>,
     /// Every state command, in order.
     pub asked: Vec<StateCommand>,
+    /// Models in use, staged and in use before, by the byte that their identity is made of; 0: none.
+    pub models: [u8; 3],
+    /// Every request about models but `list`, in order.
+    pub asked_of_models: Vec<ModelAction>,
     /// Flags of the last accepted pose.
     pub flags: u32,
     /// Every accepted pose with its stamp.
@@ -56,6 +60,8 @@ impl Robot {
             refused: 0,
             refuse: None,
             asked: Vec::new(),
+            models: [1, 0, 0],
+            asked_of_models: Vec::new(),
             flags: 0,
             poses: Vec::new(),
             places: Vec::new(),
@@ -80,6 +86,10 @@ impl Robot {
                 Refusal::None
             }
             StateCommand::Condition if self.conditions => Refusal::None,
+            StateCommand::Pause if self.state == OperatingState::Enabled => self.change(OperatingState::Paused),
+            StateCommand::Hold if self.state == OperatingState::Enabled => Refusal::None,
+            StateCommand::Acknowledge if self.state == OperatingState::Fault => self.change(OperatingState::Disabled),
+            StateCommand::Pause | StateCommand::Hold | StateCommand::Acknowledge => Refusal::State,
             _ => Refusal::Unsupported,
         }
     }
@@ -87,6 +97,36 @@ impl Robot {
     fn change(&mut self, state: OperatingState) -> Refusal {
         self.state = state;
         Refusal::None
+    }
+
+    fn about_models(&mut self, request: &ModelRequest) -> ModelReply {
+        let action = ModelAction::from_number(request.action).unwrap();
+        let [used, staged, former] = self.models;
+        if action != ModelAction::List {
+            self.asked_of_models.push(action);
+        }
+        let refusal = match action {
+            ModelAction::List => Refusal::None,
+            ModelAction::Activate if staged != 0 && request.model_id == [staged; 32] => {
+                self.models = [staged, 0, used];
+                Refusal::None
+            }
+            ModelAction::Rollback if former != 0 => {
+                self.models = [former, 0, used];
+                Refusal::None
+            }
+            ModelAction::Activate => Refusal::NothingStaged,
+            ModelAction::Rollback => Refusal::NoFormer,
+            ModelAction::Stage => Refusal::Unsupported,
+        };
+        let slot = |byte: u8| ModelSlot {
+            model_id: [byte; 32],
+            family: padded_text("linear"),
+            outputs: 2,
+            flags: if byte == 0 { 0 } else { ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN },
+            ..ModelSlot::default()
+        };
+        ModelReply { refusal: refusal.number(), slots: self.models.map(slot), ..ModelReply::default() }
     }
 
     fn servo(&mut self, command: ServoJp) {
@@ -122,6 +162,7 @@ impl Robot {
             position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
             count: 2,
             flags: if self.model { JointState::VALID } else { 0 },
+            model_id: [self.models[0]; 32],
             ..JointState::default()
         };
         server.publish_goal(joint);
@@ -210,6 +251,12 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     for (token, request) in requests {
         let refusal = robot.command(request).number();
         server.reply(token, StateCommandReply { refusal, state: robot.state.number() });
+    }
+    let mut questions = Vec::new();
+    server.poll_models(now, |token, request| questions.push((token, request)));
+    for (token, request) in questions {
+        let reply = robot.about_models(&request);
+        server.reply_model(token, reply);
     }
     if let Some(command) = server.poll_servo(robot.lease) {
         robot.servo(command);

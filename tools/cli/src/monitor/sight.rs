@@ -1,0 +1,144 @@
+//! All streams of a controller: subscriptions and nothing else, so nothing here can move the robot.
+
+use i2ris::ipc::Message;
+use i2ris::ipc::client::{ClientError, Subscription, Watcher};
+use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use i2ris::units::{MAX_MOTORS, Nanos};
+
+use super::board::Board;
+use super::view::View;
+
+/// How often streams are read: their buffers hold 128 messages.
+pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
+/// Counters become rates over this time; the first rate is told early, from fewer exchanges.
+const RATE_SPAN: Nanos = Nanos::from_millis(1000);
+const FIRST_SPAN: Nanos = Nanos::from_millis(250);
+
+/// Subscriptions to all streams.
+pub struct Sight {
+    state: Subscription<OperatingStateMsg>,
+    goal: Subscription<JointState>,
+    setpoint: Subscription<JointState>,
+    measured: Subscription<JointState>,
+    camera: Subscription<ExternalPosition>,
+    actuators: Subscription<ActuatorState>,
+    statistics: Subscription<PeriodStatistics>,
+    exchanges: Exchanges,
+    boot_id: Option<u64>,
+}
+
+impl Sight {
+    pub fn new(watcher: &Watcher) -> Self {
+        Self {
+            state: watcher.operating_state(),
+            goal: watcher.goal_js(),
+            setpoint: watcher.setpoint_js(),
+            measured: watcher.measured_js(),
+            camera: watcher.external(),
+            actuators: watcher.actuators(),
+            statistics: watcher.period_statistics(),
+            exchanges: Exchanges::default(),
+            boot_id: None,
+        }
+    }
+
+    /// Takes in what arrived. Returns whether another start of the controller, or another model, is there.
+    pub fn refresh(&mut self, board: &mut Board, now: Nanos) -> bool {
+        let model = board.view.measured.map(|measured| measured.model_id);
+        let outcome = self.read(board);
+        board.problem = outcome.as_ref().err().map(ToString::to_string);
+        board.journal.reach(board.problem.as_deref(), now);
+        board.journal.camera(&board.view, now);
+        board.trail.note(&board.view, now);
+        outcome.unwrap_or(false) || model != board.view.measured.map(|measured| measured.model_id)
+    }
+
+    fn read(&mut self, board: &mut Board) -> Result<bool, ClientError> {
+        let Board { view, trail, journal, .. } = board;
+        let (mut states, mut motors) = (Vec::new(), Vec::new());
+        self.state.drain(|message| states.push(message))?;
+        let anew = self.boot_id != self.state.boot_id();
+        if anew {
+            // What another start of the controller said is past.
+            (self.boot_id, *view) = (self.state.boot_id(), View::default());
+        }
+        for message in &states {
+            journal.state(message);
+            view.state = Some(*message);
+        }
+        self.actuators.drain(|message| motors.push(message))?;
+        for message in &motors {
+            journal.motors(message);
+            view.actuators = Some(*message);
+        }
+        view.exchange_rates = view.actuators.as_ref().and_then(|message| self.exchanges.rates(message));
+        keep(&mut view.goal, self.goal.newest()?);
+        keep(&mut view.setpoint, self.setpoint.newest()?);
+        if keep(&mut view.measured, self.measured.newest()?) {
+            view.measured.iter().for_each(|message| journal.model(message));
+        }
+        if keep(&mut view.statistics, self.statistics.newest()?) {
+            view.statistics.iter().for_each(|message| journal.ticks(message));
+        }
+        self.camera.drain(|message| {
+            trail.see(&message);
+            view.camera = Some(message);
+        })?;
+        Ok(anew)
+    }
+}
+
+fn keep<T>(place: &mut Option<T>, new: Option<T>) -> bool {
+    let came = new.is_some();
+    if came {
+        *place = new;
+    }
+    came
+}
+
+/// Turns counters into rates, about once a second.
+#[derive(Debug, Default)]
+struct Exchanges {
+    before: Option<ActuatorState>,
+    rates: Option<[f64; MAX_MOTORS]>,
+}
+
+impl Exchanges {
+    /// `None` until there are two messages to compare.
+    fn rates(&mut self, message: &ActuatorState) -> Option<[f64; MAX_MOTORS]> {
+        let before = *self.before.get_or_insert(*message);
+        let span = message.stamp() - before.stamp();
+        if before.boot_id != message.boot_id {
+            *self = Self { before: Some(*message), ..Self::default() };
+        } else if span >= if self.rates.is_none() { FIRST_SPAN } else { RATE_SPAN } {
+            self.rates = Some(std::array::from_fn(|motor| {
+                message.exchanges[motor].saturating_sub(before.exchanges[motor]) as f64 / span.as_seconds()
+            }));
+            self.before = Some(*message);
+        }
+        self.rates
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counters_become_rates() {
+        let message = |milliseconds, count, boot_id| ActuatorState {
+            stamp_ns: Nanos::from_millis(milliseconds).0,
+            exchanges: [count, 2 * count],
+            boot_id,
+            ..ActuatorState::default()
+        };
+        let mut exchanges = Exchanges::default();
+        assert_eq!(exchanges.rates(&message(1000, 100, 1)), None);
+        assert_eq!(exchanges.rates(&message(1200, 180, 1)), None);
+        assert_eq!(exchanges.rates(&message(1500, 300, 1)), Some([400.0, 800.0]));
+        assert_eq!(exchanges.rates(&message(2000, 550, 1)), Some([400.0, 800.0]), "once a second");
+        assert_eq!(exchanges.rates(&message(2500, 800, 1)), Some([500.0, 1000.0]));
+        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "another controller counts anew");
+        assert_eq!(exchanges.rates(&message(3600, 103, 2)), Some([100.0, 200.0]));
+    }
+}

@@ -1,0 +1,166 @@
+//! As much of HTTP/1.1 (RFC 9112) as a page to look at needs. Bytes in, values out; the parser of the heads is `httparse`.
+
+/// The longest head that is read. Browsers send a few hundred bytes.
+pub const LONGEST_HEAD: usize = 8192;
+/// The most header fields.
+const FIELDS: usize = 64;
+
+/// A request, as far as it matters here.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Request {
+    pub method: String,
+    /// Path and query.
+    pub target: String,
+    pub host: Option<String>,
+    /// The connection stays open afterwards.
+    pub keep_alive: bool,
+    /// A body follows, or says it does.
+    pub has_body: bool,
+}
+
+/// What the bytes so far are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Head {
+    /// More has to come.
+    Partial,
+    /// A request, and how many bytes it took.
+    Whole(Request, usize),
+    /// No HTTP.
+    Bad,
+}
+
+/// Reads the head of a request.
+pub fn parse(bytes: &[u8]) -> Head {
+    let mut fields = [httparse::EMPTY_HEADER; FIELDS];
+    let mut head = httparse::Request::new(&mut fields);
+    let length = match head.parse(bytes) {
+        Ok(httparse::Status::Complete(length)) => length,
+        Ok(httparse::Status::Partial) => return Head::Partial,
+        Err(_) => return Head::Bad,
+    };
+    let (Some(method), Some(target), Some(version)) = (head.method, head.path, head.version) else { return Head::Bad };
+    let mut request = Request {
+        method: method.to_owned(),
+        target: target.to_owned(),
+        host: None,
+        keep_alive: version == 1,
+        has_body: false,
+    };
+    for field in head.headers.iter() {
+        let Ok(value) = std::str::from_utf8(field.value).map(str::trim) else { continue };
+        match field.name.to_ascii_lowercase().as_str() {
+            // Two of them are a trick.
+            "host" if request.host.is_some() => return Head::Bad,
+            "host" => request.host = Some(value.to_owned()),
+            "connection" if value.eq_ignore_ascii_case("close") => request.keep_alive = false,
+            "content-length" => request.has_body |= value != "0",
+            "transfer-encoding" => request.has_body = true,
+            _ => {}
+        }
+    }
+    Head::Whole(request, length)
+}
+
+/// What is answered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Response {
+    pub status: u16,
+    pub kind: &'static str,
+    pub body: Vec<u8>,
+}
+
+impl Response {
+    /// The answer that was asked for.
+    pub fn good(kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
+        Self { status: 200, kind, body: body.into() }
+    }
+
+    /// A refusal with a sentence.
+    pub fn refusal(status: u16, text: &str) -> Self {
+        Self { status, kind: "text/plain; charset=utf-8", body: format!("{text}\n").into_bytes() }
+    }
+
+    /// What goes over the wire. The page may load nothing from elsewhere, be framed by nobody, and nothing of it is kept.
+    pub fn bytes(&self, keep_alive: bool) -> Vec<u8> {
+        let reason = match self.status {
+            200 => "OK",
+            400 => "Bad Request",
+            403 => "Forbidden",
+            404 => "Not Found",
+            405 => "Method Not Allowed",
+            431 => "Request Header Fields Too Large",
+            _ => "Service Unavailable",
+        };
+        let allow = if self.status == 405 { "Allow: GET\r\n" } else { "" };
+        let head = format!(
+            "HTTP/1.1 {} {reason}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{allow}Connection: {}\r\n\
+             Cache-Control: no-store\r\nContent-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; \
+             img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+             X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\r\n",
+            self.status,
+            self.kind,
+            self.body.len(),
+            if keep_alive { "keep-alive" } else { "close" },
+        );
+        [head.as_bytes(), &self.body].concat()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn whole(text: &str) -> Request {
+        match parse(text.as_bytes()) {
+            Head::Whole(request, length) => {
+                assert_eq!(length, text.len());
+                request
+            }
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_head_is_read_whole_or_waited_for() {
+        let text = "GET /live?after=3 HTTP/1.1\r\nHost: localhost:8765\r\nAccept: */*\r\n\r\n";
+        let request = whole(text);
+        assert_eq!((request.method.as_str(), request.target.as_str()), ("GET", "/live?after=3"));
+        assert_eq!(
+            (request.host.as_deref(), request.keep_alive, request.has_body),
+            (Some("localhost:8765"), true, false)
+        );
+        assert!((0..text.len()).all(|end| parse(&text.as_bytes()[..end]) == Head::Partial));
+        assert!(!whole("GET / HTTP/1.0\r\n\r\n").keep_alive);
+        assert!(!whole("GET / HTTP/1.1\r\nConnection: Close\r\n\r\n").keep_alive);
+        assert!(whole("POST / HTTP/1.1\r\nContent-Length: 5\r\n\r\n").has_body);
+        assert!(whole("GET / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n").has_body);
+    }
+
+    #[test]
+    fn what_is_no_http_is_told() {
+        for text in ["hello\r\n\r\n", "GET / HTTP/9\r\n\r\n", "GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n", "\0\0"] {
+            assert_eq!(parse(text.as_bytes()), Head::Bad, "{text}");
+        }
+    }
+
+    #[test]
+    fn an_answer_says_how_long_it_is_and_what_the_page_may_do() {
+        let bytes = Response::good("text/plain", "abc").bytes(true);
+        let text = String::from_utf8(bytes).unwrap();
+        assert!(text.starts_with("HTTP/1.1 200 OK\r\n") && text.ends_with("\r\n\r\nabc"), "{text}");
+        for part in ["Content-Length: 3\r\n", "default-src 'none'", "Connection: keep-alive\r\n", "no-store"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        let text = String::from_utf8(Response::refusal(405, "no").bytes(false)).unwrap();
+        assert!(text.contains("Allow: GET\r\n") && text.contains("Connection: close\r\n"), "{text}");
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            parse(&bytes);
+        }
+    }
+}

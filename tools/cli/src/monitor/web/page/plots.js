@@ -1,0 +1,233 @@
+// Plots on canvas. A value that is null is a gap, and what is not known is not drawn.
+'use strict';
+
+const COLOURS = Object.fromEntries(['goal', 'setpoint', 'estimate', 'camera', 'hull', 'faint', 'line', 'text', 'bad']
+  .map((name) => [name, getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim()]));
+const STRIP_S = 20;
+const TAIL_S = 12;
+const FAMILY = 'px system-ui, "DejaVu Sans", sans-serif';
+
+/** The size of small text on this screen. */
+const em = () => Math.round(0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize));
+
+// Places in a row of samples and of pictures.
+const T = 0, GOAL = 1, SETPOINT = 3, ESTIMATE = 5, DEVIATION = 7, COUNTS = 11, PICTURE = 1, PICTURE_COUNTS = 3;
+
+/** A canvas with its margins and scales. Sharp on any screen. */
+class Plot {
+  constructor(id) {
+    this.canvas = byId(id);
+    this.pen = this.canvas.getContext('2d');
+  }
+
+  /** Clears it and fits it to its place. False: there is no room. */
+  begin(title) {
+    const ratio = window.devicePixelRatio || 1;
+    const { width, height } = this.canvas.getBoundingClientRect();
+    if (width < 60 || height < 50) return false;
+    const [wide, high] = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (this.canvas.width !== wide || this.canvas.height !== high) [this.canvas.width, this.canvas.height] = [wide, high];
+    this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.pen.clearRect(0, 0, width, height);
+    const size = em();
+    this.pen.font = size + FAMILY;
+    Object.assign(this, { width, height, size, left: 3.6 * size, right: width - 8, top: 1.8 * size, bottom: height - 1.6 * size, title });
+    return true;
+  }
+
+  scales(x, y) {
+    this.x = (value) => this.left + (value - x[0]) / (x[1] - x[0]) * (this.right - this.left);
+    this.y = (value) => this.bottom - (value - y[0]) / (y[1] - y[0]) * (this.bottom - this.top);
+    [this.rangeX, this.rangeY] = [x, y];
+  }
+
+  /** Lines at round numbers, with their values. */
+  grid(unitX) {
+    const pen = this.pen;
+    pen.lineWidth = 1;
+    pen.strokeStyle = COLOURS.line;
+    pen.fillStyle = COLOURS.faint;
+    pen.textBaseline = 'middle';
+    pen.textAlign = 'right';
+    for (const value of ticks(this.rangeY, (this.bottom - this.top) / (3 * this.size))) {
+      this.stroke([[this.left, this.y(value)], [this.right, this.y(value)]]);
+      pen.fillText(number(value), this.left - 5, this.y(value));
+    }
+    pen.textBaseline = 'top';
+    pen.textAlign = 'center';
+    for (const value of ticks(this.rangeX, (this.right - this.left) / (6 * this.size))) {
+      this.stroke([[this.x(value), this.top], [this.x(value), this.bottom]]);
+      const at = this.x(value);
+      const text = number(value) + unitX;
+      const half = pen.measureText(text).width / 2;
+      pen.fillText(text, Math.min(at, this.width - half - 2), this.bottom + 4);
+    }
+    pen.textAlign = 'left';
+    pen.textBaseline = 'alphabetic';
+    pen.fillStyle = COLOURS.text;
+    pen.fillText(this.title, this.left, this.top - 0.6 * this.size);
+    pen.save();
+    pen.beginPath();
+    pen.rect(this.left, this.top - 1, this.right - this.left, this.bottom - this.top + 2);
+    pen.clip();
+  }
+
+  end() {
+    this.pen.restore();
+  }
+
+  stroke(points) {
+    this.pen.beginPath();
+    points.forEach(([x, y], place) => (place ? this.pen.lineTo(x, y) : this.pen.moveTo(x, y)));
+    this.pen.stroke();
+  }
+
+  /** A curve through points; null parts it, and so does a jump in time when points carry one. */
+  curve(points, colour, width) {
+    const pen = this.pen;
+    pen.strokeStyle = colour;
+    pen.lineWidth = width;
+    pen.lineJoin = 'round';
+    pen.beginPath();
+    let down = false, last = null;
+    for (const point of points) {
+      if (!point) { down = false; continue; }
+      if (down && point.length > 2 && point[2] - last > 0.6) down = false;
+      if (down) pen.lineTo(this.x(point[0]), this.y(point[1])); else pen.moveTo(this.x(point[0]), this.y(point[1]));
+      [down, last] = [true, point[2]];
+    }
+    pen.stroke();
+  }
+
+  /** The area between two curves, over every stretch without a gap. */
+  band(points, colour) {
+    const pen = this.pen;
+    pen.fillStyle = colour;
+    let piece = [];
+    const close = () => {
+      if (piece.length > 1) {
+        pen.beginPath();
+        piece.forEach(([x, low]) => pen.lineTo(this.x(x), this.y(low)));
+        piece.reverse().forEach(([x, , high]) => pen.lineTo(this.x(x), this.y(high)));
+        pen.fill();
+      }
+      piece = [];
+    };
+    for (const point of points) if (point) piece.push(point); else close();
+    close();
+  }
+
+  dot([x, y], colour, radius, hollow) {
+    const pen = this.pen;
+    pen.beginPath();
+    pen.arc(this.x(x), this.y(y), radius, 0, 2 * Math.PI);
+    pen.fillStyle = pen.strokeStyle = colour;
+    pen.lineWidth = 2;
+    if (hollow) pen.stroke(); else pen.fill();
+  }
+
+  /** Says in the plot what is missing. */
+  say(text) {
+    const pen = this.pen;
+    pen.font = '600 ' + (this.size + 2) + FAMILY;
+    pen.textAlign = 'center';
+    pen.textBaseline = 'middle';
+    const wide = pen.measureText(text).width + 20;
+    const [x, y] = [(this.left + this.right) / 2, (this.top + this.bottom) / 2];
+    pen.fillStyle = COLOURS.bad;
+    pen.fillRect(x - wide / 2, y - this.size, wide, 2 * this.size);
+    pen.fillStyle = '#fff';
+    pen.fillText(text, x, y + 1);
+  }
+}
+
+const number = (value) => String(Math.round(value * 100) / 100).replace('-', '−');
+
+/** About so many round numbers in a range. */
+function ticks([low, high], wanted) {
+  const raw = (high - low) / Math.max(1, wanted);
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= raw * 0.999);
+  const list = [];
+  for (let value = Math.ceil(low / step) * step; value <= high + step * 1e-6; value += step) list.push(Math.abs(value) < step * 1e-6 ? 0 : value);
+  return list;
+}
+
+/** A little more than lowest to highest, at least `least`. */
+function padded(values, least) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    if (value === null || value === undefined || Number.isNaN(value)) continue;
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  if (low > high) return [-least / 2, least / 2];
+  const [middle, half] = [(low + high) / 2, Math.max((high - low) * 0.56, least / 2)];
+  return [middle - half, middle + half];
+}
+
+/** The same length for a degree in both directions. */
+function equal(x, y, plot) {
+  const per = Math.max((x[1] - x[0]) / (plot.right - plot.left), (y[1] - y[0]) / (plot.bottom - plot.top));
+  const wide = ([low, high], pixels) => [(low + high) / 2 - per * pixels / 2, (low + high) / 2 + per * pixels / 2];
+  return [wide(x, plot.right - plot.left), wide(y, plot.bottom - plot.top)];
+}
+
+const point = (x, y, t) => (x === null || y === null || x === undefined || y === undefined ? null : [x, y, t]);
+
+function drawStrip(plot, axis, trail, now, staleText) {
+  if (!plot.begin((axis ? 'yaw' : 'pitch') + ', deg')) return;
+  const samples = trail.samples.filter((row) => row[T] >= now - STRIP_S);
+  const pictures = trail.pictures.filter((row) => row[T] >= now - STRIP_S);
+  const of = (place) => samples.map((row) => point(row[T] - now, row[place + axis], row[T]));
+  const camera = pictures.map((row) => point(row[T] - now, row[PICTURE + axis], row[T]));
+  const curves = [[camera, COLOURS.camera, 2.5], [of(GOAL), COLOURS.goal, 1.5], [of(SETPOINT), COLOURS.setpoint, 1.5], [of(ESTIMATE), COLOURS.estimate, 2]];
+  const all = curves.flatMap(([points]) => points.filter(Boolean).map((p) => p[1]));
+  plot.scales([-STRIP_S, 0], padded(all, 2));
+  plot.grid(' s');
+  plot.band(samples.map((row) => {
+    const [value, deviation] = [row[ESTIMATE + axis], row[DEVIATION + axis]];
+    return value === null || deviation === null ? null : [row[T] - now, value - deviation, value + deviation];
+  }), '#5ad17a38');
+  curves.forEach(([points, colour, width]) => plot.curve(points, colour, width));
+  plot.end();
+  if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
+}
+
+function drawPlane(plot, trail, hull, now, staleText) {
+  if (!plot.begin('pitch over yaw, deg')) return;
+  const samples = trail.samples.filter((row) => row[T] >= now - TAIL_S);
+  const of = (place) => samples.map((row) => point(row[place + 1], row[place], row[T]));
+  const camera = trail.pictures.filter((row) => row[T] >= now - TAIL_S).map((row) => point(row[PICTURE + 1], row[PICTURE], row[T]));
+  const edge = hull.map(([pitch, yaw]) => [yaw, pitch]);
+  const curves = [[edge, COLOURS.hull, 1.5], [camera, COLOURS.camera, 2], [of(GOAL), COLOURS.goal, 1.5], [of(ESTIMATE), COLOURS.estimate, 1.5]];
+  const all = curves.flatMap(([points]) => points.filter(Boolean));
+  plot.scales(...equal(padded(all.map((p) => p[0]), 2), padded(all.map((p) => p[1]), 2), plot));
+  plot.grid('');
+  curves.forEach(([points, colour, width]) => plot.curve(points, colour, width));
+  const last = (points) => points.length && points[points.length - 1];
+  for (const [points, colour, hollow] of [[of(GOAL), COLOURS.goal, true], [of(ESTIMATE), COLOURS.estimate, false]]) {
+    if (last(points)) plot.dot(last(points), colour, hollow ? 7 : 5, hollow);
+  }
+  plot.end();
+  if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
+}
+
+function drawLoop(plot, motor, trail, live, now, staleText) {
+  if (!plot.begin(`motor ${motor}, ${live.along_names[motor]}, deg`)) return;
+  const weights = live.along[motor];
+  const bend = (pitch, yaw) => (pitch === null || yaw === null ? null : weights[0] * pitch + weights[1] * yaw);
+  const estimate = trail.samples.filter((row) => row[T] >= now - TAIL_S)
+    .map((row) => point(row[COUNTS + motor], bend(row[ESTIMATE], row[ESTIMATE + 1]), row[T]));
+  const camera = trail.pictures.filter((row) => row[T] >= now - TAIL_S)
+    .map((row) => point(row[PICTURE_COUNTS + motor], bend(row[PICTURE], row[PICTURE + 1]), row[T]));
+  const all = [...estimate, ...camera].filter(Boolean);
+  plot.scales(padded(all.map((p) => p[0]), 100), padded(all.map((p) => p[1]), 2));
+  plot.grid('');
+  plot.curve(camera, COLOURS.camera, 2);
+  plot.curve(estimate, COLOURS.estimate, 1.5);
+  const last = estimate[estimate.length - 1];
+  if (last) plot.dot(last, COLOURS.estimate, 5, false);
+  plot.end();
+  if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
+}

@@ -1,0 +1,169 @@
+// What stands in words and numbers. Text goes in as text, never as markup.
+'use strict';
+
+const byId = (id) => document.getElementById(id);
+
+function element(kind, text, style) {
+  const made = document.createElement(kind);
+  if (text !== undefined) made.textContent = text;
+  if (style) made.className = style;
+  return made;
+}
+
+/** Puts new text only where it differs: the browser then has nothing to lay out again. */
+function fill(place, rows) {
+  const key = JSON.stringify(rows);
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  place.replaceChildren(...rows.map((row) => {
+    const line = element('tr');
+    line.append(...row.map(([text, style, kind]) => element(kind || 'td', text, style)));
+    return line;
+  }));
+}
+
+const signed = (value) => (value === null || value === undefined ? '–' : (value < 0 ? '−' : '+') + Math.abs(value).toFixed(2));
+const age = (ms) => (ms < 10000 ? (ms / 1000).toFixed(1) + ' s' : Math.round(ms / 1000) + ' s');
+const head = (...texts) => texts.map((text) => [text, '', 'th']);
+
+function showHeader(live, lag) {
+  const state = live.state;
+  const badge = byId('badge');
+  const old = state && (state.stale || live.problem || lag > 1000);
+  const name = !state ? (live.problem ? 'NO CONTROLLER' : 'NO STATE YET') : old ? 'STALE, was ' + state.name : state.name;
+  badge.textContent = name;
+  badge.className = 'badge ' + (!state ? 'none' : old ? 'stale' : state.name.toLowerCase());
+  byId('why').textContent = state && state.fault ? state.fault : '';
+  const flags = [];
+  if (state) {
+    flags.push([`for ${state.for_s} s`, 'on']);
+    flags.push(state.homed ? ['homed', 'on'] : ['NOT HOMED', 'warn']);
+    if (state.busy) flags.push(['busy', 'on']);
+    if (state.holding) flags.push(['holding', 'on']);
+    if (state.clipped) flags.push(['CLIPPED TO HULL', 'warn']);
+    flags.push(state.memory_known ? ['memory known', 'on'] : ['memory unknown', state.model ? 'warn' : '']);
+    if (!state.model) flags.push(['no model', 'warn']);
+  }
+  fillList(byId('flags'), flags);
+  byId('lease').textContent = !state ? '' :
+    (state.lease ? `lease ${state.lease}` : 'no commander') + ` · accepted ${state.accepted} · refused ${state.refused}` +
+    (state.last_refusal ? ` (last: ${state.last_refusal})` : '') + (state.stale_stops ? ` · stale stops ${state.stale_stops}` : '');
+  byId('place').textContent = `domain ${live.domain} · monitor ${live.version} · read-only`;
+  document.title = `${name} · i2ris`;
+}
+
+function fillList(place, items) {
+  const key = JSON.stringify(items);
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  place.replaceChildren(...items.map(([text, style]) => element('li', text, style)));
+}
+
+function showBanner(live, lag) {
+  const banner = byId('banner');
+  let text = '';
+  if (lag > 1500) text = `THE MONITOR DOES NOT ANSWER: everything below is ${age(lag)} old`;
+  else if (live && live.problem) text = live.problem;
+  else if (live && live.state && live.state.stale) text = `STALE: the controller has not told its state for ${age(live.state.age_ms)}`;
+  banner.textContent = text;
+  banner.hidden = !text;
+  document.body.classList.toggle('dead', lag > 1500);
+}
+
+function showJoints(live) {
+  const streams = [['goal', 'goal'], ['setpoint', 'set-point'], ['estimate', 'estimate'], ['camera', 'camera']];
+  const cells = (axis) => streams.flatMap(([key]) => {
+    const stream = live[key];
+    const style = key + (stream && stream.stale ? ' stale' : '');
+    const value = [signed(stream && stream.deg && stream.deg[axis]), style];
+    if (key !== 'estimate') return [value];
+    const deviation = stream && stream.deviation_deg;
+    return [value, [deviation ? '±' + deviation[axis].toFixed(2) : '–', style]];
+  });
+  const rows = [head('', 'goal', 'set-point', 'estimate', 'sd', 'camera'),
+    [['pitch', ''], ...cells(0)], [['yaw', ''], ...cells(1)]];
+  const marks = [];
+  for (const [key, name] of streams) {
+    const stream = live[key];
+    if (!stream) { if (key !== 'camera') marks.push(`${name} not told yet`); continue; }
+    if (stream.stale) marks.push(`${name} STALE ${age(stream.age_ms)}`);
+    else if (key === 'camera' && !stream.deg) marks.push('camera sees nothing');
+  }
+  if (live.estimate && live.estimate.is_position) marks.push('the model tells a position, not angles');
+  fill(byId('joints'), rows);
+  showMarks('joints', marks);
+}
+
+/** What is old or missing, below a table. */
+function showMarks(id, texts) {
+  const place = byId(id);
+  let line = place.nextElementSibling;
+  if (!line || !line.classList.contains('marks')) {
+    line = element('div', undefined, 'marks');
+    place.after(line);
+  }
+  const key = texts.join('|');
+  if (line.dataset.key === key) return;
+  line.dataset.key = key;
+  line.replaceChildren(...texts.flatMap((text) => [element('span', text, 'mark'), document.createTextNode(' ')]));
+}
+
+function showMotors(live) {
+  const motors = live.motors || [];
+  const row = (motor, number) => {
+    const style = motor.stale ? 'stale' : '';
+    const drive = motor.phase + (motor.error ? ', error ' + motor.error : '');
+    return [[String(number), ''], [String(motor.setpoint_counts), style], [String(motor.measured_counts), style],
+      [String(motor.current_ma), style], [motor.exchanges_per_s === null ? '–' : String(motor.exchanges_per_s), style],
+      [drive, motor.bad || motor.error ? 'warn' : style], [motor.status, 'stale']];
+  };
+  fill(byId('motors'), [head('', 'set-pt', 'encoder', 'mA', 'bus/s', 'drive', 'status'), ...motors.map(row)]);
+  const marks = motors.length ? [] : ['motors not told yet'];
+  motors.forEach((motor, number) => {
+    if (motor.age_ms === null) marks.push(`motor ${number} NEVER READ`);
+    else if (motor.stale) marks.push(`motor ${number} STALE ${age(motor.age_ms)}`);
+  });
+  showMarks('motors', marks);
+}
+
+function showLoop(live) {
+  const loop = live.loop;
+  if (!loop) {
+    fill(byId('loop'), []);
+    return showMarks('loop', ['loop not told yet']);
+  }
+  const style = loop.stale ? 'stale' : '';
+  const spans = (name, span) => [[name, ''], [String(span.p50_us), style], [String(span.p99_us), style], [String(span.max_us), style]];
+  fill(byId('loop'), [head(`${loop.hz} Hz`, 'p50 us', 'p99 us', 'max us'), spans('late', loop.late), spans('compute', loop.compute)]);
+  const marks = loop.stale ? [`loop STALE ${age(loop.age_ms)}`] : [];
+  showMarks('loop', marks);
+  let line = byId('granted');
+  if (!line) {
+    line = element('div');
+    line.id = 'granted';
+    byId('loop').nextElementSibling.after(line);
+  }
+  line.textContent = `missed ${loop.missed} of ${loop.missed + loop.ticks} ticks · ${loop.granted}`;
+  line.className = loop.real_time && !loop.missed_in_window ? '' : 'warn';
+}
+
+function showModels(live) {
+  const models = live.models;
+  const row = (name, model) => [[name, ''], [model ? model.name + (model.memory_known ? '' : ', memory unknown') : models.known ? 'none' : '–', 'text']];
+  fill(byId('models'), [row('in use', models.used), row('staged', models.staged), row('former', models.former)]);
+  showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
+}
+
+function showEvents(live, lag) {
+  const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
+  const rows = live.events.map((event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.level]);
+  const place = byId('events');
+  const key = JSON.stringify(rows);
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  place.replaceChildren(...rows.map(([when, text, level]) => {
+    const line = element('li', undefined, level);
+    line.append(element('time', when), text);
+    return line;
+  }));
+}

@@ -1,0 +1,112 @@
+//! Which answer a request gets. Nothing here can be changed by asking.
+
+use std::net::IpAddr;
+
+use super::http::{Request, Response};
+use super::source::Since;
+
+const HTML: &str = "text/html; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+
+/// What can be asked for, beside what is live.
+fn file(path: &str) -> Option<(&'static str, &'static str)> {
+    Some(match path {
+        "/" => (HTML, include_str!("page/page.html")),
+        "/page.css" => ("text/css; charset=utf-8", include_str!("page/page.css")),
+        "/page.js" => (SCRIPT, include_str!("page/page.js")),
+        "/plots.js" => (SCRIPT, include_str!("page/plots.js")),
+        "/tables.js" => (SCRIPT, include_str!("page/tables.js")),
+        "/icon.svg" => ("image/svg+xml", include_str!("page/icon.svg")),
+        _ => return None,
+    })
+}
+
+/// Answers a request. `live` gives what is new. `local`: the server listens on this machine only.
+pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> String) -> Response {
+    if request.method != "GET" {
+        return Response::refusal(405, "this monitor is to look at only: it answers GET and nothing else");
+    }
+    if request.has_body {
+        return Response::refusal(400, "a GET has no body");
+    }
+    // A page from elsewhere whose name leads to this machine must not read what is here.
+    if local && !request.host.as_deref().is_some_and(is_local) {
+        return Response::refusal(403, "open this page by its address, 127.0.0.1 or localhost");
+    }
+    let (path, query) = request.target.split_once('?').unwrap_or((request.target.as_str(), ""));
+    match (path, file(path)) {
+        ("/live", _) => Response::good("application/json", live(&Since::parse(query))),
+        (_, Some((kind, text))) => Response::good(kind, text),
+        _ => Response::refusal(404, "there is nothing here; the monitor is at /"),
+    }
+}
+
+/// Whether a `Host` field names this machine.
+fn is_local(host: &str) -> bool {
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.chars().all(|c| c.is_ascii_digit()) => name,
+        _ => host,
+    };
+    let bare = name.trim_start_matches('[').trim_end_matches(']');
+    name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ask(method: &str, target: &str, host: Option<&str>, local: bool) -> Response {
+        let request = Request {
+            method: method.to_owned(),
+            target: target.to_owned(),
+            host: host.map(str::to_owned),
+            keep_alive: true,
+            has_body: false,
+        };
+        answer(&request, local, |since| format!("{since:?}"))
+    }
+
+    #[test]
+    fn only_get_is_answered() {
+        for method in ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "get", "CONNECT"] {
+            assert_eq!(ask(method, "/", Some("localhost"), true).status, 405, "{method}");
+        }
+        assert_eq!(ask("GET", "/", Some("localhost"), true).status, 200);
+        let request = Request { has_body: true, ..request("/") };
+        assert_eq!(answer(&request, true, |_| String::new()).status, 400);
+    }
+
+    fn request(target: &str) -> Request {
+        Request {
+            method: "GET".to_owned(),
+            target: target.to_owned(),
+            host: Some("127.0.0.1:1".to_owned()),
+            keep_alive: true,
+            has_body: false,
+        }
+    }
+
+    #[test]
+    fn names_that_only_lead_here_are_refused() {
+        for host in ["localhost", "LOCALHOST:8765", "127.0.0.1:8765", "[::1]:8765", "127.0.0.9"] {
+            assert_eq!(ask("GET", "/live", Some(host), true).status, 200, "{host}");
+        }
+        for host in [Some("evil.example:8765"), Some("10.0.0.1"), Some(""), Some("localhost.evil.example"), None] {
+            assert_eq!(ask("GET", "/live", host, true).status, 403, "{host:?}");
+            assert_eq!(ask("GET", "/live", host, false).status, 200, "{host:?}");
+        }
+    }
+
+    #[test]
+    fn everything_that_the_page_names_is_here() {
+        let page = String::from_utf8(ask("GET", "/", Some("localhost"), true).body).unwrap();
+        let named: Vec<&str> =
+            page.split(['"']).filter(|part| part.ends_with(".js") || part.ends_with(".css")).collect();
+        assert!(named.len() >= 2, "{named:?}");
+        for name in named {
+            assert_eq!(ask("GET", &format!("/{name}"), Some("localhost"), true).status, 200, "{name}");
+        }
+        assert!(!page.contains("http://") && !page.contains("https://"), "nothing from elsewhere");
+        assert_eq!(ask("GET", "/../etc/passwd", Some("localhost"), true).status, 404);
+    }
+}
