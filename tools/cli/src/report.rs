@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use i2ris_record::report::{Report, Spread, Tracked};
 
+use crate::working::while_working;
 use crate::{Failure, files};
 
 /// Arguments of `i2ris report`.
@@ -27,7 +28,7 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let report = Report::of(&arguments.recording)?;
+    let report = while_working("reading", || Report::of(&arguments.recording))?;
     let output = match (&arguments.output, arguments.json) {
         (Some(output), _) => Some(output.clone()),
         (None, false) => Some(arguments.recording.with_extension("html")),

@@ -17,8 +17,8 @@ use super::view::short_id;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(200);
-/// How long to wait after a question that was not answered.
-const RETRY: Duration = Duration::from_secs(3);
+/// How often it looks without being told to: models are staged by other programs, which nobody tells us.
+const PERIOD: Duration = Duration::from_secs(3);
 
 /// What is known about models.
 #[derive(Debug, Clone, Default)]
@@ -72,7 +72,7 @@ impl Models {
     }
 }
 
-/// Looks up models whenever it is told to. It asks one question, `list`, over a connection that it closes again; it has no
+/// Looks up models every few seconds, and whenever it is told to. It asks one question, `list`, over a connection that it closes again; it has no
 /// way to change anything.
 #[derive(Debug)]
 pub struct Librarian {
@@ -81,14 +81,13 @@ pub struct Librarian {
 }
 
 impl Librarian {
-    /// Starts it. `file`: where the model in use lies, if its path as the controller tells it is no good here. `period`: how
-    /// often it looks without being told to.
-    pub fn start(domain: &Domain, file: Option<PathBuf>, period: Option<Duration>) -> Self {
+    /// Starts it. `file`: where the model in use lies, if its path as the controller tells it is no good here.
+    pub fn start(domain: &Domain, file: Option<PathBuf>) -> Self {
         let known = Arc::new(Mutex::new(Models::default()));
         let (asks, questions) = sync_channel(1);
         thread::spawn({
             let (domain, known) = (domain.clone(), Arc::clone(&known));
-            move || look_again_and_again(&domain, file.as_deref(), period, &questions, &known)
+            move || look_again_and_again(&domain, file.as_deref(), &questions, &known)
         });
         Self { known, asks }
     }
@@ -105,30 +104,15 @@ impl Librarian {
 }
 
 /// Until nobody can ask any more.
-fn look_again_and_again(
-    domain: &Domain,
-    file: Option<&Path>,
-    period: Option<Duration>,
-    questions: &Receiver<()>,
-    known: &Mutex<Models>,
-) {
+fn look_again_and_again(domain: &Domain, file: Option<&Path>, questions: &Receiver<()>, known: &Mutex<Models>) {
     let mut drawn: Option<ModelId> = None;
-    let mut failed = false;
-    loop {
-        let asked = match period.or(failed.then_some(RETRY)) {
-            Some(period) => questions.recv_timeout(period),
-            None => questions.recv().map_err(|_| RecvTimeoutError::Disconnected),
-        };
-        if asked == Err(RecvTimeoutError::Disconnected) {
-            return;
-        }
+    while questions.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
         let slots = list(domain);
         let mut models = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         (models.slots, models.problem) = match slots {
             Ok(slots) => (Some(slots), None),
             Err(error) => (None, Some(format!("models not known: {error}"))),
         };
-        failed = models.problem.is_some();
         let used = models.used();
         if used.as_ref().map(|used| used.id) != drawn {
             drawn = used.as_ref().map(|used| used.id);

@@ -26,9 +26,6 @@ use crate::console::Interrupt;
 use desk::Desk;
 use hands::{Answer, Hands};
 
-/// Models are staged by other programs, which nobody tells us.
-const MODELS_PERIOD: Duration = Duration::from_secs(3);
-
 /// Runs until `q`, a signal, or the end of `span`. The terminal is as it was afterwards, also after a panic.
 pub fn run(
     domain: &Domain,
@@ -39,7 +36,7 @@ pub fn run(
 ) -> Result<(), Failure> {
     // A second signal ends the program at once: not without putting the terminal back.
     let interrupt = Interrupt::catch_with(ratatui::restore)?;
-    let librarian = Librarian::start(domain, model, Some(MODELS_PERIOD));
+    let librarian = Librarian::start(domain, model);
     librarian.look();
     let mut session = Session {
         sight,

@@ -52,7 +52,7 @@ pub fn run(domain: &Domain, place: Place, model: Option<PathBuf>, span: Option<N
     server::start(listener, Arc::clone(&source), address.ip().is_loopback())?;
     let told = Screen::stdout().say(&format!("watch domain {} at http://{address}/ (to look at only)", domain.name()));
     until_closed(told)?;
-    let librarian = Librarian::start(domain, model, None);
+    let librarian = Librarian::start(domain, model);
     let mut sight = Sight::new(&Watcher::new(domain));
     let start = clock::now();
     while !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {

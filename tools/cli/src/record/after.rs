@@ -9,6 +9,7 @@ use i2ris_record::recover;
 use mcap::records::Record;
 
 use crate::Failure;
+use crate::working::while_working;
 
 /// Arguments of `i2ris record recover`.
 #[derive(Debug, clap::Args)]
@@ -50,7 +51,7 @@ pub struct InfoArguments {
 
 /// Makes a whole file.
 pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
-    let recovered = recover::recover(&arguments.recording, &arguments.output)?;
+    let recovered = while_working("recovering", || recover::recover(&arguments.recording, &arguments.output))?;
     let (messages, metadata, attachments) = (recovered.messages, recovered.metadata, recovered.attachments);
     println!("recovered {messages} messages, {metadata} metadata records, {attachments} attachments");
     match recovered.stopped_by {
@@ -66,7 +67,7 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
         FormatName::Csv => export::Format::Csv,
         FormatName::Parquet => export::Format::Parquet,
     };
-    let exported = export::export(&arguments.recording, &arguments.output, format)?;
+    let exported = while_working("exporting", || export::export(&arguments.recording, &arguments.output, format))?;
     for (name, rows) in &exported.rows {
         println!("{rows:>9} rows  {}", arguments.output.join(name).display());
     }
