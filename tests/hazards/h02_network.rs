@@ -63,11 +63,6 @@ fn start_console(domain: &Domain, gate: SocketAddr) -> Running {
     Running::start(move |stop| console.run(|| stop.load(Ordering::Relaxed), drop).unwrap())
 }
 
-/// The domain of the console of a rig.
-fn elsewhere(rig: &Rig) -> Domain {
-    Domain::new(&format!("{}-far", rig.config.ipc.domain)).unwrap()
-}
-
 /// A network between a console and a gate, which can be cut and slowed down. Only the way to the gate is slow.
 struct Network {
     cut: Arc<AtomicBool>,
@@ -168,7 +163,7 @@ fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
     let mut client = rig.enabled();
     let (gate, _gate) = start_gate(&rig, (Ipv4Addr::LOCALHOST, 0).into());
     let network = Network::to(gate);
-    let far = elsewhere(&rig);
+    let far = rig.another_domain("far");
     let _console = start_console(&far, network.address);
     let mut remote = Client::connect(&far, PATIENCE).unwrap();
     let end = clock::now() + PATIENCE;
@@ -207,7 +202,7 @@ fn h02_commands_that_the_network_holds_up_arrive_old_and_are_refused() {
     let mut client = rig.enabled();
     let (gate, _gate) = start_gate(&rig, (Ipv4Addr::LOCALHOST, 0).into());
     let network = Network::to(gate);
-    let far = elsewhere(&rig);
+    let far = rig.another_domain("far");
     let _console = start_console(&far, network.address);
     let remote = Client::connect(&far, PATIENCE).unwrap();
     // Three times the deadline, but below the silence after which the link counts as lost.
@@ -285,7 +280,7 @@ fn computer_of_the_robot() {
         return;
     }
     let mut rig = Rig::new();
-    let far = elsewhere(&rig);
+    let far = rig.another_domain("far");
     let console = Command::new("unshare")
         .arg("-n")
         .arg(std::env::current_exe().unwrap())

@@ -38,7 +38,7 @@ pub struct Rig {
     pub folder: TempDir,
     controller: Option<Child>,
     /// The last to go: everything that had a part in the domain has gone by then.
-    _sweep: Sweep,
+    sweeps: Vec<Sweep>,
 }
 
 /// Removes the shared memory of a domain, also what a killed process left for a controller that never came.
@@ -51,6 +51,14 @@ impl Drop for Sweep {
 }
 
 impl Rig {
+    /// A domain of another controller or console, swept at the end as the rig's own.
+    #[allow(dead_code, reason = "not every test has one")]
+    pub fn another_domain(&mut self, name: &str) -> Domain {
+        let domain = Domain::new(&format!("{}-{name}", self.config.ipc.domain)).unwrap();
+        self.sweeps.push(Sweep(domain.clone()));
+        domain
+    }
+
     /// Drives and snake, no controller yet.
     pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
@@ -88,7 +96,7 @@ impl Rig {
             ports,
         };
         let sweep = Sweep(Domain::new(&config.ipc.domain).unwrap());
-        Self { emulator, config, folder, controller: None, _sweep: sweep }
+        Self { emulator, config, folder, controller: None, sweeps: vec![sweep] }
     }
 
     /// Starts a controller on the rig's configuration. Its log goes to a file.
