@@ -35,7 +35,8 @@ pub fn look() -> Machine {
     let line = |name: &str| cpu.lines().find(|line| line.starts_with(name)).and_then(|line| line.split(": ").nth(1));
     Machine {
         processor: line("model name").unwrap_or("unknown").to_owned(),
-        processors: std::thread::available_parallelism().map_or(1, usize::from),
+        // Not those that this thread may use: it may be pinned.
+        processors: cpu.lines().filter(|line| line.starts_with("processor")).count().max(1),
         kernel: read("/proc/sys/kernel/osrelease"),
         preemption: preemption(&read("/proc/sys/kernel/version"), Path::new("/sys/kernel/realtime").exists()),
         clock: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),

@@ -168,6 +168,7 @@ impl Port {
         for (place, byte) in bytes.iter().enumerate() {
             self.last_byte = self.wire.arrive(read);
             if let Some(incoming) = self.parser.push(*byte) {
+                self.last_byte = self.wire.complete(read);
                 if place + 1 < bytes.len() && !stalled {
                     self.note_impatience(self.last_byte);
                 }
@@ -203,6 +204,7 @@ impl Port {
                     self.shared.lines[self.axis].replies.fetch_add(1, Ordering::Relaxed);
                 }
                 Heard::Request(incoming) => {
+                    self.last_byte = self.wire.complete(read);
                     self.send(vec![OKAY], self.last_byte);
                     if let Some((answer, ready)) = self.carry_out(&incoming, self.last_byte) {
                         self.shake.offer(&answer.data);

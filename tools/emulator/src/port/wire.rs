@@ -79,6 +79,12 @@ impl Wire {
         self.free
     }
 
+    /// When a frame has arrived that was read whole at `read`: not before the host had sent it.
+    pub(super) fn complete(&mut self, read: Nanos) -> Nanos {
+        self.free = self.free.max(read);
+        self.free
+    }
+
     /// When a reply of `bytes` that starts at `start` has gone out. The host cannot answer it before.
     pub(super) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
         let end = start + Nanos(self.byte.0 * bytes as u64);
@@ -126,7 +132,13 @@ mod tests {
         let mut wire = wire();
         let due = wire.depart(Nanos::from_millis(10), 1);
         wire.hand_over(due, due + Nanos::from_micros(700));
-        assert_eq!(wire.arrive(due + Nanos::from_micros(800)), due + Nanos::from_millis(1));
+        let read = due + Nanos::from_micros(800);
+        assert_eq!(wire.arrive(read), due + Nanos::from_millis(1));
+        assert_eq!(wire.complete(read), due + Nanos::from_millis(1));
+        wire.hand_over(due, due + Nanos::from_millis(9));
+        let read = due + Nanos::from_millis(9);
+        wire.arrive(read);
+        assert_eq!(wire.complete(read), read, "nothing arrives before it was sent");
     }
 
     #[test]
