@@ -238,13 +238,7 @@ class Arm:
         """Go to these angles now, rad. Returns the number of the command. To be called again and again."""
         if not 1 <= len(position) <= 3:
             raise ValueError("1 to 3 values")
-        command = ServoJp(
-            sequence=self._next(),
-            stamp_ns=time.monotonic_ns(),
-            client_id=self._client_id,
-            deadline_ns=self._deadline_ns,
-            count=len(position),
-        )
+        command = self._stamped(ServoJp, len(position))
         command.position[: len(position)] = [float(value) for value in position]
         return self._send("i2ris/servo_jp", command)
 
@@ -321,6 +315,16 @@ class Arm:
         self._sequence += 1
         return self._sequence
 
+    def _stamped(self, kind: type, count: int):
+        """A command of this kind for so many values, from this client and of now."""
+        return kind(
+            sequence=self._next(),
+            stamp_ns=time.monotonic_ns(),
+            client_id=self._client_id,
+            deadline_ns=self._deadline_ns,
+            count=count,
+        )
+
     def _send(self, service: str, command) -> int:
         publisher(self._link, service, type(command)).send_copy(command)
         self._commanded = True
@@ -374,16 +378,9 @@ class ActuatorArm:
         """Turn the motors to these encoder positions now. To be called again and again."""
         if not 1 <= len(counts) <= 2:
             raise ValueError("1 or 2 values")
-        arm = self._arm
-        command = ServoActuator(
-            sequence=arm._next(),
-            stamp_ns=time.monotonic_ns(),
-            client_id=arm._client_id,
-            deadline_ns=arm._deadline_ns,
-            count=len(counts),
-        )
+        command = self._arm._stamped(ServoActuator, len(counts))
         command.position_counts[: len(counts)] = [int(value) for value in counts]
-        return arm._send("i2ris/actuators/servo_jp", command)
+        return self._arm._send("i2ris/actuators/servo_jp", command)
 
     def measured_js(self) -> Actuators | None:
         """The motors; None until the first message has arrived."""
