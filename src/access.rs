@@ -18,15 +18,21 @@ pub struct Untrusted {
 /// Write access for everyone, in the mode of a file.
 const WRITABLE_BY_ALL: u32 = 0o002;
 
-/// What every user may write, every user may have written. A file that cannot be looked at cannot be read either, and reading
-/// it says why.
+/// What every user may write, every user may have written. A file that cannot be looked at cannot
+/// be read either, and reading it says why.
 ///
 /// # Errors
 ///
 /// When everyone may write it.
 pub fn check(path: &Path) -> Result<(), Untrusted> {
     let mode: io::Result<u32> = fs::metadata(path).map(|metadata| metadata.mode());
-    if mode.is_ok_and(|mode| mode & WRITABLE_BY_ALL != 0) { Err(Untrusted { path: path.to_owned() }) } else { Ok(()) }
+    if mode.is_ok_and(|mode| mode & WRITABLE_BY_ALL != 0) {
+        Err(Untrusted {
+            path: path.to_owned(),
+        })
+    } else {
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -41,7 +47,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("robot.toml");
         fs::write(&file, "").unwrap();
-        for (mode, trusted) in [(0o600, true), (0o664, true), (0o444, true), (0o646, false), (0o666, false)] {
+        for (mode, trusted) in [
+            (0o600, true),
+            (0o664, true),
+            (0o444, true),
+            (0o646, false),
+            (0o666, false),
+        ] {
             fs::set_permissions(&file, Permissions::from_mode(mode)).unwrap();
             assert_eq!(check(&file).is_ok(), trusted, "{mode:o}");
         }

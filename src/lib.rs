@@ -1,23 +1,24 @@
 //! Teleoperation controller for I2RIS, a snake robot of 0.9 mm that works inside the human eye.
 //!
-//! Two small motors pull wires that bend the snake in pitch and yaw. Backlash, friction and slack lie between motor
-//! and tip, so the same encoder counts give different angles depending on how they were reached. This crate turns
-//! desired angles into encoder counts by inverting a Gaussian mixture regression, streams them to the motor drives
-//! over serial lines at a high rate, and takes its commands from other processes through shared memory.
+//! Two small motors pull wires that bend the snake in pitch and yaw. Backlash, friction and slack
+//! lie between motor and tip, so the same encoder counts give different angles depending on how
+//! they were reached. This crate turns desired angles into encoder counts by inverting a Gaussian
+//! mixture regression, streams them to the motor drives over serial lines at a high rate, and takes
+//! its commands from other processes through shared memory.
 //!
 //! # Principles
 //!
-//! 1. **When in doubt the snake holds still.** Everything that is stale, not finite, out of range or not understood
-//!    ends in a hold, and says so.
-//! 2. **The cycle is a pure function** ([`control::cycle`]): time and inputs in, outputs out. The same code runs in the
-//!    loop, in tests and in replay.
-//! 3. **The loop never waits.** No allocation, no lock that a slower thread holds, no I/O, no printing; values cross
-//!    threads through wait-free buffers only.
+//! 1. **When in doubt the snake holds still.** Everything that is stale, not finite, out of range
+//!    or not understood ends in a hold, and says so.
+//! 2. **The cycle is a pure function** ([`control::cycle`]): time and inputs in, outputs out. The
+//!    same code runs in the loop, in tests and in replay.
+//! 3. **The loop never waits.** No allocation, no lock that a slower thread holds, no I/O, no
+//!    printing; values cross threads through wait-free buffers only.
 //! 4. **One file reads the clock** ([`clock`]). Everywhere else time is an argument.
-//! 5. **What the motor did counts, not what was asked.** State follows encoder feedback and set-points that were
-//!    really written to the wire.
-//! 6. **Parse once at the edge.** Raw views (frames, payloads, files) become checked values before anything acts on
-//!    them.
+//! 5. **What the motor did counts, not what was asked.** State follows encoder feedback and
+//!    set-points that were really written to the wire.
+//! 6. **Parse once at the edge.** Raw views (frames, payloads, files) become checked values before
+//!    anything acts on them.
 //!
 //! # Map
 //!

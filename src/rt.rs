@@ -1,7 +1,7 @@
 //! Real-time scheduling: asking for it and reading back what was granted.
 //!
-//! Every wish is best effort: a laptop without permissions still runs, but says so. What counts is not what was asked
-//! but what the kernel reports afterwards ([`Granted`]).
+//! Every wish is best effort: a laptop without permissions still runs, but says so. What counts is
+//! not what was asked but what the kernel reports afterwards ([`Granted`]).
 //!
 //! | file | holds |
 //! |---|---|
@@ -50,8 +50,8 @@ pub struct Granted {
 
 /// Asks for `wanted` on behalf of the calling thread, then reads back what came of it.
 ///
-/// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the processor: see
-/// [`keep_normal`].
+/// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the
+/// processor: see [`keep_normal`].
 #[must_use]
 pub fn request(wanted: Wanted) -> Granted {
     let mut warnings = Vec::new();
@@ -62,22 +62,30 @@ pub fn request(wanted: Wanted) -> Granted {
         warnings.extend(pin(cpu).err().map(|errno| processor_warning(cpu, errno)));
     }
     if wanted.priority > 0 {
-        warnings.extend(set_fifo(wanted.priority).err().map(|errno| priority_warning(wanted.priority, errno)));
+        warnings.extend(
+            set_fifo(wanted.priority)
+                .err()
+                .map(|errno| priority_warning(wanted.priority, errno)),
+        );
     }
-    let granted = Granted { warnings, ..read_back() };
+    let granted = Granted {
+        warnings,
+        ..read_back()
+    };
     granted.doubt(wanted)
 }
 
-/// Puts the calling thread under normal scheduling and keeps it away from the loop's processor, where it could only be
-/// in the way. For every thread that is not real-time, first thing in it: a thread inherits the processor of the one
-/// that starts it.
+/// Puts the calling thread under normal scheduling and keeps it away from the loop's processor,
+/// where it could only be in the way. For every thread that is not real-time, first thing in it: a
+/// thread inherits the processor of the one that starts it.
 pub fn keep_normal(loop_cpu: Option<usize>) {
     set_normal();
     if let Some(cpu) = loop_cpu {
         let allowed = sched_getaffinity(SELF).unwrap_or_else(|_| every_processor());
         let others = without(&allowed, cpu).or_else(|| without(&every_processor(), cpu));
         if let Some(others) = others {
-            // Refused where the loop's processor is the only one; then there is nothing to do about it.
+            // Refused where the loop's processor is the only one; then there is nothing to do about
+            // it.
             let _ = sched_setaffinity(SELF, &others);
         }
     }
@@ -88,8 +96,12 @@ pub fn keep_normal(loop_cpu: Option<usize>) {
 pub fn read_back() -> Granted {
     Granted {
         priority: fifo_priority(),
-        cpu: sched_getaffinity(SELF).ok().as_ref().and_then(only_processor),
-        memory_locked: fs::read_to_string("/proc/self/status").is_ok_and(|status| locked_kilobytes(&status) > 0),
+        cpu: sched_getaffinity(SELF)
+            .ok()
+            .as_ref()
+            .and_then(only_processor),
+        memory_locked: fs::read_to_string("/proc/self/status")
+            .is_ok_and(|status| locked_kilobytes(&status) > 0),
         warnings: Vec::new(),
     }
 }
@@ -99,12 +111,20 @@ impl Granted {
     fn doubt(mut self, wanted: Wanted) -> Self {
         let silent = self.warnings.is_empty();
         let missing = [
-            (wanted.priority > 0 && self.priority != wanted.priority, "SCHED_FIFO"),
-            (wanted.cpu.is_some() && self.cpu != wanted.cpu, "the processor"),
+            (
+                wanted.priority > 0 && self.priority != wanted.priority,
+                "SCHED_FIFO",
+            ),
+            (
+                wanted.cpu.is_some() && self.cpu != wanted.cpu,
+                "the processor",
+            ),
             (wanted.lock_memory && !self.memory_locked, "locked memory"),
         ];
         for (_, what) in missing.iter().filter(|(missing, _)| *missing && silent) {
-            self.warnings.push(format!("the kernel accepted the wish for {what} but does not show it; check the host"));
+            self.warnings.push(format!(
+                "the kernel accepted the wish for {what} but does not show it; check the host"
+            ));
         }
         self
     }
@@ -112,7 +132,10 @@ impl Granted {
 
 fn set_fifo(priority: u8) -> Result<(), Errno> {
     // With the flag, whatever this thread starts begins under normal scheduling.
-    schedule(libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, i32::from(priority))
+    schedule(
+        libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK,
+        i32::from(priority),
+    )
 }
 
 fn set_normal() {
@@ -123,7 +146,9 @@ fn set_normal() {
 }
 
 fn schedule(policy: i32, priority: i32) -> Result<(), Errno> {
-    let parameters = libc::sched_param { sched_priority: priority };
+    let parameters = libc::sched_param {
+        sched_priority: priority,
+    };
     // SAFETY: the pointer is to a live value of the right type, and 0 names the calling thread.
     Errno::result(unsafe { libc::sched_setscheduler(0, policy, &parameters) }).map(drop)
 }
@@ -179,7 +204,8 @@ fn without(set: &CpuSet, cpu: usize) -> Option<CpuSet> {
 /// `VmLck` of `/proc/PID/status`, kB.
 fn locked_kilobytes(status: &str) -> u64 {
     let line = status.lines().find_map(|line| line.strip_prefix("VmLck:"));
-    line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
+    line.and_then(|rest| rest.split_whitespace().next()?.parse().ok())
+        .unwrap_or(0)
 }
 
 fn priority_warning(priority: u8, errno: Errno) -> String {
@@ -222,7 +248,10 @@ mod tests {
     fn a_processor_that_exists_is_granted_and_read_back() {
         in_a_thread(|| {
             let cpu = allowed()[0];
-            let granted = request(Wanted { cpu: Some(cpu), ..Wanted::default() });
+            let granted = request(Wanted {
+                cpu: Some(cpu),
+                ..Wanted::default()
+            });
             assert_eq!((granted.cpu, granted.warnings), (Some(cpu), vec![]));
         });
     }
@@ -230,8 +259,14 @@ mod tests {
     #[test]
     fn a_processor_that_does_not_exist_is_warned_about() {
         in_a_thread(|| {
-            let granted = request(Wanted { cpu: Some(1000), ..Wanted::default() });
-            assert!(granted.warnings.len() == 1 && granted.warnings[0].contains("processor 1000"), "{granted:?}");
+            let granted = request(Wanted {
+                cpu: Some(1000),
+                ..Wanted::default()
+            });
+            assert!(
+                granted.warnings.len() == 1 && granted.warnings[0].contains("processor 1000"),
+                "{granted:?}"
+            );
             assert_ne!(granted.cpu, Some(1000));
         });
     }
@@ -239,9 +274,22 @@ mod tests {
     #[test]
     fn fifo_is_either_there_or_warned_about() {
         in_a_thread(|| {
-            let granted = request(Wanted { priority: 7, ..Wanted::default() });
-            assert_eq!(granted.priority == 7, granted.warnings.is_empty(), "{granted:?}");
-            assert!(granted.warnings.iter().all(|warning| warning.contains("rtprio")), "{granted:?}");
+            let granted = request(Wanted {
+                priority: 7,
+                ..Wanted::default()
+            });
+            assert_eq!(
+                granted.priority == 7,
+                granted.warnings.is_empty(),
+                "{granted:?}"
+            );
+            assert!(
+                granted
+                    .warnings
+                    .iter()
+                    .all(|warning| warning.contains("rtprio")),
+                "{granted:?}"
+            );
         });
     }
 
@@ -250,7 +298,11 @@ mod tests {
         in_a_thread(|| {
             let processors = allowed();
             let cpu = processors[0];
-            let _ = request(Wanted { priority: 7, cpu: Some(cpu), lock_memory: false });
+            let _ = request(Wanted {
+                priority: 7,
+                cpu: Some(cpu),
+                lock_memory: false,
+            });
             let child = in_a_thread(read_back);
             assert_eq!((child.priority, child.cpu), (0, Some(cpu)));
             let helper = in_a_thread(move || {
@@ -265,7 +317,10 @@ mod tests {
     #[test]
     fn a_real_time_thread_can_be_put_back() {
         in_a_thread(|| {
-            let _ = request(Wanted { priority: 7, ..Wanted::default() });
+            let _ = request(Wanted {
+                priority: 7,
+                ..Wanted::default()
+            });
             keep_normal(None);
             assert_eq!(read_back().priority, 0);
         });
@@ -273,16 +328,28 @@ mod tests {
 
     #[test]
     fn a_wish_that_came_to_nothing_without_an_error_is_warned_about() {
-        let wanted = Wanted { priority: 80, cpu: Some(1), lock_memory: true };
+        let wanted = Wanted {
+            priority: 80,
+            cpu: Some(1),
+            lock_memory: true,
+        };
         let granted = Granted::default().doubt(wanted);
         assert_eq!(granted.warnings.len(), 3);
-        let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };
+        let granted = Granted {
+            priority: 80,
+            cpu: Some(1),
+            memory_locked: true,
+            warnings: vec![],
+        };
         assert_eq!(granted.clone().doubt(wanted), granted);
     }
 
     #[test]
     fn locked_memory_is_read_from_the_status_file() {
-        assert_eq!(locked_kilobytes("VmSize:\t 10 kB\nVmLck:\t  2048 kB\nVmPin:\t 0 kB\n"), 2048);
+        assert_eq!(
+            locked_kilobytes("VmSize:\t 10 kB\nVmLck:\t  2048 kB\nVmPin:\t 0 kB\n"),
+            2048
+        );
         assert_eq!(locked_kilobytes("VmLck:\t nonsense\n"), 0);
         assert_eq!(locked_kilobytes(""), 0);
     }

@@ -1,7 +1,8 @@
 //! Units that the type carries, and the sizes of the robot.
 //!
-//! Angles are `f64` radians in code and on shared memory, degrees in files and on screens; the name says which
-//! (`_rad`, `_deg`). Counts and times have types of their own because mixing them up moves a robot.
+//! Angles are `f64` radians in code and on shared memory, degrees in files and on screens; the name
+//! says which (`_rad`, `_deg`). Counts and times have types of their own because mixing them up
+//! moves a robot.
 
 use std::fmt;
 use std::ops::{Add, Sub};
@@ -14,28 +15,33 @@ pub const MAX_MOTORS: usize = 2;
 /// The most outputs that one model can have: pitch and yaw, or the tip position x, y, z.
 pub const MAX_OUTPUTS: usize = 3;
 
-/// The longest window of the filter that limits jerk, ticks: the largest array that can be written to a file.
+/// The longest window of the filter that limits jerk, ticks: the largest array that can be written
+/// to a file.
 pub const LONGEST_WINDOW: usize = 32;
 
-/// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors are 0.
+/// One value per motor, in fractional encoder counts. Entries beyond the model's number of motors
+/// are 0.
 pub type MotorVec = [f64; MAX_MOTORS];
 
 /// One value per output, in radians for angles. Entries beyond the model's number of outputs are 0.
 pub type OutputVec = [f64; MAX_OUTPUTS];
 
 /// Encoder position of one motor, in quadrature counts as the drive reports them (object 0x6064).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
+)]
 #[serde(transparent)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counts(pub i32);
 
 impl Counts {
-    /// Rounds to the nearest count, halves away from zero. Not finite or out of the drive's range gives `None`: a
-    /// count never wraps.
+    /// Rounds to the nearest count, halves away from zero. Not finite or out of the drive's range
+    /// gives `None`: a count never wraps.
     #[must_use]
     pub fn from_f64(counts: f64) -> Option<Self> {
         let rounded = counts.round();
-        (rounded >= f64::from(i32::MIN) && rounded <= f64::from(i32::MAX)).then_some(Self(rounded as i32))
+        (rounded >= f64::from(i32::MIN) && rounded <= f64::from(i32::MAX))
+            .then_some(Self(rounded as i32))
     }
 
     /// The same position as a real number of counts.
@@ -52,7 +58,9 @@ impl fmt::Display for Counts {
 }
 
 /// An instant or a span on the monotonic clock, in nanoseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
+)]
 #[serde(transparent)]
 pub struct Nanos(pub u64);
 
@@ -72,7 +80,8 @@ impl Nanos {
         Self(microseconds * 1_000)
     }
 
-    /// The span since `earlier`, or zero if `earlier` is later: a stamp from another thread may be newer than `self`.
+    /// The span since `earlier`, or zero if `earlier` is later: a stamp from another thread may be
+    /// newer than `self`.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Self {
         Self(self.0.saturating_sub(earlier.0))

@@ -1,4 +1,5 @@
-//! What `i2ris-control` refuses to start with: one clear sentence, exit code 1, nothing left behind.
+//! What `i2ris-control` refuses to start with: one clear sentence, exit code 1, nothing left
+//! behind.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 use std::fs;
@@ -6,7 +7,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 fn control(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_i2ris-control")).args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_i2ris-control"))
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 /// Runs the controller on a configuration and returns its one line of complaint.
@@ -21,8 +25,15 @@ fn complaint(folder: &Path, config: &str) -> String {
 }
 
 fn config(extra: &str, device: &Path) -> String {
-    let domain = format!("refusals-{}-{:?}", std::process::id(), std::thread::current().id());
-    let domain: String = domain.chars().filter(|c| c.is_ascii_alphanumeric() || *c == '-').collect();
+    let domain = format!(
+        "refusals-{}-{:?}",
+        std::process::id(),
+        std::thread::current().id()
+    );
+    let domain: String = domain
+        .chars()
+        .filter(|c| c.is_ascii_alphanumeric() || *c == '-')
+        .collect();
     format!(
         "robot_id = \"here\"\n{extra}\n[ipc]\ndomain = \"{domain}\"\n[[ports]]\ndevice = \"{}\"\n\
          [[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -100\n\
@@ -64,21 +75,32 @@ fn configuration_that_does_not_exist() {
     let output = control(&["--config", "no/such/file.toml"]);
     assert_eq!(output.status.code(), Some(1));
     let text = String::from_utf8(output.stderr).unwrap();
-    assert!(text.contains("no/such/file.toml") && text.lines().count() == 1, "{text}");
+    assert!(
+        text.contains("no/such/file.toml") && text.lines().count() == 1,
+        "{text}"
+    );
 }
 
 #[test]
 fn unknown_key() {
     let (folder, absent) = folder();
     let text = complaint(folder.path(), &config("[control]\nrate = 1000", &absent));
-    assert!(text.contains("robot.toml") && text.contains("unknown field `rate`") && text.contains("line 3"), "{text}");
+    assert!(
+        text.contains("robot.toml")
+            && text.contains("unknown field `rate`")
+            && text.contains("line 3"),
+        "{text}"
+    );
 }
 
 #[test]
 fn value_out_of_range() {
     let (folder, absent) = folder();
     let text = complaint(folder.path(), &config("[control]\nrate_hz = 20", &absent));
-    assert!(text.contains("control.rate_hz = 20: must be 100 to 4000"), "{text}");
+    assert!(
+        text.contains("control.rate_hz = 20: must be 100 to 4000"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -91,7 +113,10 @@ fn port_that_does_not_exist() {
 #[test]
 fn model_that_does_not_exist() {
     let (folder, absent) = folder();
-    let text = complaint(folder.path(), &config("[control]\nmodel = \"gone.json\"", &absent));
+    let text = complaint(
+        folder.path(),
+        &config("[control]\nmodel = \"gone.json\"", &absent),
+    );
     assert!(text.contains("gone.json"), "{text}");
 }
 
@@ -99,15 +124,24 @@ fn model_that_does_not_exist() {
 fn model_of_another_robot() {
     let (folder, absent) = folder();
     fs::write(folder.path().join("model.json"), model("elsewhere", 1)).unwrap();
-    let text = complaint(folder.path(), &config("[control]\nmodel = \"model.json\"", &absent));
-    assert!(text.contains("elsewhere") && text.contains("here"), "{text}");
+    let text = complaint(
+        folder.path(),
+        &config("[control]\nmodel = \"model.json\"", &absent),
+    );
+    assert!(
+        text.contains("elsewhere") && text.contains("here"),
+        "{text}"
+    );
 }
 
 #[test]
 fn model_of_another_schema() {
     let (folder, absent) = folder();
     fs::write(folder.path().join("model.json"), model("here", 99)).unwrap();
-    let text = complaint(folder.path(), &config("[control]\nmodel = \"model.json\"", &absent));
+    let text = complaint(
+        folder.path(),
+        &config("[control]\nmodel = \"model.json\"", &absent),
+    );
     assert!(text.contains("99"), "{text}");
 }
 
@@ -118,9 +152,18 @@ fn files_that_everyone_may_write() {
     let path = folder.path().join("model.json");
     fs::write(&path, model("here", 1)).unwrap();
     fs::set_permissions(&path, all()).unwrap();
-    let text = complaint(folder.path(), &config("[control]\nmodel = \"model.json\"", &absent));
-    assert!(text.contains("model.json") && text.contains("chmod o-w"), "{text}");
+    let text = complaint(
+        folder.path(),
+        &config("[control]\nmodel = \"model.json\"", &absent),
+    );
+    assert!(
+        text.contains("model.json") && text.contains("chmod o-w"),
+        "{text}"
+    );
     fs::set_permissions(folder.path().join("robot.toml"), all()).unwrap();
     let text = complaint(folder.path(), &config("", &absent));
-    assert!(text.contains("robot.toml") && text.contains("chmod o-w"), "{text}");
+    assert!(
+        text.contains("robot.toml") && text.contains("chmod o-w"),
+        "{text}"
+    );
 }

@@ -1,11 +1,18 @@
-//! The cycle takes no memory: counted over 10,000 ticks of work, faults, recoveries and swaps of models.
+//! The cycle takes no memory: counted over 10,000 ticks of work, faults, recoveries and swaps of
+//! models.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
+#[allow(
+    dead_code,
+    reason = "shared with the tests of the cycle, which use all of it"
+)]
 #[path = "cycle/bench.rs"]
 mod bench;
-#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
+#[allow(
+    dead_code,
+    reason = "shared with the tests of the cycle, which use all of it"
+)]
 #[path = "cycle/drive.rs"]
 mod drive;
 #[path = "cycle/invariant.rs"]
@@ -38,8 +45,8 @@ fn calls() -> u64 {
     CALLS.with(Cell::get)
 }
 
-// SAFETY: every call goes on to the system's allocator unchanged; the counter is a plain cell without a destructor, so
-// counting neither allocates nor fails.
+// SAFETY: every call goes on to the system's allocator unchanged; the counter is a plain cell
+// without a destructor, so counting neither allocates nor fails.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
@@ -92,18 +99,28 @@ fn a_day(bench: &mut Bench, models: &[Arc<Model>; 2], day: u32) {
     assert_eq!(bench.state(), OperatingState::Disabled);
 }
 
-/// Forward, back, and forward again while angles are followed. The models are built before: that takes memory.
+/// Forward, back, and forward again while angles are followed. The models are built before: that
+/// takes memory.
 fn swap_models(bench: &mut Bench, models: &[Arc<Model>; 2], day: u32) {
     let here = bench.joints().setpoint.map(f64::to_degrees);
     assert_eq!(bench.joint(here[0], here[1]), Refusal::None);
     let next = &models[(day % 2) as usize];
     bench.offer(bench.candidate(next));
     bench.run(2);
-    assert_eq!(bench.change_model(ModelChange::Activate(next.id()), true), Refusal::None);
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(next.id()), true),
+        Refusal::None
+    );
     bench.run(5);
-    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
+    assert_eq!(
+        bench.change_model(ModelChange::Rollback, true),
+        Refusal::None
+    );
     bench.run(5);
-    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
+    assert_eq!(
+        bench.change_model(ModelChange::Rollback, true),
+        Refusal::None
+    );
     bench.run(20);
 }
 

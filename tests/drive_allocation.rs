@@ -1,4 +1,5 @@
-//! The port thread allocates nothing once it runs: not in an exchange, not in a change of state, not in a recovery.
+//! The port thread allocates nothing once it runs: not in an exchange, not in a change of state,
+//! not in a recovery.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
 mod drive_fixture;
@@ -25,7 +26,8 @@ thread_local! {
 /// Counts what the threads allocate that ask for it.
 struct Counting;
 
-// SAFETY: everything is passed on to the system's allocator; the counters are plain cells and allocate nothing.
+// SAFETY: everything is passed on to the system's allocator; the counters are plain cells and
+// allocate nothing.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if COUNTING.get() {
@@ -84,7 +86,12 @@ impl Transport for Uncounted {
 }
 
 /// Turns until the axis is in a phase.
-fn until<T: Transport>(runner: &mut PortRunner<T>, link: &mut AxisLink, request: AxisRequest, phase: AxisPhase) {
+fn until<T: Transport>(
+    runner: &mut PortRunner<T>,
+    link: &mut AxisLink,
+    request: AxisRequest,
+    phase: AxisPhase,
+) {
     let mut ignore = |_: PortEvent| {};
     link.requests.write(request);
     for _ in 0..20_000 {
@@ -106,7 +113,10 @@ fn nothing_is_allocated_through_a_life_with_faults_and_losses() {
     let drive = one_drive();
     let config = port_config(std::slice::from_ref(&drive));
     let bench = Bench::new(vec![drive]);
-    let (mut runner, mut links) = Port::over(Uncounted(bench.clone()), &config).bring_up().unwrap().split();
+    let (mut runner, mut links) = Port::over(Uncounted(bench.clone()), &config)
+        .bring_up()
+        .unwrap()
+        .split();
     let link = &mut links[0];
     let mut request = AxisRequest::default();
     let mut ignore = |_: PortEvent| {};
@@ -154,11 +164,18 @@ fn uncounted<R>(work: impl FnOnce() -> R) -> R {
 fn nothing_is_allocated_on_a_real_port_with_time_outs() {
     let folder = tempfile::tempdir().unwrap();
     let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-    let emulated = EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
+    let emulated = EmulatorConfig::new(
+        SnakeConfig::load(&snake).unwrap(),
+        &folder.path().join("ports"),
+    );
     let emulator = Emulator::start(emulated).unwrap();
     let mut drive = one_drive();
     drive.serial_number = 62_000_001;
-    let config = PortConfig { device: emulator.device(0).to_owned(), reply_timeout_ms: 50, ..port_config(&[drive]) };
+    let config = PortConfig {
+        device: emulator.device(0).to_owned(),
+        reply_timeout_ms: 50,
+        ..port_config(&[drive])
+    };
     let (mut runner, mut links) = Port::open(&config).unwrap().bring_up().unwrap().split();
     let link = &mut links[0];
     let mut ignore = |_: PortEvent| {};

@@ -1,4 +1,5 @@
-//! The guard and the controller as real processes: whatever ends the controller, its drives are stopped.
+//! The guard and the controller as real processes: whatever ends the controller, its drives are
+//! stopped.
 //!
 //! How long it takes: `cargo test --test drive_guard -- --ignored --nocapture latency`.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
@@ -26,13 +27,17 @@ struct Guarded {
 }
 
 impl Guarded {
-    /// A guard that takes this silence for hanging. A test takes more than any stall of the machine.
+    /// A guard that takes this silence for hanging. A test takes more than any stall of the
+    /// machine.
     fn new(silence_ms: u64) -> Self {
         Self::with(Rig::new(), silence_ms)
     }
 
     fn with(mut rig: Rig, silence_ms: u64) -> Self {
-        let (file, said) = (rig.folder.path().join("guarded.toml"), rig.folder.path().join("guard.log"));
+        let (file, said) = (
+            rig.folder.path().join("guarded.toml"),
+            rig.folder.path().join("guard.log"),
+        );
         fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
         let guard = Command::new(env!("CARGO_BIN_EXE_i2ris-guard"))
             .arg("--config")
@@ -43,9 +48,20 @@ impl Guarded {
             .stderr(fs::File::create(&said).unwrap())
             .spawn()
             .unwrap();
-        until("the guard holds both ports", || fs::read_to_string(&said).unwrap().matches("holding").count() == 2);
+        until("the guard holds both ports", || {
+            fs::read_to_string(&said)
+                .unwrap()
+                .matches("holding")
+                .count()
+                == 2
+        });
         let client = rig.enabled();
-        let guarded = Self { rig, guard, said, _client: client };
+        let guarded = Self {
+            rig,
+            guard,
+            said,
+            _client: client,
+        };
         guarded.until_said("watching");
         guarded
     }
@@ -65,19 +81,36 @@ impl Guarded {
     }
 
     fn states(&self) -> [State; 2] {
-        self.rig.emulator.snapshot().axes.map(|axis| axis.drive.state)
+        self.rig
+            .emulator
+            .snapshot()
+            .axes
+            .map(|axis| axis.drive.state)
     }
 
     fn until_stopped(&self) {
-        until("both drives are stopped", || self.states() == [State::QuickStopActive; 2]);
+        until("both drives are stopped", || {
+            self.states() == [State::QuickStopActive; 2]
+        });
     }
 
     /// When each drive was stopped, for the last time.
     fn stops(&self) -> [Option<Nanos>; 2] {
         let log = self.rig.emulator.log();
         [0, 1].map(|axis| {
-            let stopped = |kind| matches!(kind, EventKind::State { to: State::QuickStopActive, .. });
-            log.iter().rev().find(|event| event.axis == axis && stopped(event.kind)).map(|event| event.stamp)
+            let stopped = |kind| {
+                matches!(
+                    kind,
+                    EventKind::State {
+                        to: State::QuickStopActive,
+                        ..
+                    }
+                )
+            };
+            log.iter()
+                .rev()
+                .find(|event| event.axis == axis && stopped(event.kind))
+                .map(|event| event.stamp)
         })
     }
 }
@@ -106,7 +139,9 @@ fn h03_a_controller_that_is_killed_leaves_its_drives_stopped() {
     guarded.until_said("the controller is gone");
     // The guard lets others have the ports, and watches the next one.
     let _client = guarded.rig.enabled();
-    until("the guard watches again", || guarded.said().matches("watching").count() == 2);
+    until("the guard watches again", || {
+        guarded.said().matches("watching").count() == 2
+    });
     assert_eq!(guarded.states(), [State::OperationEnabled; 2]);
 }
 
@@ -119,7 +154,14 @@ fn h03_a_controller_that_hangs_leaves_its_drives_stopped() {
     // It wakes up: what it does then must not set the drives going again.
     guarded.rig.signal(Signal::SIGCONT);
     clock::sleep(Nanos::from_millis(500));
-    assert!(guarded.states().iter().all(|state| *state != State::OperationEnabled), "{:?}", guarded.states());
+    assert!(
+        guarded
+            .states()
+            .iter()
+            .all(|state| *state != State::OperationEnabled),
+        "{:?}",
+        guarded.states()
+    );
 }
 
 #[test]
@@ -131,7 +173,8 @@ fn a_controller_that_ends_in_order_is_left_alone() {
     assert_eq!(guarded.states(), [State::ReadyToSwitchOn; 2]);
 }
 
-/// Prints how long it takes from the signal to the quick stop in the drives, with the silence that the guard has by default.
+/// Prints how long it takes from the signal to the quick stop in the drives, with the silence that
+/// the guard has by default.
 #[test]
 #[ignore = "prints times, which depend on the machine"]
 fn latency() {
@@ -146,11 +189,19 @@ fn latency() {
             let begin = clock::now();
             guarded.rig.signal(signal);
             guarded.until_stopped();
-            spans.extend(guarded.stops().into_iter().flatten().map(|stamp| stamp - begin));
+            spans.extend(
+                guarded
+                    .stops()
+                    .into_iter()
+                    .flatten()
+                    .map(|stamp| stamp - begin),
+            );
             guarded.end_with(Signal::SIGKILL);
         }
         spans.sort_unstable();
-        let ms = |quantile: f64| spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3;
+        let ms = |quantile: f64| {
+            spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3
+        };
         println!(
             "{name}: {} stops, ms: min {:.0}, median {:.0}, p90 {:.0}, max {:.0}",
             spans.len(),

@@ -1,4 +1,5 @@
-//! One request and one reply over a line that loses, damages and delays: nothing wrong is ever believed.
+//! One request and one reply over a line that loses, damages and delays: nothing wrong is ever
+//! believed.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
 mod drive_fixture;
@@ -56,18 +57,34 @@ fn an_answer_tells_when_it_was_sent_and_received() {
     let answer = link.write(NODE, TARGET.set(5), Repeat::Never).unwrap();
     assert_eq!(answer.sent, before);
     assert_eq!(answer.received, bench.world().now);
-    assert!(answer.received > answer.sent + Nanos::from_millis(2), "24 bytes take 2.08 ms");
+    assert!(
+        answer.received > answer.sent + Nanos::from_millis(2),
+        "24 bytes take 2.08 ms"
+    );
 }
 
 #[test]
 fn a_lost_request_or_reply_is_repeated_once_after_the_line_is_checked() {
-    for mischief in [Mischief::LoseRequest, Mischief::LoseReply, Mischief::CutReply(5), Mischief::FlipReply(6)] {
+    for mischief in [
+        Mischief::LoseRequest,
+        Mischief::LoseReply,
+        Mischief::CutReply(5),
+        Mischief::FlipReply(6),
+    ] {
         let (bench, mut link) = line();
         bench.misbehave([mischief]);
         let position = link.read(NODE, POSITION).unwrap();
         assert_eq!(position, last_request(&bench), "{mischief:?}");
-        let indices: Vec<u16> = bench.world().requests.iter().map(|request| request.3).collect();
-        assert!(indices.ends_with(&[0x1018, 0x1018, 0x6064]), "vendor, serial number, again: {indices:X?}");
+        let indices: Vec<u16> = bench
+            .world()
+            .requests
+            .iter()
+            .map(|request| request.3)
+            .collect();
+        assert!(
+            indices.ends_with(&[0x1018, 0x1018, 0x6064]),
+            "vendor, serial number, again: {indices:X?}"
+        );
         assert_eq!(link.counters().retries, 1);
     }
 }
@@ -83,10 +100,18 @@ fn a_request_that_arrived_damaged_is_sent_again_at_once() {
 
 #[test]
 fn what_may_not_be_repeated_is_not() {
-    for mischief in [Mischief::LoseRequest, Mischief::LoseReply, Mischief::FlipReply(7)] {
+    for mischief in [
+        Mischief::LoseRequest,
+        Mischief::LoseReply,
+        Mischief::FlipReply(7),
+    ] {
         let (bench, mut link) = line();
         bench.misbehave([mischief]);
-        assert_eq!(link.write(NODE, TARGET.set(5), Repeat::Never), Err(LinkError::Unanswered), "{mischief:?}");
+        assert_eq!(
+            link.write(NODE, TARGET.set(5), Repeat::Never),
+            Err(LinkError::Unanswered),
+            "{mischief:?}"
+        );
         assert!(bench.drive(NODE, |drive| drive.written(0x607A, 0)).len() <= 1);
         assert!(link.is_in_step(), "the next reply can be believed");
         assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)));
@@ -113,8 +138,16 @@ fn a_late_reply_that_equals_the_known_constant_is_told_apart() {
         // This position is 251, the vendor number of maxon.
         bench.drive(NODE, |drive| drive.requests = 250);
         bench.misbehave([Mischief::DelayReply(Nanos::from_millis(late_ms))]);
-        assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)), "reply late by {late_ms} ms");
-        assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)), "the one after it");
+        assert_eq!(
+            link.read(NODE, POSITION),
+            Ok(last_request(&bench)),
+            "reply late by {late_ms} ms"
+        );
+        assert_eq!(
+            link.read(NODE, POSITION),
+            Ok(last_request(&bench)),
+            "the one after it"
+        );
     }
 }
 
@@ -125,10 +158,17 @@ fn several_late_replies_are_never_taken_for_those_to_the_constants() {
             for third in [0, 60, 130] {
                 let (bench, mut link) = line();
                 bench.misbehave([Mischief::LoseRequest]);
-                bench.misbehave([first, second, third].map(|late| Mischief::DelayReply(Nanos::from_millis(late))));
+                bench.misbehave(
+                    [first, second, third]
+                        .map(|late| Mischief::DelayReply(Nanos::from_millis(late))),
+                );
                 for _ in 0..4 {
                     if let Ok(position) = link.read(NODE, POSITION) {
-                        assert_eq!(position, last_request(&bench), "late by {first}, {second} and {third} ms");
+                        assert_eq!(
+                            position,
+                            last_request(&bench),
+                            "late by {first}, {second} and {third} ms"
+                        );
                     }
                 }
             }
@@ -168,8 +208,15 @@ fn what_may_not_be_repeated_is_not_sent_late_either() {
     let (bench, mut link) = line();
     bench.leave_a_request();
     bench.world().now = bench.time() + Nanos::from_millis(10);
-    assert_eq!(link.write(NODE, TARGET.set(5), Repeat::Never), Err(LinkError::Unanswered));
-    assert!(bench.drive(NODE, |drive| drive.written(0x607A, 0)).is_empty());
+    assert_eq!(
+        link.write(NODE, TARGET.set(5), Repeat::Never),
+        Err(LinkError::Unanswered)
+    );
+    assert!(
+        bench
+            .drive(NODE, |drive| drive.written(0x607A, 0))
+            .is_empty()
+    );
     assert!(link.write(NODE, TARGET.set(5), Repeat::Never).is_ok());
 }
 
@@ -208,14 +255,23 @@ fn a_dead_line_is_given_up_after_a_bounded_time() {
     let span = bench.world().now.since(begin);
     assert!(span < Nanos::from_millis(500), "{span:?}");
     bench.world().dead = false;
-    assert_eq!(link.read(NODE, POSITION), Ok(last_request(&bench)), "and found again");
+    assert_eq!(
+        link.read(NODE, POSITION),
+        Ok(last_request(&bench)),
+        "and found again"
+    );
 }
 
 #[test]
 fn a_silent_node_behind_a_live_line_is_unanswered_not_lost() {
     let (bench, mut link) = line();
     // The request, the two constants, and the repetition.
-    bench.misbehave([Mischief::LoseReply, Mischief::Nothing, Mischief::Nothing, Mischief::LoseReply]);
+    bench.misbehave([
+        Mischief::LoseReply,
+        Mischief::Nothing,
+        Mischief::Nothing,
+        Mischief::LoseReply,
+    ]);
     assert_eq!(link.read(NODE, POSITION), Err(LinkError::Unanswered));
     assert!(link.is_in_step());
 }
@@ -224,7 +280,10 @@ fn a_silent_node_behind_a_live_line_is_unanswered_not_lost() {
 fn a_pulled_cable_is_told_from_silence() {
     let (bench, mut link) = line();
     bench.world().hung_up = true;
-    assert_eq!(link.read(NODE, POSITION), Err(LinkError::Broken(std::io::ErrorKind::BrokenPipe)));
+    assert_eq!(
+        link.read(NODE, POSITION),
+        Err(LinkError::Broken(std::io::ErrorKind::BrokenPipe))
+    );
 }
 
 fn mischief() -> impl Strategy<Value = Mischief> {
@@ -244,8 +303,8 @@ fn mischief() -> impl Strategy<Value = Mischief> {
 }
 
 proptest! {
-    /// Whatever happens on the line, a value that is believed answers the request that was just made, a set-point that
-    /// is acknowledged was written, and the line never stays out of step.
+    /// Whatever happens on the line, a value that is believed answers the request that was just
+    /// made, a set-point that is acknowledged was written, and the line never stays out of step.
     #[test]
     fn no_wrong_value_is_ever_believed(mischief in vec(mischief(), 1..60), first in 0..300u32) {
         let (bench, mut link) = line();

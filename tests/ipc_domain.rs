@@ -30,7 +30,12 @@ fn nobody_else_may_look_inside() {
     let _server = serve(&domain);
     for path in remains(&domain) {
         let metadata = fs::metadata(&path).unwrap();
-        assert_eq!(metadata.permissions().mode() & 0o077, 0, "{}", path.display());
+        assert_eq!(
+            metadata.permissions().mode() & 0o077,
+            0,
+            "{}",
+            path.display()
+        );
     }
 }
 
@@ -39,8 +44,16 @@ fn a_second_controller_is_refused_and_told_who_serves() {
     let domain = unique();
     let _server = serve(&domain);
     let error = DomainGuard::acquire(&domain).unwrap_err();
-    assert!(matches!(error, DomainError::Taken { pid: Some(pid), .. } if pid == std::process::id()), "{error}");
-    assert!(error.to_string().contains(&format!("process id {}", std::process::id())), "{error}");
+    assert!(
+        matches!(error, DomainError::Taken { pid: Some(pid), .. } if pid == std::process::id()),
+        "{error}"
+    );
+    assert!(
+        error
+            .to_string()
+            .contains(&format!("process id {}", std::process::id())),
+        "{error}"
+    );
 }
 
 #[test]
@@ -57,17 +70,26 @@ fn a_folder_that_others_can_use_is_refused() {
 fn a_sensor_outlives_controllers() {
     let domain = unique();
     let mut camera = ExternalPublisher::new(&domain);
-    assert!(matches!(camera.publish(Nanos(1), &[0.1, 0.2], &[]), Err(ClientError::NoController { .. })));
+    assert!(matches!(
+        camera.publish(Nanos(1), &[0.1, 0.2], &[]),
+        Err(ClientError::NoController { .. })
+    ));
     for round in 1..=3_u64 {
         let mut server = serve(&domain);
         let seen = eventually("the camera reaches the controller", || {
             let _ = camera.publish(Nanos(round), &[0.1, 0.2], &[0.01, 0.02]);
             server.poll_external()
         });
-        assert_eq!((seen.stamp_ns, seen.count, seen.position), (round, 2, [0.1, 0.2, 0.0]));
+        assert_eq!(
+            (seen.stamp_ns, seen.count, seen.position),
+            (round, 2, [0.1, 0.2, 0.0])
+        );
         assert_eq!(server.failures().0, 0);
     }
-    assert!(matches!(camera.publish(Nanos(9), &[0.1], &[]), Err(ClientError::NoController { .. })));
+    assert!(matches!(
+        camera.publish(Nanos(9), &[0.1], &[]),
+        Err(ClientError::NoController { .. })
+    ));
     drop(camera);
     assert_eq!(remains(&domain), Vec::<PathBuf>::new());
 }
@@ -76,8 +98,8 @@ fn a_sensor_outlives_controllers() {
 fn what_a_killed_controller_left_is_wiped() {
     let domain = unique();
     let first = DomainGuard::acquire(&domain).unwrap();
-    // Debris as a process leaves it that is killed between creating shared memory and giving it a size: iceoryx2 0.10
-    // loops for ever when it meets this in a clean-up.
+    // Debris as a process leaves it that is killed between creating shared memory and giving it a
+    // size: iceoryx2 0.10 loops for ever when it meets this in a clean-up.
     let old = format!("{}{:016x}_", domain.prefix(), first.boot_id());
     fs::write(format!("/dev/shm/{old}0123.dynamic"), []).unwrap();
     let nodes = domain.directory().join("0000000000000001/nodes");
@@ -92,7 +114,10 @@ fn what_a_killed_controller_left_is_wiped() {
     let server = serve(&domain);
     assert_eq!(Ready::read(&domain).unwrap().boot_id, server.boot_id());
     assert!(!nodes.exists());
-    let debris = remains(&domain).into_iter().filter(|path| path.to_string_lossy().contains(&old)).count();
+    let debris = remains(&domain)
+        .into_iter()
+        .filter(|path| path.to_string_lossy().contains(&old))
+        .count();
     assert_eq!(debris, 0);
     drop(server);
     assert_eq!(remains(&domain), Vec::<PathBuf>::new());
@@ -123,8 +148,20 @@ fn the_longest_name_works() {
 fn a_controller_of_another_interface_version_is_named() {
     let domain = unique();
     let guard = DomainGuard::acquire(&domain).unwrap();
-    fs::write(domain.directory().join("ready"), format!("{:016x} 2 1", guard.boot_id())).unwrap();
+    fs::write(
+        domain.directory().join("ready"),
+        format!("{:016x} 2 1", guard.boot_id()),
+    )
+    .unwrap();
     let error = Client::connect(&domain, Nanos::ZERO).unwrap_err();
-    assert!(matches!(error, ClientError::Interface { found: 2, .. }), "{error}");
-    assert!(error.to_string().contains("interface version 2, this program 1"), "{error}");
+    assert!(
+        matches!(error, ClientError::Interface { found: 2, .. }),
+        "{error}"
+    );
+    assert!(
+        error
+            .to_string()
+            .contains("interface version 2, this program 1"),
+        "{error}"
+    );
 }

@@ -17,13 +17,17 @@ use ipc_common::{Controller, PATIENCE, eventually, remains, serve, unique};
 
 const DOMAIN: &str = "I2RIS_TEST_DOMAIN";
 
-/// A child that is killed and waited for, whatever happens to the test: iceoryx2 takes a zombie for alive.
+/// A child that is killed and waited for, whatever happens to the test: iceoryx2 takes a zombie for
+/// alive.
 struct Process(Child);
 
 impl Process {
     fn start(role: &str, domain: &Domain) -> Self {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", role, "--ignored"]).env(DOMAIN, domain.name()).stdout(Stdio::null());
+        command
+            .args(["--exact", role, "--ignored"])
+            .env(DOMAIN, domain.name())
+            .stdout(Stdio::null());
         Self(command.spawn().unwrap())
     }
 
@@ -46,7 +50,9 @@ impl Drop for Process {
 
 /// The domain that a role was given; `None` when someone runs the ignored tests by hand.
 fn assigned() -> Option<Domain> {
-    std::env::var(DOMAIN).ok().map(|name| Domain::new(&name).unwrap())
+    std::env::var(DOMAIN)
+        .ok()
+        .map(|name| Domain::new(&name).unwrap())
 }
 
 #[test]
@@ -56,7 +62,10 @@ fn role_controller() {
     let mut server = serve(&domain);
     loop {
         let now = clock::now();
-        server.publish_operating_state(OperatingStateMsg { stamp_ns: now.0, ..OperatingStateMsg::default() });
+        server.publish_operating_state(OperatingStateMsg {
+            stamp_ns: now.0,
+            ..OperatingStateMsg::default()
+        });
         server.maintain(now);
         clock::sleep(Nanos::from_millis(1));
     }
@@ -97,7 +106,10 @@ fn a_command_from_a_process_that_exits_at_once_arrives() {
     for _ in 0..5 {
         assert!(Process::start("role_one_shot", &domain).succeeds());
     }
-    assert_eq!(commands.try_iter().collect::<Vec<_>>(), [StateCommand::Home.number(); 5]);
+    assert_eq!(
+        commands.try_iter().collect::<Vec<_>>(),
+        [StateCommand::Home.number(); 5]
+    );
 }
 
 #[test]
@@ -110,7 +122,10 @@ fn killed_commanders_never_block_the_next_one() {
         let commander = Process::start("role_commander", &domain);
         former = eventually("a new commander is heard", || {
             server.maintain(clock::now());
-            server.poll_servo(0).map(|command| command.client_id).filter(|client| *client != former)
+            server
+                .poll_servo(0)
+                .map(|command| command.client_id)
+                .filter(|client| *client != former)
         });
         commander.kill();
     }
@@ -124,13 +139,25 @@ fn a_client_lives_through_a_killed_controller() {
     let mut client = Client::connect(&domain, PATIENCE).unwrap();
     let mut state = Latest::new(client.watcher().operating_state());
     let before = client.version().unwrap();
-    eventually("the first controller tells its state", || state.refresh().ok().flatten().copied());
+    eventually("the first controller tells its state", || {
+        state.refresh().ok().flatten().copied()
+    });
     first.kill();
-    eventually("the client notices", || state.refresh().is_err_and(|error| error.is_absent()).then_some(()));
-    assert!(!remains(&domain).is_empty(), "a killed process cannot clean up");
+    eventually("the client notices", || {
+        state
+            .refresh()
+            .is_err_and(|error| error.is_absent())
+            .then_some(())
+    });
+    assert!(
+        !remains(&domain).is_empty(),
+        "a killed process cannot clean up"
+    );
 
     let second = Process::start("role_controller", &domain);
-    let seen = eventually("the second controller tells its state", || state.refresh().ok().flatten().copied());
+    let seen = eventually("the second controller tells its state", || {
+        state.refresh().ok().flatten().copied()
+    });
     let after = client.version().unwrap();
     assert_eq!(seen.boot_id, after.boot_id);
     assert!(after.boot_id != before.boot_id && after.pid != before.pid);
@@ -147,7 +174,10 @@ fn a_second_controller_is_told_the_process_id_of_the_first() {
     let pid = eventually("the first controller serves", || Ready::read(&domain)).pid;
     assert_eq!(pid, first.0.id());
     let error = DomainGuard::acquire(&domain).unwrap_err();
-    assert!(matches!(error, DomainError::Taken { pid: Some(taken), .. } if taken == pid), "{error}");
+    assert!(
+        matches!(error, DomainError::Taken { pid: Some(taken), .. } if taken == pid),
+        "{error}"
+    );
     first.kill();
     // The lock dies with the process, so the next one starts at once.
     drop(serve(&domain));

@@ -47,13 +47,21 @@ fn main() -> ExitCode {
 fn start() -> Result<(), Failure> {
     match parse(std::env::args_os().skip(1))? {
         Request::Help => print(HELP),
-        Request::Version => print(&format!("i2ris-control {} ({COMMIT})\n", env!("CARGO_PKG_VERSION"))),
+        Request::Version => print(&format!(
+            "i2ris-control {} ({COMMIT})\n",
+            env!("CARGO_PKG_VERSION")
+        )),
         Request::Run(path, note) => {
             let config = Config::load(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&shutdown);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            Ok(runtime::run_with_note(&config, &note, &shutdown, &mut io::stderr())?)
+            Ok(runtime::run_with_note(
+                &config,
+                &note,
+                &shutdown,
+                &mut io::stderr(),
+            )?)
         }
     }
 }
@@ -67,16 +75,24 @@ fn note(arguments: &mut impl Iterator<Item = OsString>) -> Result<String, Failur
     match arguments.next() {
         None => Ok(String::new()),
         Some(option) if option == "--note" => {
-            let text = arguments.next().ok_or("--note wants a text; see i2ris-control --help")?;
+            let text = arguments
+                .next()
+                .ok_or("--note wants a text; see i2ris-control --help")?;
             Ok(text.to_string_lossy().into_owned())
         }
-        Some(more) => Err(format!("unexpected argument {}; see i2ris-control --help", more.display()).into()),
+        Some(more) => Err(format!(
+            "unexpected argument {}; see i2ris-control --help",
+            more.display()
+        )
+        .into()),
     }
 }
 
 fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failure> {
     let wrong = |what: String| Err(format!("{what}; see i2ris-control --help").into());
-    let Some(first) = arguments.next() else { return wrong("no configuration named".to_owned()) };
+    let Some(first) = arguments.next() else {
+        return wrong("no configuration named".to_owned());
+    };
     let request = match first.to_str() {
         Some("--help" | "-h") => Request::Help,
         Some("--version" | "-V") => Request::Version,

@@ -55,16 +55,27 @@ fn main() -> ExitCode {
 fn start() -> Result<(), Failure> {
     match parse(std::env::args_os().skip(1))? {
         Request::Help => Ok(io::stdout().write_all(HELP.as_bytes())?),
-        Request::Version => Ok(writeln!(io::stdout(), "i2ris-guard {} ({COMMIT})", env!("CARGO_PKG_VERSION"))?),
+        Request::Version => Ok(writeln!(
+            io::stdout(),
+            "i2ris-guard {} ({COMMIT})",
+            env!("CARGO_PKG_VERSION")
+        )?),
         Request::Run(path, silence) => {
             let config = Config::load(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;
             let stop = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&stop);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            let wanted = Wanted { priority: PRIORITY, cpu: None, lock_memory: config.control.lock_memory };
+            let wanted = Wanted {
+                priority: PRIORITY,
+                cpu: None,
+                lock_memory: config.control.lock_memory,
+            };
             let granted = rt::request(wanted);
-            granted.warnings.iter().for_each(|warning| say(format_args!("warning: {warning}")));
+            granted
+                .warnings
+                .iter()
+                .for_each(|warning| say(format_args!("warning: {warning}")));
             guard::run(&config, &domain, silence, &stop, &mut tell);
             Ok(())
         }
@@ -74,18 +85,35 @@ fn start() -> Result<(), Failure> {
 fn tell(notice: Notice) {
     match notice {
         Notice::Held(device) => say(format_args!("holding {}", device.display())),
-        Notice::NotHeld(device, why) => say(format_args!("cannot hold {}: {why}", device.display())),
+        Notice::NotHeld(device, why) => {
+            say(format_args!("cannot hold {}: {why}", device.display()))
+        }
         Notice::Watching => say(format_args!("watching the controller")),
         Notice::Ended => say(format_args!("the controller ended with its drives off")),
         Notice::Silent(verdict, age) => {
-            let what = if verdict == Verdict::Gone { "is gone" } else { "hangs" };
-            say(format_args!("the controller {what}; its last beat was {:.1} ms ago", age.as_seconds() * 1e3));
+            let what = if verdict == Verdict::Gone {
+                "is gone"
+            } else {
+                "hangs"
+            };
+            say(format_args!(
+                "the controller {what}; its last beat was {:.1} ms ago",
+                age.as_seconds() * 1e3
+            ));
         }
         Notice::Stopped(device, axes) => {
             for axis in axes {
                 match axis.outcome {
-                    Ok(state) => say(format_args!("{}, motor {}: {state:?}", device.display(), axis.motor)),
-                    Err(why) => say(format_args!("{}, motor {}: NOT STOPPED, {why}", device.display(), axis.motor)),
+                    Ok(state) => say(format_args!(
+                        "{}, motor {}: {state:?}",
+                        device.display(),
+                        axis.motor
+                    )),
+                    Err(why) => say(format_args!(
+                        "{}, motor {}: NOT STOPPED, {why}",
+                        device.display(),
+                        axis.motor
+                    )),
                 }
             }
         }
@@ -107,9 +135,18 @@ fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failu
             Some("--config" | "-c") => config = arguments.next().map(PathBuf::from),
             Some("--silence-ms") => {
                 let text = arguments.next().unwrap_or_default();
-                match text.to_str().and_then(|text| text.parse().ok()).filter(|ms| (10..=10_000).contains(ms)) {
+                match text
+                    .to_str()
+                    .and_then(|text| text.parse().ok())
+                    .filter(|ms| (10..=10_000).contains(ms))
+                {
                     Some(ms) => silence = Nanos::from_millis(ms),
-                    None => return wrong(format!("--silence-ms {}: must be 10 to 10000", text.display())),
+                    None => {
+                        return wrong(format!(
+                            "--silence-ms {}: must be 10 to 10000",
+                            text.display()
+                        ));
+                    }
                 }
             }
             _ => return wrong(format!("unknown argument {}", argument.display())),

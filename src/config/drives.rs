@@ -23,22 +23,24 @@ pub struct PortConfig {
     /// How bytes are put into frames.
     #[serde(default)]
     pub framing: Framing,
-    /// How long to wait for a reply, in milliseconds, 3 to 1000. Behind a gateway, longer than its own time-out for a node.
+    /// How long to wait for a reply, in milliseconds, 3 to 1000. Behind a gateway, longer than its
+    /// own time-out for a node.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: u64,
-    /// Silence of the control loop after which the port stops its enabled axes, in milliseconds; 0: never. The loop writes a
-    /// request every tick, so this is a loop that hangs.
+    /// Silence of the control loop after which the port stops its enabled axes, in milliseconds; 0:
+    /// never. The loop writes a request every tick, so this is a loop that hangs.
     #[serde(default = "default_deadman_ms")]
     pub deadman_ms: u64,
     /// How often what is not pressing is read while a target is followed.
     #[serde(default)]
     pub pattern: Pattern,
-    /// A file that takes where the axes stand when the controller ends, relative to the folder of this file. With it, an axis
-    /// that stands elsewhere at the next start, or of which no one noted the place, is not homed. Absent: what the drive says
-    /// of its zero is believed.
+    /// A file that takes where the axes stand when the controller ends, relative to the folder of
+    /// this file. With it, an axis that stands elsewhere at the next start, or of which no one
+    /// noted the place, is not homed. Absent: what the drive says of its zero is believed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub positions_file: Option<PathBuf>,
-    /// The axes, one drive each. More than one: the first drive passes requests on over CAN, by node id.
+    /// The axes, one drive each. More than one: the first drive passes requests on over CAN, by
+    /// node id.
     pub axes: Vec<AxisConfig>,
 }
 
@@ -60,7 +62,8 @@ impl PortConfig {
     }
 }
 
-/// How often what is not pressing is read. A round is a set-point and a position, and takes two exchanges of the line.
+/// How often what is not pressing is read. A round is a set-point and a position, and takes two
+/// exchanges of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -73,7 +76,10 @@ pub struct Pattern {
 
 impl Default for Pattern {
     fn default() -> Self {
-        Self { status_every: 4, rare_every: 32 }
+        Self {
+            status_every: 4,
+            rare_every: 32,
+        }
     }
 }
 
@@ -106,11 +112,12 @@ pub enum Framing {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Streaming {
-    /// Every set-point acts at once: cyclic synchronous position (EPOS4), position mode (EPOS2). One write each.
+    /// Every set-point acts at once: cyclic synchronous position (EPOS4), position mode (EPOS2).
+    /// One write each.
     #[default]
     Cyclic,
-    /// The drive ramps to every set-point: profile position mode, EPOS4 only. Three writes each, so a third of the rate; the
-    /// drive's own limits on speed and acceleration hold.
+    /// The drive ramps to every set-point: profile position mode, EPOS4 only. Three writes each, so
+    /// a third of the rate; the drive's own limits on speed and acceleration hold.
     Profile,
 }
 
@@ -176,14 +183,15 @@ pub struct AxisConfig {
     /// How it finds its zero.
     #[serde(default)]
     pub homing: HomingMethod,
-    /// Motor current that tells the hard stop, mA, and the most that the drive puts out while it looks for it. Far below
-    /// what the wires bear, and below `current_limit_ma`.
+    /// Motor current that tells the hard stop, mA, and the most that the drive puts out while it
+    /// looks for it. Far below what the wires bear, and below `current_limit_ma`.
     #[serde(default = "default_homing_current_ma")]
     pub homing_current_ma: u32,
     /// Motor speed towards the hard stop, rpm.
     #[serde(default = "default_homing_speed_rpm")]
     pub homing_speed_rpm: u32,
-    /// Position that the hard stop has, counts: the zero lies as far from it. Only for homing against a stop.
+    /// Position that the hard stop has, counts: the zero lies as far from it. Only for homing
+    /// against a stop.
     #[serde(default)]
     pub homing_stop_counts: Counts,
 }
@@ -240,18 +248,41 @@ fn default_homing_speed_rpm() -> u32 {
 impl Config {
     pub(super) fn check_ports(&self) -> Result<(), WrongValue> {
         let motors = self.motors();
-        require((1..=MAX_MOTORS).contains(&motors), "ports.axes", motors, "there must be 1 or 2 axes in all")?;
+        require(
+            (1..=MAX_MOTORS).contains(&motors),
+            "ports.axes",
+            motors,
+            "there must be 1 or 2 axes in all",
+        )?;
         for (number, port) in self.ports.iter().enumerate() {
-            let twice = self.ports[..number].iter().any(|other| other.device == port.device);
+            let twice = self.ports[..number]
+                .iter()
+                .any(|other| other.device == port.device);
             port.check(number, twice)?;
         }
         self.axes().try_for_each(|axis| self.check_axis(axis))
     }
 
     fn check_axis(&self, axis: &AxisConfig) -> Result<(), WrongValue> {
-        let (motors, twice) = (self.motors(), self.axes().filter(|other| other.motor == axis.motor).count() > 1);
-        require(axis.motor < motors, &axis.key("motor"), axis.motor, "motors are numbered from 0 without gaps")?;
-        require(!twice, &axis.key("motor"), axis.motor, "is turned by another axis already")?;
+        let (motors, twice) = (
+            self.motors(),
+            self.axes()
+                .filter(|other| other.motor == axis.motor)
+                .count()
+                > 1,
+        );
+        require(
+            axis.motor < motors,
+            &axis.key("motor"),
+            axis.motor,
+            "motors are numbered from 0 without gaps",
+        )?;
+        require(
+            !twice,
+            &axis.key("motor"),
+            axis.motor,
+            "is turned by another axis already",
+        )?;
         axis.check()
     }
 }
@@ -260,22 +291,72 @@ impl PortConfig {
     fn check(&self, number: usize, twice: bool) -> Result<(), WrongValue> {
         let key = |name: &str| format!("ports[{number}].{name}");
         let timeout = self.reply_timeout_ms;
-        require((3..=1000).contains(&timeout), &key("reply_timeout_ms"), timeout, "must be 3 to 1000")?;
-        require((9600..=4_000_000).contains(&self.baud), &key("baud"), self.baud, "must be 9600 to 4000000")?;
-        require(!twice, &key("device"), self.device.display(), "is named by another port already")?;
-        let Pattern { status_every, rare_every } = self.pattern;
-        require((1..=1000).contains(&status_every), &key("pattern.status_every"), status_every, "must be 1 to 1000")?;
-        require((20..=10_000).contains(&rare_every), &key("pattern.rare_every"), rare_every, "must be 20 to 10000")?;
+        require(
+            (3..=1000).contains(&timeout),
+            &key("reply_timeout_ms"),
+            timeout,
+            "must be 3 to 1000",
+        )?;
+        require(
+            (9600..=4_000_000).contains(&self.baud),
+            &key("baud"),
+            self.baud,
+            "must be 9600 to 4000000",
+        )?;
+        require(
+            !twice,
+            &key("device"),
+            self.device.display(),
+            "is named by another port already",
+        )?;
+        let Pattern {
+            status_every,
+            rare_every,
+        } = self.pattern;
+        require(
+            (1..=1000).contains(&status_every),
+            &key("pattern.status_every"),
+            status_every,
+            "must be 1 to 1000",
+        )?;
+        require(
+            (20..=10_000).contains(&rare_every),
+            &key("pattern.rare_every"),
+            rare_every,
+            "must be 20 to 10000",
+        )?;
         let speaks = (self.family, self.framing) != (Family::Epos4, Framing::V1);
-        require(speaks, &key("framing"), "v1", "is spoken by `family = \"epos2\"` on RS232 only")?;
+        require(
+            speaks,
+            &key("framing"),
+            "v1",
+            "is spoken by `family = \"epos2\"` on RS232 only",
+        )?;
         for (place, axis) in self.axes.iter().enumerate() {
             let family = axis.family.unwrap_or(self.family);
             let can = (family, axis.streaming) != (Family::Epos2, Streaming::Profile);
-            require(can, &axis.key("streaming"), "profile", "is for EPOS4 only; leave it out for an EPOS2")?;
+            require(
+                can,
+                &axis.key("streaming"),
+                "profile",
+                "is for EPOS4 only; leave it out for an EPOS2",
+            )?;
             let fits = family != Family::Epos2 || axis.current_limit_ma <= u32::from(u16::MAX);
-            require(fits, &axis.key("current_limit_ma"), axis.current_limit_ma, "must be below 65536 for an EPOS2")?;
-            let twice = self.axes[..place].iter().any(|other| other.node_id == axis.node_id);
-            require(!twice, &axis.key("node_id"), axis.node_id, "is named by another axis of the same port already")?;
+            require(
+                fits,
+                &axis.key("current_limit_ma"),
+                axis.current_limit_ma,
+                "must be below 65536 for an EPOS2",
+            )?;
+            let twice = self.axes[..place]
+                .iter()
+                .any(|other| other.node_id == axis.node_id);
+            require(
+                !twice,
+                &axis.key("node_id"),
+                axis.node_id,
+                "is named by another axis of the same port already",
+            )?;
         }
         Ok(())
     }
@@ -287,7 +368,12 @@ impl AxisConfig {
     }
 
     fn check(&self) -> Result<(), WrongValue> {
-        require(self.node_id <= 127, &self.key("node_id"), self.node_id, "must be 0 to 127")?;
+        require(
+            self.node_id <= 127,
+            &self.key("node_id"),
+            self.node_id,
+            "must be 0 to 127",
+        )?;
         require(
             self.position_min_counts < self.position_max_counts,
             &self.key("position_min_counts"),
@@ -314,7 +400,12 @@ impl AxisConfig {
             "must be below current_limit_ma: it decides how hard the wires are pulled against the stop",
         )?;
         let inside = (self.position_min_counts..=self.position_max_counts).contains(&stop);
-        require(inside, &self.key("homing_stop_counts"), stop, "must lie within the position limits")
+        require(
+            inside,
+            &self.key("homing_stop_counts"),
+            stop,
+            "must lie within the position limits",
+        )
     }
 }
 
@@ -335,20 +426,49 @@ mod tests {
     #[test]
     fn a_port_without_a_family_is_an_epos4_with_stuffed_frames() {
         let config = parse("", "").unwrap();
-        assert_eq!((config.ports[0].family, config.ports[0].framing), (Family::Epos4, Framing::V2));
+        assert_eq!(
+            (config.ports[0].family, config.ports[0].framing),
+            (Family::Epos4, Framing::V2)
+        );
         assert_eq!(config.axis(0).unwrap().homing, HomingMethod::Here);
-        assert_eq!(PortConfig::new("/dev/null".into(), config.ports[0].axes.clone()), config.ports[0]);
-        assert_eq!(AxisConfig::new(0, 1, [Counts(-100), Counts(100)]), config.ports[0].axes[0]);
+        assert_eq!(
+            PortConfig::new("/dev/null".into(), config.ports[0].axes.clone()),
+            config.ports[0]
+        );
+        assert_eq!(
+            AxisConfig::new(0, 1, [Counts(-100), Counts(100)]),
+            config.ports[0].axes[0]
+        );
     }
 
     #[test]
     fn what_a_family_does_not_have_is_refused() {
         assert!(parse("family = \"epos2\"\nframing = \"v1\"", "").is_ok());
-        assert!(parse("framing = \"v1\"", "").unwrap_err().contains("ports[0].framing = v1: is spoken by"));
-        assert!(parse("family = \"epos2\"", "streaming = \"profile\"").unwrap_err().contains("for EPOS4 only"));
-        assert!(parse("", "family = \"epos2\"\nstreaming = \"profile\"").unwrap_err().contains("for EPOS4 only"));
-        assert!(parse("", "family = \"epos2\"\ncurrent_limit_ma = 70000").unwrap_err().contains("below 65536"));
-        assert!(parse("family = \"epos3\"", "").unwrap_err().contains("epos2"));
+        assert!(
+            parse("framing = \"v1\"", "")
+                .unwrap_err()
+                .contains("ports[0].framing = v1: is spoken by")
+        );
+        assert!(
+            parse("family = \"epos2\"", "streaming = \"profile\"")
+                .unwrap_err()
+                .contains("for EPOS4 only")
+        );
+        assert!(
+            parse("", "family = \"epos2\"\nstreaming = \"profile\"")
+                .unwrap_err()
+                .contains("for EPOS4 only")
+        );
+        assert!(
+            parse("", "family = \"epos2\"\ncurrent_limit_ma = 70000")
+                .unwrap_err()
+                .contains("below 65536")
+        );
+        assert!(
+            parse("family = \"epos3\"", "")
+                .unwrap_err()
+                .contains("epos2")
+        );
     }
 
     proptest::proptest! {
@@ -370,15 +490,25 @@ mod tests {
     fn two_axes_with_one_node_id_are_refused() {
         let second = "[[ports.axes]]\nmotor = 1\nnode_id = 0\nserial_number = 2\nposition_min_counts = 0\n\
                       position_max_counts = 1";
-        assert!(parse("", second).unwrap_err().contains("node_id = 0: is named by another axis of the same port"));
+        assert!(
+            parse("", second)
+                .unwrap_err()
+                .contains("node_id = 0: is named by another axis of the same port")
+        );
     }
 
     #[test]
     fn a_hard_stop_needs_a_current_below_the_limit() {
         assert!(parse("", "homing = \"stop-negative\"\nhoming_stop_counts = -90").is_ok());
-        assert!(parse("", "homing = \"stop-positive\"\nhoming_current_ma = 300").unwrap_err().contains("how hard"));
         assert!(
-            parse("", "homing = \"stop-positive\"\nhoming_stop_counts = 101").unwrap_err().contains("within the pos")
+            parse("", "homing = \"stop-positive\"\nhoming_current_ma = 300")
+                .unwrap_err()
+                .contains("how hard")
+        );
+        assert!(
+            parse("", "homing = \"stop-positive\"\nhoming_stop_counts = 101")
+                .unwrap_err()
+                .contains("within the pos")
         );
     }
 }

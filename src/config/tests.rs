@@ -13,7 +13,9 @@ const AXIS: &str = r#"
 "#;
 
 fn error(extra: &str) -> String {
-    Config::parse(&format!("{AXIS}\n{extra}"), Path::new("robot.toml")).unwrap_err().to_string()
+    Config::parse(&format!("{AXIS}\n{extra}"), Path::new("robot.toml"))
+        .unwrap_err()
+        .to_string()
 }
 
 #[test]
@@ -28,7 +30,9 @@ fn a_short_file_gets_the_defaults() {
 fn an_unknown_key_is_named_with_its_line() {
     let text = error("[control]\nrate_herz = 3");
     assert!(
-        text.contains("rate_herz") && text.contains("line 13") && text.contains("did you mean `rate_hz`?"),
+        text.contains("rate_herz")
+            && text.contains("line 13")
+            && text.contains("did you mean `rate_hz`?"),
         "{text}"
     );
 }
@@ -38,9 +42,16 @@ fn a_value_out_of_range_is_named_with_the_reason() {
     assert!(error("[control]\nrate_hz = 7").contains("control.rate_hz = 7: must be 100 to 4000"));
     assert!(error("[limits]\nvelocity_counts_s = nan").contains("limits.velocity_counts_s = NaN"));
     assert!(error("[command]\ndeadline_ms = 0").contains("command.deadline_ms"));
-    assert!(error("[compensation]\nfactor = 1.5").contains("compensation.factor = 1.5: must be 0 to 1"));
-    assert!(error("[compensation]\nturning_band_deg = nan").contains("turning_band_deg = NaN: must be 0 to 2"));
-    assert!(error("[limits]\njerk_counts_s3 = 1e7").contains("the delay would be longer than 16 ticks"));
+    assert!(
+        error("[compensation]\nfactor = 1.5").contains("compensation.factor = 1.5: must be 0 to 1")
+    );
+    assert!(
+        error("[compensation]\nturning_band_deg = nan")
+            .contains("turning_band_deg = NaN: must be 0 to 2")
+    );
+    assert!(
+        error("[limits]\njerk_counts_s3 = 1e7").contains("the delay would be longer than 16 ticks")
+    );
     assert!(error("[condition]\nturns = 0").contains("condition.turns = 0: must be 1 to 20"));
     assert!(error("[condition]\nhalf_width_counts = 0").contains("condition.half_width_counts"));
 }

@@ -21,9 +21,9 @@ pub(super) struct Aim {
 
 /// Takes aim along a course.
 ///
-/// The inverse is computed every tick, because a model with memory gives another answer after every motion. Where the
-/// course was one tick ago is inverted with the same memory: what matters is how the goal moves, not what the model has
-/// learned in between.
+/// The inverse is computed every tick, because a model with memory gives another answer after every
+/// motion. Where the course was one tick ago is inverted with the same memory: what matters is how
+/// the goal moves, not what the model has learned in between.
 pub(super) fn take(
     course: &Course,
     axes: &[Axis],
@@ -41,7 +41,11 @@ pub(super) fn take(
         (Course::Actuator(trend), joints) => {
             let (here, before) = trend.at(now, tick);
             let goal = joints.map(|joints| joints.pose(trend.goal())).transpose()?;
-            Ok(Aim { targets: targets(&within(here, axes), &within(before, axes)), goal, clipped: false })
+            Ok(Aim {
+                targets: targets(&within(here, axes), &within(before, axes)),
+                goal,
+                clipped: false,
+            })
         }
     }
 }
@@ -56,18 +60,35 @@ pub(super) fn lead(
     tick: Nanos,
 ) -> Result<Aim, NotFinite> {
     let Step { here, before } = joints.shape(step)?;
-    let Settled { goal: settled, held } = joints.settle(&here);
+    let Settled {
+        goal: settled,
+        held,
+    } = joints.settle(&here);
     let before = if held { settled } else { before };
-    let (now_goal, before_goal) = (joints.blended(settled, now), joints.blended(before, now - tick));
+    let (now_goal, before_goal) = (
+        joints.blended(settled, now),
+        joints.blended(before, now - tick),
+    );
     let now_at = land(&now_goal, axes, joints)?;
     joints.start_from(now_at.counts);
     let (before_at, end) = if now_goal == before_goal && here == *asked {
         (now_at, now_at)
     } else {
-        (land(&before_goal, axes, joints)?, land(&joints.blended(*asked, now), axes, joints)?)
+        (
+            land(&before_goal, axes, joints)?,
+            land(&joints.blended(*asked, now), axes, joints)?,
+        )
     };
-    let goal = if end.clipped { joints.pose(&end.counts)? } else { *asked };
-    Ok(Aim { targets: targets(&now_at.counts, &before_at.counts), goal: Some(goal), clipped: end.clipped })
+    let goal = if end.clipped {
+        joints.pose(&end.counts)?
+    } else {
+        *asked
+    };
+    Ok(Aim {
+        targets: targets(&now_at.counts, &before_at.counts),
+        goal: Some(goal),
+        clipped: end.clipped,
+    })
 }
 
 /// Where a goal brings the motors.
@@ -81,19 +102,28 @@ struct Landing {
 fn land(goal: &OutputVec, axes: &[Axis], joints: &Joints) -> Result<Landing, NotFinite> {
     let answer = joints.solve(goal)?;
     let counts = within(answer.counts, axes);
-    Ok(Landing { counts, clipped: answer.clipped || counts != answer.counts })
+    Ok(Landing {
+        counts,
+        clipped: answer.clipped || counts != answer.counts,
+    })
 }
 
 /// Cuts counts to the position limits of the axes.
 fn within(mut counts: MotorVec, axes: &[Axis]) -> MotorVec {
-    counts.iter_mut().zip(axes).for_each(|(counts, axis)| *counts = axis.cut(*counts));
+    counts
+        .iter_mut()
+        .zip(axes)
+        .for_each(|(counts, axis)| *counts = axis.cut(*counts));
     counts
 }
 
 fn targets(here: &MotorVec, before: &MotorVec) -> [Target; MAX_MOTORS] {
     let mut targets = [Target::default(); MAX_MOTORS];
     for ((target, position), before) in targets.iter_mut().zip(here).zip(before) {
-        *target = Target { position: *position, moved: position - before };
+        *target = Target {
+            position: *position,
+            moved: position - before,
+        };
     }
     targets
 }

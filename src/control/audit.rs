@@ -1,4 +1,5 @@
-//! The log of runs: what ran, on what, and every change of state with its cause. JSON, one object a line, only ever added to.
+//! The log of runs: what ran, on what, and every change of state with its cause. JSON, one object a
+//! line, only ever added to.
 
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Write};
@@ -51,7 +52,10 @@ impl Audit {
     ///
     /// When the file cannot be written. The answer then comes with a log that writes nothing.
     pub fn begin(run: &Run<'_>) -> (Self, io::Result<()>) {
-        let mut audit = Self { file: None, boot_id: run.boot_id };
+        let mut audit = Self {
+            file: None,
+            boot_id: run.boot_id,
+        };
         let opened = open(run.config).and_then(|file| {
             audit.file = Some(file);
             audit.write(header(run))
@@ -59,16 +63,17 @@ impl Audit {
         (audit, opened)
     }
 
-    /// Writes what is worth keeping of an event: changes of state and of the model, who commands, and stops for silence.
-    /// `caller` is who a lease went to, if that is known.
+    /// Writes what is worth keeping of an event: changes of state and of the model, who commands,
+    /// and stops for silence. `caller` is who a lease went to, if that is known.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
     pub fn note(&mut self, event: &Event, caller: Option<&str>) -> io::Result<()> {
-        let Some(what) = worth_keeping(&event.kind, caller) else { return Ok(()) };
-        let when =
-            json!({ "run": run_name(self.boot_id), "time": wall::now().to_string(), "monotonic_ns": event.stamp.0 });
+        let Some(what) = worth_keeping(&event.kind, caller) else {
+            return Ok(());
+        };
+        let when = json!({ "run": run_name(self.boot_id), "time": wall::now().to_string(), "monotonic_ns": event.stamp.0 });
         self.write(merged(when, what))
     }
 
@@ -94,9 +99,16 @@ impl Audit {
 fn open(config: &Config) -> io::Result<File> {
     let folder = &config.record.folder;
     if !folder.is_dir() {
-        DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)?;
     }
-    OpenOptions::new().append(true).create(true).mode(0o600).open(folder.join(FILE))
+    OpenOptions::new()
+        .append(true)
+        .create(true)
+        .mode(0o600)
+        .open(folder.join(FILE))
 }
 
 fn run_name(boot_id: u64) -> String {
@@ -137,7 +149,12 @@ fn drive(axis: &AxisIdentity) -> Value {
 
 fn worth_keeping(kind: &EventKind, caller: Option<&str>) -> Option<Value> {
     match kind {
-        EventKind::State { from, to, command, fault } => Some(json!({
+        EventKind::State {
+            from,
+            to,
+            command,
+            fault,
+        } => Some(json!({
             "event": "state",
             "from": from.text(),
             "to": to.text(),
@@ -149,13 +166,18 @@ fn worth_keeping(kind: &EventKind, caller: Option<&str>) -> Option<Value> {
             "from": from.map(|from| from.to_string()),
             "to": to.to_string(),
         })),
-        EventKind::Lease { client_id } => {
-            Some(json!({ "event": "lease", "client": format!("{client_id:016x}"), "caller": caller }))
-        }
+        EventKind::Lease { client_id } => Some(
+            json!({ "event": "lease", "client": format!("{client_id:016x}"), "caller": caller }),
+        ),
         EventKind::StaleStop { client_id, age } => Some(json!({
             "event": "stop", "client": format!("{client_id:016x}"), "silent_ms": age.as_seconds() * 1e3,
         })),
-        EventKind::Axis { motor, to, error_code, .. } if *error_code != 0 => Some(json!({
+        EventKind::Axis {
+            motor,
+            to,
+            error_code,
+            ..
+        } if *error_code != 0 => Some(json!({
             "event": "drive", "motor": motor, "phase": format!("{to:?}"), "error_code": format!("{error_code:04X}"),
         })),
         EventKind::Axis { .. } | EventKind::Refused { .. } => None,

@@ -64,7 +64,12 @@ impl Axis {
             highest,
             following_error: i64::from(config.limits.following_error_counts),
             limiter: Limiter::new(&limits, config.control.period()),
-            smooth: Smooth::new(config.limits.window_ticks(config.control.period()).unwrap_or(1)),
+            smooth: Smooth::new(
+                config
+                    .limits
+                    .window_ticks(config.control.period())
+                    .unwrap_or(1),
+            ),
             grip: Grip::Loose,
             current_trip: config.limits.current_trip_ma,
             patience: Patience::new(Nanos::from_millis(config.limits.current_trip_ms)),
@@ -80,7 +85,9 @@ impl Axis {
     pub fn hear(&mut self, feedback: &AxisFeedback, now: Nanos) {
         self.feedback = *feedback;
         let firm = matches!(self.grip, Grip::Firm { .. });
-        let high = self.current_trip.is_some_and(|trip| feedback.current_ma.unsigned_abs() > trip);
+        let high = self
+            .current_trip
+            .is_some_and(|trip| feedback.current_ma.unsigned_abs() > trip);
         self.overloaded = self.patience.is_over(firm && high, now);
     }
 
@@ -99,8 +106,8 @@ impl Axis {
         self.feedback.homed && self.feedback.homings >= self.zero_from
     }
 
-    /// The motor stands within its position limits. Outside of them a drive cannot be enabled on the spot: it would cut
-    /// its target to its own limits, which is a jump.
+    /// The motor stands within its position limits. Outside of them a drive cannot be enabled on
+    /// the spot: it would cut its target to its own limits, which is a jump.
     pub fn in_range(&self) -> bool {
         self.allows(self.feedback.position)
     }
@@ -112,7 +119,9 @@ impl Axis {
 
     /// The nearest position that may be asked for.
     pub fn cut(&self, position: f64) -> f64 {
-        position.max(self.lowest.as_f64()).min(self.highest.as_f64())
+        position
+            .max(self.lowest.as_f64())
+            .min(self.highest.as_f64())
     }
 
     /// The set-point does not move.
@@ -147,8 +156,8 @@ impl Axis {
         }
     }
 
-    /// Decides who has the set-point. When the drive begins to follow, the set-point starts where the drive holds: on
-    /// the target that was preloaded, if it is known, else on the encoder.
+    /// Decides who has the set-point. When the drive begins to follow, the set-point starts where
+    /// the drive holds: on the target that was preloaded, if it is known, else on the encoder.
     pub fn grip(&mut self, demand: Demand, now: Nanos) {
         let follows = self.feedback.phase == AxisPhase::Enabled;
         self.grip = match (demand, self.grip) {
@@ -197,7 +206,8 @@ impl Axis {
 
     /// The set-point, as sent.
     pub fn target(&self) -> Counts {
-        // The set-point stays between positions that are counts; the encoder says where it is if that were not so.
+        // The set-point stays between positions that are counts; the encoder says where it is if
+        // that were not so.
         Counts::from_f64(self.smooth.mean()).unwrap_or(self.feedback.position)
     }
 
@@ -213,15 +223,26 @@ impl Axis {
     }
 
     fn held(&self, since: Nanos) -> Counts {
-        let preloaded = self.feedback.written.filter(|written| written.stamp >= since);
+        let preloaded = self
+            .feedback
+            .written
+            .filter(|written| written.stamp >= since);
         preloaded.map_or(self.feedback.position, |written| written.target)
     }
 
-    /// The set-point that was written last, not the newest one, which may still wait for its slot on the wire, is too
-    /// far from the encoder.
+    /// The set-point that was written last, not the newest one, which may still wait for its slot
+    /// on the wire, is too far from the encoder.
     fn strayed(&self) -> bool {
-        let Grip::Firm { since } = self.grip else { return false };
-        let Some(written) = self.feedback.written.filter(|written| written.stamp >= since) else { return false };
+        let Grip::Firm { since } = self.grip else {
+            return false;
+        };
+        let Some(written) = self
+            .feedback
+            .written
+            .filter(|written| written.stamp >= since)
+        else {
+            return false;
+        };
         let distance = i64::from(written.target.0) - i64::from(self.feedback.position.0);
         distance.abs() > self.following_error
     }

@@ -1,10 +1,12 @@
 //! From one model to the next without a step.
 //!
-//! Two models disagree about the angles at the present set-points. When the second one takes over, what it disagrees by is
-//! added to the goal, so that it answers with the set-points as they are; then the addition fades away. The motors move
-//! only as the difference between the models asks, smoothly, and within all limits.
+//! Two models disagree about the angles at the present set-points. When the second one takes over,
+//! what it disagrees by is added to the goal, so that it answers with the set-points as they are;
+//! then the addition fades away. The motors move only as the difference between the models asks,
+//! smoothly, and within all limits.
 //!
-//! The fade is the polynomial of least jerk between two rests (T. Flash and N. Hogan 1985), `1 - (10 s^3 - 15 s^4 + 6 s^5)`.
+//! The fade is the polynomial of least jerk between two rests (T. Flash and N. Hogan 1985),
+//! `1 - (10 s^3 - 15 s^4 + 6 s^5)`.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +24,11 @@ pub(super) struct Blend {
 impl Blend {
     /// Begins with `offset` and is gone after `span`.
     pub fn new(offset: OutputVec, begun: Nanos, span: Nanos) -> Self {
-        Self { offset, begun, span }
+        Self {
+            offset,
+            begun,
+            span,
+        }
     }
 
     /// What is left of it, rad (m); `None` once it has faded.
@@ -46,14 +52,21 @@ mod tests {
 
     #[test]
     fn it_begins_whole_and_fades_without_a_step() {
-        let blend = Blend::new([1.0, -2.0, 0.0], Nanos::from_millis(100), Nanos::from_millis(500));
+        let blend = Blend::new(
+            [1.0, -2.0, 0.0],
+            Nanos::from_millis(100),
+            Nanos::from_millis(500),
+        );
         assert_eq!(blend.at(Nanos::from_millis(100)), Some([1.0, -2.0, 0.0]));
         assert_eq!(blend.at(Nanos::from_millis(600)), None);
         let mut before = [1.0, -2.0, 0.0];
         for tick in 1..500 {
             let now = blend.at(Nanos::from_millis(100 + tick)).unwrap();
             // The steepest slope is 15/8 of the mean one.
-            assert!(before[0] - now[0] >= 0.0 && before[0] - now[0] <= 1.876 / 500.0, "{tick}");
+            assert!(
+                before[0] - now[0] >= 0.0 && before[0] - now[0] <= 1.876 / 500.0,
+                "{tick}"
+            );
             before = now;
         }
         assert!(before[0] < 1e-6);
@@ -61,6 +74,9 @@ mod tests {
 
     #[test]
     fn without_time_there_is_no_addition() {
-        assert_eq!(Blend::new([1.0; 3], Nanos(7), Nanos::ZERO).at(Nanos(7)), None);
+        assert_eq!(
+            Blend::new([1.0; 3], Nanos(7), Nanos::ZERO).at(Nanos(7)),
+            None
+        );
     }
 }

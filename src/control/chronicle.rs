@@ -1,5 +1,5 @@
-//! What slower threads know of the motors and the models: written by the thread of shared memory, tick by tick, and read by
-//! whoever stages models. The loop has no part in it.
+//! What slower threads know of the motors and the models: written by the thread of shared memory,
+//! tick by tick, and read by whoever stages models. The loop has no part in it.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -35,18 +35,25 @@ pub struct Chronicle {
 }
 
 impl Chronicle {
-    /// Takes note of a tick. Ticks that were lost on the way leave a gap in the history, and a memory that is rebuilt from a
-    /// history with a gap would be wrong without saying so: then it starts anew.
+    /// Takes note of a tick. Ticks that were lost on the way leave a gap in the history, and a
+    /// memory that is rebuilt from a history with a gap would be wrong without saying so: then it
+    /// starts anew.
     pub fn note(&mut self, report: &Report) {
         self.slots = report.models;
         if report.mark == self.mark {
             return;
         }
-        let next = Mark { noted: self.mark.noted + 1, ..self.mark };
+        let next = Mark {
+            noted: self.mark.noted + 1,
+            ..self.mark
+        };
         if report.mark != next {
             self.history.forget();
         }
-        self.position.iter_mut().zip(&report.feedback).for_each(|(to, drive)| *to = drive.position.as_f64());
+        self.position
+            .iter_mut()
+            .zip(&report.feedback)
+            .for_each(|(to, drive)| *to = drive.position.as_f64());
         self.history.note(&self.position);
         self.mark = report.mark;
     }
@@ -81,14 +88,20 @@ mod tests {
         let text = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\n[[ports.axes]]\nmotor = 0\nnode_id = 0\n\
                     serial_number = 1\nposition_min_counts = -9\nposition_max_counts = 9\n";
         let config = Config::parse(text, "r.toml".as_ref()).unwrap();
-        let mut report = Cycle::new(&config, None).step(Nanos(1), &Inputs::default()).report;
+        let mut report = Cycle::new(&config, None)
+            .step(Nanos(1), &Inputs::default())
+            .report;
         report.mark = Mark { epoch, noted };
         report.feedback[0].position = Counts(position);
         report
     }
 
     fn way(chronicle: &Chronicle) -> Vec<f64> {
-        chronicle.history.positions().map(|counts| counts[0]).collect()
+        chronicle
+            .history
+            .positions()
+            .map(|counts| counts[0])
+            .collect()
     }
 
     #[test]
@@ -101,6 +114,9 @@ mod tests {
         chronicle.note(&report(0, 5, 4));
         assert_eq!(way(&chronicle), [4.0]);
         chronicle.note(&report(1, 6, 8));
-        assert_eq!((way(&chronicle), chronicle.mark), (vec![8.0], Mark { epoch: 1, noted: 6 }));
+        assert_eq!(
+            (way(&chronicle), chronicle.mark),
+            (vec![8.0], Mark { epoch: 1, noted: 6 })
+        );
     }
 }

@@ -1,9 +1,11 @@
-//! Between the payloads of shared memory and the values of the cycle. Nothing is judged here: the cycle does that,
-//! and the server of shared memory adds sequence and boot id.
+//! Between the payloads of shared memory and the values of the cycle. Nothing is judged here: the
+//! cycle does that, and the server of shared memory adds sequence and boot id.
 
 use super::{External, Goal, JointReport, Report, ServoCommand};
 use crate::drive::AxisFeedback;
-use crate::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp};
+use crate::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
+};
 use crate::ipc::word::axis_phase;
 use crate::rt::Granted;
 use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
@@ -45,19 +47,32 @@ impl From<&ServoActuator> for ServoCommand {
 #[must_use]
 pub fn external(raw: &ExternalPosition) -> Option<External> {
     let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
-    let seen = External { stamp: Nanos(raw.stamp_ns), position: raw.position, outputs: raw.count };
+    let seen = External {
+        stamp: Nanos(raw.stamp_ns),
+        position: raw.position,
+        outputs: raw.count,
+    };
     (valid && raw.position.iter().all(|value| value.is_finite())).then_some(seen)
 }
 
-/// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not valid.
+/// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not
+/// valid.
 #[must_use]
 pub fn joint_states(report: &Report) -> [JointState; 3] {
-    let base = JointState { stamp_ns: report.now.0, ..JointState::default() };
+    let base = JointState {
+        stamp_ns: report.now.0,
+        ..JointState::default()
+    };
     let Some(joint) = report.joint else {
         return [base; 3];
     };
     let flags = joint_flags(&joint, report.clipped);
-    let base = JointState { model_id: joint.model.0, count: joint.outputs, flags, ..base };
+    let base = JointState {
+        model_id: joint.model.0,
+        count: joint.outputs,
+        flags,
+        ..base
+    };
     let state = |position: OutputVec, velocity: OutputVec, deviation: OutputVec| JointState {
         position,
         velocity,
@@ -73,7 +88,9 @@ pub fn joint_states(report: &Report) -> [JointState; 3] {
 }
 
 fn joint_flags(joint: &JointReport, clipped: bool) -> u32 {
-    JointState::VALID | flag(joint.memory_known, JointState::MEMORY_KNOWN) | flag(clipped, JointState::CLIPPED)
+    JointState::VALID
+        | flag(joint.memory_known, JointState::MEMORY_KNOWN)
+        | flag(clipped, JointState::CLIPPED)
 }
 
 const fn flag(set: bool, value: u32) -> u32 {

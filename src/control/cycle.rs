@@ -9,9 +9,10 @@
 //! 5. Move the set-points one step within the limits.
 //! 6. Write down what the drives shall do, and what the world sees.
 //!
-//! Nothing here reads a clock, allocates, waits or panics; [`Cycle::step`] with the same inputs gives the same outputs to
-//! the bit, so a recording of inputs can be replayed. The limits take every tick to be as long as the configuration says:
-//! after ticks that were missed the motion goes on where it was, and never catches up in a burst.
+//! Nothing here reads a clock, allocates, waits or panics; [`Cycle::step`] with the same inputs
+//! gives the same outputs to the bit, so a recording of inputs can be replayed. The limits take
+//! every tick to be as long as the configuration says: after ticks that were missed the motion goes
+//! on where it was, and never catches up in a burst.
 
 use std::sync::Arc;
 
@@ -36,7 +37,8 @@ use super::stroke::{Plan, Stroke};
 use super::table::{self, Verdict};
 use super::trail::Trail;
 use super::{
-    EventKind, External, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest,
+    EventKind, External, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoCommand,
+    StateReply, StateRequest,
 };
 use crate::config::Config;
 use crate::drive::{AxisFeedback, AxisRequest};
@@ -45,8 +47,8 @@ use crate::model::file::OutputUnit;
 use crate::model::{Model, ModelId};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
-/// How long an orderly end may take in all: stopping, settling and powering off, each within its own limit, and a second
-/// to spare. After that the process may end with drives that are on.
+/// How long an orderly end may take in all: stopping, settling and powering off, each within its
+/// own limit, and a second to spare. After that the process may end with drives that are on.
 const SHUTDOWN_LIMIT: Nanos = Nanos::from_millis(5500);
 
 /// Everything that the loop remembers from tick to tick.
@@ -73,7 +75,8 @@ pub struct Cycle {
     ending: Option<Nanos>,
 }
 
-/// Everything that changes from tick to tick, as it is between two ticks. About 20 kB, without pointers.
+/// Everything that changes from tick to tick, as it is between two ticks. About 20 kB, without
+/// pointers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     axes: [Option<Axis>; MAX_MOTORS],
@@ -113,7 +116,8 @@ struct Guidance {
 }
 
 impl Cycle {
-    /// DISABLED, with drives that have not reported yet. All memory that is ever needed is taken here.
+    /// DISABLED, with drives that have not reported yet. All memory that is ever needed is taken
+    /// here.
     ///
     /// The configuration and the model have been checked before, also that they belong together
     /// ([`Model::check_robot`]).
@@ -128,9 +132,15 @@ impl Cycle {
             stroke_plan: Plan::new(config),
             bounds: Bounds::new(&config.move_jp),
             clutch: Clutch::new(config.command.scale),
-            axes: (0..motors).filter_map(|motor| config.axis(motor)).map(|axis| Axis::new(axis, config)).collect(),
+            axes: (0..motors)
+                .filter_map(|motor| config.axis(motor))
+                .map(|axis| Axis::new(axis, config))
+                .collect(),
             trail: Trail::new(),
-            lateness: Bucket::new(config.limits.late_ticks, Nanos::from_millis(config.limits.late_window_ms)),
+            lateness: Bucket::new(
+                config.limits.late_ticks,
+                Nanos::from_millis(config.limits.late_window_ms),
+            ),
             plausible: Plausible::new(&config.plausibility),
             models: Slots::new(model.map(|model| Joints::new(model, config))),
             machine: Machine::new(),
@@ -148,11 +158,14 @@ impl Cycle {
         self.lost_events
     }
 
-    /// Everything that changes from tick to tick. `None` while a model waits to be taken away by [`Cycle::retired`].
+    /// Everything that changes from tick to tick. `None` while a model waits to be taken away by
+    /// [`Cycle::retired`].
     #[must_use]
     pub fn snapshot(&self) -> Option<Snapshot> {
         let mut axes = [None; MAX_MOTORS];
-        axes.iter_mut().zip(&self.axes).for_each(|(to, axis)| *to = Some(*axis));
+        axes.iter_mut()
+            .zip(&self.axes)
+            .for_each(|(to, axis)| *to = Some(*axis));
         Some(Snapshot {
             axes,
             trail: self.trail,
@@ -202,8 +215,8 @@ impl Cycle {
         self.models.open()
     }
 
-    /// Stages a model, in place of the one that is staged. To be called between two ticks, and only while
-    /// [`Cycle::takes_candidates`] says so.
+    /// Stages a model, in place of the one that is staged. To be called between two ticks, and only
+    /// while [`Cycle::takes_candidates`] says so.
     pub fn offer(&mut self, candidate: Candidate) {
         self.models.stage(candidate);
     }
@@ -224,8 +237,14 @@ impl Cycle {
         let sight = self.look(now, inputs, &mut events);
         self.go_on(&sight, &mut events);
         self.shut_down(inputs.shutdown, &sight, &mut events);
-        let refusal = inputs.request.as_ref().map(|request| self.answer(request, &sight, &mut events));
-        let model_reply = inputs.model.as_ref().map(|request| self.change_model(request, &sight, &mut events));
+        let refusal = inputs
+            .request
+            .as_ref()
+            .map(|request| self.answer(request, &sight, &mut events));
+        let model_reply = inputs
+            .model
+            .as_ref()
+            .map(|request| self.change_model(request, &sight, &mut events));
         self.grip(now);
         self.gate.expire(now, &mut events);
         if let Some(command) = &inputs.servo {
@@ -238,7 +257,14 @@ impl Cycle {
         self.lost_events = self.lost_events.saturating_add(lost_events);
         Outputs {
             requests: self.requests(&guidance),
-            reply: inputs.request.zip(refusal).map(|(request, refusal)| StateReply { id: request.id, refusal, state }),
+            reply: inputs
+                .request
+                .zip(refusal)
+                .map(|(request, refusal)| StateReply {
+                    id: request.id,
+                    refusal,
+                    state,
+                }),
             model_reply,
             report: self.report(&sight, &guidance),
             events,
@@ -250,7 +276,12 @@ impl Cycle {
         for ((motor, axis), feedback) in (0..).zip(&mut self.axes).zip(&inputs.feedback) {
             let (from, to) = (axis.feedback.phase, feedback.phase);
             if from != to {
-                events.push(EventKind::Axis { motor, from, to, error_code: feedback.error_code });
+                events.push(EventKind::Axis {
+                    motor,
+                    from,
+                    to,
+                    error_code: feedback.error_code,
+                });
             }
             axis.hear(feedback, now);
         }
@@ -258,7 +289,9 @@ impl Cycle {
         let late = self.lateness.add(u32::from(inputs.missed > 0), now);
         let implausible = self.look_from_outside(inputs.external.as_ref(), now);
         let mut axes = [None; MAX_MOTORS];
-        axes.iter_mut().zip(&self.axes).for_each(|(sight, axis)| *sight = Some(axis.sight(now)));
+        axes.iter_mut()
+            .zip(&self.axes)
+            .for_each(|(sight, axis)| *sight = Some(axis.sight(now)));
         Sight {
             now,
             axes,
@@ -292,17 +325,28 @@ impl Cycle {
         self.models.others_mut().for_each(|joints| {
             joints.go_along(&self.trail);
         });
-        self.models.active_mut().is_none_or(|joints| joints.observe(&self.trail, drives).is_ok())
+        self.models
+            .active_mut()
+            .is_none_or(|joints| joints.observe(&self.trail, drives).is_ok())
     }
 
     /// The camera against the model; true if they have been apart for too long.
     fn look_from_outside(&mut self, picture: Option<&External>, now: Nanos) -> bool {
-        let Some(joints) = self.models.active().filter(|_| self.plausible.is_on()) else { return false };
-        let Some(report) = joints.report(None) else { return false };
+        let Some(joints) = self.models.active().filter(|_| self.plausible.is_on()) else {
+            return false;
+        };
+        let Some(report) = joints.report(None) else {
+            return false;
+        };
         let on = self.machine.state().expected() == Expected::On;
         let homed = self.axes.iter().all(Axis::homed);
         self.plausible.note(now, report.measured);
-        self.plausible.is_broken(picture, joints.outputs(), on && homed && report.memory_known, now)
+        self.plausible.is_broken(
+            picture,
+            joints.outputs(),
+            on && homed && report.memory_known,
+            now,
+        )
     }
 
     fn go_on(&mut self, sight: &Sight, events: &mut Events) {
@@ -322,12 +366,19 @@ impl Cycle {
     }
 
     fn answer(&mut self, request: &StateRequest, sight: &Sight, events: &mut Events) -> Refusal {
-        let Err(refusal) = self.obey(request, sight, events) else { return Refusal::None };
+        let Err(refusal) = self.obey(request, sight, events) else {
+            return Refusal::None;
+        };
         self.gate.last_refusal = refusal;
         refusal
     }
 
-    fn obey(&mut self, request: &StateRequest, sight: &Sight, events: &mut Events) -> Result<(), Refusal> {
+    fn obey(
+        &mut self,
+        request: &StateRequest,
+        sight: &Sight,
+        events: &mut Events,
+    ) -> Result<(), Refusal> {
         if request.client_id == 0 {
             return Err(Refusal::Malformed);
         }
@@ -349,19 +400,31 @@ impl Cycle {
                 self.axes.iter_mut().for_each(Axis::unhome);
                 *self.machine.state()
             }
-            Verdict::Condition => State::Enabled(Motion::Conditioning(self.condition(request.client_id)?)),
+            Verdict::Condition => {
+                State::Enabled(Motion::Conditioning(self.condition(request.client_id)?))
+            }
             Verdict::Move => State::Enabled(Motion::Moving(self.way(request, sight)?)),
             Verdict::Release => return self.release(request.client_id, sight.now, events),
         };
-        self.machine.change(to, Cause::Command(request.command), sight.now, events);
+        self.machine
+            .change(to, Cause::Command(request.command), sight.now, events);
         Ok(())
     }
 
-    fn change_model(&mut self, request: &ModelRequest, sight: &Sight, events: &mut Events) -> ModelReply {
+    fn change_model(
+        &mut self,
+        request: &ModelRequest,
+        sight: &Sight,
+        events: &mut Events,
+    ) -> ModelReply {
         let mut drives = [AxisFeedback::default(); MAX_MOTORS];
-        drives.iter_mut().zip(&self.axes).for_each(|(drive, axis)| *drive = axis.feedback);
-        let drives =
-            drives.get(..self.axes.len()).filter(|drives| drives.iter().all(|drive| drive.stamp > Nanos::ZERO));
+        drives
+            .iter_mut()
+            .zip(&self.axes)
+            .for_each(|(drive, axis)| *drive = axis.feedback);
+        let drives = drives
+            .get(..self.axes.len())
+            .filter(|drives| drives.iter().all(|drive| drive.stamp > Nanos::ZERO));
         let state = self.machine.state();
         let moment = Moment {
             now: sight.now,
@@ -371,17 +434,27 @@ impl Cycle {
             setpoints: &setpoints(&self.axes),
             trail: &self.trail,
         };
-        let refusal = self.models.change(request, &moment, events).err().unwrap_or(Refusal::None);
+        let refusal = self
+            .models
+            .change(request, &moment, events)
+            .err()
+            .unwrap_or(Refusal::None);
         if refusal == Refusal::None {
             self.plausible.forget();
         }
-        ModelReply { id: request.id, refusal }
+        ModelReply {
+            id: request.id,
+            refusal,
+        }
     }
 
     /// A stroke is motion, so it is not for a client while another one commands.
     fn condition(&self, client_id: u64) -> Result<Stroke, Refusal> {
         self.gate.unheld_by_others(client_id)?;
-        self.stroke_plan.begin(setpoints(&self.axes), self.models.active().map(Joints::model))
+        self.stroke_plan.begin(
+            setpoints(&self.axes),
+            self.models.active().map(Joints::model),
+        )
     }
 
     /// From where the set-points stand to a pose.
@@ -395,7 +468,10 @@ impl Cycle {
             return Err(Refusal::Unsupported);
         }
         let mut end = OutputVec::default();
-        end.iter_mut().zip(to).take(entries as usize).for_each(|(end, to)| *end = to);
+        end.iter_mut()
+            .zip(to)
+            .take(entries as usize)
+            .for_each(|(end, to)| *end = to);
         if !end.iter().all(|angle| angle.is_finite()) {
             return Err(Refusal::NotFinite);
         }
@@ -407,34 +483,73 @@ impl Cycle {
         // Outside the hull the way would go on where the motors cannot: it ends where they end.
         let answer = joints.solve(&end).map_err(|_| Refusal::BadModel)?;
         let clipped = answer.clipped;
-        let to = if clipped { joints.pose(&answer.counts).map_err(|_| Refusal::BadModel)? } else { end };
-        let length = from.iter().zip(to).map(|(from, to)| (to - from) * (to - from)).sum::<f64>().sqrt();
-        Ok(Way { from, to, clipped, profile: Profile::new(length, &self.bounds), begun: sight.now })
+        let to = if clipped {
+            joints.pose(&answer.counts).map_err(|_| Refusal::BadModel)?
+        } else {
+            end
+        };
+        let length = from
+            .iter()
+            .zip(to)
+            .map(|(from, to)| (to - from) * (to - from))
+            .sum::<f64>()
+            .sqrt();
+        Ok(Way {
+            from,
+            to,
+            clipped,
+            profile: Profile::new(length, &self.bounds),
+            begun: sight.now,
+        })
     }
 
     /// A client that gives the lease back does not command any more, so the robot stops.
     fn release(&mut self, client_id: u64, now: Nanos, events: &mut Events) -> Result<(), Refusal> {
         self.gate.release(client_id, events)?;
-        if self.machine.state().following().is_some_and(|follow| follow.client_id == client_id) {
-            self.machine.change(State::Enabled(Motion::Holding), Cause::Progress(None), now, events);
+        if self
+            .machine
+            .state()
+            .following()
+            .is_some_and(|follow| follow.client_id == client_id)
+        {
+            self.machine.change(
+                State::Enabled(Motion::Holding),
+                Cause::Progress(None),
+                now,
+                events,
+            );
         }
         Ok(())
     }
 
     fn grip(&mut self, now: Nanos) {
         let demands = self.machine.state().demands();
-        self.axes.iter_mut().zip(demands).for_each(|(axis, demand)| axis.grip(demand, now));
+        self.axes
+            .iter_mut()
+            .zip(demands)
+            .for_each(|(axis, demand)| axis.grip(demand, now));
     }
 
     fn judge(&mut self, command: &ServoCommand, sight: &Sight, events: &mut Events) {
-        let (goal, clutch) = self.clutch.lead(command, self.models.active().and_then(Joints::setpoint));
+        let (goal, clutch) = self
+            .clutch
+            .lead(command, self.models.active().and_then(Joints::setpoint));
         let command = &ServoCommand { goal, ..*command };
         match self.accepts(command, sight) {
             Ok(follow) => {
                 self.gate.accept(command, sight.now, events);
                 self.clutch = clutch;
-                let motion = if command.clutched { Motion::Holding } else { Motion::Following(follow) };
-                self.machine.change(State::Enabled(motion), Cause::Progress(None), sight.now, events);
+                let motion = if command.clutched {
+                    Motion::Holding
+                } else {
+                    Motion::Following(follow)
+                };
+                self.machine.change(
+                    State::Enabled(motion),
+                    Cause::Progress(None),
+                    sight.now,
+                    events,
+                );
             }
             Err(refusal) => self.gate.refuse(command.client_id, refusal, events),
         }
@@ -450,18 +565,38 @@ impl Cycle {
             fresh: sight.fresh(),
         };
         let deadline = self.gate.permits(command, &scene)?;
-        let course = self.steps.course(command, &self.axes, self.models.active(), state.following())?;
-        let ServoCommand { client_id, sequence, stamp, .. } = *command;
-        Ok(Follow { client_id, sequence, stamp, deadline, course })
+        let course =
+            self.steps
+                .course(command, &self.axes, self.models.active(), state.following())?;
+        let ServoCommand {
+            client_id,
+            sequence,
+            stamp,
+            ..
+        } = *command;
+        Ok(Follow {
+            client_id,
+            sequence,
+            stamp,
+            deadline,
+            course,
+        })
     }
 
     fn stop_if_stale(&mut self, now: Nanos, events: &mut Events) {
-        let Some(follow) = self.machine.state().following() else { return };
+        let Some(follow) = self.machine.state().following() else {
+            return;
+        };
         let (client_id, age) = (follow.client_id, now.since(follow.stamp));
         if age >= follow.deadline {
             self.stale_stops = self.stale_stops.saturating_add(1);
             events.push(EventKind::StaleStop { client_id, age });
-            self.machine.change(State::Enabled(Motion::Holding), Cause::Progress(None), now, events);
+            self.machine.change(
+                State::Enabled(Motion::Holding),
+                Cause::Progress(None),
+                now,
+                events,
+            );
         }
     }
 
@@ -490,46 +625,101 @@ impl Cycle {
             State::Enabled(Motion::Following(follow)) => self.follow(&follow, now),
             State::Enabled(Motion::Conditioning(stroke)) => self.stroke(stroke, now, events),
             State::Enabled(Motion::Moving(way)) => self.go(&way, now, events),
-            State::Enabled(Motion::Holding) | State::Disabled(_) | State::Paused | State::Fault(_) => {
+            State::Enabled(Motion::Holding)
+            | State::Disabled(_)
+            | State::Paused
+            | State::Fault(_) => {
                 self.axes.iter_mut().for_each(Axis::stop);
                 Ok(Guidance::default())
             }
         }
     }
 
-    fn stroke(&mut self, stroke: Stroke, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
+    fn stroke(
+        &mut self,
+        stroke: Stroke,
+        now: Nanos,
+        events: &mut Events,
+    ) -> Result<Guidance, NotFinite> {
         let next = stroke.after_tick();
         let stroke = next.unwrap_or(stroke);
-        self.axes.iter_mut().zip(stroke.targets()).for_each(|(axis, target)| axis.follow(target));
-        let goal = self.models.active().map(|joints| joints.pose(stroke.place())).transpose()?;
+        self.axes
+            .iter_mut()
+            .zip(stroke.targets())
+            .for_each(|(axis, target)| axis.follow(target));
+        let goal = self
+            .models
+            .active()
+            .map(|joints| joints.pose(stroke.place()))
+            .transpose()?;
         let motion = next.map_or(Motion::Holding, Motion::Conditioning);
-        self.machine.change(State::Enabled(motion), Cause::Progress(None), now, events);
-        Ok(Guidance { goal, ..Guidance::default() })
+        self.machine
+            .change(State::Enabled(motion), Cause::Progress(None), now, events);
+        Ok(Guidance {
+            goal,
+            ..Guidance::default()
+        })
     }
 
     fn go(&mut self, way: &Way, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
-        let Some(joints) = self.models.active_mut() else { return Err(NotFinite) };
-        let step = Step { here: way.at(now), before: way.at(now - self.period) };
+        let Some(joints) = self.models.active_mut() else {
+            return Err(NotFinite);
+        };
+        let step = Step {
+            here: way.at(now),
+            before: way.at(now - self.period),
+        };
         let aim = aim::lead(step, &way.to, &self.axes, joints, now, self.period)?;
-        self.axes.iter_mut().zip(aim.targets).for_each(|(axis, target)| axis.follow(target));
+        self.axes
+            .iter_mut()
+            .zip(aim.targets)
+            .for_each(|(axis, target)| axis.follow(target));
         if way.is_over(now) && self.axes.iter().all(Axis::at_rest) {
-            self.machine.change(State::Enabled(Motion::Holding), Cause::Progress(None), now, events);
+            self.machine.change(
+                State::Enabled(Motion::Holding),
+                Cause::Progress(None),
+                now,
+                events,
+            );
         }
-        Ok(Guidance { goal: aim.goal, clipped: aim.clipped || way.clipped, ..Guidance::default() })
+        Ok(Guidance {
+            goal: aim.goal,
+            clipped: aim.clipped || way.clipped,
+            ..Guidance::default()
+        })
     }
 
     fn follow(&mut self, follow: &Follow, now: Nanos) -> Result<Guidance, NotFinite> {
-        let aim = aim::take(&follow.course, &self.axes, self.models.active_mut(), now, self.period)?;
-        self.axes.iter_mut().zip(aim.targets).for_each(|(axis, target)| axis.follow(target));
+        let aim = aim::take(
+            &follow.course,
+            &self.axes,
+            self.models.active_mut(),
+            now,
+            self.period,
+        )?;
+        self.axes
+            .iter_mut()
+            .zip(aim.targets)
+            .for_each(|(axis, target)| axis.follow(target));
         let (command_stamp, command_sequence) = (follow.stamp, follow.sequence);
-        Ok(Guidance { goal: aim.goal, clipped: aim.clipped, command_stamp, command_sequence })
+        Ok(Guidance {
+            goal: aim.goal,
+            clipped: aim.clipped,
+            command_stamp,
+            command_sequence,
+        })
     }
 
     /// Takes note of the set-points in joint space.
     fn place(&mut self) -> Result<(), NotFinite> {
-        let Some(joints) = self.models.active_mut() else { return Ok(()) };
+        let Some(joints) = self.models.active_mut() else {
+            return Ok(());
+        };
         let mut moved = MotorVec::default();
-        moved.iter_mut().zip(&self.axes).for_each(|(moved, axis)| *moved = axis.moved());
+        moved
+            .iter_mut()
+            .zip(&self.axes)
+            .for_each(|(moved, axis)| *moved = axis.moved());
         joints.place(&setpoints(&self.axes), &moved, self.period)
     }
 
@@ -551,7 +741,8 @@ impl Cycle {
         let state = self.machine.state();
         let mut setpoints = [Counts::default(); MAX_MOTORS];
         let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
-        for ((setpoint, feedback), axis) in setpoints.iter_mut().zip(&mut feedback).zip(&self.axes) {
+        for ((setpoint, feedback), axis) in setpoints.iter_mut().zip(&mut feedback).zip(&self.axes)
+        {
             (*setpoint, *feedback) = (axis.target(), axis.feedback);
         }
         Report {
@@ -570,14 +761,19 @@ impl Cycle {
             stale_stops: self.stale_stops,
             models: self.models.shown(&self.trail),
             mark: self.trail.mark(),
-            joint: self.models.active().and_then(|joints| joints.report(guidance.goal)),
+            joint: self
+                .models
+                .active()
+                .and_then(|joints| joints.report(guidance.goal)),
             setpoints,
             feedback,
         }
     }
 
     fn finished(&self, sight: &Sight) -> bool {
-        let Some(since) = self.ending else { return false };
+        let Some(since) = self.ending else {
+            return false;
+        };
         let done = match self.machine.state() {
             State::Disabled(Inactive::Idle) => true,
             State::Fault(_) => self.axes.iter().all(|axis| off(axis.feedback.phase)),

@@ -14,13 +14,20 @@ pub(super) struct Events {
 impl Events {
     /// None yet.
     pub fn new(stamp: Nanos) -> Self {
-        Self { stamp, list: [None; 4], lost: 0 }
+        Self {
+            stamp,
+            list: [None; 4],
+            lost: 0,
+        }
     }
 
-    /// Adds an event. A change of state takes the place of the last event of another kind when the list is full: the
-    /// log must never miss one.
+    /// Adds an event. A change of state takes the place of the last event of another kind when the
+    /// list is full: the log must never miss one.
     pub fn push(&mut self, kind: EventKind) {
-        let event = Event { stamp: self.stamp, kind };
+        let event = Event {
+            stamp: self.stamp,
+            kind,
+        };
         if let Some(free) = self.list.iter_mut().find(|entry| entry.is_none()) {
             *free = Some(event);
             return;
@@ -41,7 +48,9 @@ impl Events {
 
     /// Drops the last event that is no change of state and closes the gap.
     fn drop_last_other(&mut self) {
-        let other = |entry: &Option<Event>| entry.is_some_and(|e| !matches!(e.kind, EventKind::State { .. }));
+        let other = |entry: &Option<Event>| {
+            entry.is_some_and(|e| !matches!(e.kind, EventKind::State { .. }))
+        };
         if let Some(place) = self.list.iter().rposition(other)
             && let Some(tail) = self.list.get_mut(place..)
         {
@@ -71,7 +80,10 @@ mod tests {
 
     fn kinds(events: Events) -> (Vec<EventKind>, u64) {
         let (list, lost) = events.finish();
-        (list.iter().flatten().map(|event| event.kind).collect(), lost)
+        (
+            list.iter().flatten().map(|event| event.kind).collect(),
+            lost,
+        )
     }
 
     #[test]

@@ -1,6 +1,8 @@
-//! The gate that servo commands pass: who may command, and when. What may be asked is judged by `reach`.
+//! The gate that servo commands pass: who may command, and when. What may be asked is judged by
+//! `reach`.
 //!
-//! A command is judged whole before anything changes. The first check that fails names the reason, in this order:
+//! A command is judged whole before anything changes. The first check that fails names the reason,
+//! in this order:
 //!
 //! | | check | reason | where |
 //! |---|---|---|---|
@@ -19,11 +21,13 @@
 //! | 12 | counts: inside the position limits of the axes | `Range` | `reach` |
 //! | 13 | near the goal before, or near the present set-point | `Step` | `reach` |
 //!
-//! What is wrong with a command by itself comes before what is wrong with it here and now. A refused command changes
-//! nothing but counters: it neither renews the lease nor uses up its sequence number.
+//! What is wrong with a command by itself comes before what is wrong with it here and now. A
+//! refused command changes nothing but counters: it neither renews the lease nor uses up its
+//! sequence number.
 //!
-//! The lease: taken by the first accepted command while it is free, renewed by every accepted command, lost after
-//! `command.lease_ms` without one, or given back with the state command `release`.
+//! The lease: taken by the first accepted command while it is free, renewed by every accepted
+//! command, lost after `command.lease_ms` without one, or given back with the state command
+//! `release`.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +37,8 @@ use crate::config::CommandConfig;
 use crate::ipc::{OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
-/// A tick begins before it reads the newest command, and commands are stamped on other processors of the machine.
+/// A tick begins before it reads the newest command, and commands are stamped on other processors
+/// of the machine.
 const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
 
 /// A robot that moves on for more than a second after its commander died has no commander.
@@ -68,7 +73,8 @@ pub(super) struct Gate {
     default_deadline: Nanos,
     lease: Nanos,
     holder: Option<Holder>,
-    /// Client and sequence of the last accepted command. Outlives the lease, so that a replay is told from a new command.
+    /// Client and sequence of the last accepted command. Outlives the lease, so that a replay is
+    /// told from a new command.
     last: Option<(u64, u64)>,
     /// Client and reason of the last refusal that was an event, until a command is accepted.
     folded: Option<(u64, Refusal)>,
@@ -102,11 +108,18 @@ impl Gate {
 
     /// That no other client commands.
     pub fn unheld_by_others(&self, client_id: u64) -> Result<(), Refusal> {
-        if self.holder.is_some_and(|holder| holder.client_id != client_id) { Err(Refusal::Lease) } else { Ok(()) }
+        if self
+            .holder
+            .is_some_and(|holder| holder.client_id != client_id)
+        {
+            Err(Refusal::Lease)
+        } else {
+            Ok(())
+        }
     }
 
-    /// Checks 1 to 9. The answer is the deadline of the command: a commander that has lost its lease is not followed, so
-    /// it is never longer than that.
+    /// Checks 1 to 9. The answer is the deadline of the command: a commander that has lost its
+    /// lease is not followed, so it is never longer than that.
     pub fn permits(&self, command: &ServoCommand, scene: &Scene) -> Result<Nanos, Refusal> {
         well_formed(command)?;
         let deadline = self.in_time(command, scene.now)?;
@@ -121,7 +134,10 @@ impl Gate {
         if self.holder() != client_id {
             events.push(EventKind::Lease { client_id });
         }
-        self.holder = Some(Holder { client_id, renewed: now });
+        self.holder = Some(Holder {
+            client_id,
+            renewed: now,
+        });
         self.last = Some((client_id, command.sequence));
         self.folded = None;
         self.accepted = self.accepted.saturating_add(1);
@@ -139,12 +155,16 @@ impl Gate {
 
     /// Takes the lease from a client that has been silent for too long.
     pub fn expire(&mut self, now: Nanos, events: &mut Events) {
-        if self.holder.is_some_and(|holder| now.since(holder.renewed) >= self.lease) {
+        if self
+            .holder
+            .is_some_and(|holder| now.since(holder.renewed) >= self.lease)
+        {
             self.free(events);
         }
     }
 
-    /// Gives the lease back. Nothing to give back is no error, but it cannot be taken from another client.
+    /// Gives the lease back. Nothing to give back is no error, but it cannot be taken from another
+    /// client.
     pub fn release(&mut self, client_id: u64, events: &mut Events) -> Result<(), Refusal> {
         match self.holder {
             Some(holder) if holder.client_id == client_id => {
@@ -165,34 +185,58 @@ impl Gate {
         if command.stamp.since(now) > FUTURE_MARGIN || command.deadline > LONGEST_DEADLINE {
             return Err(Refusal::Stamp);
         }
-        let deadline = if command.deadline == Nanos::ZERO { self.default_deadline } else { command.deadline };
-        if now.since(command.stamp) < deadline { Ok(deadline) } else { Err(Refusal::Stale) }
+        let deadline = if command.deadline == Nanos::ZERO {
+            self.default_deadline
+        } else {
+            command.deadline
+        };
+        if now.since(command.stamp) < deadline {
+            Ok(deadline)
+        } else {
+            Err(Refusal::Stale)
+        }
     }
 
     fn entitled(&self, command: &ServoCommand) -> Result<(), Refusal> {
         self.unheld_by_others(command.client_id)?;
-        let repeats = |(client_id, sequence)| client_id == command.client_id && command.sequence <= sequence;
-        if self.last.is_some_and(repeats) { Err(Refusal::Sequence) } else { Ok(()) }
+        let repeats =
+            |(client_id, sequence)| client_id == command.client_id && command.sequence <= sequence;
+        if self.last.is_some_and(repeats) {
+            Err(Refusal::Sequence)
+        } else {
+            Ok(())
+        }
     }
 }
 
 fn well_formed(command: &ServoCommand) -> Result<(), Refusal> {
     let (entries, most, finite) = match &command.goal {
-        Goal::Joint(angles, entries) => {
-            (*entries as usize, MAX_OUTPUTS, angles.iter().take(*entries as usize).all(|angle| angle.is_finite()))
-        }
+        Goal::Joint(angles, entries) => (
+            *entries as usize,
+            MAX_OUTPUTS,
+            angles
+                .iter()
+                .take(*entries as usize)
+                .all(|angle| angle.is_finite()),
+        ),
         Goal::Actuator(_, entries) => (*entries as usize, MAX_MOTORS, true),
     };
     if command.client_id == 0 || !(1..=most).contains(&entries) {
         return Err(Refusal::Malformed);
     }
-    if finite { Ok(()) } else { Err(Refusal::NotFinite) }
+    if finite {
+        Ok(())
+    } else {
+        Err(Refusal::NotFinite)
+    }
 }
 
 fn allowed_here(scene: &Scene) -> Result<(), Refusal> {
     match scene.state {
         OperatingState::Enabled => {}
-        OperatingState::Disabled | OperatingState::Paused | OperatingState::Fault => return Err(Refusal::NotEnabled),
+        OperatingState::Disabled | OperatingState::Paused | OperatingState::Fault => {
+            return Err(Refusal::NotEnabled);
+        }
     }
     if scene.occupied {
         return Err(Refusal::Busy);
@@ -200,5 +244,9 @@ fn allowed_here(scene: &Scene) -> Result<(), Refusal> {
     if !scene.homed {
         return Err(Refusal::NotHomed);
     }
-    if scene.fresh { Ok(()) } else { Err(Refusal::DrivesNotReady) }
+    if scene.fresh {
+        Ok(())
+    } else {
+        Err(Refusal::DrivesNotReady)
+    }
 }

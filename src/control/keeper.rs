@@ -1,7 +1,8 @@
-//! The thread that keeps the models: reads, checks and compares them, hands them to the loop, and frees what comes back.
+//! The thread that keeps the models: reads, checks and compares them, hands them to the loop, and
+//! frees what comes back.
 //!
-//! Everything that takes time or memory about a model happens here, under normal scheduling. The loop is given a pointer and
-//! gives one back.
+//! Everything that takes time or memory about a model happens here, under normal scheduling. The
+//! loop is given a pointer and gives one back.
 
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
@@ -43,7 +44,10 @@ struct Refused {
 
 impl From<Refusal> for Refused {
     fn from(refusal: Refusal) -> Self {
-        Self { refusal, message: String::new() }
+        Self {
+            refusal,
+            message: String::new(),
+        }
     }
 }
 
@@ -61,12 +65,29 @@ pub struct Keeper {
 impl Keeper {
     /// A keeper that knows what the loop began with.
     #[must_use]
-    pub fn new(config: Config, chronicle: SharedChronicle, ends: KeeperEnds, wishes: Sender<Wish>) -> Self {
-        Self { config, chronicle, ends, wishes, requests: 0, offers: 0 }
+    pub fn new(
+        config: Config,
+        chronicle: SharedChronicle,
+        ends: KeeperEnds,
+        wishes: Sender<Wish>,
+    ) -> Self {
+        Self {
+            config,
+            chronicle,
+            ends,
+            wishes,
+            requests: 0,
+            offers: 0,
+        }
     }
 
     /// Answers until `quit`, or until nobody can ask any more.
-    pub fn run(mut self, quit: &AtomicBool, questions: &Receiver<Question>, answers: &Sender<Answer>) {
+    pub fn run(
+        mut self,
+        quit: &AtomicBool,
+        questions: &Receiver<Question>,
+        answers: &Sender<Answer>,
+    ) {
         while !quit.load(Ordering::Acquire) {
             match questions.recv_timeout(IDLE) {
                 Ok((token, request)) => {
@@ -83,7 +104,10 @@ impl Keeper {
 
     fn answer(&mut self, request: &payload::ModelRequest) -> payload::ModelReply {
         let outcome = self.obey(request);
-        let mut reply = payload::ModelReply { slots: shown(&self.chronicle.lock()), ..payload::ModelReply::default() };
+        let mut reply = payload::ModelReply {
+            slots: shown(&self.chronicle.lock()),
+            ..payload::ModelReply::default()
+        };
         match outcome {
             Ok(difference) => reply.difference = difference.unwrap_or_default(),
             Err(refused) => {
@@ -94,7 +118,10 @@ impl Keeper {
         reply
     }
 
-    fn obey(&mut self, request: &payload::ModelRequest) -> Result<Option<ModelDifference>, Refused> {
+    fn obey(
+        &mut self,
+        request: &payload::ModelRequest,
+    ) -> Result<Option<ModelDifference>, Refused> {
         if request.client_id == 0 {
             return Err(Refusal::Malformed.into());
         }
@@ -102,26 +129,37 @@ impl Keeper {
         match ModelAction::from_number(request.action).ok_or(Refusal::Malformed)? {
             ModelAction::List => Ok(None),
             ModelAction::Stage => self.stage(&path(&request.path)?),
-            ModelAction::Activate => {
-                self.change(ModelChange::Activate(ModelId(request.model_id)), forced).map(|()| None)
-            }
+            ModelAction::Activate => self
+                .change(ModelChange::Activate(ModelId(request.model_id)), forced)
+                .map(|()| None),
             ModelAction::Rollback => self.change(ModelChange::Rollback, forced).map(|()| None),
         }
     }
 
     fn stage(&mut self, file: &Path) -> Result<Option<ModelDifference>, Refused> {
-        let bad = |message: String| Refused { refusal: Refusal::BadModel, message };
+        let bad = |message: String| Refused {
+            refusal: Refusal::BadModel,
+            message,
+        };
         access::check(file).map_err(|error| bad(format!("model file {error}")))?;
         let model = self.load(file).map_err(|error| bad(error.to_string()))?;
         let (history, active, position) = {
             let chronicle = self.chronicle.lock();
-            let active = chronicle.model(chronicle.slots.active).map(|known| Arc::clone(&known.model));
+            let active = chronicle
+                .model(chronicle.slots.active)
+                .map(|known| Arc::clone(&known.model));
             (chronicle.history.clone(), active, chronicle.position)
         };
         let difference = active.and_then(|active| {
             let (old, new) = (active.recall(&history), model.recall(&history));
-            let old = Remembering { model: &active, memory: &old };
-            let new = Remembering { model: &model, memory: &new };
+            let old = Remembering {
+                model: &active,
+                memory: &old,
+            };
+            let new = Remembering {
+                model: &model,
+                memory: &new,
+            };
             difference(old, new, &position, self.config.compensation.factor)
         });
         self.offer(model, file.to_owned())?;
@@ -139,16 +177,29 @@ impl Keeper {
         let id = model.id();
         let (history, mark) = {
             let mut chronicle = self.chronicle.lock();
-            chronicle.known.insert(id, Known { model: Arc::clone(&model), file });
+            chronicle.known.insert(
+                id,
+                Known {
+                    model: Arc::clone(&model),
+                    file,
+                },
+            );
             (chronicle.history.clone(), chronicle.mark)
         };
         let candidate = Candidate::new(Arc::clone(&model), &self.config, &history, mark);
         self.offers += 1;
         let number = self.offers;
-        let record = Box::new(OfferRecord { number, model: id, carried: candidate.carried() });
+        let record = Box::new(OfferRecord {
+            number,
+            model: id,
+            carried: candidate.carried(),
+        });
         // Without a recorder there is no black box, and the robot goes on.
         let _ = self.wishes.send(Wish::Offer(record, model));
-        self.ends.offers.push(Offer { number, candidate }).map_err(|_| Refusal::Busy)?;
+        self.ends
+            .offers
+            .push(Offer { number, candidate })
+            .map_err(|_| Refusal::Busy)?;
         self.wait(|keeper| {
             keeper.free();
             (keeper.chronicle.lock().slots.staged == Some(id)).then_some(())
@@ -162,7 +213,10 @@ impl Keeper {
             ModelChange::Activate(to) => Some(to),
             ModelChange::Rollback => self.chronicle.lock().slots.former,
         };
-        self.ends.requests.push(ModelRequest { id, change, forced }).map_err(|_| Refusal::Busy)?;
+        self.ends
+            .requests
+            .push(ModelRequest { id, change, forced })
+            .map_err(|_| Refusal::Busy)?;
         let refusal = self.wait(|keeper| {
             let reply = keeper.ends.replies.pop().ok()?;
             (reply.id == id).then_some(reply.refusal)
@@ -181,7 +235,10 @@ impl Keeper {
                 return Ok(found);
             }
             if clock::now().since(start) > ANSWER {
-                return Err(Refused { refusal: Refusal::Busy, message: "the control loop does not answer".to_owned() });
+                return Err(Refused {
+                    refusal: Refusal::Busy,
+                    message: "the control loop does not answer".to_owned(),
+                });
             }
             clock::sleep(POLL);
         }
@@ -198,7 +255,9 @@ impl Keeper {
             let mut chronicle = self.chronicle.lock();
             let slots = chronicle.slots;
             let at_hand = [slots.active, slots.staged, slots.former];
-            chronicle.known.retain(|id, known| at_hand.contains(&Some(*id)) || Arc::strong_count(&known.model) > 1);
+            chronicle.known.retain(|id, known| {
+                at_hand.contains(&Some(*id)) || Arc::strong_count(&known.model) > 1
+            });
         }
     }
 }
@@ -207,7 +266,11 @@ impl Keeper {
 fn path(field: &[u8]) -> Result<PathBuf, Refusal> {
     let bytes = field.split(|byte| *byte == 0).next().unwrap_or_default();
     let path = PathBuf::from(std::ffi::OsStr::from_bytes(bytes));
-    if path.is_absolute() && bytes.len() < field.len() { Ok(path) } else { Err(Refusal::Malformed) }
+    if path.is_absolute() && bytes.len() < field.len() {
+        Ok(path)
+    } else {
+        Err(Refusal::Malformed)
+    }
 }
 
 /// The models at hand as clients see them.
@@ -215,7 +278,11 @@ fn shown(chronicle: &Chronicle) -> [ModelSlot; 3] {
     let slots = chronicle.slots;
     let known = [true, slots.staged_known, true];
     let mut shown = [ModelSlot::default(); 3];
-    for ((slot, id), known) in shown.iter_mut().zip([slots.active, slots.staged, slots.former]).zip(known) {
+    for ((slot, id), known) in shown
+        .iter_mut()
+        .zip([slots.active, slots.staged, slots.former])
+        .zip(known)
+    {
         if let (Some(id), Some(model)) = (id, chronicle.model(id)) {
             *slot = describe(id, model, known);
         }
@@ -226,26 +293,45 @@ fn shown(chronicle: &Chronicle) -> [ModelSlot; 3] {
 fn describe(id: ModelId, known: &Known, memory_known: bool) -> ModelSlot {
     let file = known.model.file();
     let kind = serde_json::to_value(&file.family).unwrap_or_default();
-    let family = kind.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default();
+    let family = kind
+        .get("kind")
+        .and_then(|kind| kind.as_str())
+        .unwrap_or_default();
     let mut slot = ModelSlot {
         model_id: id.0,
         family: padded_text(family),
         file: padded_text(&tail(&known.file.to_string_lossy(), 120)),
         outputs: file.outputs.len() as u32,
-        flags: ModelSlot::PRESENT | if memory_known { ModelSlot::MEMORY_KNOWN } else { 0 },
+        flags: ModelSlot::PRESENT
+            | if memory_known {
+                ModelSlot::MEMORY_KNOWN
+            } else {
+                0
+            },
         ..ModelSlot::default()
     };
-    for ((training, held_out), metrics) in slot.training_rms.iter_mut().zip(&mut slot.held_out_rms).zip(&file.metrics) {
+    for ((training, held_out), metrics) in slot
+        .training_rms
+        .iter_mut()
+        .zip(&mut slot.held_out_rms)
+        .zip(&file.metrics)
+    {
         *training = metrics.training.rmsd;
-        *held_out = metrics.held_out.as_ref().map_or(0.0, |metrics| metrics.rmsd);
+        *held_out = metrics
+            .held_out
+            .as_ref()
+            .map_or(0.0, |metrics| metrics.rmsd);
     }
     slot
 }
 
 /// The last characters of a text, at most so many bytes.
 fn tail(text: &str, bytes: usize) -> String {
-    let start = (text.len().saturating_sub(bytes)..=text.len()).find(|start| text.is_char_boundary(*start));
-    text.get(start.unwrap_or(0)..).unwrap_or_default().to_owned()
+    let start =
+        (text.len().saturating_sub(bytes)..=text.len()).find(|start| text.is_char_boundary(*start));
+    text.get(start.unwrap_or(0)..)
+        .unwrap_or_default()
+        .to_owned()
 }
 
 #[cfg(test)]
@@ -254,8 +340,14 @@ mod tests {
 
     #[test]
     fn a_path_is_absolute_and_ends_within_its_field() {
-        assert_eq!(path(&padded_text::<16>("/a/b.json")).unwrap(), Path::new("/a/b.json"));
-        assert_eq!(path(&padded_text::<16>("a/b.json")).unwrap_err(), Refusal::Malformed);
+        assert_eq!(
+            path(&padded_text::<16>("/a/b.json")).unwrap(),
+            Path::new("/a/b.json")
+        );
+        assert_eq!(
+            path(&padded_text::<16>("a/b.json")).unwrap_err(),
+            Refusal::Malformed
+        );
         assert_eq!(path(&[b'/'; 16]).unwrap_err(), Refusal::Malformed);
         assert_eq!(path(&[]).unwrap_err(), Refusal::Malformed);
     }

@@ -1,7 +1,8 @@
 //! What passes between the threads: wait-free on the side of the loop, in both directions.
 //!
-//! Newest-value lanes are triple buffers: the writer never waits and the reader sees the latest value only. What must not be
-//! lost goes through rings; a full ring counts what it drops instead of waiting (H13).
+//! Newest-value lanes are triple buffers: the writer never waits and the reader sees the latest
+//! value only. What must not be lost goes through rings; a full ring counts what it drops instead
+//! of waiting (H13).
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::triple_buffer;
@@ -128,7 +129,11 @@ pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consum
         replies: replies_out,
         records: records_out,
     };
-    let of_keeper =
-        KeeperEnds { offers: offers_in, requests: model_requests_in, replies: model_replies_out, retired: retired_out };
+    let of_keeper = KeeperEnds {
+        offers: offers_in,
+        requests: model_requests_in,
+        replies: model_replies_out,
+        retired: retired_out,
+    };
     (of_loop, of_relay, of_keeper, events_out)
 }

@@ -8,35 +8,41 @@
 //!
 //! # What it promises
 //!
-//! With limits V (velocity), A (acceleration), D (deceleration, D >= A), tick T, whatever the targets are:
+//! With limits V (velocity), A (acceleration), D (deceleration, D >= A), tick T, whatever the
+//! targets are:
 //!
 //! - the set-point moves by at most `V T` a tick;
-//! - its velocity grows by at most `A T` a tick and shrinks by at most `D T`; in a tick that crosses zero, what is left
-//!   of the tick after the slow-down is left for the speed-up;
+//! - its velocity grows by at most `A T` a tick and shrinks by at most `D T`; in a tick that
+//!   crosses zero, what is left of the tick after the slow-down is left for the speed-up;
 //! - it never leaves the position limits. One that starts outside never goes further out;
-//! - a target that stands still is reached without passing it, if the limits left a choice: a set-point that moves too
-//!   fast towards a target that just changed slows down with D and comes back.
+//! - a target that stands still is reached without passing it, if the limits left a choice: a
+//!   set-point that moves too fast towards a target that just changed slows down with D and comes
+//!   back.
 //!
-//! The reference is the previous set-point, not the measurement: what the drive does about it does not feed back.
+//! The reference is the previous set-point, not the measurement: what the drive does about it does
+//! not feed back.
 //!
 //! # How
 //!
-//! Braking is planned with A, exactly for discrete ticks. From velocity `u`, lowered by `w = A T` every tick, the
-//! set-point travels, this tick included, `T ((n + 1) u - w n (n + 1) / 2)` with `n = floor(u / w)`. The fastest `u` that
-//! fits a distance `e` is therefore, with `n` the largest integer such that `w n (n + 1) / 2 <= e / T`,
+//! Braking is planned with A, exactly for discrete ticks. From velocity `u`, lowered by `w = A T`
+//! every tick, the set-point travels, this tick included, `T ((n + 1) u - w n (n + 1) / 2)` with
+//! `n = floor(u / w)`. The fastest `u` that fits a distance `e` is therefore, with `n` the largest
+//! integer such that `w n (n + 1) / 2 <= e / T`,
 //!
 //! ```text
 //! u(e) = e / (T (n + 1)) + w n / 2,    n = floor((sqrt(1 + 8 e / (w T)) - 1) / 2)
 //! ```
 //!
-//! which ends on the target to the last digit, in the fewest ticks. This is the discrete form of `u = sqrt(2 A e)`.
+//! which ends on the target to the last digit, in the fewest ticks. This is the discrete form of
+//! `u = sqrt(2 A e)`.
 //!
-//! The target may move. The plan is made in its frame: the wanted velocity is that of the target plus `u` of what is
-//! left after the target has moved. **A target that moves within the limits is therefore followed without lag**: braking
-//! towards zero instead would keep the set-point `v^2 / 2A` behind, which is 3.7 counts, or 7 ms, at 12 deg/s.
+//! The target may move. The plan is made in its frame: the wanted velocity is that of the target
+//! plus `u` of what is left after the target has moved. **A target that moves within the limits is
+//! therefore followed without lag**: braking towards zero instead would keep the set-point
+//! `v^2 / 2A` behind, which is 3.7 counts, or 7 ms, at 12 deg/s.
 //!
-//! Slowing down harder than planned, up to D, is left for what could not be planned: the target stops, turns round, or
-//! comes near a position limit.
+//! Slowing down harder than planned, up to D, is left for what could not be planned: the target
+//! stops, turns round, or comes near a position limit.
 
 use serde::{Deserialize, Serialize};
 
@@ -70,7 +76,10 @@ impl Target {
     /// A target that stands still.
     #[must_use]
     pub fn fixed(position: f64) -> Self {
-        Self { position, moved: 0.0 }
+        Self {
+            position,
+            moved: 0.0,
+        }
     }
 }
 
@@ -148,9 +157,16 @@ impl Limiter {
     }
 
     fn advance(&mut self, wanted: f64) {
-        let reachable = within(wanted, -self.reach(-self.velocity), self.reach(self.velocity));
+        let reachable = within(
+            wanted,
+            -self.reach(-self.velocity),
+            self.reach(self.velocity),
+        );
         let limited = within(reachable, -self.velocity_limit, self.velocity_limit);
-        let (down, up) = (self.room(self.position - self.lowest), self.room(self.highest - self.position));
+        let (down, up) = (
+            self.room(self.position - self.lowest),
+            self.room(self.highest - self.position),
+        );
         self.velocity = within(limited, -down, up);
         self.position += self.velocity;
     }
@@ -177,8 +193,8 @@ fn within(value: f64, lowest: f64, highest: f64) -> f64 {
     value.max(lowest).min(highest)
 }
 
-/// The highest velocity, counts per tick, from which a slow-down by `step` a tick ends within `distance`, this tick
-/// included: `u(e)` above.
+/// The highest velocity, counts per tick, from which a slow-down by `step` a tick ends within
+/// `distance`, this tick included: `u(e)` above.
 fn fastest(distance: f64, step: f64) -> f64 {
     let ticks = (((1.0 + 8.0 * distance / step).sqrt() - 1.0) / 2.0).floor();
     distance / (ticks + 1.0) + step * ticks / 2.0

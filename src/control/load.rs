@@ -4,9 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::Nanos;
 
-/// A bucket that leaks: full after so many drops within a window, never full at a steady rate below that.
+/// A bucket that leaks: full after so many drops within a window, never full at a steady rate below
+/// that.
 ///
-/// The leaky bucket as a meter (J. S. Turner 1986): no list of instants, so no size depends on the window.
+/// The leaky bucket as a meter (J. S. Turner 1986): no list of instants, so no size depends on the
+/// window.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Bucket {
     size: f64,
@@ -20,7 +22,12 @@ impl Bucket {
     /// Full after `size` drops within `window`; never, if `size` is 0.
     pub fn new(size: u32, window: Nanos) -> Self {
         let size = f64::from(size);
-        Self { size, leak: size / (window.0.max(1) as f64), level: 0.0, last: Nanos::ZERO }
+        Self {
+            size,
+            leak: size / (window.0.max(1) as f64),
+            level: 0.0,
+            last: Nanos::ZERO,
+        }
     }
 
     /// Adds drops; true if it is full now.

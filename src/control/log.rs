@@ -14,7 +14,12 @@ impl fmt::Display for Event {
 impl fmt::Display for EventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::State { from, to, command, fault } => {
+            Self::State {
+                from,
+                to,
+                command,
+                fault,
+            } => {
                 write!(f, "{from} -> {to}")?;
                 if let Some(command) = command {
                     write!(f, " by command {command}")?;
@@ -25,16 +30,38 @@ impl fmt::Display for EventKind {
                 Ok(())
             }
             Self::StaleStop { client_id, age } => {
-                write!(f, "stopped: client {client_id:016x} has been silent for {:.1} ms", age.as_seconds() * 1e3)
+                write!(
+                    f,
+                    "stopped: client {client_id:016x} has been silent for {:.1} ms",
+                    age.as_seconds() * 1e3
+                )
             }
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by client {client_id:016x}"),
-            Self::Refused { client_id, refusal } => write!(f, "refused client {client_id:016x}: {refusal}"),
-            Self::Model { from: Some(from), to } => write!(f, "model {to} took over from {from}"),
+            Self::Refused { client_id, refusal } => {
+                write!(f, "refused client {client_id:016x}: {refusal}")
+            }
+            Self::Model {
+                from: Some(from),
+                to,
+            } => write!(f, "model {to} took over from {from}"),
             Self::Model { from: None, to } => write!(f, "model {to} took over"),
-            Self::Axis { motor, from, to, error_code: 0 } => write!(f, "motor {motor}: {from:?} -> {to:?}"),
-            Self::Axis { motor, from, to, error_code } => {
-                write!(f, "motor {motor}: {from:?} -> {to:?}, error 0x{error_code:04X}")
+            Self::Axis {
+                motor,
+                from,
+                to,
+                error_code: 0,
+            } => write!(f, "motor {motor}: {from:?} -> {to:?}"),
+            Self::Axis {
+                motor,
+                from,
+                to,
+                error_code,
+            } => {
+                write!(
+                    f,
+                    "motor {motor}: {from:?} -> {to:?}, error 0x{error_code:04X}"
+                )
             }
         }
     }

@@ -51,8 +51,8 @@
 //!                                          FAULT <--- any state, when something fails
 //! ```
 //!
-//! DISABLED in parentheses is what the world sees as DISABLED and busy. ENABLED is never claimed before every drive is on
-//! nor after the first is told to go off.
+//! DISABLED in parentheses is what the world sees as DISABLED and busy. ENABLED is never claimed
+//! before every drive is on nor after the first is told to go off.
 //!
 //! | command | DISABLED | DISABLED, busy | ENABLED | PAUSED | FAULT | FAULT, busy |
 //! |---|---|---|---|---|---|---|
@@ -68,28 +68,32 @@
 //! | `move` | State | Busy | a way, busy meanwhile (7) | State | State | State |
 //! | `release` | lease free (5) | lease free (5) | lease free, holding (5) | lease free (5) | lease free (5) | lease free (5) |
 //!
-//! A word with a capital is a [`Refusal`]. A client id of 0 is refused as Malformed. Once the process ends, what would set
-//! something going is refused with State. Commands that stop (`disable`, `pause` of a robot that is on) are never refused,
-//! and repeating them is no error.
+//! A word with a capital is a [`Refusal`]. A client id of 0 is refused as Malformed. Once the
+//! process ends, what would set something going is refused with State. Commands that stop
+//! (`disable`, `pause` of a robot that is on) are never refused, and repeating them is no error.
 //!
-//! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position; NotHomed unless every axis knows its
-//!    zero: position limits, here and in the drive, mean nothing without it; Range if a motor stands outside its position
-//!    limits, because a drive cuts the target to them.
+//! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position; NotHomed unless
+//!    every axis knows its zero: position limits, here and in the drive, mean nothing without it;
+//!    Range if a motor stands outside its position limits, because a drive cuts the target to them.
 //! 2. From stopping, settling and powering off: nothing, it is under way.
-//! 3. DrivesNotReady as for `enable`. Homing is the drive's own affair: a counter is raised, and the drive answers with it.
-//! 4. CausePersists unless every drive answers with a fresh position, is off, at fault or in quick stop, and the model is
-//!    sound. If a drive is at fault, its reset counter is raised and FAULT stays, busy, until the drive has left its
-//!    fault (or 1 s has passed: then the fault is latched again). Then DISABLED, powering off.
+//! 3. DrivesNotReady as for `enable`. Homing is the drive's own affair: a counter is raised, and
+//!    the drive answers with it.
+//! 4. CausePersists unless every drive answers with a fresh position, is off, at fault or in quick
+//!    stop, and the model is sound. If a drive is at fault, its reset counter is raised and FAULT
+//!    stays, busy, until the drive has left its fault (or 1 s has passed: then the fault is latched
+//!    again). Then DISABLED, powering off.
 //! 5. Lease if another client holds it. The robot holds if the client was being followed.
-//! 6. Busy if a stroke is under way; NotHomed and DrivesNotReady as for servo commands; Lease if another client holds
-//!    it, because a stroke is motion; Range if the position limits leave less room than the model needs to forget. Ends
-//!    the following of a command. Servo commands are refused with Busy until the stroke has ended, where it began, and
-//!    the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a zero that is lost end it at once.
+//! 6. Busy if a stroke is under way; NotHomed and DrivesNotReady as for servo commands; Lease if
+//!    another client holds it, because a stroke is motion; Range if the position limits leave less
+//!    room than the model needs to forget. Ends the following of a command. Servo commands are
+//!    refused with Busy until the stroke has ended, where it began, and the robot holds. `pause`,
+//!    `disable`, a fault, positions that are not fresh and a zero that is lost end it at once.
 //!
-//! 7. By the request `move_jp`. Refused in this order: Malformed without a pose or with a wrong number of entries, NotFinite,
-//!    Busy during a stroke, another way or while a set-point moves, NotHomed, DrivesNotReady, NoModel, Unsupported for a
-//!    model of the tip position, Lease if another client holds it. A pose outside the hull is clipped to it and reported.
-//!    Otherwise as a stroke: servo commands are refused with Busy meanwhile, and the same things end it.
+//! 7. By the request `move_jp`. Refused in this order: Malformed without a pose or with a wrong
+//!    number of entries, NotFinite, Busy during a stroke, another way or while a set-point moves,
+//!    NotHomed, DrivesNotReady, NoModel, Unsupported for a model of the tip position, Lease if
+//!    another client holds it. A pose outside the hull is clipped to it and reported. Otherwise as
+//!    a stroke: servo commands are refused with Busy meanwhile, and the same things end it.
 //!
 //! # What leads to FAULT, and what the drives do then
 //!
@@ -107,33 +111,39 @@
 //! | camera and model apart by `plausibility.distance_deg` for `lasts_ms` | Implausible | drives on, memory known |
 //! | motor current above `current_trip_ma` for `current_trip_ms` | Current | while the drive follows |
 //!
-//! The reaction is the mildest that does not lean on what just failed. Cutting the power lets the wires lose their tension
-//! and tissue push the snake, so **a drive that works holds**, by its own quick stop, which once begun needs neither this
-//! loop nor the line. **The drive that is the cause is switched off**: one that reports a fault has switched itself off;
-//! one that cannot follow, or takes too much current, is blocked or pulls on something, and holding would go on pulling
-//! with the whole current limit;
-//! one that left its state by itself is not to be trusted with power. The gear hardly turns backwards, so the snake stays
-//! about where it is, only softer. **A drive that does not answer** has held its last target since it was last heard,
-//! because no watchdog is known on its serial lines; it is told to quick stop, for the case that it still hears. If power
-//! was not yet on (enabling, homing) it stays off. A drive that does not reach its quick stop within 3 s is switched off.
-//! `disable` switches all off, and so does `acknowledge`: when a fault is over, no drive is told to move.
+//! The reaction is the mildest that does not lean on what just failed. Cutting the power lets the
+//! wires lose their tension and tissue push the snake, so **a drive that works holds**, by its own
+//! quick stop, which once begun needs neither this loop nor the line. **The drive that is the cause
+//! is switched off**: one that reports a fault has switched itself off; one that cannot follow, or
+//! takes too much current, is blocked or pulls on something, and holding would go on pulling with
+//! the whole current limit; one that left its state by itself is not to be trusted with power. The
+//! gear hardly turns backwards, so the snake stays about where it is, only softer. **A drive that
+//! does not answer** has held its last target since it was last heard, because no watchdog is known
+//! on its serial lines; it is told to quick stop, for the case that it still hears. If power was
+//! not yet on (enabling, homing) it stays off. A drive that does not reach its quick stop within 3
+//! s is switched off. `disable` switches all off, and so does `acknowledge`: when a fault is over,
+//! no drive is told to move.
 //!
-//! Milder than FAULT: with a position older than `feedback_stale_ms`, or an axis that lost its zero, the robot slows down
-//! and holds, servo commands are refused, and it goes on with the first valid command afterwards.
+//! Milder than FAULT: with a position older than `feedback_stale_ms`, or an axis that lost its
+//! zero, the robot slows down and holds, servo commands are refused, and it goes on with the first
+//! valid command afterwards.
 //!
 //! # Motion
 //!
-//! A command is followed until it is older than its deadline; then the set-points slow down with the stop deceleration and
-//! hold. At the default limits and 1 kHz the last set-point that moves is the one of the tick that sees the deadline
-//! pass, and the first that stands comes one tick later. The next valid command moves on from there.
+//! A command is followed until it is older than its deadline; then the set-points slow down with
+//! the stop deceleration and hold. At the default limits and 1 kHz the last set-point that moves is
+//! the one of the tick that sees the deadline pass, and the first that stands comes one tick later.
+//! The next valid command moves on from there.
 //!
-//! Angles are inverted in every tick, cut to the position limits of the axes, limited per motor and rounded. `trend` tells
-//! what happens between commands, `limit` what the limits promise; together, motion within the limits is followed without
-//! lag behind the commands, whatever their rate above 50 Hz. What the limiter passes on its way to a *step* is not
-//! checked against the calibrated hull, only its end is: motors that have unequal ways do not move on a straight line.
+//! Angles are inverted in every tick, cut to the position limits of the axes, limited per motor and
+//! rounded. `trend` tells what happens between commands, `limit` what the limits promise; together,
+//! motion within the limits is followed without lag behind the commands, whatever their rate above
+//! 50 Hz. What the limiter passes on its way to a *step* is not checked against the calibrated
+//! hull, only its end is: motors that have unequal ways do not move on a straight line.
 //!
-//! A drive that is off or not yet enabled has its own position as set-point, always. When it reports to be enabled, its
-//! set-point starts where it holds, at the target it was preloaded with, and at rest.
+//! A drive that is off or not yet enabled has its own position as set-point, always. When it
+//! reports to be enabled, its set-point starts where it holds, at the target it was preloaded with,
+//! and at rest.
 
 mod aim;
 pub mod audit;
@@ -246,7 +256,8 @@ pub struct Inputs {
     pub missed: u32,
     /// The newest report of every drive. It may be the same as in the last tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
-    /// The process has been asked to end: decelerate, hold, power off in order. Stays true once true.
+    /// The process has been asked to end: decelerate, hold, power off in order. Stays true once
+    /// true.
     pub shutdown: bool,
 }
 
@@ -311,7 +322,8 @@ pub struct Report {
     pub models: ModelSlots,
     /// How far the trail of the motors goes, which models are led along.
     pub mark: Mark,
-    /// Goal, set-point and estimate in joint space; `None` without a model, or before every drive has reported.
+    /// Goal, set-point and estimate in joint space; `None` without a model, or before every drive
+    /// has reported.
     pub joint: Option<JointReport>,
     /// The set-points of this tick.
     pub setpoints: [Counts; MAX_MOTORS],
@@ -326,7 +338,8 @@ pub struct JointReport {
     pub model: ModelId,
     /// How many entries of the arrays count.
     pub outputs: u32,
-    /// What the client asked, clipped to the hull and the position limits; the set-point while holding.
+    /// What the client asked, clipped to the hull and the position limits; the set-point while
+    /// holding.
     pub goal: OutputVec,
     /// The model at the set-points, before they are rounded to counts.
     pub setpoint: OutputVec,
@@ -334,7 +347,8 @@ pub struct JointReport {
     pub measured: OutputVec,
     /// Rate of change of `setpoint` in this tick, rad/s.
     pub setpoint_velocity: OutputVec,
-    /// Rate of change of `measured`, rad/s, through a first-order low-pass with a time constant of 20 ms.
+    /// Rate of change of `measured`, rad/s, through a first-order low-pass with a time constant of
+    /// 20 ms.
     pub measured_velocity: OutputVec,
     /// Standard deviation of `measured`, rad.
     pub deviation: OutputVec,
@@ -377,7 +391,8 @@ pub enum EventKind {
         /// Who.
         client_id: u64,
     },
-    /// A servo command was refused; repeats with the same reason are folded until a command is accepted.
+    /// A servo command was refused; repeats with the same reason are folded until a command is
+    /// accepted.
     Refused {
         /// Who asked.
         client_id: u64,

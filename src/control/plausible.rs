@@ -1,8 +1,10 @@
-//! Whether the snake is where the model says: the camera against the estimate from the encoders (H12).
+//! Whether the snake is where the model says: the camera against the estimate from the encoders
+//! (H12).
 //!
-//! A wire that is slack or torn, a gear that slips, or a model of another snake does not show in the encoders. It shows in a
-//! camera that sees the angles. Its pictures are some hundredths of a second old when they arrive, so they are compared with the
-//! estimate of the instant at which they were taken. A single picture proves nothing: only a distance that lasts is a fault.
+//! A wire that is slack or torn, a gear that slips, or a model of another snake does not show in
+//! the encoders. It shows in a camera that sees the angles. Its pictures are some hundredths of a
+//! second old when they arrive, so they are compared with the estimate of the instant at which they
+//! were taken. A single picture proves nothing: only a distance that lasts is a fault.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +13,8 @@ use super::load::Patience;
 use crate::config::PlausibilityConfig;
 use crate::units::{Nanos, OutputVec};
 
-/// Estimates that are kept, in rows of 32, because that is the largest array that can be written to a file.
+/// Estimates that are kept, in rows of 32, because that is the largest array that can be written to
+/// a file.
 const ROWS: usize = 4;
 const COLUMNS: usize = 32;
 /// One estimate is kept every so often: all of them cover half a second.
@@ -56,7 +59,11 @@ impl Plausible {
         self.last = now;
         let place = (self.written % (ROWS * COLUMNS) as u64) as usize;
         self.written += 1;
-        if let Some(entry) = self.estimates.get_mut(place / COLUMNS).and_then(|row| row.get_mut(place % COLUMNS)) {
+        if let Some(entry) = self
+            .estimates
+            .get_mut(place / COLUMNS)
+            .and_then(|row| row.get_mut(place % COLUMNS))
+        {
             *entry = (now, estimate);
         }
     }
@@ -69,13 +76,22 @@ impl Plausible {
         self.patience.is_over(false, Nanos::ZERO);
     }
 
-    /// Whether the snake has been elsewhere for too long. `watched`: the robot is on, and the memory of the model is known.
-    pub fn is_broken(&mut self, picture: Option<&External>, outputs: usize, watched: bool, now: Nanos) -> bool {
+    /// Whether the snake has been elsewhere for too long. `watched`: the robot is on, and the
+    /// memory of the model is known.
+    pub fn is_broken(
+        &mut self,
+        picture: Option<&External>,
+        outputs: usize,
+        watched: bool,
+        now: Nanos,
+    ) -> bool {
         if let Some(picture) = picture
             && picture.outputs as usize == outputs
             && self.is_on()
         {
-            self.apart = self.at(picture.stamp).map(|estimate| distance(&estimate, &picture.position));
+            self.apart = self
+                .at(picture.stamp)
+                .map(|estimate| distance(&estimate, &picture.position));
         }
         let far = watched && self.apart.is_some_and(|apart| apart > self.distance);
         self.patience.is_over(far, now)
@@ -84,7 +100,11 @@ impl Plausible {
     /// The estimate nearest to an instant; `None` if none was made near it.
     fn at(&self, stamp: Nanos) -> Option<OutputVec> {
         let apart = |noted: &Nanos| noted.since(stamp) + stamp.since(*noted);
-        let noted = self.estimates.iter().flatten().filter(|(noted, _)| *noted > Nanos::ZERO);
+        let noted = self
+            .estimates
+            .iter()
+            .flatten()
+            .filter(|(noted, _)| *noted > Nanos::ZERO);
         let (nearest, estimate) = noted.min_by_key(|(noted, _)| apart(noted))?;
         (apart(nearest) <= SPACING + SPACING).then_some(*estimate)
     }
@@ -92,8 +112,17 @@ impl Plausible {
 
 /// Not a number is far from anything.
 fn distance(a: &OutputVec, b: &OutputVec) -> f64 {
-    let distance = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
-    if distance.is_nan() { f64::INFINITY } else { distance }
+    let distance = a
+        .iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt();
+    if distance.is_nan() {
+        f64::INFINITY
+    } else {
+        distance
+    }
 }
 
 #[cfg(test)]
@@ -105,11 +134,18 @@ mod tests {
     }
 
     fn picture(stamp: u64, degrees: f64) -> External {
-        External { stamp: ms(stamp), position: [degrees.to_radians(), 0.0, 0.0], outputs: 2 }
+        External {
+            stamp: ms(stamp),
+            position: [degrees.to_radians(), 0.0, 0.0],
+            outputs: 2,
+        }
     }
 
     fn moving() -> Plausible {
-        let config = PlausibilityConfig { distance_deg: 2.0, lasts_ms: 100 };
+        let config = PlausibilityConfig {
+            distance_deg: 2.0,
+            lasts_ms: 100,
+        };
         let mut plausible = Plausible::new(&config);
         // 10 deg/s.
         (0..400).for_each(|t| plausible.note(ms(t), [(0.01 * t as f64).to_radians(), 0.0, 0.0]));
@@ -133,15 +169,24 @@ mod tests {
         assert!(!plausible.is_broken(Some(&picture(340, 3.4)), 2, true, ms(480)));
         assert!(!plausible.is_broken(Some(&picture(350, 6.0)), 2, true, ms(500)));
         assert!(plausible.is_broken(None, 2, true, ms(600)));
-        assert!(!plausible.is_broken(None, 2, false, ms(601)), "nobody is watched who is off");
+        assert!(
+            !plausible.is_broken(None, 2, false, ms(601)),
+            "nobody is watched who is off"
+        );
     }
 
     #[test]
     fn what_cannot_be_compared_is_no_fault() {
         let mut plausible = moving();
         for now in (400..900).step_by(40) {
-            assert!(!plausible.is_broken(Some(&picture(700, 60.0)), 2, true, ms(now)), "no estimate of that instant");
-            assert!(!plausible.is_broken(Some(&picture(300, 60.0)), 3, true, ms(now)), "a position is no angle");
+            assert!(
+                !plausible.is_broken(Some(&picture(700, 60.0)), 2, true, ms(now)),
+                "no estimate of that instant"
+            );
+            assert!(
+                !plausible.is_broken(Some(&picture(300, 60.0)), 3, true, ms(now)),
+                "a position is no angle"
+            );
         }
         plausible.forget();
         assert!(!plausible.is_broken(Some(&picture(300, 60.0)), 2, true, ms(1000)));

@@ -1,8 +1,10 @@
-//! The way of `move_jp`: from rest to rest along a straight line in joint space, with limited velocity, acceleration and jerk.
+//! The way of `move_jp`: from rest to rest along a straight line in joint space, with limited
+//! velocity, acceleration and jerk.
 //!
-//! Seven segments of constant jerk, `+ 0 - 0 - 0 +` (L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic
-//! Machines and Robots, 2008, section 3.4), in closed form because both ends are at rest. No crate is used for it: the ones for
-//! Rust that are kept up solve the general problem, from any state to any other with several axes in step, in thousands of lines.
+//! Seven segments of constant jerk, `+ 0 - 0 - 0 +` (L. Biagiotti and C. Melchiorri, Trajectory
+//! Planning for Automatic Machines and Robots, 2008, section 3.4), in closed form because both ends
+//! are at rest. No crate is used for it: the ones for Rust that are kept up solve the general
+//! problem, from any state to any other with several axes in step, in thousands of lines.
 
 use serde::{Deserialize, Serialize};
 
@@ -46,20 +48,43 @@ impl Bounds {
 impl Profile {
     /// The fastest way of this length within bounds.
     pub fn new(length: f64, bounds: &Bounds) -> Self {
-        let Bounds { velocity, acceleration, jerk } = *bounds;
+        let Bounds {
+            velocity,
+            acceleration,
+            jerk,
+        } = *bounds;
         let jerk_s = (acceleration / jerk).min((velocity / jerk).sqrt());
         let steady_s = (velocity / (jerk * jerk_s) - jerk_s).max(0.0);
         let top = jerk * jerk_s * (jerk_s + steady_s);
         let to_top_and_back = top * (2.0 * jerk_s + steady_s);
         if length >= to_top_and_back {
-            return Self { length, jerk, jerk_s, steady_s, cruise_s: (length - to_top_and_back) / top };
+            return Self {
+                length,
+                jerk,
+                jerk_s,
+                steady_s,
+                cruise_s: (length - to_top_and_back) / top,
+            };
         }
         // The velocity is not reached; perhaps the acceleration is.
-        let steady_s = ((jerk_s * jerk_s + 4.0 * length / (jerk * jerk_s)).sqrt() - 3.0 * jerk_s) / 2.0;
+        let steady_s =
+            ((jerk_s * jerk_s + 4.0 * length / (jerk * jerk_s)).sqrt() - 3.0 * jerk_s) / 2.0;
         if steady_s >= 0.0 {
-            return Self { length, jerk, jerk_s, steady_s, cruise_s: 0.0 };
+            return Self {
+                length,
+                jerk,
+                jerk_s,
+                steady_s,
+                cruise_s: 0.0,
+            };
         }
-        Self { length, jerk, jerk_s: (length / (2.0 * jerk)).cbrt(), steady_s: 0.0, cruise_s: 0.0 }
+        Self {
+            length,
+            jerk,
+            jerk_s: (length / (2.0 * jerk)).cbrt(),
+            steady_s: 0.0,
+            cruise_s: 0.0,
+        }
     }
 
     /// How long it takes, seconds.
@@ -81,7 +106,8 @@ impl Profile {
             (self.steady_s, 0.0),
             (self.jerk_s, 1.0),
         ];
-        let (mut left, mut place, mut velocity, mut acceleration) = (time_s.max(0.0), 0.0, 0.0, 0.0);
+        let (mut left, mut place, mut velocity, mut acceleration) =
+            (time_s.max(0.0), 0.0, 0.0, 0.0);
         for (span, sign) in segments {
             let (dt, jerk) = (left.min(span), sign * self.jerk);
             place += dt * (velocity + dt * (acceleration / 2.0 + dt * jerk / 6.0));
@@ -100,7 +126,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Differences over short times stay within the bounds, and the way ends where it should, at rest.
+        /// Differences over short times stay within the bounds, and the way ends where it should,
+        /// at rest.
         #[test]
         fn every_way_keeps_its_bounds_and_arrives(
             length in 1e-6..100.0_f64, velocity in 0.1..50.0_f64, acceleration in 0.1..500.0_f64, jerk in 1.0..1e4_f64
@@ -126,14 +153,22 @@ mod tests {
 
     #[test]
     fn a_long_way_takes_its_length_over_the_velocity_and_the_time_to_get_there() {
-        let bounds = Bounds { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
+        let bounds = Bounds {
+            velocity: 10.0,
+            acceleration: 100.0,
+            jerk: 2000.0,
+        };
         // V/A + A/J = 0.1 s + 0.05 s.
         assert!((Profile::new(20.0, &bounds).duration_s() - 2.15).abs() < 1e-12);
     }
 
     #[test]
     fn no_way_is_over_at_once() {
-        let bounds = Bounds { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
+        let bounds = Bounds {
+            velocity: 10.0,
+            acceleration: 100.0,
+            jerk: 2000.0,
+        };
         assert_eq!(Profile::new(0.0, &bounds).share(0.0), 1.0);
     }
 }

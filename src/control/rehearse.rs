@@ -1,8 +1,8 @@
-//! The control cycle without a robot: the very [`Cycle::step`] of the loop, on time that is counted, against drives that
-//! are where they were last told to be.
+//! The control cycle without a robot: the very [`Cycle::step`] of the loop, on time that is
+//! counted, against drives that are where they were last told to be.
 //!
-//! What comes out is what the motors would be told: inverse, memory, filters, limits and rounding are those of the loop,
-//! as configured. What real drives, lines and clocks add is not in it.
+//! What comes out is what the motors would be told: inverse, memory, filters, limits and rounding
+//! are those of the loop, as configured. What real drives, lines and clocks add is not in it.
 
 use std::sync::Arc;
 
@@ -54,15 +54,24 @@ pub struct Rehearsal {
 }
 
 impl Rehearsal {
-    /// The motors go through `history`, fractional counts rounded, with the drives off; then the drives are enabled where
-    /// it ends. Without a history they are in the middle of the model's hull, and the memory is unknown.
+    /// The motors go through `history`, fractional counts rounded, with the drives off; then the
+    /// drives are enabled where it ends. Without a history they are in the middle of the model's
+    /// hull, and the memory is unknown.
     ///
     /// # Errors
     ///
     /// [`RehearsalError::Enable`], above all when the history ends outside the position limits.
-    pub fn new(config: &Config, model: &Arc<Model>, history: &[MotorVec]) -> Result<Self, RehearsalError> {
+    pub fn new(
+        config: &Config,
+        model: &Arc<Model>,
+        history: &[MotorVec],
+    ) -> Result<Self, RehearsalError> {
         let period = config.control.period();
-        let homed = AxisFeedback { phase: AxisPhase::Disabled, homed: true, ..AxisFeedback::default() };
+        let homed = AxisFeedback {
+            phase: AxisPhase::Disabled,
+            homed: true,
+            ..AxisFeedback::default()
+        };
         let mut cycle = Cycle::new(config, Some(Arc::clone(model)));
         let now = Nanos::from_millis(1000);
         let report = cycle.step(now, &Inputs::default()).report;
@@ -89,7 +98,8 @@ impl Rehearsal {
     ///
     /// # Errors
     ///
-    /// [`RehearsalError::Goal`] when the goal is refused, as by the gate of servo commands; [`RehearsalError::Fault`].
+    /// [`RehearsalError::Goal`] when the goal is refused, as by the gate of servo commands;
+    /// [`RehearsalError::Fault`].
     pub fn follow(&mut self, goal: Goal) -> Result<&Report, RehearsalError> {
         self.sequence += 1;
         let stamp = self.now + self.period;
@@ -125,7 +135,12 @@ impl Rehearsal {
     }
 
     fn enable(&mut self) -> Result<(), RehearsalError> {
-        let request = StateRequest { id: 0, client_id: CLIENT, command: StateCommand::Enable, pose: None };
+        let request = StateRequest {
+            id: 0,
+            client_id: CLIENT,
+            command: StateCommand::Enable,
+            pose: None,
+        };
         self.tick(None, Some(request));
         for _ in 0..ENABLING_TICKS {
             if self.report.state == OperatingState::Enabled {
@@ -146,9 +161,18 @@ impl Rehearsal {
     fn tick(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
         self.now = self.now + self.period;
         let now = self.now;
-        let drives = self.feedback.iter_mut().zip(&self.requests).take(self.motors);
+        let drives = self
+            .feedback
+            .iter_mut()
+            .zip(&self.requests)
+            .take(self.motors);
         drives.for_each(|(feedback, request)| obey(feedback, request, now));
-        let inputs = Inputs { servo, request, feedback: self.feedback, ..Inputs::default() };
+        let inputs = Inputs {
+            servo,
+            request,
+            feedback: self.feedback,
+            ..Inputs::default()
+        };
         let outputs = self.cycle.step(now, &inputs);
         (self.requests, self.report) = (outputs.requests, outputs.report);
     }
@@ -178,11 +202,17 @@ fn obey(feedback: &mut AxisFeedback, request: &AxisRequest, now: Nanos) {
 /// The counts at which a model would start to follow a goal, were nothing known of the past.
 #[must_use]
 pub fn beginning(model: &Model, goal: &OutputVec) -> MotorVec {
-    model.invert(goal, &model.new_memory(), &Query::new(model.hull().centre())).counts
+    model
+        .invert(
+            goal,
+            &model.new_memory(),
+            &Query::new(model.hull().centre()),
+        )
+        .counts
 }
 
-/// The configuration with every limit on motion lifted: velocity, acceleration, jerk, steps and positions. The calibrated hull
-/// of the model stays, and so do its filters.
+/// The configuration with every limit on motion lifted: velocity, acceleration, jerk, steps and
+/// positions. The calibrated hull of the model stays, and so do its filters.
 #[must_use]
 pub fn without_limits(config: &Config) -> Config {
     let mut config = config.clone();
@@ -196,7 +226,8 @@ pub fn without_limits(config: &Config) -> Config {
     config.command.step_deg = NO_LIMIT;
     config.command.step_counts = i32::MAX;
     for axis in config.ports.iter_mut().flat_map(|port| &mut port.axes) {
-        (axis.position_min_counts, axis.position_max_counts) = (Counts(-NO_POSITION_LIMIT), Counts(NO_POSITION_LIMIT));
+        (axis.position_min_counts, axis.position_max_counts) =
+            (Counts(-NO_POSITION_LIMIT), Counts(NO_POSITION_LIMIT));
     }
     config
 }

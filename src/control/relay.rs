@@ -1,7 +1,8 @@
 //! The thread of shared memory: clients on one side, the loop on the other.
 //!
-//! It takes newest commands and requests to the loop and publishes every tick that the loop reports. Calls into shared
-//! memory may take a hundred microseconds when a client comes or goes; that is why they are here and not in the loop.
+//! It takes newest commands and requests to the loop and publishes every tick that the loop
+//! reports. Calls into shared memory may take a hundred microseconds when a client comes or goes;
+//! that is why they are here and not in the loop.
 
 use std::sync::mpsc::{Receiver, Sender};
 
@@ -50,7 +51,8 @@ pub struct Desk {
 }
 
 impl Relay {
-    /// A relay over a running server. `granted` is what the loop was granted, as read back by the loop.
+    /// A relay over a running server. `granted` is what the loop was granted, as read back by the
+    /// loop.
     #[must_use]
     pub fn new(
         server: Server,
@@ -99,16 +101,33 @@ impl Relay {
     }
 
     fn take_servo(&mut self) {
-        let joint = self.server.poll_servo(self.lease_client_id).as_ref().map(ServoCommand::from);
-        let actuator = self.server.poll_actuator(self.lease_client_id).as_ref().map(ServoCommand::from);
+        let joint = self
+            .server
+            .poll_servo(self.lease_client_id)
+            .as_ref()
+            .map(ServoCommand::from);
+        let actuator = self
+            .server
+            .poll_actuator(self.lease_client_id)
+            .as_ref()
+            .map(ServoCommand::from);
         // A client that mixes both kinds gets the one that it sent last.
-        if let Some(command) = [joint, actuator].into_iter().flatten().max_by_key(|command| command.stamp) {
+        if let Some(command) = [joint, actuator]
+            .into_iter()
+            .flatten()
+            .max_by_key(|command| command.stamp)
+        {
             self.ends.servo.write(Some(command));
         }
     }
 
     fn take_external(&mut self) {
-        if let Some(seen) = self.server.poll_external().as_ref().and_then(convert::external) {
+        if let Some(seen) = self
+            .server
+            .poll_external()
+            .as_ref()
+            .and_then(convert::external)
+        {
             self.ends.external.write(Some(seen));
         }
     }
@@ -143,8 +162,14 @@ impl Relay {
         });
         while let Ok(Written { token, outcome }) = self.desk.written.try_recv() {
             let reply = match outcome {
-                Ok((path, ticks)) => BlackBoxReply { ticks, text: padded_text(&path.to_string_lossy()) },
-                Err(reason) => BlackBoxReply { ticks: 0, text: padded_text(&reason) },
+                Ok((path, ticks)) => BlackBoxReply {
+                    ticks,
+                    text: padded_text(&path.to_string_lossy()),
+                },
+                Err(reason) => BlackBoxReply {
+                    ticks: 0,
+                    text: padded_text(&reason),
+                },
             };
             self.server.reply_black_box(token, reply);
         }
@@ -156,26 +181,43 @@ impl Relay {
         let chronicle = self.chronicle.lock();
         let known = chronicle.model(model).map(|known| known.model.as_ref());
         let names: Vec<&str> = known.map(names).unwrap_or_default();
-        let shape = [self.identity.motors as u8, names.len().min(MAX_OUTPUTS) as u8];
-        self.server.describe(shape, model.unwrap_or_default().0, output_names(&names));
+        let shape = [
+            self.identity.motors as u8,
+            names.len().min(MAX_OUTPUTS) as u8,
+        ];
+        self.server
+            .describe(shape, model.unwrap_or_default().0, output_names(&names));
     }
 
-    /// Ways to a pose go to the loop as state commands, with a mark on the token that tells their answers apart.
+    /// Ways to a pose go to the loop as state commands, with a mark on the token that tells their
+    /// answers apart.
     fn take_moves(&mut self, now: Nanos) {
         let (requests, state) = (&mut self.ends.requests, self.state);
         let mut refused = Vec::new();
         self.server.poll_moves(now, |token, raw| {
             let (id, pose) = (token | MOVE, Some((raw.position, raw.count)));
-            let request = StateRequest { id, client_id: raw.client_id, command: StateCommand::Move, pose };
+            let request = StateRequest {
+                id,
+                client_id: raw.client_id,
+                command: StateCommand::Move,
+                pose,
+            };
             if requests.push(request).is_err() {
-                refused.push(StateReply { id, refusal: Refusal::Busy, state });
+                refused.push(StateReply {
+                    id,
+                    refusal: Refusal::Busy,
+                    state,
+                });
             }
         });
         refused.into_iter().for_each(|reply| self.answer(reply));
     }
 
     fn answer(&mut self, reply: StateReply) {
-        let answer = StateCommandReply { refusal: reply.refusal.number(), state: reply.state.number() };
+        let answer = StateCommandReply {
+            refusal: reply.refusal.number(),
+            state: reply.state.number(),
+        };
         match reply.id & MOVE {
             0 => self.server.reply(reply.id, answer),
             _ => self.server.reply_move(reply.id & !MOVE, answer),
@@ -194,29 +236,49 @@ impl Relay {
         self.server.publish_goal(goal);
         self.server.publish_setpoint(setpoint);
         self.server.publish_measured(measured);
-        self.server.publish_actuators(convert::actuator_state(report, &self.identity));
-        self.server.publish_operating_state(convert::operating_state(report, &self.granted));
+        self.server
+            .publish_actuators(convert::actuator_state(report, &self.identity));
+        self.server
+            .publish_operating_state(convert::operating_state(report, &self.granted));
     }
 }
 
-fn hand_over(requests: &mut rtrb::Producer<StateRequest>, id: u64, raw: StateCommandRequest) -> Result<(), Refusal> {
+fn hand_over(
+    requests: &mut rtrb::Producer<StateRequest>,
+    id: u64,
+    raw: StateCommandRequest,
+) -> Result<(), Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
     if raw.client_id == 0 {
         return Err(Refusal::Malformed);
     }
-    requests.push(StateRequest { id, client_id: raw.client_id, command, pose: None }).map_err(|_| Refusal::Busy)
+    requests
+        .push(StateRequest {
+            id,
+            client_id: raw.client_id,
+            command,
+            pose: None,
+        })
+        .map_err(|_| Refusal::Busy)
 }
 
 /// Names of a model's outputs.
 fn names(model: &Model) -> Vec<&str> {
-    model.file().outputs.iter().map(|output| output.name.as_str()).collect()
+    model
+        .file()
+        .outputs
+        .iter()
+        .map(|output| output.name.as_str())
+        .collect()
 }
 
 /// Names of the outputs as the `version` reply carries them.
 fn output_names(names: &[&str]) -> [[u8; 16]; MAX_OUTPUTS] {
     let mut padded = [[0; 16]; MAX_OUTPUTS];
     for (slot, name) in padded.iter_mut().zip(names) {
-        slot.iter_mut().zip(name.bytes()).for_each(|(to, from)| *to = from);
+        slot.iter_mut()
+            .zip(name.bytes())
+            .for_each(|(to, from)| *to = from);
     }
     padded
 }

@@ -1,4 +1,5 @@
-//! The controller process: brings everything up in order, runs the threads, takes everything down in order.
+//! The controller process: brings everything up in order, runs the threads, takes everything down
+//! in order.
 //!
 //! | thread | scheduling | does |
 //! |---|---|---|
@@ -45,7 +46,8 @@ use crate::units::{MAX_MOTORS, Nanos};
 const PORT_PRIORITY_DISTANCE: u8 = 10;
 /// When the first tick is due after the threads were asked to start.
 const START_DELAY: Nanos = Nanos::from_millis(20);
-/// How long the port threads may take to read the first positions: a few exchanges, unless the machine stalls.
+/// How long the port threads may take to read the first positions: a few exchanges, unless the
+/// machine stalls.
 const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 /// How often the log is written.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
@@ -69,7 +71,9 @@ pub enum RuntimeError {
     #[error(transparent)]
     Drive(#[from] DriveError),
     /// The system refuses a thread.
-    #[error("cannot start the thread {name}: {source}; the limit on processes of this user may be too low")]
+    #[error(
+        "cannot start the thread {name}: {source}; the limit on processes of this user may be too low"
+    )]
     Thread {
         /// Which one.
         name: &'static str,
@@ -81,12 +85,17 @@ pub enum RuntimeError {
     Died(&'static str),
 }
 
-/// Runs the controller until `shutdown` is set and the drives are off. Lines for a person go to `log`.
+/// Runs the controller until `shutdown` is set and the drives are off. Lines for a person go to
+/// `log`.
 ///
 /// # Errors
 ///
 /// When something does not come up, or a thread ended early.
-pub fn run(config: &Config, shutdown: &Arc<AtomicBool>, log: &mut dyn Write) -> Result<(), RuntimeError> {
+pub fn run(
+    config: &Config,
+    shutdown: &Arc<AtomicBool>,
+    log: &mut dyn Write,
+) -> Result<(), RuntimeError> {
     run_with_note(config, "", shutdown, log)
 }
 
@@ -106,8 +115,13 @@ pub fn run_with_note(
     let domain = Domain::new(&config.ipc.domain)?;
     let guard = DomainGuard::acquire(&domain)?;
     let (boot_id, first_model) = (guard.boot_id(), model.as_ref().map(|model| model.id()));
-    let Drives { runners, mut links, found } = bring_up_ports(config)?;
-    let (recorder, recorder_ends) = Recorder::new(config, model.as_ref(), &software(), guard.boot_id());
+    let Drives {
+        runners,
+        mut links,
+        found,
+    } = bring_up_ports(config)?;
+    let (recorder, recorder_ends) =
+        Recorder::new(config, model.as_ref(), &software(), guard.boot_id());
     let (mut loop_ends, relay_ends, keeper_ends, events) = lanes(recorder_ends);
     let quit = Arc::new(AtomicBool::new(false));
     let chronicle = chronicle(config, model.as_ref());
@@ -117,12 +131,30 @@ pub fn run_with_note(
     let (written_in, written) = mpsc::channel();
     let (lines_in, lines) = mpsc::channel();
     let recorder = Thread::recorder(config, recorder, wishes_out, written_in, lines_in, &quit)?;
-    let keeper = Keeper::new(config.clone(), chronicle.clone(), keeper_ends, wishes.clone());
+    let keeper = Keeper::new(
+        config.clone(),
+        chronicle.clone(),
+        keeper_ends,
+        wishes.clone(),
+    );
     let keeper = Thread::keeper(config, keeper, questions_out, answers_in, &quit)?;
 
     let (granted_in, granted_out) = mpsc::channel();
-    let desk = Desk { questions, answers, wishes, written };
-    let (relay, pulse) = Thread::relay(config, guard, relay_ends, chronicle, desk, granted_out, &quit)?;
+    let desk = Desk {
+        questions,
+        answers,
+        wishes,
+        written,
+    };
+    let (relay, pulse) = Thread::relay(
+        config,
+        guard,
+        relay_ends,
+        chronicle,
+        desk,
+        granted_out,
+        &quit,
+    )?;
     loop_ends.pulse = Some(pulse);
     let (port_events_in, port_events) = mpsc::channel();
     let ports = runners
@@ -133,21 +165,51 @@ pub fn run_with_note(
     let first = clock::now() + START_DELAY;
     let cycle = Cycle::new(config, model);
     let (told_in, told) = mpsc::channel();
-    let control = Thread::control(&config.control, cycle, loop_ends, links, first, told_in, shutdown)?;
+    let control = Thread::control(
+        &config.control,
+        cycle,
+        loop_ends,
+        links,
+        first,
+        told_in,
+        shutdown,
+    )?;
     let mut rights = Granted::default();
     if let Ok(granted) = told.recv() {
-        // A relay that is gone already is noticed right below. It comes first: a log that nobody reads may block.
+        // A relay that is gone already is noticed right below. It comes first: a log that nobody
+        // reads may block.
         let _ = granted_in.send((granted.clone(), first));
         tell_granted(log, &granted);
         rights = granted;
     }
     let software = software();
     let drives = &found;
-    let run = Run { software: &software, boot_id, config, model: first_model, drives, granted: &rights, note };
+    let run = Run {
+        software: &software,
+        boot_id,
+        config,
+        model: first_model,
+        drives,
+        granted: &rights,
+        note,
+    };
     let (audit, begun) = Audit::begin(&run);
-    begun.unwrap_or_else(|error| say(log, format_args!("warning: the log of runs is not written: {error}")));
+    begun.unwrap_or_else(|error| {
+        say(
+            log,
+            format_args!("warning: the log of runs is not written: {error}"),
+        )
+    });
 
-    let mut watch = Watch { events, port_events, lines, audit, domain, boot_id, log };
+    let mut watch = Watch {
+        events,
+        port_events,
+        lines,
+        audit,
+        domain,
+        boot_id,
+        log,
+    };
     watch.until_end(&control, &[&relay, &keeper, &recorder], &ports, shutdown);
     let control = control.join();
     quit.store(true, Ordering::Release);
@@ -157,12 +219,18 @@ pub fn run_with_note(
         .chain([relay.join(), keeper.join(), recorder.join()])
         .collect::<Result<Vec<()>, _>>();
     watch.drain();
-    let _ = watch.audit.end(if control.is_ok() { "in order" } else { "the control loop ended early" });
+    let _ = watch.audit.end(if control.is_ok() {
+        "in order"
+    } else {
+        "the control loop ended early"
+    });
     control.and(others.map(|_| ()))
 }
 
 fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
-    let Some(path) = &config.control.model else { return Ok(None) };
+    let Some(path) = &config.control.model else {
+        return Ok(None);
+    };
     access::check(path)?;
     let model = Model::load(path)?;
     model.check_robot(&config.robot_id, config.motors())?;
@@ -181,7 +249,13 @@ fn chronicle(config: &Config, model: Option<&Arc<Model>>) -> SharedChronicle {
         let file = config.control.model.clone().unwrap_or_default();
         let mut chronicle = shared.lock();
         chronicle.slots.active = Some(model.id());
-        chronicle.known.insert(model.id(), Known { model: Arc::clone(model), file });
+        chronicle.known.insert(
+            model.id(),
+            Known {
+                model: Arc::clone(model),
+                file,
+            },
+        );
     }
     shared
 }
@@ -193,9 +267,14 @@ struct Drives {
     found: Vec<AxisIdentity>,
 }
 
-/// All ports are opened before the first is configured, so that a missing one is found before any drive is touched.
+/// All ports are opened before the first is configured, so that a missing one is found before any
+/// drive is touched.
 fn bring_up_ports(config: &Config) -> Result<Drives, RuntimeError> {
-    let opened = config.ports.iter().map(Port::<Opened>::open).collect::<Result<Vec<_>, _>>()?;
+    let opened = config
+        .ports
+        .iter()
+        .map(Port::<Opened>::open)
+        .collect::<Result<Vec<_>, _>>()?;
     let (mut runners, mut links, mut found) = (Vec::new(), Vec::new(), Vec::new());
     for port in opened {
         let port = port.bring_up()?;
@@ -204,11 +283,16 @@ fn bring_up_ports(config: &Config) -> Result<Drives, RuntimeError> {
         runners.push(runner);
         links.extend(of_port);
     }
-    Ok(Drives { runners, links, found })
+    Ok(Drives {
+        runners,
+        links,
+        found,
+    })
 }
 
-/// Waits until the port threads read positions. The ones from bringing up may be old by now, and the loop would take them for
-/// a line that went dead. One that really is dead is left to the loop, which names it.
+/// Waits until the port threads read positions. The ones from bringing up may be old by now, and
+/// the loop would take them for a line that went dead. One that really is dead is left to the loop,
+/// which names it.
 fn wait_for_positions(links: &mut [AxisLink]) {
     let start = clock::now();
     let fresh = |link: &mut AxisLink| link.feedback.read().stamp >= start;
@@ -218,10 +302,27 @@ fn wait_for_positions(links: &mut [AxisLink]) {
 }
 
 fn tell_granted(log: &mut dyn Write, granted: &Granted) {
-    let scheduling = if granted.priority > 0 { "SCHED_FIFO" } else { "normal scheduling" };
-    let memory = if granted.memory_locked { "locked" } else { "not locked" };
-    say(log, format_args!("loop: {scheduling} {}, memory {memory}, processor {:?}", granted.priority, granted.cpu));
-    granted.warnings.iter().for_each(|warning| say(log, format_args!("warning: {warning}")));
+    let scheduling = if granted.priority > 0 {
+        "SCHED_FIFO"
+    } else {
+        "normal scheduling"
+    };
+    let memory = if granted.memory_locked {
+        "locked"
+    } else {
+        "not locked"
+    };
+    say(
+        log,
+        format_args!(
+            "loop: {scheduling} {}, memory {memory}, processor {:?}",
+            granted.priority, granted.cpu
+        ),
+    );
+    granted
+        .warnings
+        .iter()
+        .for_each(|warning| say(log, format_args!("warning: {warning}")));
 }
 
 fn say(log: &mut dyn Write, line: std::fmt::Arguments<'_>) {
@@ -236,7 +337,10 @@ struct Thread {
 }
 
 impl Thread {
-    fn spawn(name: &'static str, work: impl FnOnce() + Send + 'static) -> Result<Self, RuntimeError> {
+    fn spawn(
+        name: &'static str,
+        work: impl FnOnce() + Send + 'static,
+    ) -> Result<Self, RuntimeError> {
         let handle = thread::Builder::new()
             .name(name.to_owned())
             .spawn(work)
@@ -245,10 +349,13 @@ impl Thread {
     }
 
     fn join(self) -> Result<(), RuntimeError> {
-        self.handle.join().map_err(|_| RuntimeError::Died(self.name))
+        self.handle
+            .join()
+            .map_err(|_| RuntimeError::Died(self.name))
     }
 
-    /// Starts the thread of shared memory and waits until clients can find it; the pulse is for the loop.
+    /// Starts the thread of shared memory and waits until clients can find it; the pulse is for the
+    /// loop.
     fn relay(
         config: &Config,
         guard: DomainGuard,
@@ -258,7 +365,9 @@ impl Thread {
         granted: mpsc::Receiver<(Granted, Nanos)>,
         quit: &Arc<AtomicBool>,
     ) -> Result<(Self, Pulse), RuntimeError> {
-        let identity = Identity { motors: config.motors() as u32 };
+        let identity = Identity {
+            motors: config.motors() as u32,
+        };
         let (period, quit) = (config.control.period(), Arc::clone(quit));
         let pinned = config.control.cpu;
         let (up_in, up) = mpsc::channel();
@@ -267,7 +376,9 @@ impl Thread {
             match Server::create(guard).and_then(|server| Ok((server.pulse()?, server))) {
                 Ok((pulse, server)) => {
                     let _ = up_in.send(Ok(pulse));
-                    let relay = |granted| Relay::new(server, ends, identity, chronicle, desk, granted, period);
+                    let relay = |granted| {
+                        Relay::new(server, ends, identity, chronicle, desk, granted, period)
+                    };
                     relay_until(&quit, relay, &granted, period);
                 }
                 Err(error) => {
@@ -324,7 +435,11 @@ impl Thread {
         Self::spawn("port", move || {
             let priority = control.priority.saturating_sub(PORT_PRIORITY_DISTANCE);
             // What was refused here was refused to the loop as well, which says so.
-            let _ = rt::request(Wanted { priority, cpu: None, lock_memory: false });
+            let _ = rt::request(Wanted {
+                priority,
+                cpu: None,
+                lock_memory: false,
+            });
             // The log may be gone already when the last events come.
             runner.run(&quit, |event| {
                 let _ = events.send(event);
@@ -343,7 +458,11 @@ impl Thread {
     ) -> Result<Self, RuntimeError> {
         let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
         Self::spawn("control", move || {
-            let wanted = Wanted { priority: config.priority, cpu: config.cpu, lock_memory: config.lock_memory };
+            let wanted = Wanted {
+                priority: config.priority,
+                cpu: config.cpu,
+                lock_memory: config.lock_memory,
+            };
             let _ = granted.send(rt::request(wanted));
             drop(granted);
             control_loop(&config, first, cycle, ends, links, &shutdown);
@@ -358,7 +477,9 @@ fn relay_until(
     period: Nanos,
 ) {
     // No answer means that the loop never started; the main thread ends everything then.
-    let Ok((granted, first)) = granted.recv() else { return };
+    let Ok((granted, first)) = granted.recv() else {
+        return;
+    };
     let mut relay = relay(granted);
     let mut ticker = Ticker::new(first - RELAY_LEAD, period, Nanos::ZERO);
     while !quit.load(Ordering::Acquire) {
@@ -377,7 +498,11 @@ fn control_loop(
     mut links: Vec<AxisLink>,
     shutdown: &AtomicBool,
 ) {
-    let mut ticker = Ticker::new(first, config.period(), Nanos::from_micros(u64::from(config.spin_us)));
+    let mut ticker = Ticker::new(
+        first,
+        config.period(),
+        Nanos::from_micros(u64::from(config.spin_us)),
+    );
     let mut log = TickLog::new(config.rate_hz);
     log.remember(&cycle, &mut ends.recorder);
     loop {
@@ -391,10 +516,18 @@ fn control_loop(
             cycle.offer(offer.candidate);
         }
         let inputs = Inputs {
-            servo: if ends.servo.update() { *ends.servo.output_buffer() } else { None },
+            servo: if ends.servo.update() {
+                *ends.servo.output_buffer()
+            } else {
+                None
+            },
             request: ends.requests.pop().ok(),
             model: ends.model_requests.pop().ok(),
-            external: if ends.external.update() { *ends.external.output_buffer() } else { None },
+            external: if ends.external.update() {
+                *ends.external.output_buffer()
+            } else {
+                None
+            },
             missed: u32::try_from(tick.missed).unwrap_or(u32::MAX),
             feedback: read_feedback(&mut links),
             shutdown: shutdown.load(Ordering::Acquire),
@@ -405,9 +538,12 @@ fn control_loop(
                 link.requests.write(*request);
             }
         }
-        // Full lanes mean that a slower thread stalls. Its answers and lines are lost; the loop goes on.
+        // Full lanes mean that a slower thread stalls. Its answers and lines are lost; the loop
+        // goes on.
         let _ = outputs.reply.map(|reply| ends.replies.push(reply));
-        let _ = outputs.model_reply.map(|reply| ends.model_replies.push(reply));
+        let _ = outputs
+            .model_reply
+            .map(|reply| ends.model_replies.push(reply));
         // Nothing is freed here: what does not fit stays in the cycle.
         if !ends.retired.is_full()
             && let Some(retired) = cycle.retired()
@@ -418,11 +554,29 @@ fn control_loop(
             let _ = ends.events.push(event);
         }
         if let Some(pulse) = &ends.pulse {
-            pulse.beat(tick.started, outputs.report.state == OperatingState::Disabled && !outputs.report.busy);
+            pulse.beat(
+                tick.started,
+                outputs.report.state == OperatingState::Disabled && !outputs.report.busy,
+            );
         }
-        let timing = TickTiming { tick, ended: clock::now() };
-        let _ = ends.records.push(Record { report: outputs.report, timing });
-        log.push(TickRecord { number: 0, offered, inputs, outputs, timing }, &mut ends.recorder);
+        let timing = TickTiming {
+            tick,
+            ended: clock::now(),
+        };
+        let _ = ends.records.push(Record {
+            report: outputs.report,
+            timing,
+        });
+        log.push(
+            TickRecord {
+                number: 0,
+                offered,
+                inputs,
+                outputs,
+                timing,
+            },
+            &mut ends.recorder,
+        );
         log.remember(&cycle, &mut ends.recorder);
         if outputs.finished {
             return;
@@ -441,13 +595,20 @@ struct TickLog {
 impl TickLog {
     /// A snapshot every second.
     fn new(rate_hz: u32) -> Self {
-        Self { ticks: 0, interval: u64::from(rate_hz), due: 0 }
+        Self {
+            ticks: 0,
+            interval: u64::from(rate_hz),
+            due: 0,
+        }
     }
 
     fn push(&mut self, tick: TickRecord, ends: &mut RecorderEnds) {
         self.ticks += 1;
         // A full lane means that the recorder stalls: it sees the gap in the numbers.
-        let _ = ends.ticks.push(TickRecord { number: self.ticks, ..tick });
+        let _ = ends.ticks.push(TickRecord {
+            number: self.ticks,
+            ..tick
+        });
     }
 
     fn remember(&mut self, cycle: &Cycle, ends: &mut RecorderEnds) {
@@ -483,10 +644,21 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    /// Writes the log until the loop has ended. A helper thread that ends early makes the loop shut down.
-    fn until_end(&mut self, control: &Thread, helpers: &[&Thread], ports: &[Thread], shutdown: &AtomicBool) {
+    /// Writes the log until the loop has ended. A helper thread that ends early makes the loop shut
+    /// down.
+    fn until_end(
+        &mut self,
+        control: &Thread,
+        helpers: &[&Thread],
+        ports: &[Thread],
+        shutdown: &AtomicBool,
+    ) {
         while !control.handle.is_finished() {
-            if ports.iter().chain(helpers.iter().copied()).any(|thread| thread.handle.is_finished()) {
+            if ports
+                .iter()
+                .chain(helpers.iter().copied())
+                .any(|thread| thread.handle.is_finished())
+            {
                 shutdown.store(true, Ordering::Release);
             }
             self.drain();

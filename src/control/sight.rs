@@ -69,7 +69,9 @@ impl Sight {
 
     /// The gravest thing that is wrong; `powered` as in [`AxisSight::wrong`].
     pub fn wrong(&self, expected: Expected) -> Option<Fault> {
-        self.drives().filter_map(|axis| axis.wrong(expected, self.lost)).min_by_key(|fault| fault.number())
+        self.drives()
+            .filter_map(|axis| axis.wrong(expected, self.lost))
+            .min_by_key(|fault| fault.number())
     }
 }
 
@@ -90,10 +92,13 @@ impl AxisSight {
         match self.phase {
             AxisPhase::Faulted => Some(Fault::Drive),
             AxisPhase::Lost => Some(Fault::Link),
-            // A drive that starts anew had been lost in between. Before it has started it has no position to be old.
+            // A drive that starts anew had been lost in between. Before it has started it has no
+            // position to be old.
             AxisPhase::Starting => (expected != Expected::Off).then_some(Fault::Link),
             _ if self.age >= lost => Some(Fault::Link),
-            phase if expected == Expected::On && phase != AxisPhase::Enabled => Some(Fault::DriveState),
+            phase if expected == Expected::On && phase != AxisPhase::Enabled => {
+                Some(Fault::DriveState)
+            }
             _ if self.strayed => Some(Fault::FollowingError),
             _ => self.overloaded.then_some(Fault::Current),
         }
@@ -114,5 +119,9 @@ pub(super) fn off(phase: AxisPhase) -> bool {
 
 /// The age of a position.
 pub(super) fn age(feedback: &AxisFeedback, now: Nanos) -> Nanos {
-    if feedback.stamp == Nanos::ZERO { Nanos(u64::MAX) } else { now.since(feedback.stamp) }
+    if feedback.stamp == Nanos::ZERO {
+        Nanos(u64::MAX)
+    } else {
+        now.since(feedback.stamp)
+    }
 }

@@ -1,7 +1,8 @@
 //! The models at hand: the one in use, the one that waits, the one before.
 //!
-//! A model comes in as a [`Candidate`], a pointer that a slower thread has filled, and goes out as one when it is of no use
-//! any more: nothing is built and nothing is freed in the loop. All models remember the same past; see `trail`.
+//! A model comes in as a [`Candidate`], a pointer that a slower thread has filled, and goes out as
+//! one when it is of no use any more: nothing is built and nothing is freed in the loop. All models
+//! remember the same past; see `trail`.
 
 use std::sync::Arc;
 
@@ -22,8 +23,8 @@ use crate::units::{MotorVec, Nanos};
 pub struct Candidate(Box<Joints>);
 
 impl Candidate {
-    /// A model whose memory is rebuilt from a history that ends at a mark of the cycle's trail. Takes thousands of steps:
-    /// for a slower thread.
+    /// A model whose memory is rebuilt from a history that ends at a mark of the cycle's trail.
+    /// Takes thousands of steps: for a slower thread.
     #[must_use]
     pub fn new(model: Arc<Model>, config: &Config, history: &History, mark: Mark) -> Self {
         Self(Box::new(Joints::recalled(model, config, history, mark)))
@@ -137,7 +138,10 @@ pub(super) struct Moment<'a> {
 impl Slots {
     /// One model, in use.
     pub fn new(active: Option<Joints>) -> Self {
-        Self { active: active.map(Box::new), ..Self::default() }
+        Self {
+            active: active.map(Box::new),
+            ..Self::default()
+        }
     }
 
     /// The model in use.
@@ -152,13 +156,19 @@ impl Slots {
 
     /// All but the one in use.
     pub fn others_mut(&mut self) -> impl Iterator<Item = &mut Joints> {
-        [&mut self.staged, &mut self.former].into_iter().flatten().map(Box::as_mut)
+        [&mut self.staged, &mut self.former]
+            .into_iter()
+            .flatten()
+            .map(Box::as_mut)
     }
 
-    /// What is remembered: by the model in use, the staged one, the former one. `None` between a swap and the moment at
-    /// which the displaced model has left.
+    /// What is remembered: by the model in use, the staged one, the former one. `None` between a
+    /// swap and the moment at which the displaced model has left.
     pub fn remembered(&self) -> Option<RememberedSlots> {
-        let slot = |slot: &Option<Box<Joints>>| slot.as_ref().map(|joints| (joints.model().id(), *joints.remembered()));
+        let slot = |slot: &Option<Box<Joints>>| {
+            slot.as_ref()
+                .map(|joints| (joints.model().id(), *joints.remembered()))
+        };
         let slots = [&self.active, &self.staged, &self.former].map(slot);
         self.open().then_some(RememberedSlots(slots))
     }
@@ -170,11 +180,20 @@ impl Slots {
         model: impl Fn(ModelId) -> Option<Arc<Model>>,
     ) -> Result<Self, ModelId> {
         let slot = |slot: &Option<(ModelId, Remembered)>| -> Result<Option<Box<Joints>>, ModelId> {
-            let Some((id, remembered)) = slot else { return Ok(None) };
-            Ok(Some(Candidate::restored(model(*id).ok_or(*id)?, config, Carried(*remembered)).0))
+            let Some((id, remembered)) = slot else {
+                return Ok(None);
+            };
+            Ok(Some(
+                Candidate::restored(model(*id).ok_or(*id)?, config, Carried(*remembered)).0,
+            ))
         };
         let [active, staged, former] = &slots.0;
-        Ok(Self { active: slot(active)?, staged: slot(staged)?, former: slot(former)?, retired: None })
+        Ok(Self {
+            active: slot(active)?,
+            staged: slot(staged)?,
+            former: slot(former)?,
+            retired: None,
+        })
     }
 
     /// What the world sees.
@@ -183,7 +202,10 @@ impl Slots {
         ModelSlots {
             active: id(&self.active),
             staged: id(&self.staged),
-            staged_known: self.staged.as_ref().is_some_and(|staged| staged.caught_up(trail) && staged.memory_known()),
+            staged_known: self
+                .staged
+                .as_ref()
+                .is_some_and(|staged| staged.caught_up(trail) && staged.memory_known()),
             former: id(&self.former),
         }
     }
@@ -207,7 +229,12 @@ impl Slots {
     }
 
     /// Changes the model in use, or says why not and changes nothing.
-    pub fn change(&mut self, request: &ModelRequest, moment: &Moment<'_>, events: &mut Events) -> Result<(), Refusal> {
+    pub fn change(
+        &mut self,
+        request: &ModelRequest,
+        moment: &Moment<'_>,
+        events: &mut Events,
+    ) -> Result<(), Refusal> {
         let next = self.next(request)?;
         permits(next, self.active(), request.forced, moment)?;
         // All that can fail comes before the first change.
@@ -234,7 +261,11 @@ impl Slots {
             }
             ModelChange::Rollback => self.active = std::mem::replace(&mut self.former, active),
         }
-        let to = self.active.as_ref().map(|joints| joints.model().id()).unwrap_or_default();
+        let to = self
+            .active
+            .as_ref()
+            .map(|joints| joints.model().id())
+            .unwrap_or_default();
         events.push(EventKind::Model { from, to });
         Ok(())
     }
@@ -242,22 +273,38 @@ impl Slots {
     fn next(&self, request: &ModelRequest) -> Result<&Joints, Refusal> {
         match request.change {
             ModelChange::Activate(id) => {
-                let staged = self.staged.as_deref().filter(|staged| staged.model().id() == id);
+                let staged = self
+                    .staged
+                    .as_deref()
+                    .filter(|staged| staged.model().id() == id);
                 // The former model has to have a place to go to.
                 let staged = staged.ok_or(Refusal::NothingStaged)?;
-                if self.open() { Ok(staged) } else { Err(Refusal::Busy) }
+                if self.open() {
+                    Ok(staged)
+                } else {
+                    Err(Refusal::Busy)
+                }
             }
             ModelChange::Rollback => self.former.as_deref().ok_or(Refusal::NoFormer),
         }
     }
 }
 
-fn permits(next: &Joints, active: Option<&Joints>, forced: bool, moment: &Moment<'_>) -> Result<(), Refusal> {
+fn permits(
+    next: &Joints,
+    active: Option<&Joints>,
+    forced: bool,
+    moment: &Moment<'_>,
+) -> Result<(), Refusal> {
     if moment.conditioning || !next.caught_up(moment.trail) {
         return Err(Refusal::Busy);
     }
     if moment.following && !active.is_some_and(|active| active.speaks_like(next)) {
         return Err(Refusal::State);
     }
-    if forced || next.memory_known() { Ok(()) } else { Err(Refusal::MemoryUnknown) }
+    if forced || next.memory_known() {
+        Ok(())
+    } else {
+        Err(Refusal::MemoryUnknown)
+    }
 }

@@ -1,10 +1,11 @@
 //! The jerk limit: a mean over the last ticks.
 //!
-//! What goes in has a limited acceleration. In the mean over `n` ticks of length `T`, acceleration changes per tick by the
-//! difference of two accelerations over `n`: between `-A` and `A`, the jerk is at most `2 A / (n T)` (L. Biagiotti and C. Melchiorri,
-//! Trajectory Planning for Automatic Machines and Robots, 2008: trajectories by filters). A mean stays within the limits
-//! on position, velocity and acceleration that its values keep. It is late by `(n - 1) / 2` ticks, and comes to rest
-//! `n - 1` ticks after what goes in.
+//! What goes in has a limited acceleration. In the mean over `n` ticks of length `T`, acceleration
+//! changes per tick by the difference of two accelerations over `n`: between `-A` and `A`, the jerk
+//! is at most `2 A / (n T)` (L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic
+//! Machines and Robots, 2008: trajectories by filters). A mean stays within the limits on position,
+//! velocity and acceleration that its values keep. It is late by `(n - 1) / 2` ticks, and comes to
+//! rest `n - 1` ticks after what goes in.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +27,13 @@ impl Smooth {
     /// At rest at 0. A window beyond 1 to [`LONGEST_WINDOW`] is cut.
     pub fn new(window: u32) -> Self {
         let window = window.clamp(1, LONGEST_WINDOW as u32);
-        Self { past: [0.0; LONGEST_WINDOW], ticks: 0, window, mean: 0.0, moved: 0.0 }
+        Self {
+            past: [0.0; LONGEST_WINDOW],
+            ticks: 0,
+            window,
+            mean: 0.0,
+            moved: 0.0,
+        }
     }
 
     /// Begins anew at rest at a value.

@@ -1,7 +1,8 @@
 //! The operating states and the one function that changes them.
 //!
-//! The states and the answer to every command in each of them stand in the table of [`super`]. Deciding and changing are
-//! apart: `table` and `progress` say what comes next and have no effects, [`Machine::change`] does it.
+//! The states and the answer to every command in each of them stand in the table of [`super`].
+//! Deciding and changing are apart: `table` and `progress` say what comes next and have no effects,
+//! [`Machine::change`] does it.
 
 use serde::{Deserialize, Serialize};
 
@@ -109,10 +110,13 @@ impl Way {
     pub fn at(&self, now: Nanos) -> OutputVec {
         let share = self.profile.share(now.since(self.begun).as_seconds());
         let mut place = self.from;
-        place
-            .iter_mut()
-            .zip(self.to)
-            .for_each(|(place, to)| *place = if share >= 1.0 { to } else { *place + share * (to - *place) });
+        place.iter_mut().zip(self.to).for_each(|(place, to)| {
+            *place = if share >= 1.0 {
+                to
+            } else {
+                *place + share * (to - *place)
+            }
+        });
         place
     }
 
@@ -178,32 +182,45 @@ impl State {
     /// What the drives ought to be doing.
     pub fn expected(&self) -> Expected {
         match self {
-            Self::Disabled(Inactive::Idle | Inactive::PoweringOff { .. }) | Self::Fault(_) => Expected::Off,
-            Self::Disabled(Inactive::Enabling { .. } | Inactive::Homing { .. }) => Expected::Changing,
-            Self::Disabled(Inactive::Stopping { .. } | Inactive::Settling { .. }) | Self::Enabled(_) | Self::Paused => {
-                Expected::On
+            Self::Disabled(Inactive::Idle | Inactive::PoweringOff { .. }) | Self::Fault(_) => {
+                Expected::Off
             }
+            Self::Disabled(Inactive::Enabling { .. } | Inactive::Homing { .. }) => {
+                Expected::Changing
+            }
+            Self::Disabled(Inactive::Stopping { .. } | Inactive::Settling { .. })
+            | Self::Enabled(_)
+            | Self::Paused => Expected::On,
         }
     }
 
     /// What the drives are told.
     pub fn demands(&self) -> [Demand; MAX_MOTORS] {
         match self {
-            Self::Disabled(Inactive::Idle | Inactive::Homing { .. } | Inactive::PoweringOff { .. }) => {
-                [Demand::Disabled; MAX_MOTORS]
-            }
-            Self::Disabled(Inactive::Enabling { .. } | Inactive::Stopping { .. } | Inactive::Settling { .. })
+            Self::Disabled(
+                Inactive::Idle | Inactive::Homing { .. } | Inactive::PoweringOff { .. },
+            ) => [Demand::Disabled; MAX_MOTORS],
+            Self::Disabled(
+                Inactive::Enabling { .. } | Inactive::Stopping { .. } | Inactive::Settling { .. },
+            )
             | Self::Enabled(_)
             | Self::Paused => [Demand::Enabled; MAX_MOTORS],
-            Self::Fault(Failure { stage: Stage::Latched { demands, .. }, .. }) => *demands,
-            Self::Fault(Failure { stage: Stage::Resetting { .. }, .. }) => [Demand::Disabled; MAX_MOTORS],
+            Self::Fault(Failure {
+                stage: Stage::Latched { demands, .. },
+                ..
+            }) => *demands,
+            Self::Fault(Failure {
+                stage: Stage::Resetting { .. },
+                ..
+            }) => [Demand::Disabled; MAX_MOTORS],
         }
     }
 
     /// A change is under way.
     pub fn busy(&self, at_rest: bool) -> bool {
         match self {
-            Self::Disabled(Inactive::Idle) | Self::Enabled(Motion::Holding | Motion::Following(_)) => false,
+            Self::Disabled(Inactive::Idle)
+            | Self::Enabled(Motion::Holding | Motion::Following(_)) => false,
             Self::Enabled(Motion::Conditioning(_) | Motion::Moving(_)) => true,
             Self::Paused => !at_rest,
             Self::Disabled(_) => true,
@@ -231,13 +248,18 @@ impl State {
 
     /// The robot moves by itself: a stroke, or a way to a pose.
     pub fn occupied(&self) -> bool {
-        matches!(self, Self::Enabled(Motion::Conditioning(_) | Motion::Moving(_)))
+        matches!(
+            self,
+            Self::Enabled(Motion::Conditioning(_) | Motion::Moving(_))
+        )
     }
 
     /// Angles are led somewhere.
     pub fn in_joint_space(&self) -> bool {
         matches!(self, Self::Enabled(Motion::Moving(_)))
-            || self.following().is_some_and(|follow| follow.course.is_joint())
+            || self
+                .following()
+                .is_some_and(|follow| follow.course.is_joint())
     }
 }
 
@@ -275,7 +297,11 @@ pub(super) struct Machine {
 impl Machine {
     /// DISABLED. What the drives do, whoever left them so, shows when they report.
     pub fn new() -> Self {
-        Self { state: State::Disabled(Inactive::Idle), since: Nanos::ZERO, fault: Fault::None }
+        Self {
+            state: State::Disabled(Inactive::Idle),
+            since: Nanos::ZERO,
+            fault: Fault::None,
+        }
     }
 
     /// The first tick.
@@ -298,11 +324,15 @@ impl Machine {
         self.fault
     }
 
-    /// The one place where the state changes. Every change that the world can see, every command that began something
-    /// and every fault is an event; steps in between are not.
+    /// The one place where the state changes. Every change that the world can see, every command
+    /// that began something and every fault is an event; steps in between are not.
     pub fn change(&mut self, to: State, cause: Cause, now: Nanos, events: &mut Events) {
         let (before, after) = (self.state.operating(), to.operating());
-        let fault = if let Cause::Fault(fault) = cause { fault } else { Fault::None };
+        let fault = if let Cause::Fault(fault) = cause {
+            fault
+        } else {
+            Fault::None
+        };
         if before != after {
             self.since = now;
         }
@@ -310,7 +340,12 @@ impl Machine {
             self.fault = fault;
         }
         if before != after || matches!(cause, Cause::Command(_) | Cause::Fault(_)) {
-            events.push(EventKind::State { from: before, to: after, command: cause.command(), fault });
+            events.push(EventKind::State {
+                from: before,
+                to: after,
+                command: cause.command(),
+                fault,
+            });
         }
         self.state = to;
     }

@@ -1,11 +1,13 @@
 //! What keeps a model with memory from making the motors chatter.
 //!
-//! At a turn the exact inverse jumps by the gap, so a trembling hand would send the motors to and fro across it, and a
-//! residual that is inverted as it stands answers its own motion. Hence:
+//! At a turn the exact inverse jumps by the gap, so a trembling hand would send the motors to and
+//! fro across it, and a residual that is inverted as it stands answers its own motion. Hence:
 //!
-//! - **turning band**: the goal is a pen on a disc. While the pen pushes the disc along, the goal is followed as it is,
-//!   without lag. A goal that turns back inside the disc is held where it was until it reaches the other side.
-//! - **correction**: the residual of the model goes through a first-order low-pass and a play of its own.
+//! - **turning band**: the goal is a pen on a disc. While the pen pushes the disc along, the goal
+//!   is followed as it is, without lag. A goal that turns back inside the disc is held where it was
+//!   until it reaches the other side.
+//! - **correction**: the residual of the model goes through a first-order low-pass and a play of
+//!   its own.
 
 use serde::{Deserialize, Serialize};
 
@@ -52,10 +54,20 @@ pub(super) struct Settled {
 impl Steady {
     /// `jumps`: the inverse crosses a gap at a turn, so there is something to be held back from.
     pub fn new(config: &CompensationConfig, unit: OutputUnit, tick: Nanos, jumps: bool) -> Self {
-        let angle = |degrees: f64| if unit == OutputUnit::Deg { degrees.to_radians() } else { 0.0 };
+        let angle = |degrees: f64| {
+            if unit == OutputUnit::Deg {
+                degrees.to_radians()
+            } else {
+                0.0
+            }
+        };
         let tick_s = tick.as_seconds();
         Self {
-            band: if jumps { angle(config.turning_band_deg) } else { 0.0 },
+            band: if jumps {
+                angle(config.turning_band_deg)
+            } else {
+                0.0
+            },
             share: tick_s / (tick_s + 1e-3 * config.correction_filter_ms),
             correction_band: angle(config.correction_band_deg),
             pen: None,
@@ -68,7 +80,8 @@ impl Steady {
         self.pen = None;
     }
 
-    /// Another model has been in use: its goal is held on to, and the correction starts from what this model says.
+    /// Another model has been in use: its goal is held on to, and the correction starts from what
+    /// this model says.
     pub fn begin_like(&mut self, before: Option<&Self>) {
         self.pen = before.and_then(|before| before.pen);
         self.correction = None;
@@ -82,17 +95,26 @@ impl Steady {
 
     /// Takes the goal of a tick.
     pub fn settle(&mut self, goal: &OutputVec) -> Settled {
-        let pen = self.pen.get_or_insert(Pen { disc: *goal, goal: *goal });
+        let pen = self.pen.get_or_insert(Pen {
+            disc: *goal,
+            goal: *goal,
+        });
         let apart = distance(goal, &pen.disc);
         let held = apart <= self.band && self.band > 0.0 && pen.goal != *goal;
         if !held {
             pen.goal = *goal;
             if apart > self.band {
                 let share = 1.0 - self.band / apart;
-                pen.disc.iter_mut().zip(goal).for_each(|(disc, goal)| *disc += share * (goal - *disc));
+                pen.disc
+                    .iter_mut()
+                    .zip(goal)
+                    .for_each(|(disc, goal)| *disc += share * (goal - *disc));
             }
         }
-        Settled { goal: pen.goal, held }
+        Settled {
+            goal: pen.goal,
+            held,
+        }
     }
 
     /// Takes the correction of a tick.
@@ -100,10 +122,20 @@ impl Steady {
         if !correction.iter().all(|value| value.is_finite()) {
             return Err(NotFinite);
         }
-        let filtered = self.correction.get_or_insert(Filtered { low: correction, held: correction });
-        for ((low, held), value) in filtered.low.iter_mut().zip(&mut filtered.held).zip(correction) {
+        let filtered = self.correction.get_or_insert(Filtered {
+            low: correction,
+            held: correction,
+        });
+        for ((low, held), value) in filtered
+            .low
+            .iter_mut()
+            .zip(&mut filtered.held)
+            .zip(correction)
+        {
             *low += self.share * (value - *low);
-            *held = held.max(*low - self.correction_band).min(*low + self.correction_band);
+            *held = held
+                .max(*low - self.correction_band)
+                .min(*low + self.correction_band);
         }
         Ok(())
     }
@@ -115,7 +147,11 @@ impl Steady {
 }
 
 fn distance(a: &OutputVec, b: &OutputVec) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
 }
 
 #[cfg(test)]
@@ -125,8 +161,11 @@ mod tests {
     use super::*;
 
     fn steady() -> Steady {
-        let config =
-            CompensationConfig { turning_band_deg: 1.0, correction_band_deg: 0.5, ..CompensationConfig::default() };
+        let config = CompensationConfig {
+            turning_band_deg: 1.0,
+            correction_band_deg: 0.5,
+            ..CompensationConfig::default()
+        };
         Steady::new(&config, OutputUnit::Deg, Nanos::from_millis(1), true)
     }
 
@@ -138,12 +177,36 @@ mod tests {
     fn a_goal_that_goes_on_is_followed_and_one_that_turns_back_a_little_is_held() {
         let mut steady = steady();
         for pitch in [0.0, 1.5, 3.0] {
-            assert_eq!(steady.settle(&degrees(pitch, 0.0)), Settled { goal: degrees(pitch, 0.0), held: false });
+            assert_eq!(
+                steady.settle(&degrees(pitch, 0.0)),
+                Settled {
+                    goal: degrees(pitch, 0.0),
+                    held: false
+                }
+            );
         }
         // The disc is at 2 deg.
-        assert_eq!(steady.settle(&degrees(2.5, 0.0)), Settled { goal: degrees(3.0, 0.0), held: true });
-        assert_eq!(steady.settle(&degrees(1.1, 0.3)), Settled { goal: degrees(3.0, 0.0), held: true });
-        assert_eq!(steady.settle(&degrees(0.9, 0.0)), Settled { goal: degrees(0.9, 0.0), held: false });
+        assert_eq!(
+            steady.settle(&degrees(2.5, 0.0)),
+            Settled {
+                goal: degrees(3.0, 0.0),
+                held: true
+            }
+        );
+        assert_eq!(
+            steady.settle(&degrees(1.1, 0.3)),
+            Settled {
+                goal: degrees(3.0, 0.0),
+                held: true
+            }
+        );
+        assert_eq!(
+            steady.settle(&degrees(0.9, 0.0)),
+            Settled {
+                goal: degrees(0.9, 0.0),
+                held: false
+            }
+        );
         steady.release();
         assert!(!steady.settle(&degrees(1.0, 0.0)).held);
     }
@@ -170,7 +233,10 @@ mod tests {
         let first = steady.settle(&degrees(5.0, 5.0)).goal;
         for tick in 0..500 {
             let phase = f64::from(tick) * 0.0628;
-            assert_eq!(steady.settle(&degrees(5.0 + 0.9 * phase.sin(), 5.0)).goal, first);
+            assert_eq!(
+                steady.settle(&degrees(5.0 + 0.9 * phase.sin(), 5.0)).goal,
+                first
+            );
         }
     }
 

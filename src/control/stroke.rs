@@ -1,16 +1,20 @@
-//! The decaying stroke of the command `condition`: it wipes out what nobody knows about the past of the wires.
+//! The decaying stroke of the command `condition`: it wipes out what nobody knows about the past of
+//! the wires.
 //!
-//! Friction and gaps remember the turning points of the motors, and a turning point is forgotten as soon as the motor
-//! goes past it (I. D. Mayergoyz 1986, the wiping-out property). The stroke therefore starts with one turn through all
-//! extremes of a region, so that nothing older survives, and goes on with turns that shrink, like the demagnetisation of
-//! a magnet: what is remembered in the end is small, even, and the same every time.
+//! Friction and gaps remember the turning points of the motors, and a turning point is forgotten as
+//! soon as the motor goes past it (I. D. Mayergoyz 1986, the wiping-out property). The stroke
+//! therefore starts with one turn through all extremes of a region, so that nothing older survives,
+//! and goes on with turns that shrink, like the demagnetisation of a magnet: what is remembered in
+//! the end is small, even, and the same every time.
 //!
-//! - **extremes**: the lowest and the highest point of every motor in the region, in the order of a turn. The stroke goes
-//!   between them on straight lines. The region is convex, so it is never left, and every motor covers its whole width.
-//! - **decay**: later extremes are drawn towards the start of the stroke, evenly, down to it. The stroke ends where it
-//!   began, whether that is the middle of the region or not.
-//! - between two extremes the set-point moves along the line under a limiter of its own, slower than the limits of the
-//!   motors, and comes to rest at each end for long enough that the encoder is read there.
+//! - **extremes**: the lowest and the highest point of every motor in the region, in the order of a
+//!   turn. The stroke goes between them on straight lines. The region is convex, so it is never
+//!   left, and every motor covers its whole width.
+//! - **decay**: later extremes are drawn towards the start of the stroke, evenly, down to it. The
+//!   stroke ends where it began, whether that is the middle of the region or not.
+//! - between two extremes the set-point moves along the line under a limiter of its own, slower
+//!   than the limits of the motors, and comes to rest at each end for long enough that the encoder
+//!   is read there.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,10 +30,12 @@ const MAX_EXTREMES: usize = 2 * MAX_MOTORS;
 /// Rest at every extreme. The motors arrive, and a position is read every 4 ms, so several are.
 const DWELL: Nanos = Nanos::from_millis(40);
 
-/// How much further than the memory needs every motor goes: an encoder may stop a few counts short of a set-point.
+/// How much further than the memory needs every motor goes: an encoder may stop a few counts short
+/// of a set-point.
 const MARGIN_COUNTS: f64 = 10.0;
 
-/// Half the width of the stroke where neither configuration nor model say, counts: about 11 deg of bend.
+/// Half the width of the stroke where neither configuration nor model say, counts: about 11 deg of
+/// bend.
 const DEFAULT_HALF_WIDTH: f64 = 500.0;
 
 /// A set-point this near to the end of a line is at its end, counts.
@@ -80,12 +86,19 @@ struct Extremes {
 impl Plan {
     /// As configured. The configuration has been checked before.
     pub fn new(config: &Config) -> Self {
-        let ConditionConfig { half_width_counts, turns, velocity_counts_s } = config.condition;
+        let ConditionConfig {
+            half_width_counts,
+            turns,
+            velocity_counts_s,
+        } = config.condition;
         let motors = config.motors().min(MAX_MOTORS);
         let (mut lowest, mut highest) = (MotorVec::default(), MotorVec::default());
         for ((motor, lowest), highest) in (0..motors).zip(&mut lowest).zip(&mut highest) {
-            let limits = config.axis(motor).map(|axis| (axis.position_min_counts, axis.position_max_counts));
-            (*lowest, *highest) = limits.map_or((0.0, 0.0), |(low, high)| (low.as_f64(), high.as_f64()));
+            let limits = config
+                .axis(motor)
+                .map(|axis| (axis.position_min_counts, axis.position_max_counts));
+            (*lowest, *highest) =
+                limits.map_or((0.0, 0.0), |(low, high)| (low.as_f64(), high.as_f64()));
         }
         let acceleration = config.limits.acceleration_counts_s2;
         let limits = Limits {
@@ -114,8 +127,12 @@ impl Plan {
     /// [`Refusal::Range`] when the position limits leave less room than the model needs to forget.
     pub fn begin(&self, start: MotorVec, model: Option<&Model>) -> Result<Stroke, Refusal> {
         let needed = model.map_or(MotorVec::default(), Model::wipe_counts);
-        let hull = model.filter(|_| self.half_width.is_none()).map(|model| self.hull(model));
-        let extremes = hull.filter(|extremes| extremes.cover(&needed)).unwrap_or_else(|| self.cross(&start, &needed));
+        let hull = model
+            .filter(|_| self.half_width.is_none())
+            .map(|model| self.hull(model));
+        let extremes = hull
+            .filter(|extremes| extremes.cover(&needed))
+            .unwrap_or_else(|| self.cross(&start, &needed));
         if !extremes.cover(&needed) {
             return Err(Refusal::Range);
         }
@@ -141,31 +158,46 @@ impl Plan {
         let mut extremes = self.around(model.hull().centre());
         for corner in model.hull().corners() {
             let corner = self.cut(corner);
-            extremes.points.iter_mut().enumerate().take(extremes.count as usize).for_each(|(place, point)| {
-                if height(&corner, place, self.motors) > height(point, place, self.motors) {
-                    *point = corner;
-                }
-            });
+            extremes
+                .points
+                .iter_mut()
+                .enumerate()
+                .take(extremes.count as usize)
+                .for_each(|(place, point)| {
+                    if height(&corner, place, self.motors) > height(point, place, self.motors) {
+                        *point = corner;
+                    }
+                });
         }
         extremes
     }
 
-    /// One motor after the other, to both sides of the start, or of the nearest point with enough room.
+    /// One motor after the other, to both sides of the start, or of the nearest point with enough
+    /// room.
     fn cross(&self, start: &MotorVec, needed: &MotorVec) -> Extremes {
         let mut half_widths = *needed;
         for half_width in &mut half_widths {
-            *half_width = (*half_width / 2.0 + MARGIN_COUNTS).max(self.half_width.unwrap_or(DEFAULT_HALF_WIDTH));
+            *half_width = (*half_width / 2.0 + MARGIN_COUNTS)
+                .max(self.half_width.unwrap_or(DEFAULT_HALF_WIDTH));
         }
         let mut middle = *start;
         let limits = self.lowest.iter().zip(&self.highest);
-        for ((middle, half_width), (lowest, highest)) in middle.iter_mut().zip(half_widths).zip(limits) {
+        for ((middle, half_width), (lowest, highest)) in
+            middle.iter_mut().zip(half_widths).zip(limits)
+        {
             let room = half_width.min((highest - lowest) / 2.0);
             *middle = middle.min(highest - room).max(lowest + room);
         }
         let mut extremes = self.around(middle);
-        for (place, point) in extremes.points.iter_mut().enumerate().take(extremes.count as usize) {
+        for (place, point) in extremes
+            .points
+            .iter_mut()
+            .enumerate()
+            .take(extremes.count as usize)
+        {
             let (motor, sign) = side(place, self.motors);
-            for ((value, half_width), _) in point.iter_mut().zip(half_widths).skip(motor).zip(0..1) {
+            for ((value, half_width), _) in point.iter_mut().zip(half_widths).skip(motor).zip(0..1)
+            {
                 *value += sign * half_width;
             }
             *point = self.cut(*point);
@@ -174,19 +206,30 @@ impl Plan {
     }
 
     fn around(&self, point: MotorVec) -> Extremes {
-        Extremes { points: [self.cut(point); MAX_EXTREMES], count: 2 * self.motors as u32 }
+        Extremes {
+            points: [self.cut(point); MAX_EXTREMES],
+            count: 2 * self.motors as u32,
+        }
     }
 
     fn cut(&self, mut counts: MotorVec) -> MotorVec {
         let limits = self.lowest.iter().zip(&self.highest);
-        counts.iter_mut().zip(limits).for_each(|(counts, (low, high))| *counts = counts.min(*high).max(*low));
+        counts
+            .iter_mut()
+            .zip(limits)
+            .for_each(|(counts, (low, high))| *counts = counts.min(*high).max(*low));
         counts
     }
 }
 
-/// Which motor is at its end at a place of the turn, and at which: first all highest, then all lowest.
+/// Which motor is at its end at a place of the turn, and at which: first all highest, then all
+/// lowest.
 fn side(place: usize, motors: usize) -> (usize, f64) {
-    if place < motors { (place, 1.0) } else { (place - motors, -1.0) }
+    if place < motors {
+        (place, 1.0)
+    } else {
+        (place - motors, -1.0)
+    }
 }
 
 fn height(point: &MotorVec, place: usize, motors: usize) -> f64 {
@@ -198,11 +241,17 @@ impl Extremes {
     /// Every motor goes over a range of at least so many counts.
     fn cover(&self, ranges: &MotorVec) -> bool {
         let points = || self.points.iter().take(self.count as usize);
-        ranges.iter().enumerate().take(self.count as usize / 2).all(|(motor, range)| {
-            let values = || points().filter_map(|point| point.get(motor));
-            let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-            high - low >= *range
-        })
+        ranges
+            .iter()
+            .enumerate()
+            .take(self.count as usize / 2)
+            .all(|(motor, range)| {
+                let values = || points().filter_map(|point| point.get(motor));
+                let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+                    (l.min(*v), h.max(*v))
+                });
+                high - low >= *range
+            })
     }
 }
 
@@ -216,10 +265,17 @@ impl Stroke {
         self.rested = if arrived { self.rested + 1 } else { 0 };
         self.way.follow(Target::fixed(self.length));
         let before = self.place;
-        let share = if self.length > 0.0 { (self.way.position() / self.length).min(1.0) } else { 1.0 };
+        let share = if self.length > 0.0 {
+            (self.way.position() / self.length).min(1.0)
+        } else {
+            1.0
+        };
         self.place = between(&self.from, &self.to, share);
         self.moved = self.place;
-        self.moved.iter_mut().zip(before).for_each(|(moved, before)| *moved -= before);
+        self.moved
+            .iter_mut()
+            .zip(before)
+            .for_each(|(moved, before)| *moved -= before);
         Some(self)
     }
 
@@ -248,26 +304,45 @@ impl Stroke {
         self.from = self.place;
         self.to = self.end_of(line);
         self.moved = MotorVec::default();
-        self.length = self.from.iter().zip(&self.to).map(|(from, to)| (to - from).abs()).fold(0.0, f64::max);
+        self.length = self
+            .from
+            .iter()
+            .zip(&self.to)
+            .map(|(from, to)| (to - from).abs())
+            .fold(0.0, f64::max);
         self.way.restart(0.0);
         self
     }
 
-    /// The first turn goes to the extremes themselves, the others draw them towards the start, the last line leads there.
+    /// The first turn goes to the extremes themselves, the others draw them towards the start, the
+    /// last line leads there.
     fn end_of(&self, line: u32) -> MotorVec {
         let (count, last) = (self.extremes.count.max(1), self.last_line());
         let decayed = (line + 1).saturating_sub(count);
-        let share = 1.0 - f64::from(decayed) / f64::from(last.saturating_sub(count).saturating_add(1));
-        let extreme = self.extremes.points.get((line % count) as usize).copied().unwrap_or(self.start);
-        if line >= last { self.start } else { between(&self.start, &extreme, share) }
+        let share =
+            1.0 - f64::from(decayed) / f64::from(last.saturating_sub(count).saturating_add(1));
+        let extreme = self
+            .extremes
+            .points
+            .get((line % count) as usize)
+            .copied()
+            .unwrap_or(self.start);
+        if line >= last {
+            self.start
+        } else {
+            between(&self.start, &extreme, share)
+        }
     }
 }
 
 fn between(from: &MotorVec, to: &MotorVec, share: f64) -> MotorVec {
     let mut point = *from;
-    point
-        .iter_mut()
-        .zip(to)
-        .for_each(|(value, to)| *value = if share >= 1.0 { *to } else { *value + share * (to - *value) });
+    point.iter_mut().zip(to).for_each(|(value, to)| {
+        *value = if share >= 1.0 {
+            *to
+        } else {
+            *value + share * (to - *value)
+        }
+    });
     point
 }

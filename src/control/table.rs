@@ -30,7 +30,11 @@ pub(super) enum Verdict {
 }
 
 /// What a command does, or why it may not.
-pub(super) fn judge(command: StateCommand, state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
+pub(super) fn judge(
+    command: StateCommand,
+    state: &State,
+    sight: &Sight,
+) -> Result<Verdict, Refusal> {
     match command {
         StateCommand::Enable => enable(state, sight),
         StateCommand::Disable => Ok(disable(state, sight)),
@@ -56,7 +60,11 @@ fn idle(state: &State) -> Result<(), Refusal> {
 }
 
 fn ready(sight: &Sight) -> Result<(), Refusal> {
-    if sight.all(AxisPhase::Disabled) && sight.fresh() { Ok(()) } else { Err(Refusal::DrivesNotReady) }
+    if sight.all(AxisPhase::Disabled) && sight.fresh() {
+        Ok(())
+    } else {
+        Err(Refusal::DrivesNotReady)
+    }
 }
 
 fn enable(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
@@ -68,13 +76,17 @@ fn enable(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
     if !sight.in_range {
         return Err(Refusal::Range);
     }
-    Ok(Verdict::Change(State::Disabled(Inactive::Enabling { since: sight.now })))
+    Ok(Verdict::Change(State::Disabled(Inactive::Enabling {
+        since: sight.now,
+    })))
 }
 
 fn home(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
     idle(state)?;
     ready(sight)?;
-    Ok(Verdict::Home(State::Disabled(Inactive::Homing { since: sight.now })))
+    Ok(Verdict::Home(State::Disabled(Inactive::Homing {
+        since: sight.now,
+    })))
 }
 
 /// Never refused: it is the operator's way to switch off.
@@ -82,17 +94,37 @@ pub(super) fn disable(state: &State, sight: &Sight) -> Verdict {
     let since = sight.now;
     match state {
         State::Disabled(
-            Inactive::Idle | Inactive::Stopping { .. } | Inactive::Settling { .. } | Inactive::PoweringOff { .. },
+            Inactive::Idle
+            | Inactive::Stopping { .. }
+            | Inactive::Settling { .. }
+            | Inactive::PoweringOff { .. },
         )
-        | State::Fault(Failure { stage: Stage::Resetting { .. }, .. }) => Verdict::Nothing,
+        | State::Fault(Failure {
+            stage: Stage::Resetting { .. },
+            ..
+        }) => Verdict::Nothing,
         State::Disabled(Inactive::Enabling { .. } | Inactive::Homing { .. }) => {
             Verdict::Change(State::Disabled(Inactive::PoweringOff { since }))
         }
-        State::Enabled(_) | State::Paused => Verdict::Change(State::Disabled(Inactive::Stopping { since })),
-        State::Fault(Failure { stage: Stage::Latched { demands, .. }, .. }) if *demands == OFF => Verdict::Nothing,
-        State::Fault(Failure { cause, stage: Stage::Latched { .. } }) => {
-            let stage = Stage::Latched { since, demands: OFF };
-            Verdict::Change(State::Fault(Failure { cause: *cause, stage }))
+        State::Enabled(_) | State::Paused => {
+            Verdict::Change(State::Disabled(Inactive::Stopping { since }))
+        }
+        State::Fault(Failure {
+            stage: Stage::Latched { demands, .. },
+            ..
+        }) if *demands == OFF => Verdict::Nothing,
+        State::Fault(Failure {
+            cause,
+            stage: Stage::Latched { .. },
+        }) => {
+            let stage = Stage::Latched {
+                since,
+                demands: OFF,
+            };
+            Verdict::Change(State::Fault(Failure {
+                cause: *cause,
+                stage,
+            }))
         }
     }
 }
@@ -109,7 +141,9 @@ fn pause(state: &State) -> Result<Verdict, Refusal> {
 fn resume(state: &State) -> Result<Verdict, Refusal> {
     match state {
         State::Paused => Ok(Verdict::Change(State::Enabled(Motion::Holding))),
-        State::Disabled(Inactive::Idle) | State::Enabled(_) | State::Fault(_) => Err(Refusal::State),
+        State::Disabled(Inactive::Idle) | State::Enabled(_) | State::Fault(_) => {
+            Err(Refusal::State)
+        }
         State::Disabled(_) => Err(Refusal::Busy),
     }
 }
@@ -123,7 +157,8 @@ fn hold(state: &State) -> Result<Verdict, Refusal> {
     }
 }
 
-/// Motion of the robot's own. The drives are on in ENABLED, so what has to be looked at is what a servo command needs, too.
+/// Motion of the robot's own. The drives are on in ENABLED, so what has to be looked at is what a
+/// servo command needs, too.
 fn motion(state: &State, sight: &Sight) -> Result<(), Refusal> {
     match state {
         State::Enabled(_) if state.occupied() => Err(Refusal::Busy),
@@ -135,11 +170,14 @@ fn motion(state: &State, sight: &Sight) -> Result<(), Refusal> {
     }
 }
 
-/// Accepted once the cause can clear: every drive answers, stands where the fault sent it, and the model is sound. Drives
-/// at fault are reset first.
+/// Accepted once the cause can clear: every drive answers, stands where the fault sent it, and the
+/// model is sound. Drives at fault are reset first.
 fn acknowledge(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
     match state {
-        State::Fault(Failure { stage: Stage::Resetting { .. }, .. }) => Err(Refusal::Busy),
+        State::Fault(Failure {
+            stage: Stage::Resetting { .. },
+            ..
+        }) => Err(Refusal::Busy),
         State::Fault(failure) if clearable(sight) => Ok(clear(failure, sight)),
         State::Fault(_) => Err(Refusal::CausePersists),
         State::Disabled(_) | State::Enabled(_) | State::Paused => Err(Refusal::State),
@@ -159,7 +197,10 @@ fn clear(failure: &Failure, sight: &Sight) -> Verdict {
     let since = sight.now;
     if sight.drives().any(|axis| axis.phase == AxisPhase::Faulted) {
         let stage = Stage::Resetting { since };
-        Verdict::Reset(State::Fault(Failure { cause: failure.cause, stage }))
+        Verdict::Reset(State::Fault(Failure {
+            cause: failure.cause,
+            stage,
+        }))
     } else {
         Verdict::Change(State::Disabled(Inactive::PoweringOff { since }))
     }

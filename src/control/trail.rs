@@ -1,17 +1,18 @@
 //! The way of the motors, position by position, for every model that is loaded.
 //!
-//! The model in use, the staged one and the former one all remember the same past, because all of them are led along this
-//! trail. A model is staged by a slower thread, which rebuilds its memory from the history of the motors up to some
-//! position; by the time that the loop gets it the motors have gone on. The trail keeps the latest positions, so the
-//! model catches up with what it missed, a few positions a tick.
+//! The model in use, the staged one and the former one all remember the same past, because all of
+//! them are led along this trail. A model is staged by a slower thread, which rebuilds its memory
+//! from the history of the motors up to some position; by the time that the loop gets it the motors
+//! have gone on. The trail keeps the latest positions, so the model catches up with what it missed,
+//! a few positions a tick.
 
 use serde::{Deserialize, Serialize};
 
 use crate::drive::AxisFeedback;
 use crate::units::{MAX_MOTORS, MotorVec};
 
-/// Positions that are kept: a second at one per tick, four at the rate of a serial line. Rows of 32, because that is the
-/// largest array that can be written to a file.
+/// Positions that are kept: a second at one per tick, four at the rate of a serial line. Rows of
+/// 32, because that is the largest array that can be written to a file.
 const ROWS: usize = 32;
 const KEPT: u64 = (ROWS * ROWS) as u64;
 
@@ -47,7 +48,11 @@ pub(super) enum Next {
 impl Trail {
     /// No positions yet.
     pub fn new() -> Self {
-        Self { mark: Mark::default(), sequences: Default::default(), recent: [[MotorVec::default(); ROWS]; ROWS] }
+        Self {
+            mark: Mark::default(),
+            sequences: Default::default(),
+            recent: [[MotorVec::default(); ROWS]; ROWS],
+        }
     }
 
     /// The end of the trail.
@@ -57,10 +62,21 @@ impl Trail {
 
     /// Takes note of positions that were not there before. Needs every drive to have reported.
     pub fn note(&mut self, drives: &[AxisFeedback]) {
-        if self.sequences.iter().zip(drives).any(|(sequence, drive)| *sequence != drive.sequence) {
-            self.sequences.iter_mut().zip(drives).for_each(|(sequence, drive)| *sequence = drive.sequence);
+        if self
+            .sequences
+            .iter()
+            .zip(drives)
+            .any(|(sequence, drive)| *sequence != drive.sequence)
+        {
+            self.sequences
+                .iter_mut()
+                .zip(drives)
+                .for_each(|(sequence, drive)| *sequence = drive.sequence);
             let mut position = MotorVec::default();
-            position.iter_mut().zip(drives).for_each(|(to, drive)| *to = drive.position.as_f64());
+            position
+                .iter_mut()
+                .zip(drives)
+                .for_each(|(to, drive)| *to = drive.position.as_f64());
             self.mark.noted += 1;
             if let Some(place) = self.place(self.mark.noted) {
                 *place = position;
@@ -76,7 +92,11 @@ impl Trail {
     /// Where the motors are.
     pub fn newest(&self) -> Option<MotorVec> {
         let number = self.mark.noted;
-        self.recent.get(row(number)).and_then(|row| row.get(column(number))).copied().filter(|_| number > 0)
+        self.recent
+            .get(row(number))
+            .and_then(|row| row.get(column(number)))
+            .copied()
+            .filter(|_| number > 0)
     }
 
     /// What follows on a mark.
@@ -89,12 +109,25 @@ impl Trail {
             return Next::End;
         }
         let number = mark.noted + 1;
-        let position = self.recent.get(row(number)).and_then(|row| row.get(column(number)));
-        position.map_or(Next::Lost, |position| Next::Position(*position, Mark { noted: number, ..mark }))
+        let position = self
+            .recent
+            .get(row(number))
+            .and_then(|row| row.get(column(number)));
+        position.map_or(Next::Lost, |position| {
+            Next::Position(
+                *position,
+                Mark {
+                    noted: number,
+                    ..mark
+                },
+            )
+        })
     }
 
     fn place(&mut self, number: u64) -> Option<&mut MotorVec> {
-        self.recent.get_mut(row(number)).and_then(|row| row.get_mut(column(number)))
+        self.recent
+            .get_mut(row(number))
+            .and_then(|row| row.get_mut(column(number)))
     }
 }
 
@@ -113,7 +146,11 @@ mod tests {
 
     fn walk(trail: &mut Trail, from: i32, to: i32) {
         for count in from..to {
-            let drive = AxisFeedback { sequence: count as u64 + 1, position: Counts(count), ..AxisFeedback::default() };
+            let drive = AxisFeedback {
+                sequence: count as u64 + 1,
+                position: Counts(count),
+                ..AxisFeedback::default()
+            };
             trail.note(&[drive, drive]);
             trail.note(&[drive, drive]);
         }
@@ -138,9 +175,18 @@ mod tests {
         let mut trail = Trail::new();
         walk(&mut trail, 0, 1500);
         let mark = trail.mark();
-        assert_eq!(mark, Mark { epoch: 0, noted: 1500 });
+        assert_eq!(
+            mark,
+            Mark {
+                epoch: 0,
+                noted: 1500
+            }
+        );
         walk(&mut trail, 1500, 2500);
-        assert_eq!(rest(&trail, mark).unwrap(), (1500..2500).map(f64::from).collect::<Vec<_>>());
+        assert_eq!(
+            rest(&trail, mark).unwrap(),
+            (1500..2500).map(f64::from).collect::<Vec<_>>()
+        );
         assert_eq!(rest(&trail, trail.mark()).unwrap(), Vec::<f64>::new());
     }
 
@@ -156,6 +202,15 @@ mod tests {
         let mark = trail.mark();
         trail.forget();
         assert_eq!(rest(&trail, mark), None);
-        assert_eq!(rest(&trail, Mark { epoch: 0, noted: u64::MAX }), None);
+        assert_eq!(
+            rest(
+                &trail,
+                Mark {
+                    epoch: 0,
+                    noted: u64::MAX
+                }
+            ),
+            None
+        );
     }
 }

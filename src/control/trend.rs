@@ -1,27 +1,31 @@
 //! The goal between two commands.
 //!
-//! Commands come as a staircase: at 200 Hz a new goal every five ticks. Taken as it stands, the set-point would stop on
-//! every stair and be half a stair late on average, and a limiter that has to be able to stop on a stair stays behind
-//! even more. Interpolating makes a smooth path one whole stair late; at 12 deg/s a stair of 5 ms is 0.06 deg. So the goal
-//! is **extrapolated**: it moves on as it moved between the last commands. In steady motion that costs no time at all.
+//! Commands come as a staircase: at 200 Hz a new goal every five ticks. Taken as it stands, the
+//! set-point would stop on every stair and be half a stair late on average, and a limiter that has
+//! to be able to stop on a stair stays behind even more. Interpolating makes a smooth path one
+//! whole stair late; at 12 deg/s a stair of 5 ms is 0.06 deg. So the goal is **extrapolated**: it
+//! moves on as it moved between the last commands. In steady motion that costs no time at all.
 //!
 //! The price is that the goal may run ahead of what was asked. It is bounded:
 //!
-//! - per output, the lesser of the last two rates of change counts, and none if they disagree in sign (the minmod of the
-//!   slope limiters of fluid dynamics; P. L. Roe 1986). A step, a first command or a reversal is not extrapolated, and
-//!   a client that stays where it is stops the goal with its first command;
-//! - it goes on for at most [`HORIZON_INTERVALS`] intervals and [`LONGEST`], so a client that dies leaves the goal at
-//!   rest a few stairs on, long before its deadline;
+//! - per output, the lesser of the last two rates of change counts, and none if they disagree in
+//!   sign (the minmod of the slope limiters of fluid dynamics; P. L. Roe 1986). A step, a first
+//!   command or a reversal is not extrapolated, and a client that stays where it is stops the goal
+//!   with its first command;
+//! - it goes on for at most [`HORIZON_INTERVALS`] intervals and [`LONGEST`], so a client that dies
+//!   leaves the goal at rest a few stairs on, long before its deadline;
 //! - streams slower than [`LONGEST`] are not extrapolated.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::Nanos;
 
-/// Late commands are normal on a desktop system; one interval of grace keeps the set-point from stopping for each.
+/// Late commands are normal on a desktop system; one interval of grace keeps the set-point from
+/// stopping for each.
 const HORIZON_INTERVALS: f64 = 2.0;
 
-/// 20 ms. A hand that accelerates with 10,000 counts/s^2 departs from the straight line by 2 counts in that time.
+/// 20 ms. A hand that accelerates with 10,000 counts/s^2 departs from the straight line by 2 counts
+/// in that time.
 const LONGEST: Nanos = Nanos::from_millis(20);
 
 /// A goal of `N` values and where it is heading.
@@ -45,7 +49,13 @@ pub(super) struct Trend<const N: usize> {
 impl<const N: usize> Trend<N> {
     /// The first goal of a stream.
     pub fn first(goal: [f64; N], stamp: Nanos) -> Self {
-        Self { goal, stamp, last_rate: [0.0; N], rate: [0.0; N], horizon_s: 0.0 }
+        Self {
+            goal,
+            stamp,
+            last_rate: [0.0; N],
+            rate: [0.0; N],
+            horizon_s: 0.0,
+        }
     }
 
     /// The next goal of the same stream.
@@ -60,9 +70,17 @@ impl<const N: usize> Trend<N> {
             *rate = (goal - before) / interval_s;
         }
         let mut rate = last_rate;
-        rate.iter_mut().zip(self.last_rate).for_each(|(rate, before)| *rate = minmod(*rate, before));
+        rate.iter_mut()
+            .zip(self.last_rate)
+            .for_each(|(rate, before)| *rate = minmod(*rate, before));
         let horizon_s = (HORIZON_INTERVALS * interval_s).min(LONGEST.as_seconds());
-        Self { goal, stamp, last_rate, rate, horizon_s }
+        Self {
+            goal,
+            stamp,
+            last_rate,
+            rate,
+            horizon_s,
+        }
     }
 
     /// As asked by the last command.
@@ -70,7 +88,8 @@ impl<const N: usize> Trend<N> {
         &self.goal
     }
 
-    /// Where the goal is at an instant, and where it was one `tick` before, on the same straight line.
+    /// Where the goal is at an instant, and where it was one `tick` before, on the same straight
+    /// line.
     pub fn at(&self, now: Nanos, tick: Nanos) -> ([f64; N], [f64; N]) {
         let (age_s, tick_s) = (now.since(self.stamp).as_seconds(), tick.as_seconds());
         (self.after(age_s), self.after(age_s - tick_s))
@@ -79,30 +98,45 @@ impl<const N: usize> Trend<N> {
     fn after(&self, age_s: f64) -> [f64; N] {
         let age_s = age_s.min(self.horizon_s);
         let mut place = self.goal;
-        place.iter_mut().zip(self.rate).for_each(|(place, rate)| *place += rate * age_s);
+        place
+            .iter_mut()
+            .zip(self.rate)
+            .for_each(|(place, rate)| *place += rate * age_s);
         place
     }
 }
 
-/// Arrays of a length that is a parameter, as a sequence of so many numbers; serde knows fixed lengths only.
+/// Arrays of a length that is a parameter, as a sequence of so many numbers; serde knows fixed
+/// lengths only.
 mod array {
     use serde::de::{Deserialize, Deserializer, Error};
     use serde::ser::{Serialize, Serializer};
 
-    pub fn serialize<S: Serializer, const N: usize>(array: &[f64; N], serializer: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<S: Serializer, const N: usize>(
+        array: &[f64; N],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
         array.as_slice().serialize(serializer)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<[f64; N], D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
+        deserializer: D,
+    ) -> Result<[f64; N], D::Error> {
         let values = Vec::<f64>::deserialize(deserializer)?;
         let found = values.len();
-        values.try_into().map_err(|_| D::Error::custom(format_args!("{found} numbers instead of {N}")))
+        values
+            .try_into()
+            .map_err(|_| D::Error::custom(format_args!("{found} numbers instead of {N}")))
     }
 }
 
 /// The lesser of two rates, or 0 if they have different signs.
 fn minmod(a: f64, b: f64) -> f64 {
-    if a * b <= 0.0 { 0.0 } else { a.abs().min(b.abs()).copysign(a) }
+    if a * b <= 0.0 {
+        0.0
+    } else {
+        a.abs().min(b.abs()).copysign(a)
+    }
 }
 
 #[cfg(test)]
@@ -129,7 +163,10 @@ mod tests {
     fn a_steady_motion_goes_on_between_the_commands() {
         let trend = stream(&[0.0, 1.0, 2.0], 5);
         let ([now], [before]) = trend.at(ms(13), TICK);
-        assert!((now - 2.6).abs() < 1e-9 && (before - 2.4).abs() < 1e-9, "{now} {before}");
+        assert!(
+            (now - 2.6).abs() < 1e-9 && (before - 2.4).abs() < 1e-9,
+            "{now} {before}"
+        );
     }
 
     #[test]
@@ -148,10 +185,20 @@ mod tests {
 
     #[test]
     fn steps_reversals_pauses_and_first_commands_do_not_go_on() {
-        for goals in [&[7.0][..], &[0.0, 5.0], &[0.0, 0.0, 5.0], &[0.0, 1.0, 0.5], &[0.0, 1.0, 2.0, 2.0]] {
+        for goals in [
+            &[7.0][..],
+            &[0.0, 5.0],
+            &[0.0, 0.0, 5.0],
+            &[0.0, 1.0, 0.5],
+            &[0.0, 1.0, 2.0, 2.0],
+        ] {
             let trend = stream(goals, 5);
             let last = *goals.last().unwrap();
-            assert_eq!(trend.at(ms(5 * goals.len() as u64), TICK), ([last], [last]), "{goals:?}");
+            assert_eq!(
+                trend.at(ms(5 * goals.len() as u64), TICK),
+                ([last], [last]),
+                "{goals:?}"
+            );
         }
     }
 

@@ -1,10 +1,11 @@
 //! One axis while the port thread runs: a state machine without I/O.
 //!
-//! The port thread asks it for the next exchange, carries that out, and hands the outcome back. What the control loop
-//! demands is taken anew every time, so that the newest set-point is the one that is written.
+//! The port thread asks it for the next exchange, carries that out, and hands the outcome back.
+//! What the control loop demands is taken anew every time, so that the newest set-point is the one
+//! that is written.
 //!
-//! After a fault, a loss, a failure or an interference from outside the axis does not come on again by itself: the
-//! demand must have been something else than enabled in between.
+//! After a fault, a loss, a failure or an interference from outside the axis does not come on again
+//! by itself: the demand must have been something else than enabled in between.
 
 mod ask;
 mod cadence;
@@ -71,7 +72,8 @@ pub(super) struct Axis {
     cadence: Cadence,
     steer: Steer,
     feedback: AxisFeedback,
-    /// The position jumped while no one looked: what the drive says of its zero is not believed until it is homed.
+    /// The position jumped while no one looked: what the drive says of its zero is not believed
+    /// until it is homed.
     displaced: bool,
     /// Homing changed settings that have not been put back.
     unrestored: bool,
@@ -126,7 +128,10 @@ impl Axis {
 
     /// What the control loop shall see.
     pub(super) fn feedback(&self, counters: LinkCounters) -> AxisFeedback {
-        AxisFeedback { counters, ..self.feedback }
+        AxisFeedback {
+            counters,
+            ..self.feedback
+        }
     }
 
     pub(super) fn is_lost(&self) -> bool {
@@ -135,18 +140,31 @@ impl Axis {
 
     /// A request to be off, and nothing else.
     pub(super) fn rest(&self) -> AxisRequest {
-        let AxisFeedback { fault_resets, homings, .. } = self.feedback;
-        AxisRequest { demand: Demand::Disabled, fault_resets, homings, ..AxisRequest::default() }
+        let AxisFeedback {
+            fault_resets,
+            homings,
+            ..
+        } = self.feedback;
+        AxisRequest {
+            demand: Demand::Disabled,
+            fault_resets,
+            homings,
+            ..AxisRequest::default()
+        }
     }
 
     /// There is nothing left to switch off, or no way to.
     pub(super) fn is_at_rest(&self) -> bool {
-        matches!(self.stage, Stage::Disabled | Stage::Faulted(_) | Stage::Lost)
+        matches!(
+            self.stage,
+            Stage::Disabled | Stage::Faulted(_) | Stage::Lost
+        )
     }
 
     /// The power stage is known to be off.
     pub(super) fn is_off(&self) -> bool {
-        matches!(self.stage, Stage::Disabled) || Statusword(self.feedback.statusword).state() == Some(State::Fault)
+        matches!(self.stage, Stage::Disabled)
+            || Statusword(self.feedback.statusword).state() == Some(State::Fault)
     }
 
     /// The axis does not answer any more.
@@ -157,8 +175,9 @@ impl Axis {
         }
     }
 
-    /// The axis answers again, is the right one, off, and limited. `position` is where it stands now: further from where it was
-    /// last seen than it could have gone by itself, it has been moved, or counts from another zero.
+    /// The axis answers again, is the right one, off, and limited. `position` is where it stands
+    /// now: further from where it was last seen than it could have gone by itself, it has been
+    /// moved, or counts from another zero.
     pub(super) fn readmit(&mut self, position: i32, events: Events<'_>) {
         let (before, after) = (self.feedback.position, Counts(position));
         if self.feedback.stamp > Nanos::ZERO && before.0.abs_diff(after.0) > self.reach {
@@ -171,7 +190,8 @@ impl Axis {
         self.enter(Stage::Starting, events);
     }
 
-    /// The position is not where it was left: what the drive says of its zero is not believed until the axis is homed.
+    /// The position is not where it was left: what the drive says of its zero is not believed until
+    /// the axis is homed.
     pub(super) fn displace(&mut self, before: Option<Counts>, after: Counts, events: Events<'_>) {
         self.displaced = true;
         self.feedback.homed = false;
@@ -224,7 +244,14 @@ impl Axis {
         let (to, statusword) = (stage.phase(), self.feedback.statusword);
         self.feedback.phase = to;
         if from != to {
-            self.report(PortEventKind::Phase { from, to, statusword }, events);
+            self.report(
+                PortEventKind::Phase {
+                    from,
+                    to,
+                    statusword,
+                },
+                events,
+            );
         }
     }
 
@@ -260,6 +287,9 @@ impl Axis {
 
     /// Reports what happened.
     pub(super) fn report(&self, kind: PortEventKind, events: Events<'_>) {
-        events(PortEvent { motor: self.motor, kind });
+        events(PortEvent {
+            motor: self.motor,
+            kind,
+        });
     }
 }

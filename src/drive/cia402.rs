@@ -12,7 +12,8 @@
 //!               ready <- 0x0006 - switched on <-+ 0x0007 (ramps down, then off)
 //! ```
 //!
-//! 0x0006 out of operation enabled cuts the power and lets the motor coast (option 0x605B = 0): it is never sent there.
+//! 0x0006 out of operation enabled cuts the power and lets the motor coast (option 0x605B = 0): it
+//! is never sent there.
 
 /// Statusword (0x6041) as read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -40,7 +41,8 @@ impl Statusword {
         }
     }
 
-    /// The position refers to the home position (bit 15). Cleared by power loss, overflow and sensor errors.
+    /// The position refers to the home position (bit 15). Cleared by power loss, overflow and
+    /// sensor errors.
     #[must_use]
     pub const fn homed(self) -> bool {
         self.0 & 1 << 15 != 0
@@ -72,12 +74,14 @@ impl Controlword {
     pub const DISABLE_OPERATION: Self = Self(0x0007);
     /// To operation enabled.
     pub const ENABLE_OPERATION: Self = Self(0x000F);
-    /// From operation enabled to quick stop active; from the states below to switch-on disabled. Bit 2 is low-active.
+    /// From operation enabled to quick stop active; from the states below to switch-on disabled.
+    /// Bit 2 is low-active.
     pub const QUICK_STOP: Self = Self(0x000B);
     /// Fault reset is the rising edge of bit 7: it must have been low before.
     pub const FAULT_RESET: Self = Self(0x0080);
-    /// Makes the target take effect at once, by the rising edge of bit 4 with bit 5 set, in profile position mode. Bit 4 must be
-    /// lowered before the next one: an edge that is none is silently ignored.
+    /// Makes the target take effect at once, by the rising edge of bit 4 with bit 5 set, in profile
+    /// position mode. Bit 4 must be lowered before the next one: an edge that is none is silently
+    /// ignored.
     pub const NEW_SETPOINT: Self = Self(0x003F);
     /// Starts homing by the rising edge of bit 4, in homing mode and operation enabled.
     pub const START_HOMING: Self = Self(0x001F);
@@ -151,14 +155,20 @@ pub const fn step(state: State, goal: Goal) -> Step {
         (State::Fault, _) => Step::Blocked,
         (State::NotReady | State::FaultReaction, _) => Step::Wait,
 
-        (State::SwitchOnDisabled | State::Ready, Goal::Off | Goal::Cut | Goal::Stopped) => Step::Reached,
+        (State::SwitchOnDisabled | State::Ready, Goal::Off | Goal::Cut | Goal::Stopped) => {
+            Step::Reached
+        }
         (State::SwitchOnDisabled, Goal::On) => Step::Command(Controlword::SHUTDOWN),
         (State::Ready | State::SwitchedOn | State::QuickStopActive, Goal::On) => {
             Step::Command(Controlword::ENABLE_OPERATION)
         }
-        (State::OperationEnabled, Goal::On) | (State::QuickStopActive, Goal::Stopped) => Step::Reached,
+        (State::OperationEnabled, Goal::On) | (State::QuickStopActive, Goal::Stopped) => {
+            Step::Reached
+        }
 
-        (State::SwitchedOn | State::OperationEnabled, Goal::Stopped) => Step::Command(Controlword::QUICK_STOP),
+        (State::SwitchedOn | State::OperationEnabled, Goal::Stopped) => {
+            Step::Command(Controlword::QUICK_STOP)
+        }
         (State::SwitchedOn, Goal::Off) => Step::Command(Controlword::SHUTDOWN),
         (State::OperationEnabled, Goal::Off) => Step::Command(Controlword::DISABLE_OPERATION),
         (State::QuickStopActive, Goal::Off)
@@ -184,14 +194,17 @@ mod tests {
     ];
     const GOALS: [Goal; 4] = [Goal::Off, Goal::Cut, Goal::On, Goal::Stopped];
 
-    /// Where a controlword leads, from the table of commands in the drive reference, section 3.2; `None`: no effect.
+    /// Where a controlword leads, from the table of commands in the drive reference, section 3.2;
+    /// `None`: no effect.
     fn transition(state: State, controlword: Controlword) -> Option<State> {
         use State::{OperationEnabled, QuickStopActive, Ready, SwitchOnDisabled, SwitchedOn};
         match (controlword.0, state) {
             (0x0006, SwitchOnDisabled | SwitchedOn | OperationEnabled) => Some(Ready),
             (0x0007, Ready | OperationEnabled) => Some(SwitchedOn),
             (0x000F, Ready | SwitchedOn | QuickStopActive) => Some(OperationEnabled),
-            (0x0000, Ready | SwitchedOn | OperationEnabled | QuickStopActive) => Some(SwitchOnDisabled),
+            (0x0000, Ready | SwitchedOn | OperationEnabled | QuickStopActive) => {
+                Some(SwitchOnDisabled)
+            }
             (0x000B, Ready | SwitchedOn) => Some(SwitchOnDisabled),
             (0x000B, OperationEnabled) => Some(QuickStopActive),
             _ => None,
@@ -225,13 +238,19 @@ mod tests {
     #[test]
     fn shutdown_is_never_used_as_a_stop() {
         for goal in GOALS {
-            assert_ne!(step(State::OperationEnabled, goal), Step::Command(Controlword::SHUTDOWN));
+            assert_ne!(
+                step(State::OperationEnabled, goal),
+                Step::Command(Controlword::SHUTDOWN)
+            );
         }
     }
 
     #[test]
     fn power_comes_on_only_when_it_is_the_goal() {
-        for (state, goal) in STATES.into_iter().flat_map(|state| GOALS.map(|goal| (state, goal))) {
+        for (state, goal) in STATES
+            .into_iter()
+            .flat_map(|state| GOALS.map(|goal| (state, goal)))
+        {
             if step(state, goal) == Step::Command(Controlword::ENABLE_OPERATION) {
                 assert_eq!(goal, Goal::On, "{state:?}");
             }
@@ -240,7 +259,10 @@ mod tests {
 
     #[test]
     fn every_goal_is_reached_from_every_state_that_is_no_fault() {
-        for (start, goal) in STATES.into_iter().flat_map(|state| GOALS.map(|goal| (state, goal))) {
+        for (start, goal) in STATES
+            .into_iter()
+            .flat_map(|state| GOALS.map(|goal| (state, goal)))
+        {
             let mut state = start;
             let end = (0..5).find_map(|_| match step(state, goal) {
                 Step::Command(controlword) => {
@@ -267,7 +289,13 @@ mod tests {
 
     #[test]
     fn a_running_drive_is_switched_off_through_its_ramp() {
-        assert_eq!(step(State::OperationEnabled, Goal::Off), Step::Command(Controlword::DISABLE_OPERATION));
-        assert_eq!(step(State::SwitchedOn, Goal::Off), Step::Command(Controlword::SHUTDOWN));
+        assert_eq!(
+            step(State::OperationEnabled, Goal::Off),
+            Step::Command(Controlword::DISABLE_OPERATION)
+        );
+        assert_eq!(
+            step(State::SwitchedOn, Goal::Off),
+            Step::Command(Controlword::SHUTDOWN)
+        );
     }
 }

@@ -18,8 +18,8 @@ pub(super) const WRITE_REPLY_WORDS: u8 = 4;
 /// Nothing that we read in segments is longer; a drive that says so is not believed.
 pub(super) const LONGEST: usize = 1024;
 
-/// How a family is asked. On a line there is one dialect, that of the drive that the port belongs to: it passes requests on to
-/// drives of other families behind it.
+/// How a family is asked. On a line there is one dialect, that of the drive that the port belongs
+/// to: it passes requests on to drives of other families behind it.
 pub trait Dialect: fmt::Debug + Sync {
     /// Asks for the value of an object of at most four bytes.
     fn read(&self, node: u8, object: Address) -> Request;
@@ -48,7 +48,11 @@ pub trait Dialect: fmt::Debug + Sync {
     ///
     /// When the drive refused, or the frame is no reply to a write.
     fn write_reply(&self, reply: Frame<'_>) -> Result<(), ReplyError> {
-        if after_error_code(reply)?.is_empty() { Ok(()) } else { Err(ReplyError::OutOfStep) }
+        if after_error_code(reply)?.is_empty() {
+            Ok(())
+        } else {
+            Err(ReplyError::OutOfStep)
+        }
     }
 }
 
@@ -72,7 +76,9 @@ pub trait LongRead {
 ///
 /// Whether a refused read is answered with two words or four is not known: both are taken.
 pub(super) fn after_error_code(reply: Frame<'_>) -> Result<&[u8], ReplyError> {
-    let Some((error, rest)) = reply.data.split_first_chunk::<4>() else { return Err(ReplyError::OutOfStep) };
+    let Some((error, rest)) = reply.data.split_first_chunk::<4>() else {
+        return Err(ReplyError::OutOfStep);
+    };
     match (reply.opcode, u32::from_le_bytes(*error)) {
         (REPLY, 0) => Ok(rest),
         (REPLY, code) if matches!(rest.len(), 0 | 4) => Err(ReplyError::Refused(AbortCode(code))),
@@ -89,7 +95,8 @@ mod tests {
     use crate::drive::object;
 
     proptest! {
-        /// Four bytes behind an error code of 0 are the value, none are a success; nothing else is believed.
+        /// Four bytes behind an error code of 0 are the value, none are a success; nothing else is
+        /// believed.
         #[test]
         fn any_reply_is_read_or_refused(opcode: u8, data in prop::collection::vec(any::<u8>(), 0..300), good: bool) {
             let (opcode, data) = if good { (REPLY, [&[0; 4], &data[..]].concat()) } else { (opcode, data) };

@@ -1,7 +1,7 @@
 //! maxon EPOS4: which object plays which part, its settings and its errors. Sans I/O.
 //!
-//! Layouts are from maxon's EPOS4 Communication Guide (2019-11), object numbers from the device descriptions of
-//! firmware 0x0170.
+//! Layouts are from maxon's EPOS4 Communication Guide (2019-11), object numbers from the device
+//! descriptions of firmware 0x0170.
 
 mod dialect;
 mod fault;
@@ -19,7 +19,8 @@ use super::object::Setting;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos4;
 
-/// The EPOS4 in profile position mode (1): it ramps to every target by itself. A target takes three writes.
+/// The EPOS4 in profile position mode (1): it ramps to every target by itself. A target takes three
+/// writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos4Profile;
 
@@ -52,7 +53,11 @@ static CYCLIC: Parts = Parts {
     supply_voltage: Some(object::SUPPLY_VOLTAGE),
 };
 
-static PROFILE: Parts = Parts { streaming_mode: 1, steering: Steering::Edge, ..CYCLIC };
+static PROFILE: Parts = Parts {
+    streaming_mode: 1,
+    steering: Steering::Edge,
+    ..CYCLIC
+};
 
 impl Drive for Epos4 {
     fn name(&self) -> &'static str {
@@ -132,7 +137,8 @@ fn settings(axis: &AxisConfig, parts: &Parts) -> Vec<Setting> {
 }
 
 fn homing(axis: &AxisConfig) -> HomingPlan {
-    // Taking the present position as home; at a stop found by the current, without looking for an index.
+    // Taking the present position as home; at a stop found by the current, without looking for an
+    // index.
     let method = match axis.homing {
         HomingMethod::Here => 37,
         HomingMethod::StopPositive => -3,
@@ -154,7 +160,10 @@ mod tests {
     use crate::units::Counts;
 
     fn axis() -> AxisConfig {
-        AxisConfig { quick_stop_rpm_s: 9000, ..AxisConfig::new(0, 7, [Counts(-1900), Counts(2000)]) }
+        AxisConfig {
+            quick_stop_rpm_s: 9000,
+            ..AxisConfig::new(0, 7, [Counts(-1900), Counts(2000)])
+        }
     }
 
     #[test]
@@ -177,13 +186,20 @@ mod tests {
 
     #[test]
     fn the_hard_stop_is_looked_for_with_little_current_that_is_restored() {
-        let axis = AxisConfig { homing: HomingMethod::StopNegative, homing_current_ma: 25, ..axis() };
+        let axis = AxisConfig {
+            homing: HomingMethod::StopNegative,
+            homing_current_ma: 25,
+            ..axis()
+        };
         let plan = Epos4.homing(&axis);
         assert_eq!(plan.method(), -4);
         assert!(plan.settings().contains(&object::CURRENT_LIMIT.set(25)));
         assert!(plan.settings().contains(&object::HOMING_CURRENT.set(25)));
         assert_eq!(plan.restored(), [object::CURRENT_LIMIT.set(300)]);
         let here = Epos4.homing(&self::axis());
-        assert_eq!((here.method(), here.settings().len(), here.restored().len()), (37, 0, 0));
+        assert_eq!(
+            (here.method(), here.settings().len(), here.restored().len()),
+            (37, 0, 0)
+        );
     }
 }

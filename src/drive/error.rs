@@ -11,13 +11,17 @@ use super::request::AbortCode;
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
     /// The device file does not exist.
-    #[error("serial port {device} does not exist; plug in the drive, or correct `device` in the configuration")]
+    #[error(
+        "serial port {device} does not exist; plug in the drive, or correct `device` in the configuration"
+    )]
     NotFound {
         /// The device.
         device: PathBuf,
     },
     /// The device file may not be opened.
-    #[error("no permission to open serial port {device}; add the user to its group (often `dialout`) and log in again")]
+    #[error(
+        "no permission to open serial port {device}; add the user to its group (often `dialout`) and log in again"
+    )]
     NotPermitted {
         /// The device.
         device: PathBuf,
@@ -31,7 +35,9 @@ pub enum DriveError {
         device: PathBuf,
     },
     /// The device cannot be set up as a serial port.
-    #[error("{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the configuration")]
+    #[error(
+        "{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the configuration"
+    )]
     NotSerial {
         /// The device.
         device: PathBuf,
@@ -92,7 +98,9 @@ pub enum AxisFault {
         error: LinkError,
     },
     /// Made by someone else.
-    #[error("vendor number 0x{found:08X} instead of 0x{expected:08X}; this is no maxon drive, check `device`")]
+    #[error(
+        "vendor number 0x{found:08X} instead of 0x{expected:08X}; this is no maxon drive, check `device`"
+    )]
     Vendor {
         /// maxon's number.
         expected: u32,
@@ -123,13 +131,17 @@ pub enum AxisFault {
         found: u32,
     },
     /// The power stage does not go off.
-    #[error("power stage does not go off, state {state:?}; cut its power supply and look into the drive")]
+    #[error(
+        "power stage does not go off, state {state:?}; cut its power supply and look into the drive"
+    )]
     StillOn {
         /// Where it stays.
         state: State,
     },
     /// The statusword is no known state.
-    #[error("statusword 0x{statusword:04X} is no known state; check that the firmware is supported")]
+    #[error(
+        "statusword 0x{statusword:04X} is no known state; check that the firmware is supported"
+    )]
     UnknownState {
         /// As read.
         statusword: u16,

@@ -62,7 +62,8 @@ pub enum PortEventKind {
         /// Why.
         code: AbortCode,
     },
-    /// A set-point outside the position limits was not written. Reported once until one is written again.
+    /// A set-point outside the position limits was not written. Reported once until one is written
+    /// again.
     TargetRefused {
         /// The set-point.
         target: Counts,
@@ -82,7 +83,8 @@ pub enum PortEventKind {
         /// Why it failed, if it did.
         failure: Option<Failure>,
     },
-    /// The drive left its state by itself: its enable or quick-stop input, its supply, or another program.
+    /// The drive left its state by itself: its enable or quick-stop input, its supply, or another
+    /// program.
     StateLost {
         /// Where it is now.
         state: State,
@@ -129,7 +131,9 @@ pub enum Failure {
     #[error("the drive was restarted and has lost its limits; it is configured again")]
     Restarted,
     /// The motor stands where no target may be written.
-    #[error("position {position} is outside {min} to {max}; home the axis, or correct the position limits")]
+    #[error(
+        "position {position} is outside {min} to {max}; home the axis, or correct the position limits"
+    )]
     OutsideLimits {
         /// Where it stands.
         position: Counts,
@@ -193,15 +197,26 @@ impl fmt::Display for PortEvent {
 impl fmt::Display for PortEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Ready { node_id, product_code, firmware, serial_number } => write!(
+            Self::Ready {
+                node_id,
+                product_code,
+                firmware,
+                serial_number,
+            } => write!(
                 f,
                 "drive ready, node {node_id}, product 0x{product_code:08X}, firmware 0x{firmware:04X}, serial number \
                  0x{serial_number:08X}"
             ),
-            Self::Phase { from, to, statusword } => write!(f, "{from:?} -> {to:?}, statusword 0x{statusword:04X}"),
+            Self::Phase {
+                from,
+                to,
+                statusword,
+            } => write!(f, "{from:?} -> {to:?}, statusword 0x{statusword:04X}"),
             Self::Fault(fault) => write!(f, "fault {fault}"),
             Self::FaultReset { cleared: true } => f.write_str("fault reset"),
-            Self::FaultReset { cleared: false } => f.write_str("fault reset had no effect; remove the cause first"),
+            Self::FaultReset { cleared: false } => {
+                f.write_str("fault reset had no effect; remove the cause first")
+            }
             Self::TimedOut { object } => write!(f, "{object} not answered in time"),
             Self::Refused { object, code } => write!(f, "{object} refused: {code}"),
             Self::TargetRefused { target, min, max } => {
@@ -211,22 +226,40 @@ impl fmt::Display for PortEventKind {
             Self::QuickStopFailed(failure) => write!(f, "no quick stop, switching off: {failure}"),
             Self::HomingRefused => f.write_str("homing refused: the axis must be disabled"),
             Self::HomingEnded { failure: None } => f.write_str("homed"),
-            Self::HomingEnded { failure: Some(failure) } => write!(f, "homing failed: {failure}"),
+            Self::HomingEnded {
+                failure: Some(failure),
+            } => write!(f, "homing failed: {failure}"),
             Self::StateLost { state } => write!(f, "the drive went to {state:?} by itself"),
-            Self::StillOn { state } => write!(f, "power stage does not go off in order ({state:?}), cutting its power"),
+            Self::StillOn { state } => write!(
+                f,
+                "power stage does not go off in order ({state:?}), cutting its power"
+            ),
             Self::Lost(error) => write!(f, "lost: {error}"),
             Self::NotUsable(fault) => write!(f, "not usable: {fault}"),
-            Self::Displaced { before: Some(before), after } => {
-                write!(f, "stands at {after} and was left at {before}; it counts as not homed: home the axis")
+            Self::Displaced {
+                before: Some(before),
+                after,
+            } => {
+                write!(
+                    f,
+                    "stands at {after} and was left at {before}; it counts as not homed: home the axis"
+                )
             }
-            Self::Displaced { before: None, after } => {
+            Self::Displaced {
+                before: None,
+                after,
+            } => {
                 write!(
                     f,
                     "stands at {after}, and no one noted where it was left; it counts as not homed: home the axis"
                 )
             }
             Self::Deserted { silence } => {
-                write!(f, "the control loop has been silent for {:.0} ms; quick stop", silence.as_seconds() * 1e3)
+                write!(
+                    f,
+                    "the control loop has been silent for {:.0} ms; quick stop",
+                    silence.as_seconds() * 1e3
+                )
             }
             Self::SlowLine { median } => write!(
                 f,

@@ -6,8 +6,9 @@
 //! | exchange | an attempt, and a second one if the first failed and the request may be repeated |
 //! | in step | the next reply belongs to the next request |
 //!
-//! Replies carry neither an index nor a number: a late one looks like the answer to the next request. So a failed
-//! attempt puts the line *out of step*, and no reply is believed until `step` has put it in step again.
+//! Replies carry neither an index nor a number: a late one looks like the answer to the next
+//! request. So a failed attempt puts the line *out of step*, and no reply is believed until `step`
+//! has put it in step again.
 
 mod attempt;
 mod shake;
@@ -118,7 +119,9 @@ impl<T: Transport> Link<T> {
     ///
     /// When it is still broken.
     pub fn reopen(&mut self) -> Result<(), LinkError> {
-        self.transport.reopen().map_err(|error| LinkError::Broken(error.kind()))?;
+        self.transport
+            .reopen()
+            .map_err(|error| LinkError::Broken(error.kind()))?;
         self.broken = false;
         Ok(())
     }
@@ -150,7 +153,8 @@ impl<T: Transport> Link<T> {
     ///
     /// See [`LinkError`].
     pub fn read<V: Value>(&mut self, node: u8, object: Object<V>) -> Result<V, LinkError> {
-        self.read_raw(node, object.address()).map(|answer| V::from_raw(answer.value))
+        self.read_raw(node, object.address())
+            .map(|answer| V::from_raw(answer.value))
     }
 
     /// Reads an object as four bytes, cut to its size.
@@ -161,7 +165,9 @@ impl<T: Transport> Link<T> {
     pub fn read_raw(&mut self, node: u8, object: Address) -> Result<Answer<u32>, LinkError> {
         let dialect = self.drive.dialect();
         let request = dialect.read(node, object);
-        self.exchange(&request, Repeat::Safe, &mut |reply| dialect.read_reply(reply).map(|raw| object.cut(raw)))
+        self.exchange(&request, Repeat::Safe, &mut |reply| {
+            dialect.read_reply(reply).map(|raw| object.cut(raw))
+        })
     }
 
     /// Writes an object.
@@ -169,7 +175,12 @@ impl<T: Transport> Link<T> {
     /// # Errors
     ///
     /// See [`LinkError`]. [`LinkError::Unanswered`] leaves open whether the drive took the value.
-    pub fn write(&mut self, node: u8, setting: Setting, repeat: Repeat) -> Result<Answer<()>, LinkError> {
+    pub fn write(
+        &mut self,
+        node: u8,
+        setting: Setting,
+        repeat: Repeat,
+    ) -> Result<Answer<()>, LinkError> {
         let dialect = self.drive.dialect();
         let request = dialect.write(node, setting);
         self.exchange(&request, repeat, &mut |reply| dialect.write_reply(reply))
@@ -185,7 +196,10 @@ impl<T: Transport> Link<T> {
         self.get_in_step()?;
         loop {
             let request = read.request();
-            if self.exchange(&request, Repeat::Never, &mut |reply| read.take(reply))?.value {
+            if self
+                .exchange(&request, Repeat::Never, &mut |reply| read.take(reply))?
+                .value
+            {
                 return Ok(read);
             }
         }
@@ -208,7 +222,9 @@ impl<T: Transport> Link<T> {
         match (self.attempt(request, decode), repeat) {
             (Ok(answer), _) => return Ok(answer),
             (Err(Miss::Broken(kind)), _) => return Err(LinkError::Broken(kind)),
-            (Err(Miss::Refused(code)), _) if code != AbortCode::CRC => return Err(LinkError::Refused(code)),
+            (Err(Miss::Refused(code)), _) if code != AbortCode::CRC => {
+                return Err(LinkError::Refused(code));
+            }
             (Err(Miss::Refused(code)), Repeat::Never) => return Err(LinkError::Refused(code)),
             (Err(Miss::Silent | Miss::Disturbed), Repeat::Never) => {
                 return self.get_in_step().and(Err(LinkError::Unanswered));
@@ -221,7 +237,9 @@ impl<T: Transport> Link<T> {
             Ok(answer) => Ok(answer),
             Err(Miss::Broken(kind)) => Err(LinkError::Broken(kind)),
             Err(Miss::Refused(code)) => Err(LinkError::Refused(code)),
-            Err(Miss::Silent | Miss::Disturbed) => self.get_in_step().and(Err(LinkError::Unanswered)),
+            Err(Miss::Silent | Miss::Disturbed) => {
+                self.get_in_step().and(Err(LinkError::Unanswered))
+            }
         }
     }
 }

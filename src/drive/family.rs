@@ -119,7 +119,8 @@ pub enum Version {
 pub enum Steering {
     /// By being written.
     Direct,
-    /// By a rising edge of bit 4 of the controlword after it was written; the bit is lowered again before the next.
+    /// By a rising edge of bit 4 of the controlword after it was written; the bit is lowered again
+    /// before the next.
     Edge,
 }
 
@@ -132,13 +133,18 @@ pub struct HomingPlan {
     restored: Vec<Setting>,
 }
 
-/// Acceleration while the hard stop is looked for, rpm/s: at the slow speeds of homing it takes no time.
+/// Acceleration while the hard stop is looked for, rpm/s: at the slow speeds of homing it takes no
+/// time.
 const HOMING_ACCELERATION_RPM_S: u32 = 1000;
 
 impl HomingPlan {
-    /// The plan of an axis with its method. `at_stop` gives what a hard stop needs beside speeds, for a motor current in mA; an
-    /// axis that is at home where it stands needs nothing.
-    pub(super) fn new(axis: &AxisConfig, method: i8, at_stop: impl FnOnce(u32) -> [Setting; 3]) -> Self {
+    /// The plan of an axis with its method. `at_stop` gives what a hard stop needs beside speeds,
+    /// for a motor current in mA; an axis that is at home where it stands needs nothing.
+    pub(super) fn new(
+        axis: &AxisConfig,
+        method: i8,
+        at_stop: impl FnOnce(u32) -> [Setting; 3],
+    ) -> Self {
         let moves = axis.homing != HomingMethod::Here;
         let mut settings = Vec::new();
         if moves {
@@ -149,7 +155,12 @@ impl HomingPlan {
                 object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S),
             ]);
         }
-        Self { method, moves, settings, restored: Vec::new() }
+        Self {
+            method,
+            moves,
+            settings,
+            restored: Vec::new(),
+        }
     }
 
     /// What is put back afterwards, if anything was changed.
@@ -187,20 +198,43 @@ impl HomingPlan {
 
 /// The position that an axis has when homing ends, counts.
 pub(super) fn home_position(axis: &AxisConfig) -> i32 {
-    if axis.homing == HomingMethod::Here { 0 } else { axis.homing_stop_counts.0 }
+    if axis.homing == HomingMethod::Here {
+        0
+    } else {
+        axis.homing_stop_counts.0
+    }
 }
 
-/// A row of a table of errors: first and last code, name, reaction, and whether resetting it clears the position.
+/// A row of a table of errors: first and last code, name, reaction, and whether resetting it clears
+/// the position.
 pub(super) type Row = (u16, u16, &'static str, Reaction, bool);
 
 /// Looks a code up.
 pub(super) fn look_up(table: &[Row], code: u16) -> Fault {
     if code == 0 {
-        return Fault { code, name: "no error", reaction: Reaction::Unknown, clears_position: false };
+        return Fault {
+            code,
+            name: "no error",
+            reaction: Reaction::Unknown,
+            clears_position: false,
+        };
     }
-    match table.iter().find(|(first, last, ..)| (*first..=*last).contains(&code)) {
-        Some(&(.., name, reaction, clears_position)) => Fault { code, name, reaction, clears_position },
-        None => Fault { code, name: "unknown error", reaction: Reaction::Unknown, clears_position: false },
+    match table
+        .iter()
+        .find(|(first, last, ..)| (*first..=*last).contains(&code))
+    {
+        Some(&(.., name, reaction, clears_position)) => Fault {
+            code,
+            name,
+            reaction,
+            clears_position,
+        },
+        None => Fault {
+            code,
+            name: "unknown error",
+            reaction: Reaction::Unknown,
+            clears_position: false,
+        },
     }
 }
 
@@ -242,6 +276,10 @@ impl fmt::Display for Fault {
             Reaction::Warning => write!(f, ", a warning only")?,
             Reaction::Unknown => {}
         }
-        if self.clears_position { write!(f, "; the position is lost: home the axis") } else { Ok(()) }
+        if self.clears_position {
+            write!(f, "; the position is lost: home the axis")
+        } else {
+            Ok(())
+        }
     }
 }

@@ -5,9 +5,10 @@
 //! sync  |<-------- every 0x90 in here is sent twice (stuffing) ----->|
 //! ```
 //!
-//! `words` counts the 16-bit words of data, at most [`MAX_WORDS`]. The CRC is computed before stuffing and without the
-//! sync bytes, over 16-bit words: `opcode + 256 * words`, the data words, and one zero word where the CRC will stand;
-//! polynomial 0x1021, starting from 0, most significant bit first. The same sum over a received frame with its CRC is 0.
+//! `words` counts the 16-bit words of data, at most [`MAX_WORDS`]. The CRC is computed before
+//! stuffing and without the sync bytes, over 16-bit words: `opcode + 256 * words`, the data words,
+//! and one zero word where the CRC will stand; polynomial 0x1021, starting from 0, most significant
+//! bit first. The same sum over a received frame with its CRC is 0.
 
 mod parser;
 #[cfg(test)]
@@ -45,7 +46,8 @@ const MAX_BODY: usize = HEADER + MAX_DATA + CRC;
 pub struct Frame<'a> {
     /// The command; 0x00 in every reply.
     pub opcode: u8,
-    /// The data. Frames hold whole words: an odd number of bytes is sent with a zero after it, and arrives so.
+    /// The data. Frames hold whole words: an odd number of bytes is sent with a zero after it, and
+    /// arrives so.
     pub data: &'a [u8],
 }
 
@@ -66,7 +68,10 @@ pub struct Encoder {
 
 impl Default for Encoder {
     fn default() -> Self {
-        Self { wire: [0; MAX_ENCODED], held: 0 }
+        Self {
+            wire: [0; MAX_ENCODED],
+            held: 0,
+        }
     }
 }
 
@@ -79,7 +84,9 @@ impl Encoder {
     pub fn encode(&mut self, frame: Frame<'_>) -> Result<&[u8], TooLong> {
         let words = frame.data.len().div_ceil(2);
         if words > MAX_WORDS {
-            return Err(TooLong { bytes: frame.data.len() });
+            return Err(TooLong {
+                bytes: frame.data.len(),
+            });
         }
         self.held = 0;
         SYNC.into_iter().for_each(|byte| self.put(byte));
@@ -124,11 +131,16 @@ pub(super) fn shift_in(crc: u16, word: u16) -> u16 {
     const POLYNOMIAL: u16 = 0x1021;
     (0..16).rev().fold(crc, |crc, bit| {
         let shifted = crc << 1 | (word >> bit & 1);
-        if crc & 0x8000 == 0 { shifted } else { shifted ^ POLYNOMIAL }
+        if crc & 0x8000 == 0 {
+            shifted
+        } else {
+            shifted ^ POLYNOMIAL
+        }
     })
 }
 
 /// The CRC over a whole body with its own CRC: 0 when nothing was damaged.
 fn residue(body: &[u8]) -> u16 {
-    body.chunks(2).fold(0, |crc, pair| shift_in(crc, word(pair)))
+    body.chunks(2)
+        .fold(0, |crc, pair| shift_in(crc, word(pair)))
 }

@@ -1,4 +1,5 @@
-//! The V1 frame that EPOS2 speaks on RS232: no sync bytes and no stuffing, but a byte of hand-shake for every part.
+//! The V1 frame that EPOS2 speaks on RS232: no sync bytes and no stuffing, but a byte of hand-shake
+//! for every part.
 //!
 //! ```text
 //! host                                drive
@@ -12,8 +13,9 @@
 //! 'O' CRC good, or 'F'         ->
 //! ```
 //!
-//! The CRC is that of the V2 frame, but its first word is `256 * opcode + words - 1`. A drive that misses a byte of hand-shake
-//! forgets the exchange after its frame time-out (object 0x2005). Source: maxon's EPOS Communication Guide (2006).
+//! The CRC is that of the V2 frame, but its first word is `256 * opcode + words - 1`. A drive that
+//! misses a byte of hand-shake forgets the exchange after its frame time-out (object 0x2005).
+//! Source: maxon's EPOS Communication Guide (2006).
 
 use super::frame::{Frame, MAX_DATA, MAX_WORDS, TooLong, shift_in, word};
 
@@ -37,7 +39,8 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// The bytes behind the opcode of `frame`. A frame without data gets one word of zeros: there is no shorter one.
+    /// The bytes behind the opcode of `frame`. A frame without data gets one word of zeros: there
+    /// is no shorter one.
     ///
     /// # Errors
     ///
@@ -45,13 +48,21 @@ impl Rest {
     pub fn of(frame: Frame<'_>) -> Result<Self, TooLong> {
         let words = frame.data.len().div_ceil(2).max(1);
         if words > MAX_WORDS {
-            return Err(TooLong { bytes: frame.data.len() });
+            return Err(TooLong {
+                bytes: frame.data.len(),
+            });
         }
-        let mut rest = Self { wire: [0; MAX_REST], held: LENGTH + 2 * words + CRC };
+        let mut rest = Self {
+            wire: [0; MAX_REST],
+            held: LENGTH + 2 * words + CRC,
+        };
         let (length, behind) = rest.wire.split_at_mut(LENGTH);
         length.fill((words - 1) as u8);
         // The rest is zeros already: padding, and the place of the CRC while it is computed.
-        behind.iter_mut().zip(frame.data).for_each(|(place, byte)| *place = *byte);
+        behind
+            .iter_mut()
+            .zip(frame.data)
+            .for_each(|(place, byte)| *place = *byte);
         let crc = crc(frame.opcode, &rest.wire[..rest.held]).to_le_bytes();
         rest.wire[rest.held - CRC..rest.held].copy_from_slice(&crc);
         Ok(rest)
@@ -76,14 +87,18 @@ pub fn rest_length(length: u8) -> Option<usize> {
 pub fn open(opcode: u8, rest: &[u8]) -> Option<Frame<'_>> {
     let whole = rest_length(*rest.first()?)? == rest.len();
     let good = whole && crc(opcode, rest) == 0;
-    good.then(|| rest.get(LENGTH..rest.len() - CRC)).flatten().map(|data| Frame { opcode, data })
+    good.then(|| rest.get(LENGTH..rest.len() - CRC))
+        .flatten()
+        .map(|data| Frame { opcode, data })
 }
 
 /// The CRC of a frame over the bytes behind its opcode; 0 when they hold the right one.
 fn crc(opcode: u8, rest: &[u8]) -> u16 {
     let (length, behind) = rest.split_at(LENGTH.min(rest.len()));
     let first = u16::from_be_bytes([opcode, length.first().copied().unwrap_or(0)]);
-    behind.chunks(2).fold(shift_in(0, first), |crc, pair| shift_in(crc, word(pair)))
+    behind
+        .chunks(2)
+        .fold(shift_in(0, first), |crc, pair| shift_in(crc, word(pair)))
 }
 
 #[cfg(test)]
@@ -94,7 +109,9 @@ mod tests {
     use super::*;
 
     fn bytes(text: &str) -> Vec<u8> {
-        text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+        text.split_whitespace()
+            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
+            .collect()
     }
 
     #[test]
@@ -121,12 +138,26 @@ mod tests {
         assert_eq!(rest_length(142), Some(289));
         assert_eq!(rest_length(143), None);
         assert_eq!(open(0, &[]), None);
-        assert!(Rest::of(Frame { opcode: 0, data: &[0; 287] }).is_err());
+        assert!(
+            Rest::of(Frame {
+                opcode: 0,
+                data: &[0; 287]
+            })
+            .is_err()
+        );
     }
 
     #[test]
     fn a_frame_has_at_least_one_word() {
-        assert_eq!(Rest::of(Frame { opcode: 0x14, data: &[] }).unwrap().bytes()[..3], [0, 0, 0]);
+        assert_eq!(
+            Rest::of(Frame {
+                opcode: 0x14,
+                data: &[]
+            })
+            .unwrap()
+            .bytes()[..3],
+            [0, 0, 0]
+        );
     }
 
     proptest! {

@@ -1,8 +1,9 @@
 //! Where axes stood when the controller ended in order: a hint for its next start, and no more.
 //!
-//! An incremental encoder forgets with its power, and a drive that kept its power may have been moved by hand or by another
-//! program. The drive tells whether it knows its zero; the hint can only take that away, never give it: an axis that stands
-//! elsewhere than it was left, or whose place no one noted because the controller was killed, is not homed.
+//! An incremental encoder forgets with its power, and a drive that kept its power may have been
+//! moved by hand or by another program. The drive tells whether it knows its zero; the hint can
+//! only take that away, never give it: an axis that stands elsewhere than it was left, or whose
+//! place no one noted because the controller was killed, is not homed.
 
 use std::fs;
 use std::io;
@@ -54,7 +55,10 @@ mod tests {
     fn a_hint_is_good_for_one_start() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("positions.toml");
-        let place = Place { serial_number: 62_000_001, position: Counts(-417) };
+        let place = Place {
+            serial_number: 62_000_001,
+            position: Counts(-417),
+        };
         leave(&file, vec![place]).unwrap();
         assert_eq!(take(&file), [place]);
         assert!(take(&file).is_empty());

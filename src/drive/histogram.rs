@@ -1,8 +1,10 @@
-//! A small histogram of round trips, copied with the counters of a line: no allocation, no division.
+//! A small histogram of round trips, copied with the counters of a line: no allocation, no
+//! division.
 
 use crate::units::Nanos;
 
-/// Buckets, four to a doubling, from 0.25 ms: bucket 0 holds what is shorter, the last what is longer than 1 s.
+/// Buckets, four to a doubling, from 0.25 ms: bucket 0 holds what is shorter, the last what is
+/// longer than 1 s.
 const BUCKETS: usize = 49;
 
 /// The upper end of bucket 0.
@@ -16,7 +18,9 @@ pub struct Histogram {
 
 impl Default for Histogram {
     fn default() -> Self {
-        Self { counts: [0; BUCKETS] }
+        Self {
+            counts: [0; BUCKETS],
+        }
     }
 }
 
@@ -49,7 +53,11 @@ impl Histogram {
 
     /// Every bucket that holds something, as upper end and count.
     pub fn buckets(&self) -> impl Iterator<Item = (Nanos, u32)> {
-        let held = self.counts.iter().enumerate().filter(|(_, count)| **count > 0);
+        let held = self
+            .counts
+            .iter()
+            .enumerate()
+            .filter(|(_, count)| **count > 0);
         held.map(|(place, count)| (upper_end(place), *count))
     }
 }
@@ -88,7 +96,10 @@ mod tests {
         assert_eq!(histogram.count(), 1000);
         for (quantile, exact_us) in [(0.5, 5000), (0.9, 9000), (0.99, 9900)] {
             let found = histogram.quantile(quantile).unwrap();
-            assert!(found >= Nanos::from_micros(exact_us) && found.0 <= exact_us * 1250, "{quantile}: {found:?}");
+            assert!(
+                found >= Nanos::from_micros(exact_us) && found.0 <= exact_us * 1250,
+                "{quantile}: {found:?}"
+            );
         }
         assert_eq!(Histogram::default().quantile(0.5), None);
     }

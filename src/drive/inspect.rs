@@ -35,7 +35,8 @@ pub struct Inspection {
     pub supply_v: Option<f64>,
     /// The newest errors, the last one first.
     pub errors: Vec<Fault>,
-    /// Settings that differ from the configuration: what, as configured, as found. The controller writes them at its start.
+    /// Settings that differ from the configuration: what, as configured, as found. The controller
+    /// writes them at its start.
     pub differences: Vec<(Address, u32, u32)>,
 }
 
@@ -62,17 +63,28 @@ pub fn inspect(config: &PortConfig) -> Result<PortInspection, DriveError> {
 /// # Errors
 ///
 /// When nothing answers.
-pub fn inspect_over<T: Transport>(transport: T, config: &PortConfig) -> Result<PortInspection, DriveError> {
+pub fn inspect_over<T: Transport>(
+    transport: T,
+    config: &PortConfig,
+) -> Result<PortInspection, DriveError> {
     let mut link = Link::new(transport, family::of_port(config), config);
     let Some(first) = config.axes.first() else {
-        return Ok(PortInspection { exchange: Nanos::ZERO, axes: Vec::new() });
+        return Ok(PortInspection {
+            exchange: Nanos::ZERO,
+            axes: Vec::new(),
+        });
     };
     identify_only(&mut link).map_err(|fault| explain(config, first, fault))?;
-    let exchange = bring_up::time_exchanges(&mut link).map_err(|fault| explain(config, first, fault))?;
+    let exchange =
+        bring_up::time_exchanges(&mut link).map_err(|fault| explain(config, first, fault))?;
     let look = |axis: &AxisConfig| {
-        inspect_axis(&mut link, config, axis).map_err(|fault| explain(config, axis, fault).to_string())
+        inspect_axis(&mut link, config, axis)
+            .map_err(|fault| explain(config, axis, fault).to_string())
     };
-    Ok(PortInspection { exchange, axes: config.axes.iter().map(look).collect() })
+    Ok(PortInspection {
+        exchange,
+        axes: config.axes.iter().map(look).collect(),
+    })
 }
 
 fn inspect_axis<T: Transport>(
@@ -96,7 +108,10 @@ fn inspect_axis<T: Transport>(
         state: statusword.state(),
         homed: statusword.homed(),
         supply_v: supply,
-        errors: history(link, node)?.into_iter().map(|code| drive.fault(code)).collect(),
+        errors: history(link, node)?
+            .into_iter()
+            .map(|code| drive.fault(code))
+            .collect(),
         differences: differences(link, node, &drive.settings(axis), parts)?,
     })
 }
@@ -104,8 +119,16 @@ fn inspect_axis<T: Transport>(
 fn history<T: Transport>(link: &mut Link<T>, node: u8) -> Result<Vec<u16>, AxisFault> {
     let count = bring_up::read(link, node, object::ERROR_HISTORY)?.min(MOST_ERRORS);
     // The error code is the low word of an entry.
-    let entry = |place| Object::<u16>::new(object::ERROR_HISTORY.address().index, place, "error history");
-    (1..=count).map(|place| bring_up::read(link, node, entry(place))).collect()
+    let entry = |place| {
+        Object::<u16>::new(
+            object::ERROR_HISTORY.address().index,
+            place,
+            "error history",
+        )
+    };
+    (1..=count)
+        .map(|place| bring_up::read(link, node, entry(place)))
+        .collect()
 }
 
 fn differences<T: Transport>(
@@ -115,7 +138,10 @@ fn differences<T: Transport>(
     parts: &Parts,
 ) -> Result<Vec<(Address, u32, u32)>, AxisFault> {
     let mut differences = Vec::new();
-    for &setting in settings.iter().filter(|setting| setting.object != parts.mode.address()) {
+    for &setting in settings
+        .iter()
+        .filter(|setting| setting.object != parts.mode.address())
+    {
         let found = bring_up::read_back(link, node, setting)?;
         if found != setting.raw {
             differences.push((setting.object, setting.raw, found));

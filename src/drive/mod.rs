@@ -1,6 +1,7 @@
 //! maxon drives over serial lines.
 //!
-//! Everything here speaks in drive terms: counts, objects, statuswords. It knows no model and no angle.
+//! Everything here speaks in drive terms: counts, objects, statuswords. It knows no model and no
+//! angle.
 //!
 //! | file | holds |
 //! |---|---|
@@ -56,20 +57,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{Counts, Nanos};
 
-/// What the control loop wants of one drive. The newest request replaces the former ones; nothing queues.
+/// What the control loop wants of one drive. The newest request replaces the former ones; nothing
+/// queues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct AxisRequest {
     /// Counts up by one every tick.
     pub sequence: u64,
     /// The state that the drive should be brought to and kept in.
     pub demand: Demand,
-    /// The set-point. Written only in [`Demand::Enabled`], and only once the drive is enabled on its own position.
+    /// The set-point. Written only in [`Demand::Enabled`], and only once the drive is enabled on
+    /// its own position.
     pub target: Counts,
     /// Counts up by one for every fault reset that the operator acknowledged.
     pub fault_resets: u32,
     /// Counts up by one for every homing that the operator asked for.
     pub homings: u32,
-    /// Stamp and sequence of the command that the target comes from, carried along to measure latency. Zero: none.
+    /// Stamp and sequence of the command that the target comes from, carried along to measure
+    /// latency. Zero: none.
     pub command_stamp: Nanos,
     /// See `command_stamp`.
     pub command_sequence: u64,
@@ -168,7 +172,8 @@ pub struct LinkCounters {
     pub resynchronisations: u64,
     /// Requests that were sent again.
     pub retries: u64,
-    /// From the first byte of a request to the last of its reply. No decision hangs on it, so no black box keeps it.
+    /// From the first byte of a request to the last of its reply. No decision hangs on it, so no
+    /// black box keeps it.
     #[serde(skip)]
     pub round_trips: Histogram,
 }

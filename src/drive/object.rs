@@ -1,7 +1,7 @@
 //! The objects of the drives' dictionaries that we use.
 //!
-//! Values travel in four bytes whatever their size, and drives leave meaningless upper bytes on short reads, so a value
-//! is cut to the object's own size when it is read and when it is written.
+//! Values travel in four bytes whatever their size, and drives leave meaningless upper bytes on
+//! short reads, so a value is cut to the object's own size when it is read and when it is written.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -23,7 +23,10 @@ impl Address {
     /// The object with the value that it shall have, cut to its size.
     #[must_use]
     pub const fn set_raw(self, raw: u32) -> Setting {
-        Setting { object: self, raw: self.cut(raw) }
+        Setting {
+            object: self,
+            raw: self.cut(raw),
+        }
     }
 
     /// A value with the sign that it has in the object's own size.
@@ -49,7 +52,11 @@ impl Address {
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} (0x{:04X}:{:02X})", self.name, self.index, self.subindex)
+        write!(
+            f,
+            "{} (0x{:04X}:{:02X})",
+            self.name, self.index, self.subindex
+        )
     }
 }
 
@@ -64,7 +71,15 @@ impl<T: Value> Object<T> {
     /// Names an object.
     #[must_use]
     pub const fn new(index: u16, subindex: u8, name: &'static str) -> Self {
-        Self { address: Address { index, subindex, size: T::SIZE, name }, value: PhantomData }
+        Self {
+            address: Address {
+                index,
+                subindex,
+                size: T::SIZE,
+                name,
+            },
+            value: PhantomData,
+        }
     }
 
     /// Where it stands.
@@ -76,7 +91,10 @@ impl<T: Value> Object<T> {
     /// The object with the value that it shall have.
     #[must_use]
     pub fn set(self, value: T) -> Setting {
-        Setting { object: self.address, raw: value.into_raw() }
+        Setting {
+            object: self.address,
+            raw: value.into_raw(),
+        }
     }
 }
 
@@ -163,7 +181,12 @@ pub const QUICK_STOP_DECELERATION: Object<u32> = Object::new(0x6085, 0, "quick-s
 /// How homing finds the zero.
 pub const HOMING_METHOD: Object<i8> = Object::new(0x6098, 0, "homing method");
 /// Device name, text: read in segments.
-pub const DEVICE_NAME: Address = Address { index: 0x1008, subindex: 0, size: 0, name: "device name" };
+pub const DEVICE_NAME: Address = Address {
+    index: 0x1008,
+    subindex: 0,
+    size: 0,
+    name: "device name",
+};
 /// Number of errors in the history; writing 0 clears it.
 pub const ERROR_HISTORY: Object<u8> = Object::new(0x1003, 0, "error history");
 /// Highest speed of a profile, rpm.
@@ -198,21 +221,33 @@ mod tests {
 
     #[test]
     fn a_negative_short_value_is_not_extended_on_the_wire() {
-        assert_eq!(MODE.set(-1), Setting { object: MODE.address(), raw: 0x0000_00FF });
+        assert_eq!(
+            MODE.set(-1),
+            Setting {
+                object: MODE.address(),
+                raw: 0x0000_00FF
+            }
+        );
         assert_eq!(TARGET.set(-3988).raw, 0xFFFF_F06C);
     }
 
     #[test]
     fn a_short_signed_value_keeps_its_sign() {
         let current = Object::<i16>::new(0x6078, 0, "motor current").address();
-        assert_eq!((current.signed(0xABCD_FFF6), current.signed(0x1234_0010)), (-10, 16));
+        assert_eq!(
+            (current.signed(0xABCD_FFF6), current.signed(0x1234_0010)),
+            (-10, 16)
+        );
         assert_eq!(POSITION.address().signed(0xFFFF_FFFE), -2);
         assert_eq!(MODE.address().set_raw(0xFFFF_FFFF).raw, 0xFF);
     }
 
     #[test]
     fn an_object_says_its_name_and_number() {
-        assert_eq!(POSITION_MAX.address().to_string(), "highest position limit (0x607D:02)");
+        assert_eq!(
+            POSITION_MAX.address().to_string(),
+            "highest position limit (0x607D:02)"
+        );
     }
 
     proptest! {

@@ -57,11 +57,15 @@ impl Port<Opened> {
 impl<T: Transport> Port<Opened, T> {
     /// Takes a line that is open already.
     pub fn over(transport: T, config: &PortConfig) -> Self {
-        Self { link: Link::new(transport, family::of_port(config), config), config: config.clone(), stage: Opened(()) }
+        Self {
+            link: Link::new(transport, family::of_port(config), config),
+            config: config.clone(),
+            stage: Opened(()),
+        }
     }
 
-    /// Checks that every axis is the drive that was configured, and switches off what a former controller left on.
-    /// Nothing is enabled. A drive in fault is left so, for the operator.
+    /// Checks that every axis is the drive that was configured, and switches off what a former
+    /// controller left on. Nothing is enabled. A drive in fault is left so, for the operator.
     ///
     /// # Errors
     ///
@@ -70,16 +74,20 @@ impl<T: Transport> Port<Opened, T> {
         let mut axes = Vec::new();
         for axis in &self.config.axes {
             let parts = family::of_axis(&self.config, axis).parts();
-            let identity = identify(&mut self.link, axis, parts).map_err(|fault| explain(&self.config, axis, fault))?;
+            let identity = identify(&mut self.link, axis, parts)
+                .map_err(|fault| explain(&self.config, axis, fault))?;
             axes.push(identity);
         }
         let exchange = match self.config.axes.first() {
-            Some(axis) => {
-                bring_up::time_exchanges(&mut self.link).map_err(|fault| explain(&self.config, axis, fault))?
-            }
+            Some(axis) => bring_up::time_exchanges(&mut self.link)
+                .map_err(|fault| explain(&self.config, axis, fault))?,
             None => Nanos::ZERO,
         };
-        Ok(Port { link: self.link, config: self.config, stage: Identified { axes, exchange } })
+        Ok(Port {
+            link: self.link,
+            config: self.config,
+            stage: Identified { axes, exchange },
+        })
     }
 
     /// All of bring-up.
@@ -111,12 +119,18 @@ impl<T: Transport> Port<Identified, T> {
                 .map_err(|fault| explain(&self.config, axis, fault))?;
             let position = family::of_axis(&self.config, axis).parts().position;
             let found = bring_up::read(&mut self.link, axis.node_id, position);
-            stands.push(Counts(found.map_err(|fault| explain(&self.config, axis, fault))?));
+            stands.push(Counts(
+                found.map_err(|fault| explain(&self.config, axis, fault))?,
+            ));
         }
         Ok(Port {
             link: self.link,
             config: self.config,
-            stage: Configured { axes: self.stage.axes, exchange: self.stage.exchange, stands },
+            stage: Configured {
+                axes: self.stage.axes,
+                exchange: self.stage.exchange,
+                stands,
+            },
         })
     }
 }
@@ -132,14 +146,25 @@ impl<T: Transport> Port<Configured, T> {
         self.stage.exchange
     }
 
-    /// Parts the port into the thread's end and the control loop's ends, in the order of the configuration.
+    /// Parts the port into the thread's end and the control loop's ends, in the order of the
+    /// configuration.
     #[must_use]
     pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
-        PortRunner::with_links(self.link, &self.config, self.stage.axes, self.stage.exchange, &self.stage.stands)
+        PortRunner::with_links(
+            self.link,
+            &self.config,
+            self.stage.axes,
+            self.stage.exchange,
+            &self.stage.stands,
+        )
     }
 }
 
-fn identify<T: Transport>(link: &mut Link<T>, axis: &AxisConfig, parts: &Parts) -> Result<AxisIdentity, AxisFault> {
+fn identify<T: Transport>(
+    link: &mut Link<T>,
+    axis: &AxisConfig,
+    parts: &Parts,
+) -> Result<AxisIdentity, AxisFault> {
     bring_up::know_line(link)?;
     bring_up::check_identity(link, axis, parts)?;
     let identity = bring_up::read_identity(link, axis, parts)?;
@@ -151,9 +176,18 @@ fn identify<T: Transport>(link: &mut Link<T>, axis: &AxisConfig, parts: &Parts) 
 pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, fault: AxisFault) -> DriveError {
     let (device, node) = (port.device.clone(), axis.node_id);
     match fault {
-        AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered, .. } => {
-            DriveError::NoAnswer { device, baud: port.baud, node }
-        }
-        fault => DriveError::Axis { device, node, fault },
+        AxisFault::Exchange {
+            error: LinkError::Lost | LinkError::Unanswered,
+            ..
+        } => DriveError::NoAnswer {
+            device,
+            baud: port.baud,
+            node,
+        },
+        fault => DriveError::Axis {
+            device,
+            node,
+            fault,
+        },
     }
 }

@@ -20,13 +20,24 @@ impl Request {
         const { assert!(N <= 8, "a request holds at most eight bytes") };
         let mut held = [0; 8];
         held[..N].copy_from_slice(&data);
-        Self { opcode, data: held, held: N as u8, reply_words }
+        Self {
+            opcode,
+            data: held,
+            held: N as u8,
+            reply_words,
+        }
     }
 
     /// The request as a frame.
     #[must_use]
     pub fn frame(&self) -> Frame<'_> {
-        Frame { opcode: self.opcode, data: self.data.get(..usize::from(self.held)).unwrap_or(&self.data) }
+        Frame {
+            opcode: self.opcode,
+            data: self
+                .data
+                .get(..usize::from(self.held))
+                .unwrap_or(&self.data),
+        }
     }
 
     /// The most data words that its reply can have; tells how long the reply takes on the wire.

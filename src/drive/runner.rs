@@ -1,7 +1,7 @@
 //! The thread that owns a serial port.
 //!
-//! It and the control loop share nothing but a triple buffer each way per axis: neither ever waits for the other, and
-//! each sees the newest value.
+//! It and the control loop share nothing but a triple buffer each way per axis: neither ever waits
+//! for the other, and each sees the newest value.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,8 +23,8 @@ use super::serial::SerialTransport;
 use super::transport::Transport;
 use super::{AxisFeedback, AxisRequest, Demand};
 
-/// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without pace this leaves the
-/// processor to others.
+/// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without pace
+/// this leaves the processor to others.
 const SHORTEST_TURN: Nanos = Nanos::from_micros(500);
 
 /// A turn while no axis answers.
@@ -36,8 +36,8 @@ const READMISSION_PERIOD: Nanos = Nanos::from_millis(500);
 /// How long the drives may take to go off when the thread ends.
 const SHUTDOWN_DEADLINE: Nanos = Nanos::from_millis(3000);
 
-/// An exchange takes 2.1 ms at 115200 baud, and little more to be carried out. One that takes longer is held back, most likely
-/// by the latency timer of an FTDI adapter.
+/// An exchange takes 2.1 ms at 115200 baud, and little more to be carried out. One that takes
+/// longer is held back, most likely by the latency timer of an FTDI adapter.
 const SLOW_EXCHANGE: Nanos = Nanos::from_millis(4);
 
 /// The control loop's ends of one axis.
@@ -88,7 +88,8 @@ struct Slot {
 type Hint = Option<(Option<Counts>, Counts)>;
 
 impl Slot {
-    /// The newest request, or a quick stop if the control loop that enabled the axis has fallen silent.
+    /// The newest request, or a quick stop if the control loop that enabled the axis has fallen
+    /// silent.
     fn newest_request(&mut self, now: Nanos, events: &mut dyn FnMut(PortEvent)) -> AxisRequest {
         let request = *self.requests.read();
         if request.sequence != self.heard.0 {
@@ -96,21 +97,38 @@ impl Slot {
             self.deserted = false;
         }
         let silence = now - self.heard.1;
-        if request.demand != Demand::Enabled || self.deadman.is_none_or(|deadman| silence < deadman) {
+        if request.demand != Demand::Enabled || self.deadman.is_none_or(|deadman| silence < deadman)
+        {
             return request;
         }
         if !std::mem::replace(&mut self.deserted, true) {
-            self.axis.report(PortEventKind::Deserted { silence }, events);
+            self.axis
+                .report(PortEventKind::Deserted { silence }, events);
         }
-        AxisRequest { demand: Demand::QuickStop, ..request }
+        AxisRequest {
+            demand: Demand::QuickStop,
+            ..request
+        }
     }
 
-    fn with_link(port: &PortConfig, config: &AxisConfig, identity: AxisIdentity, hint: Hint) -> (Self, AxisLink) {
+    fn with_link(
+        port: &PortConfig,
+        config: &AxisConfig,
+        identity: AxisIdentity,
+        hint: Hint,
+    ) -> (Self, AxisLink) {
         let (drive, config) = (family::of_axis(port, config), config.clone());
         let (request_input, requests) = triple_buffer(&AxisRequest::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
-        let link = AxisLink { motor: config.motor, requests: request_input, feedback: feedback_output };
-        let (settings, axis) = (drive.settings(&config), Axis::new(&config, drive, port.pattern));
+        let link = AxisLink {
+            motor: config.motor,
+            requests: request_input,
+            feedback: feedback_output,
+        };
+        let (settings, axis) = (
+            drive.settings(&config),
+            Axis::new(&config, drive, port.pattern),
+        );
         let slot = Self {
             config,
             identity,
@@ -142,16 +160,36 @@ impl<T: Transport> PortRunner<T> {
     ) -> (Self, Vec<AxisLink>) {
         let places = port.positions_file.as_deref().map(hint::take);
         let with_link = |((config, identity), stands): ((&AxisConfig, AxisIdentity), &Counts)| {
-            let left = |place: &Place| (place.serial_number == config.serial_number).then_some(place.position);
-            let hint = places.as_ref().map(|places| (places.iter().find_map(left), *stands));
+            let left = |place: &Place| {
+                (place.serial_number == config.serial_number).then_some(place.position)
+            };
+            let hint = places
+                .as_ref()
+                .map(|places| (places.iter().find_map(left), *stands));
             Slot::with_link(port, config, identity, hint)
         };
-        let (slots, links) = port.axes.iter().zip(identities).zip(stands).map(with_link).unzip();
-        (Self { link, slots, exchange, late: false, positions_file: port.positions_file.clone() }, links)
+        let (slots, links) = port
+            .axes
+            .iter()
+            .zip(identities)
+            .zip(stands)
+            .map(with_link)
+            .unzip();
+        (
+            Self {
+                link,
+                slots,
+                exchange,
+                late: false,
+                positions_file: port.positions_file.clone(),
+            },
+            links,
+        )
     }
 
-    /// Exchanges with the axes until `stop`, then leaves them switched off as far as they can be reached. Blocks; call
-    /// it in a thread of its own. `events` is called in that thread and should not block.
+    /// Exchanges with the axes until `stop`, then leaves them switched off as far as they can be
+    /// reached. Blocks; call it in a thread of its own. `events` is called in that thread and
+    /// should not block.
     pub fn run(mut self, stop: &AtomicBool, mut events: impl FnMut(PortEvent)) {
         self.announce(&mut events);
         while !stop.load(Ordering::Acquire) {
@@ -160,12 +198,16 @@ impl<T: Transport> PortRunner<T> {
         self.shut_down(&mut events);
     }
 
-    /// Notes where the axes stand. Without a note the next start finds no hint, which is no worse than a wrong one.
+    /// Notes where the axes stand. Without a note the next start finds no hint, which is no worse
+    /// than a wrong one.
     fn leave_hints(&self) {
         if let Some(file) = &self.positions_file {
             let place = |slot: &Slot| {
                 let position = slot.axis.resting_place()?;
-                Some(Place { serial_number: slot.config.serial_number, position })
+                Some(Place {
+                    serial_number: slot.config.serial_number,
+                    position,
+                })
             };
             let _ = hint::leave(file, self.slots.iter().filter_map(place).collect());
         }
@@ -174,8 +216,22 @@ impl<T: Transport> PortRunner<T> {
     /// Tells who was found.
     pub fn announce(&mut self, events: &mut dyn FnMut(PortEvent)) {
         for slot in &mut self.slots {
-            let AxisIdentity { node_id, product_code, firmware, serial_number, .. } = slot.identity;
-            slot.axis.report(PortEventKind::Ready { node_id, product_code, firmware, serial_number }, events);
+            let AxisIdentity {
+                node_id,
+                product_code,
+                firmware,
+                serial_number,
+                ..
+            } = slot.identity;
+            slot.axis.report(
+                PortEventKind::Ready {
+                    node_id,
+                    product_code,
+                    firmware,
+                    serial_number,
+                },
+                events,
+            );
             if let Some((left, stands)) = slot.hint {
                 slot.axis.compare(left, stands, events);
             }
@@ -183,7 +239,12 @@ impl<T: Transport> PortRunner<T> {
         if self.exchange > SLOW_EXCHANGE
             && let Some(slot) = self.slots.first()
         {
-            slot.axis.report(PortEventKind::SlowLine { median: self.exchange }, events);
+            slot.axis.report(
+                PortEventKind::SlowLine {
+                    median: self.exchange,
+                },
+                events,
+            );
         }
     }
 
@@ -194,7 +255,14 @@ impl<T: Transport> PortRunner<T> {
             self.serve(place, false, events);
         }
         let nothing_to_do = self.slots.iter().all(|slot| slot.axis.is_lost());
-        self.link.sleep_until(begin + if nothing_to_do { LOST_TURN } else { SHORTEST_TURN });
+        self.link.sleep_until(
+            begin
+                + if nothing_to_do {
+                    LOST_TURN
+                } else {
+                    SHORTEST_TURN
+                },
+        );
     }
 
     /// Switches everything off, in order, for a bounded time.
@@ -203,21 +271,36 @@ impl<T: Transport> PortRunner<T> {
         for slot in &mut self.slots {
             slot.axis.power_down(begin, events);
         }
-        while self.slots.iter().any(|slot| !slot.axis.is_at_rest()) && self.link.now() < begin + SHUTDOWN_DEADLINE {
+        while self.slots.iter().any(|slot| !slot.axis.is_at_rest())
+            && self.link.now() < begin + SHUTDOWN_DEADLINE
+        {
             for place in 0..self.slots.len() {
                 self.serve(place, true, events);
             }
         }
         for slot in &self.slots {
-            slot.axis.report(PortEventKind::Ended { off: slot.axis.is_off() }, events);
+            slot.axis.report(
+                PortEventKind::Ended {
+                    off: slot.axis.is_off(),
+                },
+                events,
+            );
         }
         self.leave_hints();
     }
 
     /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
     fn serve(&mut self, place: usize, stopping: bool, events: &mut dyn FnMut(PortEvent)) {
-        let Self { link, slots, exchange: usual, late, .. } = self;
-        let Some(slot) = slots.get_mut(place) else { return };
+        let Self {
+            link,
+            slots,
+            exchange: usual,
+            late,
+            ..
+        } = self;
+        let Some(slot) = slots.get_mut(place) else {
+            return;
+        };
         if slot.axis.is_lost() {
             slot.axis.acknowledge(slot.requests.read(), events);
             if !stopping {
@@ -227,7 +310,11 @@ impl<T: Transport> PortRunner<T> {
             slot.axis.lose(error, events);
         } else {
             // The newest request, at the last moment before its set-point is encoded.
-            let request = if stopping { slot.axis.rest() } else { slot.newest_request(link.now(), events) };
+            let request = if stopping {
+                slot.axis.rest()
+            } else {
+                slot.newest_request(link.now(), events)
+            };
             let begin = link.now();
             let ask = slot.axis.next(&request, begin, *late, events);
             let timeouts = link.counters().timeouts;
@@ -246,7 +333,12 @@ impl<T: Transport> PortRunner<T> {
     }
 }
 
-fn perform<T: Transport>(link: &mut Link<T>, node: u8, ask: Ask, parts: &Parts) -> Result<Reply, LinkError> {
+fn perform<T: Transport>(
+    link: &mut Link<T>,
+    node: u8,
+    ask: Ask,
+    parts: &Parts,
+) -> Result<Reply, LinkError> {
     match ask.access(parts) {
         Access::Read(object) => link.read_raw(node, object).map(|answer| Reply {
             raw: answer.value,
@@ -279,7 +371,10 @@ fn readmit<T: Transport>(link: &mut Link<T>, slot: &mut Slot, events: &mut dyn F
     match bring_up_again(link, slot) {
         Ok(position) => slot.axis.readmit(position, events),
         // Gone again; the next try will tell.
-        Err(AxisFault::Exchange { error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_), .. }) => {}
+        Err(AxisFault::Exchange {
+            error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_),
+            ..
+        }) => {}
         Err(fault) => slot.axis.refuse(fault, events),
     }
 }

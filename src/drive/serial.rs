@@ -18,8 +18,8 @@ use crate::units::Nanos;
 use super::error::DriveError;
 use super::transport::Transport;
 
-/// How long a write may wait for room in the operating system's buffer. It holds thousands of bytes and a request has
-/// tens, so waiting means that the port hangs.
+/// How long a write may wait for room in the operating system's buffer. It holds thousands of bytes
+/// and a request has tens, so waiting means that the port hangs.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// A serial port, opened for this process alone.
@@ -30,33 +30,44 @@ pub struct SerialTransport {
 }
 
 impl SerialTransport {
-    /// Opens the device exclusively, raw, 8 data bits, no parity, 1 stop bit, and forgets what arrived before.
+    /// Opens the device exclusively, raw, 8 data bits, no parity, 1 stop bit, and forgets what
+    /// arrived before.
     ///
     /// # Errors
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        Ok(Self { port: open(config)?, config: config.clone() })
+        Ok(Self {
+            port: open(config)?,
+            config: config.clone(),
+        })
     }
 
-    /// Waits for something to read. Not by the time-out of `TTYPort`, which allocates its error every time.
+    /// Waits for something to read. Not by the time-out of `TTYPort`, which allocates its error
+    /// every time.
     fn wait(&self, deadline: Nanos) -> io::Result<bool> {
         // SAFETY: the descriptor belongs to `self.port`, which outlives this borrow.
-        wait(unsafe { BorrowedFd::borrow_raw(self.port.as_raw_fd()) }, deadline)
+        wait(
+            unsafe { BorrowedFd::borrow_raw(self.port.as_raw_fd()) },
+            deadline,
+        )
     }
 }
 
 fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
     let device = &config.device;
-    let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
+    let path = device.to_str().ok_or_else(|| DriveError::NotFound {
+        device: device.clone(),
+    })?;
     let port = serialport::new(path, config.baud)
         .timeout(WRITE_TIMEOUT)
         .open_native()
         .map_err(|source| explain(device, source))?;
-    // Before any traffic: changing a running timer stalls the line. Where it is not permitted, the time that exchanges take
-    // is measured and told.
+    // Before any traffic: changing a running timer stalls the line. Where it is not permitted, the
+    // time that exchanges take is measured and told.
     latency::shorten(device);
-    port.clear(ClearBuffer::All).map_err(|source| explain(device, source))?;
+    port.clear(ClearBuffer::All)
+        .map_err(|source| explain(device, source))?;
     Ok(port)
 }
 

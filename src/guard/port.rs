@@ -49,7 +49,11 @@ impl GuardedPort {
     /// Holds nothing yet.
     #[must_use]
     pub fn new(config: &PortConfig) -> Self {
-        Self { config: config.clone(), file: None, complained: false }
+        Self {
+            config: config.clone(),
+            file: None,
+            complained: false,
+        }
     }
 
     /// The device.
@@ -58,7 +62,8 @@ impl GuardedPort {
         &self.config.device
     }
 
-    /// Opens the port if it is not held, without changing anything about it; tells when that is news.
+    /// Opens the port if it is not held, without changing anything about it; tells when that is
+    /// news.
     pub fn hold(&mut self) -> Option<Notice> {
         if let Some(file) = &self.file {
             if !is_hung_up(file) {
@@ -87,7 +92,10 @@ impl GuardedPort {
         };
         // A reply that takes longer is not waited for: trying again is faster.
         let reply_timeout_ms = self.config.reply_timeout_ms.min(LONGEST_REPLY_MS);
-        let config = PortConfig { reply_timeout_ms, ..self.config.clone() };
+        let config = PortConfig {
+            reply_timeout_ms,
+            ..self.config.clone()
+        };
         let mut link = Link::new(Held(file), family::of_port(&config), &config);
         link.know_frame_timeout(FRAME_TIMEOUT);
         let _ = link.wait_for_quiet();
@@ -106,18 +114,31 @@ impl GuardedPort {
     }
 
     fn each(&self, mut stop: impl FnMut(&AxisConfig) -> Result<State, StopError>) -> Vec<Stopped> {
-        self.config.axes.iter().map(|axis| Stopped { motor: axis.motor, outcome: stop(axis) }).collect()
+        self.config
+            .axes
+            .iter()
+            .map(|axis| Stopped {
+                motor: axis.motor,
+                outcome: stop(axis),
+            })
+            .collect()
     }
 }
 
 fn open(device: &Path) -> io::Result<File> {
     let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
-    OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(flags)
+        .open(device)
 }
 
 fn explain(error: &io::Error) -> String {
     match error.raw_os_error() {
-        Some(libc::EBUSY) => "the controller has locked it already; start the guard before the controller".to_owned(),
+        Some(libc::EBUSY) => {
+            "the controller has locked it already; start the guard before the controller".to_owned()
+        }
         _ => format!("{error}; tried again every 100 ms"),
     }
 }
@@ -127,9 +148,9 @@ fn is_hung_up(file: &File) -> bool {
     use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
     let mut descriptors = [PollFd::new(file.as_fd(), PollFlags::empty())];
     poll(&mut descriptors, PollTimeout::ZERO).is_ok()
-        && descriptors[0]
-            .revents()
-            .is_some_and(|events| events.intersects(PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL))
+        && descriptors[0].revents().is_some_and(|events| {
+            events.intersects(PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL)
+        })
 }
 
 /// A port that the controller has set up.

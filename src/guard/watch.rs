@@ -37,7 +37,10 @@ impl Heartbeat {
     /// Silent for longer than `silence` is hanging.
     #[must_use]
     pub fn new(silence: Nanos) -> Self {
-        Self { silence, last: None }
+        Self {
+            silence,
+            last: None,
+        }
     }
 
     /// How old the last beat is.
@@ -61,9 +64,16 @@ impl Heartbeat {
             (Ok(Some(beat)), last) => {
                 let same = last.filter(|last| last.beat.boot_id == beat.boot_id);
                 let goes_on = same.is_none_or(|last| beat.stamp > last.beat.stamp);
-                let last = Last { beat, told: !goes_on && same.is_some_and(|last| last.told) };
+                let last = Last {
+                    beat,
+                    told: !goes_on && same.is_some_and(|last| last.told),
+                };
                 self.last = Some(last);
-                if same.is_none() { Verdict::Arrived } else { self.silent(last, now) }
+                if same.is_none() {
+                    Verdict::Arrived
+                } else {
+                    self.silent(last, now)
+                }
             }
             (Ok(None), Some(last)) => self.silent(last, now),
         }
@@ -83,12 +93,19 @@ mod tests {
     use super::*;
 
     fn beat(stamp_ms: u64, off: bool) -> Result<Option<Beat>, Absent> {
-        Ok(Some(Beat { boot_id: 7, stamp: Nanos::from_millis(stamp_ms), off }))
+        Ok(Some(Beat {
+            boot_id: 7,
+            stamp: Nanos::from_millis(stamp_ms),
+            off,
+        }))
     }
 
     fn heartbeat(off: bool) -> Heartbeat {
         let mut heartbeat = Heartbeat::new(Nanos::from_millis(40));
-        assert_eq!(heartbeat.judge(beat(100, off), Nanos::from_millis(101)), Verdict::Arrived);
+        assert_eq!(
+            heartbeat.judge(beat(100, off), Nanos::from_millis(101)),
+            Verdict::Arrived
+        );
         heartbeat
     }
 
@@ -101,7 +118,11 @@ mod tests {
         assert_eq!(heartbeat.judge(beat(100, false), at(190)), Verdict::Alive);
         assert_eq!(heartbeat.judge(beat(200, false), at(201)), Verdict::Alive);
         assert_eq!(heartbeat.judge(beat(200, false), at(300)), Verdict::Hangs);
-        assert_eq!(heartbeat.judge(Err(Absent), at(310)), Verdict::Waiting, "stopped already");
+        assert_eq!(
+            heartbeat.judge(Err(Absent), at(310)),
+            Verdict::Waiting,
+            "stopped already"
+        );
     }
 
     #[test]
@@ -117,15 +138,31 @@ mod tests {
     #[test]
     fn the_last_beat_says_whether_the_drives_are_off() {
         let mut heartbeat = heartbeat(true);
-        assert_eq!(heartbeat.judge(beat(100, true), Nanos::from_millis(900)), Verdict::Alive);
-        assert_eq!(heartbeat.judge(beat(901, false), Nanos::from_millis(902)), Verdict::Alive);
-        assert_eq!(heartbeat.judge(beat(901, false), Nanos::from_millis(942)), Verdict::Hangs);
+        assert_eq!(
+            heartbeat.judge(beat(100, true), Nanos::from_millis(900)),
+            Verdict::Alive
+        );
+        assert_eq!(
+            heartbeat.judge(beat(901, false), Nanos::from_millis(902)),
+            Verdict::Alive
+        );
+        assert_eq!(
+            heartbeat.judge(beat(901, false), Nanos::from_millis(942)),
+            Verdict::Hangs
+        );
     }
 
     #[test]
     fn a_controller_that_started_anew_has_arrived() {
         let mut heartbeat = heartbeat(false);
-        let other = Beat { boot_id: 8, stamp: Nanos::from_millis(99), off: true };
-        assert_eq!(heartbeat.judge(Ok(Some(other)), Nanos::from_millis(102)), Verdict::Arrived);
+        let other = Beat {
+            boot_id: 8,
+            stamp: Nanos::from_millis(99),
+            off: true,
+        };
+        assert_eq!(
+            heartbeat.judge(Ok(Some(other)), Nanos::from_millis(102)),
+            Verdict::Arrived
+        );
     }
 }

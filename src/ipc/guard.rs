@@ -1,4 +1,5 @@
-//! The controller's hold on its domain: one controller at a time, a clean start, nothing left behind.
+//! The controller's hold on its domain: one controller at a time, a clean start, nothing left
+//! behind.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io::{self, Read, Write};
@@ -13,9 +14,9 @@ use super::lock;
 
 /// Exclusive possession of a domain.
 ///
-/// Taking it refuses a second controller and wipes whatever a killed one left; dropping it removes everything again.
-/// Clients that still hold memory of a former controller keep their own mappings and find out by
-/// [`super::ready::Ready`].
+/// Taking it refuses a second controller and wipes whatever a killed one left; dropping it removes
+/// everything again. Clients that still hold memory of a former controller keep their own mappings
+/// and find out by [`super::ready::Ready`].
 #[derive(Debug)]
 pub struct DomainGuard {
     domain: Domain,
@@ -28,11 +29,16 @@ impl DomainGuard {
     ///
     /// # Errors
     ///
-    /// When another controller holds the domain, when the folder belongs to someone else, or when the system refuses.
+    /// When another controller holds the domain, when the folder belongs to someone else, or when
+    /// the system refuses.
     pub fn acquire(domain: &Domain) -> Result<Self, DomainError> {
         create_folder(domain.directory())?;
         let lock = lock_domain(domain)?;
-        let guard = Self { domain: domain.clone(), boot_id: random_id(), lock };
+        let guard = Self {
+            domain: domain.clone(),
+            boot_id: random_id(),
+            lock,
+        };
         guard.wipe()?;
         Ok(guard)
     }
@@ -49,7 +55,8 @@ impl DomainGuard {
         self.boot_id
     }
 
-    /// Wipes, and goes on under another boot id: what hangs in the old one can no longer reach the new one.
+    /// Wipes, and goes on under another boot id: what hangs in the old one can no longer reach the
+    /// new one.
     ///
     /// # Errors
     ///
@@ -59,8 +66,8 @@ impl DomainGuard {
         self.wipe()
     }
 
-    /// Removes everything of the domain except the lock. Nobody else serves it while the lock is ours, so nothing that
-    /// is alive is lost: clients of a former controller open everything anew.
+    /// Removes everything of the domain except the lock. Nobody else serves it while the lock is
+    /// ours, so nothing that is alive is lost: clients of a former controller open everything anew.
     ///
     /// # Errors
     ///
@@ -73,10 +80,13 @@ impl DomainGuard {
                 remove_file(&entry.path())?;
             }
         }
-        self.shared_memory()?.iter().try_for_each(|file| remove_file(file))
+        self.shared_memory()?
+            .iter()
+            .try_for_each(|file| remove_file(file))
     }
 
-    /// Takes away the access of other users to what iceoryx2 creates for everyone: its counter of nodes.
+    /// Takes away the access of other users to what iceoryx2 creates for everyone: its counter of
+    /// nodes.
     ///
     /// # Errors
     ///
@@ -92,7 +102,10 @@ impl DomainGuard {
     fn shared_memory(&self) -> Result<Vec<PathBuf>, DomainError> {
         let prefix = self.domain.prefix().as_bytes();
         let ours = |entry: &fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(prefix);
-        Ok(entries(Path::new(SHARED_MEMORY))?.filter(ours).map(|entry| entry.path()).collect())
+        Ok(entries(Path::new(SHARED_MEMORY))?
+            .filter(ours)
+            .map(|entry| entry.path())
+            .collect())
     }
 }
 
@@ -114,19 +127,35 @@ fn create_folder(path: &Path) -> Result<(), DomainError> {
     }
 }
 
-/// Anyone may create names in `/dev/shm`: what stands there under our name must be ours and closed to others.
+/// Anyone may create names in `/dev/shm`: what stands there under our name must be ours and closed
+/// to others.
 fn check_folder(path: &Path) -> Result<(), DomainError> {
     let metadata = fs::symlink_metadata(path).map_err(io_error("look at", path))?;
-    let ours = metadata.is_dir() && metadata.uid() == nix::unistd::geteuid().as_raw() && metadata.mode() & 0o077 == 0;
-    if ours { Ok(()) } else { Err(DomainError::Unsafe { path: path.to_owned() }) }
+    let ours = metadata.is_dir()
+        && metadata.uid() == nix::unistd::geteuid().as_raw()
+        && metadata.mode() & 0o077 == 0;
+    if ours {
+        Ok(())
+    } else {
+        Err(DomainError::Unsafe {
+            path: path.to_owned(),
+        })
+    }
 }
 
-/// Opens and locks the lock file. A controller that ends removes the file while it still holds the lock, so a lock that
-/// we get on a file that is no longer in the folder is worth nothing: look again.
+/// Opens and locks the lock file. A controller that ends removes the file while it still holds the
+/// lock, so a lock that we get on a file that is no longer in the folder is worth nothing: look
+/// again.
 fn lock_domain(domain: &Domain) -> Result<File, DomainError> {
     let path = domain.lock_file();
     loop {
-        let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(&path);
+        let opened = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .open(&path);
         let mut file = match opened {
             Ok(file) => file,
             // A controller that ends took the folder away between our two steps.
@@ -139,7 +168,10 @@ fn lock_domain(domain: &Domain) -> Result<File, DomainError> {
         match lock::take(&file) {
             Ok(()) => {}
             Err(Errno::EACCES | Errno::EAGAIN) => {
-                return Err(DomainError::Taken { name: domain.name().to_owned(), pid: read_pid(&mut file) });
+                return Err(DomainError::Taken {
+                    name: domain.name().to_owned(),
+                    pid: read_pid(&mut file),
+                });
             }
             Err(errno) => return Err(io_error("lock", &path)(errno.into())),
         }
@@ -169,7 +201,9 @@ fn read_pid(file: &mut File) -> Option<u32> {
 }
 
 fn entries(folder: &Path) -> Result<impl Iterator<Item = fs::DirEntry>, DomainError> {
-    Ok(fs::read_dir(folder).map_err(io_error("list", folder))?.flatten())
+    Ok(fs::read_dir(folder)
+        .map_err(io_error("list", folder))?
+        .flatten())
 }
 
 fn remove_file(path: &Path) -> Result<(), DomainError> {
@@ -181,7 +215,9 @@ fn remove_folder(path: &Path) -> Result<(), DomainError> {
     let mut outcome = fs::remove_dir_all(path);
     for _ in 0..20 {
         match &outcome {
-            Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => outcome = fs::remove_dir_all(path),
+            Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => {
+                outcome = fs::remove_dir_all(path)
+            }
             _ => break,
         }
     }
@@ -196,5 +232,9 @@ fn absent_is_fine(outcome: io::Result<()>) -> io::Result<()> {
 }
 
 pub(super) fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> DomainError {
-    move |source| DomainError::Io { action, path: path.to_owned(), source }
+    move |source| DomainError::Io {
+        action,
+        path: path.to_owned(),
+        source,
+    }
 }

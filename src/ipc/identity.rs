@@ -5,8 +5,8 @@ use std::hash::{BuildHasher, Hasher};
 
 /// A random number that is not 0.
 ///
-/// The standard library seeds every `RandomState` from the operating system, and SipHash turns the seed into 64 bits.
-/// Good for telling processes apart; no secret.
+/// The standard library seeds every `RandomState` from the operating system, and SipHash turns the
+/// seed into 64 bits. Good for telling processes apart; no secret.
 #[must_use]
 pub fn random_id() -> u64 {
     RandomState::new().build_hasher().finish().max(1)

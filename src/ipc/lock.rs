@@ -1,7 +1,8 @@
 //! The exclusive lock of a domain: an open-file-description lock on its lock file.
 //!
-//! The kernel releases it when the process ends, however it ends. Unlike `flock(2)` it can be asked for without taking
-//! it, so a client that looks whether a controller lives never stands in the way of one that starts.
+//! The kernel releases it when the process ends, however it ends. Unlike `flock(2)` it can be asked
+//! for without taking it, so a client that looks whether a controller lives never stands in the way
+//! of one that starts.
 
 use std::fs::File;
 
@@ -27,5 +28,11 @@ pub(super) fn is_held(file: &File) -> Result<bool, Errno> {
 }
 
 fn whole_file(kind: i32) -> flock {
-    flock { l_type: kind as i16, l_whence: libc::SEEK_SET as i16, l_start: 0, l_len: 0, l_pid: 0 }
+    flock {
+        l_type: kind as i16,
+        l_whence: libc::SEEK_SET as i16,
+        l_start: 0,
+        l_len: 0,
+        l_pid: 0,
+    }
 }

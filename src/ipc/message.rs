@@ -5,7 +5,8 @@ use std::fmt::Debug;
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp,
 };
 use crate::units::Nanos;
 
@@ -54,5 +55,18 @@ macro_rules! outgoing {
     };
 }
 
-message!(ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp);
-outgoing!(ActuatorState, JointState, OperatingStateMsg, PeriodStatistics);
+message!(
+    ActuatorState,
+    ExternalPosition,
+    JointState,
+    OperatingStateMsg,
+    PeriodStatistics,
+    ServoActuator,
+    ServoJp
+);
+outgoing!(
+    ActuatorState,
+    JointState,
+    OperatingStateMsg,
+    PeriodStatistics
+);

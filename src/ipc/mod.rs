@@ -1,7 +1,7 @@
 //! Shared memory: what other processes may say and see, and the services that carry it.
 //!
-//! Names follow the Collaborative Robotics Toolkit (CRTK). Angles are radians, times nanoseconds of the monotonic
-//! clock that all processes of one machine share, motor positions encoder counts.
+//! Names follow the Collaborative Robotics Toolkit (CRTK). Angles are radians, times nanoseconds of
+//! the monotonic clock that all processes of one machine share, motor positions encoder counts.
 //!
 //! | file | holds |
 //! |---|---|

@@ -2,8 +2,9 @@
 //!
 //! Rules that keep them so:
 //!
-//! - The version stands in the type name. Any change of layout or meaning makes a new name, so that old and new refuse
-//!   each other instead of misreading: iceoryx2 compares name, size and alignment, but not the order of fields.
+//! - The version stands in the type name. Any change of layout or meaning makes a new name, so that
+//!   old and new refuse each other instead of misreading: iceoryx2 compares name, size and
+//!   alignment, but not the order of fields.
 //! - No hidden padding: every byte belongs to a field. Fields with 8 bytes come first.
 //! - Entries of arrays beyond `count` are 0.
 //! - `sequence` counts up by one per message of a stream, so a receiver sees what it missed.
@@ -36,12 +37,14 @@ pub struct ServoJp {
 }
 
 impl ServoJp {
-    /// Flag: the clutch is open. The snake holds, whatever `position` says, and the lease is renewed. The first command
-    /// without this flag couples: `position` is then taken to be where the snake is, and only what it changes by counts.
+    /// Flag: the clutch is open. The snake holds, whatever `position` says, and the lease is
+    /// renewed. The first command without this flag couples: `position` is then taken to be where
+    /// the snake is, and only what it changes by counts.
     pub const CLUTCH: u32 = 1;
 }
 
-/// `actuators/servo_jp`, in: turn the motors to these encoder positions now. Needs no model; for calibration.
+/// `actuators/servo_jp`, in: turn the motors to these encoder positions now. Needs no model; for
+/// calibration.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("I2risServoActuatorV1")]
@@ -64,8 +67,9 @@ pub struct ServoActuator {
 
 /// `measured_js`, `setpoint_js`, `goal_js`, out: angles.
 ///
-/// `measured_js` is the model's estimate from the encoders, `setpoint_js` the estimate for the set-points, `goal_js`
-/// what the client asked, after clipping to the calibrated hull. All three are invalid while no model is loaded.
+/// `measured_js` is the model's estimate from the encoders, `setpoint_js` the estimate for the
+/// set-points, `goal_js` what the client asked, after clipping to the calibrated hull. All three
+/// are invalid while no model is loaded.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("I2risJointStateV1")]
@@ -287,7 +291,8 @@ pub struct StateCommandRequest {
     pub reserved: u32,
 }
 
-/// `move_jp`, request: go to a pose, from rest to rest with limited jerk; answered with [`StateCommandReply`].
+/// `move_jp`, request: go to a pose, from rest to rest with limited jerk; answered with
+/// [`StateCommandReply`].
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("I2risMoveRequestV1")]
@@ -302,7 +307,8 @@ pub struct MoveRequest {
     pub reserved: u32,
 }
 
-/// `state_command`, reply, within a few ticks. What takes longer goes on after it: see [`OperatingStateMsg::BUSY`].
+/// `state_command`, reply, within a few ticks. What takes longer goes on after it: see
+/// [`OperatingStateMsg::BUSY`].
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
 #[type_name("I2risStateCommandReplyV1")]
@@ -367,7 +373,13 @@ impl ModelRequest {
 
 impl Default for ModelRequest {
     fn default() -> Self {
-        Self { client_id: 0, action: 0, flags: 0, model_id: [0; 32], path: [0; 1024] }
+        Self {
+            client_id: 0,
+            action: 0,
+            flags: 0,
+            model_id: [0; 32],
+            path: [0; 1024],
+        }
     }
 }
 
@@ -418,7 +430,8 @@ impl Default for ModelSlot {
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("I2risModelDifferenceV1")]
 pub struct ModelDifference {
-    /// How far each motor would have to turn for the angles to stay what the model in use says they are, counts.
+    /// How far each motor would have to turn for the angles to stay what the model in use says they
+    /// are, counts.
     pub present_counts: [f64; MAX_MOTORS],
     /// The same where it is largest for either motor, counts.
     pub largest_counts: [f64; MAX_MOTORS],
@@ -483,7 +496,10 @@ pub struct BlackBoxReply {
 
 impl Default for BlackBoxReply {
     fn default() -> Self {
-        Self { ticks: 0, text: [0; 1024] }
+        Self {
+            ticks: 0,
+            text: [0; 1024],
+        }
     }
 }
 
@@ -495,7 +511,10 @@ pub fn padded_text<const N: usize>(text: &str) -> [u8; N] {
         end -= 1;
     }
     let mut field = [0; N];
-    field.iter_mut().zip(text.as_bytes().iter().take(end)).for_each(|(to, from)| *to = *from);
+    field
+        .iter_mut()
+        .zip(text.as_bytes().iter().take(end))
+        .for_each(|(to, from)| *to = *from);
     field
 }
 

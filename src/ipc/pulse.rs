@@ -1,12 +1,13 @@
-//! The pulse of the control loop: one word in shared memory that the loop itself writes, every tick.
+//! The pulse of the control loop: one word in shared memory that the loop itself writes, every
+//! tick.
 //!
-//! The streams are published by a thread of ordinary priority. On a loaded machine that one may be late while the loop is not,
-//! and a guard that listened to it would stop a robot that is well. One store into mapped memory is no I/O and cannot
-//! wait.
+//! The streams are published by a thread of ordinary priority. On a loaded machine that one may be
+//! late while the loop is not, and a guard that listened to it would stop a robot that is well. One
+//! store into mapped memory is no I/O and cannot wait.
 //!
-//! The file `pulse` in the folder of the domain holds one 64-bit word in the order of the machine: the start of the last
-//! tick in nanoseconds of the monotonic clock, shifted up by one bit, and in the lowest bit whether the drives are off. 0: no
-//! tick yet.
+//! The file `pulse` in the folder of the domain holds one 64-bit word in the order of the machine:
+//! the start of the last tick in nanoseconds of the monotonic clock, shifted up by one bit, and in
+//! the lowest bit whether the drives are off. 0: no tick yet.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -49,7 +50,13 @@ impl Pulse {
     pub(super) fn create(guard: &DomainGuard) -> Result<Self, DomainError> {
         let path = guard.domain().pulse_file();
         let create = || {
-            let file = OpenOptions::new().read(true).write(true).create(true).truncate(true).mode(0o600).open(&path)?;
+            let file = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(true)
+                .mode(0o600)
+                .open(&path)?;
             file.set_len(SIZE.get() as u64)?;
             let word = Word::map(&file, ProtFlags::PROT_READ | ProtFlags::PROT_WRITE)?;
             // The page is there from now on: the loop shall not be the first to touch it.
@@ -61,7 +68,9 @@ impl Pulse {
 
     /// Writes a tick. Wait-free.
     pub fn beat(&self, stamp: Nanos, off: bool) {
-        self.0.get().store(stamp.0 << 1 | u64::from(off), Ordering::Release);
+        self.0
+            .get()
+            .store(stamp.0 << 1 | u64::from(off), Ordering::Release);
     }
 }
 
@@ -80,7 +89,10 @@ impl Finger {
     /// Needs no controller yet.
     #[must_use]
     pub fn new(domain: &Domain) -> Self {
-        Self { domain: domain.clone(), at: None }
+        Self {
+            domain: domain.clone(),
+            at: None,
+        }
     }
 
     /// The last tick; `None` before the first.
@@ -94,10 +106,19 @@ impl Finger {
             return Err(Absent);
         };
         if self.at.as_ref().is_none_or(|(at, _)| *at != boot_id) {
-            self.at = Word::open(&self.domain.pulse_file()).ok().map(|word| (boot_id, word));
+            self.at = Word::open(&self.domain.pulse_file())
+                .ok()
+                .map(|word| (boot_id, word));
         }
-        let word = self.at.as_ref().map_or(0, |(_, word)| word.get().load(Ordering::Acquire));
-        Ok((word != 0).then_some(Beat { boot_id, stamp: Nanos(word >> 1), off: word & 1 == 1 }))
+        let word = self
+            .at
+            .as_ref()
+            .map_or(0, |(_, word)| word.get().load(Ordering::Acquire));
+        Ok((word != 0).then_some(Beat {
+            boot_id,
+            stamp: Nanos(word >> 1),
+            off: word & 1 == 1,
+        }))
     }
 }
 
@@ -119,8 +140,8 @@ impl Word {
     }
 
     fn map(file: &File, access: ProtFlags) -> io::Result<Self> {
-        // SAFETY: a new mapping at an address that the kernel chooses. The file is as long as the word, and only ever removed,
-        // never cut: it is in a folder that only this user can use.
+        // SAFETY: a new mapping at an address that the kernel chooses. The file is as long as the
+        // word, and only ever removed, never cut: it is in a folder that only this user can use.
         let start = unsafe { mmap(None, SIZE, access, MapFlags::MAP_SHARED, file, 0) }?;
         Ok(Self(start.cast()))
     }
@@ -155,7 +176,14 @@ mod tests {
             assert_eq!(finger.feel(), Ok(None));
             for off in [true, false] {
                 pulse.beat(Nanos(stamp), off);
-                assert_eq!(finger.feel(), Ok(Some(Beat { boot_id: guard.boot_id(), stamp: Nanos(stamp), off })));
+                assert_eq!(
+                    finger.feel(),
+                    Ok(Some(Beat {
+                        boot_id: guard.boot_id(),
+                        stamp: Nanos(stamp),
+                        off
+                    }))
+                );
             }
             drop(guard);
             assert_eq!(finger.feel(), Err(Absent));

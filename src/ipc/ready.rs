@@ -1,8 +1,9 @@
 //! The announcement of a controller: which start of which process serves a domain now.
 //!
-//! Clients ask for it every few milliseconds, which costs three small file operations on a tmpfs. It tells them apart
-//! a controller that serves, one that is gone, one that was killed (the file is there, the lock is free), and one that
-//! was started anew (another boot id), so they never have to guess from silence.
+//! Clients ask for it every few milliseconds, which costs three small file operations on a tmpfs.
+//! It tells them apart a controller that serves, one that is gone, one that was killed (the file is
+//! there, the lock is free), and one that was started anew (another boot id), so they never have to
+//! guess from silence.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -27,18 +28,32 @@ pub struct Ready {
 }
 
 impl Ready {
-    /// Tells clients that everything is there. The rename makes it one step: no client ever reads half of it.
+    /// Tells clients that everything is there. The rename makes it one step: no client ever reads
+    /// half of it.
     ///
     /// # Errors
     ///
     /// When the system refuses to write the file.
     pub(super) fn announce(guard: &DomainGuard) -> Result<(), DomainError> {
-        let ready = Self { boot_id: guard.boot_id(), interface: INTERFACE_VERSION, pid: std::process::id() };
+        let ready = Self {
+            boot_id: guard.boot_id(),
+            interface: INTERFACE_VERSION,
+            pid: std::process::id(),
+        };
         let path = guard.domain().ready_file();
         let draft = guard.domain().ready_draft();
         let write = || -> io::Result<()> {
-            let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&draft)?;
-            writeln!(file, "{:016x} {} {}", ready.boot_id, ready.interface, ready.pid)?;
+            let mut file = OpenOptions::new()
+                .write(true)
+                .create(true)
+                .truncate(true)
+                .mode(0o600)
+                .open(&draft)?;
+            writeln!(
+                file,
+                "{:016x} {} {}",
+                ready.boot_id, ready.interface, ready.pid
+            )?;
             fs::rename(&draft, &path)
         };
         write().map_err(io_error("write", &path))
@@ -61,6 +76,10 @@ impl Ready {
     fn parse(text: &str) -> Option<Self> {
         let mut words = text.split_ascii_whitespace();
         let boot_id = u64::from_str_radix(words.next()?, 16).ok()?;
-        Some(Self { boot_id, interface: words.next()?.parse().ok()?, pid: words.next()?.parse().ok()? })
+        Some(Self {
+            boot_id,
+            interface: words.next()?.parse().ok()?,
+            pid: words.next()?.parse().ok()?,
+        })
     }
 }

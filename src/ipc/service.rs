@@ -1,4 +1,5 @@
-//! The services: their names and sizes. The controller creates them, clients only open what they find.
+//! The services: their names and sizes. The controller creates them, clients only open what they
+//! find.
 
 use std::fmt;
 
@@ -18,7 +19,8 @@ pub(super) struct Stream {
     pub publishers: usize,
     /// Who may subscribe at the same time.
     pub subscribers: usize,
-    /// Messages that a subscriber can leave unread before the oldest are overwritten. It may choose to keep fewer.
+    /// Messages that a subscriber can leave unread before the oldest are overwritten. It may choose
+    /// to keep fewer.
     pub buffer: usize,
     /// Messages that a late joiner is given. An old command is none.
     pub history: usize,
@@ -35,11 +37,23 @@ const NODES: usize = 48;
 
 /// The controller, and a few that record what is commanded.
 const fn command(name: &'static str) -> Stream {
-    Stream { name, publishers: COMMANDERS, subscribers: 4, buffer: WATCHER_BUFFER, history: 0 }
+    Stream {
+        name,
+        publishers: COMMANDERS,
+        subscribers: 4,
+        buffer: WATCHER_BUFFER,
+        history: 0,
+    }
 }
 
 const fn state(name: &'static str) -> Stream {
-    Stream { name, publishers: 1, subscribers: WATCHERS, buffer: WATCHER_BUFFER, history: 1 }
+    Stream {
+        name,
+        publishers: 1,
+        subscribers: WATCHERS,
+        buffer: WATCHER_BUFFER,
+        history: 1,
+    }
 }
 
 pub(super) const SERVO_JP: Stream = command("i2ris/servo_jp");
@@ -50,7 +64,10 @@ pub(super) const GOAL_JS: Stream = state("i2ris/goal_js");
 pub(super) const ACTUATORS: Stream = state("i2ris/actuators/measured_js");
 pub(super) const OPERATING_STATE: Stream = state("i2ris/operating_state");
 pub(super) const PERIOD_STATISTICS: Stream = state("i2ris/period_statistics");
-pub(super) const EXTERNAL: Stream = Stream { publishers: 4, ..state("i2ris/external/measured_jp") };
+pub(super) const EXTERNAL: Stream = Stream {
+    publishers: 4,
+    ..state("i2ris/external/measured_jp")
+};
 
 pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
 pub(super) const BLACK_BOX: &str = "i2ris/black_box";
@@ -68,19 +85,33 @@ pub struct Transport {
 
 impl fmt::Display for Transport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot {} {}: iceoryx2 says {}", self.step, self.service, self.reason)
+        write!(
+            f,
+            "cannot {} {}: iceoryx2 says {}",
+            self.step, self.service, self.reason
+        )
     }
 }
 
 impl std::error::Error for Transport {}
 
-pub(super) fn transport<E: fmt::Debug>(step: &'static str, service: &'static str) -> impl FnOnce(E) -> Transport {
-    move |error| Transport { step, service, reason: format!("{error:?}") }
+pub(super) fn transport<E: fmt::Debug>(
+    step: &'static str,
+    service: &'static str,
+) -> impl FnOnce(E) -> Transport {
+    move |error| Transport {
+        step,
+        service,
+        reason: format!("{error:?}"),
+    }
 }
 
-/// A node that leaves signals alone: iceoryx2 would replace the handler that stops the robot cleanly.
+/// A node that leaves signals alone: iceoryx2 would replace the handler that stops the robot
+/// cleanly.
 pub(super) fn create_node<S: Service>(domain: &Domain, boot_id: u64) -> Result<Node<S>, Transport> {
-    let config = domain.config(boot_id).map_err(transport("configure", "a node"))?;
+    let config = domain
+        .config(boot_id)
+        .map_err(transport("configure", "a node"))?;
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -104,7 +135,8 @@ impl Stream {
             .max_subscribers(self.subscribers)
             .max_nodes(NODES)
             .subscriber_max_buffer_size(self.buffer)
-            // In languages that collect garbage a subscriber still holds the message before, or two.
+            // In languages that collect garbage a subscriber still holds the message before, or
+            // two.
             .subscriber_max_borrowed_samples(4)
             .history_size(self.history)
             .enable_safe_overflow(true)
@@ -153,5 +185,8 @@ where
     Q: ZeroCopySend + fmt::Debug,
     R: ZeroCopySend + fmt::Debug,
 {
-    node.service_builder(&service_name(name)?).request_response::<Q, R>().open().map_err(transport("open", name))
+    node.service_builder(&service_name(name)?)
+        .request_response::<Q, R>()
+        .open()
+        .map_err(transport("open", name))
 }

@@ -56,7 +56,8 @@ words! {
         Enabled = 1, "ENABLED";
         /// Drives are on and hold their position; servo commands are refused.
         Paused = 2, "PAUSED";
-        /// Something failed. The robot holds or is off, whichever is possible. Latched until acknowledged.
+        /// Something failed. The robot holds or is off, whichever is possible. Latched until
+        /// acknowledged.
         Fault = 3, "FAULT";
     }
 }
@@ -64,7 +65,8 @@ words! {
 words! {
     /// Commands that change the state.
     StateCommand {
-        /// DISABLED or acknowledged FAULT to ENABLED: targets preloaded, drives on. The robot holds.
+        /// DISABLED or acknowledged FAULT to ENABLED: targets preloaded, drives on. The robot
+        /// holds.
         Enable = 1, "enable";
         /// Any state to DISABLED: decelerate, hold, power off in order.
         Disable = 2, "disable";
@@ -78,13 +80,15 @@ words! {
         Unhome = 6, "unhome";
         /// A decaying stroke that wipes the hysteresis memory, from ENABLED only; busy meanwhile.
         Condition = 7, "condition";
-        /// The operator has seen the fault: reset the drives, FAULT to DISABLED once the cause is gone.
+        /// The operator has seen the fault: reset the drives, FAULT to DISABLED once the cause is
+        /// gone.
         Acknowledge = 8, "acknowledge";
         /// Give the lease back.
         Release = 9, "release";
         /// ENABLED: stop and hold, whatever is followed; the next servo command is followed again.
         Hold = 10, "hold";
-        /// ENABLED: go to a pose, from rest to rest; busy meanwhile. Only with a pose, by the request `move_jp`.
+        /// ENABLED: go to a pose, from rest to rest; busy meanwhile. Only with a pose, by the
+        /// request `move_jp`.
         Move = 11, "move";
     }
 }
@@ -94,7 +98,8 @@ words! {
     ModelAction {
         /// Which models are at hand.
         List = 1, "list";
-        /// Read, check and compare a model file, and lead the model along with the motors. Nothing else changes.
+        /// Read, check and compare a model file, and lead the model along with the motors. Nothing
+        /// else changes.
         Stage = 2, "stage";
         /// The staged model takes over at the next tick.
         Activate = 3, "activate";
@@ -144,7 +149,8 @@ words! {
         NothingStaged = 17, "this model is not staged";
         /// No model was in use before.
         NoFormer = 18, "no model was in use before this one";
-        /// The hysteresis memory is not known, so the model would start on a wrong branch of the loop.
+        /// The hysteresis memory is not known, so the model would start on a wrong branch of the
+        /// loop.
         MemoryUnknown = 19, "the hysteresis memory is unknown: condition first, or force it";
         /// The model cannot be used; the message says why.
         BadModel = 20, "the model is refused";

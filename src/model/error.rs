@@ -9,7 +9,9 @@ use crate::units::MotorVec;
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// The file could not be read.
-    #[error("cannot read model file {path}: {source}; name a file that `i2ris calibrate fit` wrote")]
+    #[error(
+        "cannot read model file {path}: {source}; name a file that `i2ris calibrate fit` wrote"
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -25,7 +27,9 @@ pub enum ModelError {
         source: Box<Self>,
     },
     /// The file could not be written. Nothing is left at its place but what was there before.
-    #[error("cannot write model file {path}: {source}; name a file in a folder that exists and is writable")]
+    #[error(
+        "cannot write model file {path}: {source}; name a file in a folder that exists and is writable"
+    )]
     Write {
         /// The file.
         path: PathBuf,
@@ -36,7 +40,9 @@ pub enum ModelError {
     #[error("{0}; take the file as `i2ris calibrate fit` wrote it")]
     Json(#[from] serde_json::Error),
     /// JSON, but not a model.
-    #[error("is not a model: its `format` is `{found}`, not `{FORMAT}`; name a file that `i2ris calibrate fit` wrote")]
+    #[error(
+        "is not a model: its `format` is `{found}`, not `{FORMAT}`; name a file that `i2ris calibrate fit` wrote"
+    )]
     Format {
         /// What stands there.
         found: String,
@@ -85,7 +91,9 @@ pub enum ModelError {
         robot: String,
     },
     /// A model for another number of motors.
-    #[error("is for {model} motor(s), and this robot has {robot}; name a model of this robot or calibrate it")]
+    #[error(
+        "is for {model} motor(s), and this robot has {robot}; name a model of this robot or calibrate it"
+    )]
     Motors {
         /// Motors of the model.
         model: usize,
@@ -93,7 +101,9 @@ pub enum ModelError {
         robot: usize,
     },
     /// A hull around too few or too narrowly spread positions.
-    #[error("the positions visited span no area of motor space near {near:?} counts; record motion of every motor")]
+    #[error(
+        "the positions visited span no area of motor space near {near:?} counts; record motion of every motor"
+    )]
     FlatHull {
         /// The middle of the positions, counts.
         near: MotorVec,
@@ -107,12 +117,23 @@ pub(super) fn require(
     value: impl ToString,
     reason: &'static str,
 ) -> Result<(), ModelError> {
-    if right { Ok(()) } else { Err(ModelError::Value { key: key(), value: value.to_string(), reason }) }
+    if right {
+        Ok(())
+    } else {
+        Err(ModelError::Value {
+            key: key(),
+            value: value.to_string(),
+            reason,
+        })
+    }
 }
 
 impl ModelError {
     /// Names the file that the error is about.
     pub(super) fn in_file(self, path: &std::path::Path) -> Self {
-        Self::InFile { path: path.to_owned(), source: Box::new(self) }
+        Self::InFile {
+            path: path.to_owned(),
+            source: Box::new(self),
+        }
     }
 }

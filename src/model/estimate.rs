@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-/// Symmetric matrix over the outputs, rad^2 (m^2). Entries beyond the model's number of outputs are 0.
+/// Symmetric matrix over the outputs, rad^2 (m^2). Entries beyond the model's number of outputs are
+/// 0.
 pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
 
 /// Row: output, column: motor; rad (m) per count. Entries beyond the model's sizes are 0.
@@ -17,8 +18,9 @@ pub struct Estimate {
     pub mean: OutputVec,
     /// Covariance of the outputs by the law of total covariance: the one to act on.
     pub covariance: OutputMatrix,
-    /// Sum of squared responsibility times conditional covariance: the approximation of the calibration note. It leaves
-    /// out how far the components disagree, so it is never above `covariance`.
+    /// Sum of squared responsibility times conditional covariance: the approximation of the
+    /// calibration note. It leaves out how far the components disagree, so it is never above
+    /// `covariance`.
     pub covariance_within: OutputMatrix,
 }
 
@@ -26,7 +28,12 @@ impl Estimate {
     /// Standard deviation of every output, rad (m), from [`Estimate::covariance`].
     #[must_use]
     pub fn deviation(&self) -> OutputVec {
-        std::array::from_fn(|i| self.covariance.get(i).and_then(|row| row.get(i)).map_or(0.0, |v| v.max(0.0).sqrt()))
+        std::array::from_fn(|i| {
+            self.covariance
+                .get(i)
+                .and_then(|row| row.get(i))
+                .map_or(0.0, |v| v.max(0.0).sqrt())
+        })
     }
 }
 
@@ -35,11 +42,11 @@ impl Estimate {
 pub struct Inverse {
     /// Counts inside the hull, always finite.
     pub counts: MotorVec,
-    /// The goal cannot be reached inside the hull, or was not finite; `counts` is the nearest that can, or where the
-    /// search was asked to start.
+    /// The goal cannot be reached inside the hull, or was not finite; `counts` is the nearest that
+    /// can, or where the search was asked to start.
     pub clipped: bool,
-    /// Distance in output space between the goal and what `counts` reach, rad (m). Goals beyond 1000 are taken as 1000;
-    /// infinite if the goal was not finite.
+    /// Distance in output space between the goal and what `counts` reach, rad (m). Goals beyond
+    /// 1000 are taken as 1000; infinite if the goal was not finite.
     pub residual: f64,
     /// Model evaluations after the first one, over both starts.
     pub iterations: u32,
@@ -52,7 +59,8 @@ pub struct Inverse {
 pub struct Query {
     /// Where the search starts: best the answer of the tick before.
     pub start: MotorVec,
-    /// What to take for [`super::Model::correction`], rad (m): filtered, or the motors chatter. `None`: as it is.
+    /// What to take for [`super::Model::correction`], rad (m): filtered, or the motors chatter.
+    /// `None`: as it is.
     pub correction: Option<OutputVec>,
     /// Share of gaps and friction that is compensated, 0 to 1.
     pub compensation: f64,
@@ -62,6 +70,10 @@ impl Query {
     /// Full compensation with the correction as it is.
     #[must_use]
     pub const fn new(start: MotorVec) -> Self {
-        Self { start, correction: None, compensation: 1.0 }
+        Self {
+            start,
+            correction: None,
+            compensation: 1.0,
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! Model files: JSON, versioned, unknown fields refused.
 //!
-//! Files speak degrees (or millimetres) and counts; the prepared model speaks radians (metres) and counts.
+//! Files speak degrees (or millimetres) and counts; the prepared model speaks radians (metres) and
+//! counts.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -125,7 +126,8 @@ pub enum FamilyParameters {
         /// The region of virtual counts that calibration visited.
         virtual_hull: HullParameters,
     },
-    /// Stop operators in a balance of forces, then Gaussian mixture regression on the virtual counts, then a residual.
+    /// Stop operators in a balance of forces, then Gaussian mixture regression on the virtual
+    /// counts, then a residual.
     GmrStop {
         /// From counts to virtual counts.
         stops: StopParameters,
@@ -154,7 +156,8 @@ pub struct MixtureParameters {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HullParameters {
-    /// One motor: lowest and highest count. Two motors: corners of a convex polygon, counter-clockwise.
+    /// One motor: lowest and highest count. Two motors: corners of a convex polygon,
+    /// counter-clockwise.
     pub corners: Vec<Vec<f64>>,
 }
 

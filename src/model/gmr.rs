@@ -1,9 +1,11 @@
 //! Gaussian mixture regression.
 //!
-//! Source: S. Calinon, "A tutorial on task-parameterized movement learning and retrieval", Intelligent Service Robotics
-//! 9 (2016), section 5.1, and the project's calibration note, whose inverse of the covariance is a misprint.
+//! Source: S. Calinon, "A tutorial on task-parameterized movement learning and retrieval",
+//! Intelligent Service Robotics 9 (2016), section 5.1, and the project's calibration note, whose
+//! inverse of the covariance is a misprint.
 //!
-//! With a mixture `sum_k w_k N([x; y]; mu_k, S_k)` over inputs `x` and outputs `y`, and the blocks `I` and `O`:
+//! With a mixture `sum_k w_k N([x; y]; mu_k, S_k)` over inputs `x` and outputs `y`, and the blocks
+//! `I` and `O`:
 //!
 //! ```text
 //! h_k(x)  = w_k N(x; mu_k^I, S_k^I) / sum_i w_i N(x; mu_i^I, S_i^I)        responsibility
@@ -14,18 +16,20 @@
 //! within  = sum_k h_k^2 C_k                                                the note's approximation
 //! ```
 //!
-//! Derivative of the mean. `d log N(x; mu_k^I, S_k^I) / dx = -(S_k^I)^-1 (x - mu_k^I) =: g_k`, hence
-//! `dh_k/dx = h_k (g_k - sum_i h_i g_i)`. Because `sum_k dh_k/dx = 0`, the conditional means may be taken from any origin
-//! `o`; from that of the likeliest component, nothing cancels where one component takes all:
+//! Derivative of the mean. `d log N(x; mu_k^I, S_k^I) / dx = -(S_k^I)^-1 (x - mu_k^I) =: g_k`,
+//! hence `dh_k/dx = h_k (g_k - sum_i h_i g_i)`. Because `sum_k dh_k/dx = 0`, the conditional means
+//! may be taken from any origin `o`; from that of the likeliest component, nothing cancels where
+//! one component takes all:
 //!
 //! ```text
 //! d mean / dx = sum_k h_k A_k + sum_k h_k (y_k - o) g_k^T - (mean - o) (sum_k h_k g_k)^T
 //! ```
 //!
-//! Everything runs through the whitened distance `z_k = W_k (x - mu_k^I)` with `W_k = L_k^-1`, `S_k^I = L_k L_k^T`:
-//! `log N = const - |z|^2 / 2`, `A_k = B_k W_k` with `B_k = S_k^OI W_k^T`, `y_k = mu_k^O + B_k z_k`, `g_k = -W_k^T z_k`,
-//! `C_k = S_k^O - B_k B_k^T`. The responsibilities are computed from logarithms relative to the largest one, so that
-//! far from all components the nearest one takes over instead of 0 / 0.
+//! Everything runs through the whitened distance `z_k = W_k (x - mu_k^I)` with `W_k = L_k^-1`,
+//! `S_k^I = L_k L_k^T`: `log N = const - |z|^2 / 2`, `A_k = B_k W_k` with `B_k = S_k^OI W_k^T`,
+//! `y_k = mu_k^O + B_k z_k`, `g_k = -W_k^T z_k`, `C_k = S_k^O - B_k B_k^T`. The responsibilities
+//! are computed from logarithms relative to the largest one, so that far from all components the
+//! nearest one takes over instead of 0 / 0.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -34,13 +38,16 @@ use super::file::MixtureParameters;
 use super::gmm::{Component, MAX_COMPONENTS, components};
 use super::regression::{Local, Prediction, Regression};
 
-/// The largest entry of a whitening matrix, per count or rad (m): squared distances stay finite everywhere.
+/// The largest entry of a whitening matrix, per count or rad (m): squared distances stay finite
+/// everywhere.
 const LARGEST_WHITENING: f64 = 1e12;
 
-/// A component whose logarithm is this far below the likeliest has no share: 4e-18 of it is lost in rounding.
+/// A component whose logarithm is this far below the likeliest has no share: 4e-18 of it is lost in
+/// rounding.
 const NEGLIGIBLE: f64 = -40.0;
 
-/// Gaussian mixture regression of M outputs on D inputs, and the other way round from the same mixture.
+/// Gaussian mixture regression of M outputs on D inputs, and the other way round from the same
+/// mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Gmr<const D: usize, const M: usize> {
     forward: Conditional<D, M>,
@@ -64,7 +71,10 @@ impl<const D: usize, const M: usize> Gmr<D, M> {
     ///
     /// When a component is too narrow to compute with.
     pub(super) fn new(components: &[Component]) -> Result<Self, ModelError> {
-        Ok(Self { forward: Conditional::new(components, 0, D)?, backward: Conditional::new(components, D, 0)? })
+        Ok(Self {
+            forward: Conditional::new(components, 0, D)?,
+            backward: Conditional::new(components, D, 0)?,
+        })
     }
 }
 
@@ -108,23 +118,43 @@ struct Part<const I: usize, const O: usize> {
 
 impl<const I: usize, const O: usize> Part<I, O> {
     /// Conditions on the variables from `input` on and answers for those from `output` on.
-    fn new(k: usize, component: &Component, input: usize, output: usize) -> Result<Self, ModelError> {
-        let block = |row, column, height, width| component.covariance.view((row, column), (height, width)).into_owned();
+    fn new(
+        k: usize,
+        component: &Component,
+        input: usize,
+        output: usize,
+    ) -> Result<Self, ModelError> {
+        let block = |row, column, height, width| {
+            component
+                .covariance
+                .view((row, column), (height, width))
+                .into_owned()
+        };
         let refused = |shown: String| ModelError::Value {
             key: format!("family.mixture.covariances[{k}]"),
             value: shown,
             reason: "the component is too narrow to compute with: fit with more regularisation or fewer components",
         };
         let inputs: DMatrix<f64> = block(input, input, I, I);
-        let factor = inputs.cholesky().ok_or_else(|| refused("no Cholesky factor".to_owned()))?;
-        let whitening = factor.l().try_inverse().ok_or_else(|| refused("no inverse".to_owned()))?;
+        let factor = inputs
+            .cholesky()
+            .ok_or_else(|| refused("no Cholesky factor".to_owned()))?;
+        let whitening = factor
+            .l()
+            .try_inverse()
+            .ok_or_else(|| refused("no inverse".to_owned()))?;
         if !whitening.iter().all(|w| w.abs() <= LARGEST_WHITENING) {
             return Err(refused(format!("width {:.1e}", 1.0 / whitening.amax())));
         }
         let gain = block(output, input, O, I) * whitening.transpose();
         let covariance = block(output, output, O, O) - &gain * gain.transpose();
         let log_height = component.weight.ln() + whitening.diagonal().map(f64::ln).sum();
-        require(log_height.is_finite(), || format!("family.mixture.weights[{k}]"), component.weight, "is too small")?;
+        require(
+            log_height.is_finite(),
+            || format!("family.mixture.weights[{k}]"),
+            component.weight,
+            "is too small",
+        )?;
         let part = |mean: &DVector<f64>, from, count| mean.rows(from, count).into_owned();
         Ok(Self {
             log_height,
@@ -148,8 +178,13 @@ impl<const I: usize, const O: usize> Part<I, O> {
 
 impl<const I: usize, const O: usize> Conditional<I, O> {
     fn new(components: &[Component], input: usize, output: usize) -> Result<Self, ModelError> {
-        let parts = components.iter().enumerate().map(|(k, component)| Part::new(k, component, input, output));
-        Ok(Self { parts: parts.collect::<Result<_, _>>()? })
+        let parts = components
+            .iter()
+            .enumerate()
+            .map(|(k, component)| Part::new(k, component, input, output));
+        Ok(Self {
+            parts: parts.collect::<Result<_, _>>()?,
+        })
     }
 
     fn responsibilities(&self, input: &SVector<f64, I>) -> Responsibilities<O> {
@@ -170,7 +205,11 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
             *share = if below < NEGLIGIBLE { 0.0 } else { below.exp() };
             total += *share;
         }
-        Responsibilities { shares, total, origin }
+        Responsibilities {
+            shares,
+            total,
+            origin,
+        }
     }
 
     /// The components that matter, each with its responsibility times `total`.
@@ -180,7 +219,8 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
     ) -> impl Iterator<Item = (f64, &'a Part<I, O>)> + 'a {
         let all = responsibilities.shares.iter().zip(&self.parts);
         // Kept when it is not a number, so that such an input cannot pass for an answer.
-        all.filter(|(share, _)| **share != 0.0).map(|(share, part)| (*share, part))
+        all.filter(|(share, _)| **share != 0.0)
+            .map(|(share, part)| (*share, part))
     }
 
     fn local(&self, input: &SVector<f64, I>) -> Local<I, O> {
@@ -199,7 +239,10 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         }
         let total = responsibilities.total;
         let apart = apart_sum / total;
-        Local { mean: origin + apart, jacobian: (slope_sum - apart * pull_sum.transpose()) / total }
+        Local {
+            mean: origin + apart,
+            jacobian: (slope_sum - apart * pull_sum.transpose()) / total,
+        }
     }
 
     fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
@@ -218,7 +261,11 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
             covariance += (part.covariance + apart * apart.transpose()) * share;
             covariance_within += part.covariance * (share * share);
         }
-        Prediction { mean, covariance, covariance_within }
+        Prediction {
+            mean,
+            covariance,
+            covariance_within,
+        }
     }
 }
 

@@ -1,9 +1,11 @@
-//! Where the motors have been, so that the memory of another model can be rebuilt from the same past.
+//! Where the motors have been, so that the memory of another model can be rebuilt from the same
+//! past.
 //!
-//! What hysteresis remembers of a way are its turning points. The history keeps the corners of the way of both motors:
-//! wherever one of them turned back, and every so many counts in between, because friction that grows with the pull also
-//! depends on how the motors went together. Between two corners every motor goes one way only, so play operators that are
-//! led from corner to corner end exactly where the whole way would have brought them.
+//! What hysteresis remembers of a way are its turning points. The history keeps the corners of the
+//! way of both motors: wherever one of them turned back, and every so many counts in between,
+//! because friction that grows with the pull also depends on how the motors went together. Between
+//! two corners every motor goes one way only, so play operators that are led from corner to corner
+//! end exactly where the whole way would have brought them.
 
 use std::collections::VecDeque;
 
@@ -17,7 +19,8 @@ const CORNERS: usize = 4096;
 /// The longest way of a motor between two corners, counts.
 const SPACING_COUNTS: f64 = 8.0;
 
-/// The latest corners of the way of the motors. Takes all its memory at once; noting a position allocates nothing.
+/// The latest corners of the way of the motors. Takes all its memory at once; noting a position
+/// allocates nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
     corners: VecDeque<MotorVec>,
@@ -27,7 +30,10 @@ pub struct History {
 
 impl Default for History {
     fn default() -> Self {
-        Self { corners: VecDeque::with_capacity(CORNERS), newest: None }
+        Self {
+            corners: VecDeque::with_capacity(CORNERS),
+            newest: None,
+        }
     }
 }
 
@@ -62,20 +68,28 @@ impl History {
 
     /// Whether the way turns or has become long at `newest`, before going on to `next`.
     fn is_corner(&self, newest: &MotorVec, next: &MotorVec) -> bool {
-        let Some(last) = self.corners.back() else { return true };
-        last.iter().zip(newest).zip(next).any(|((last, newest), next)| {
-            let (came, goes) = (newest - last, next - newest);
-            came * goes < 0.0 || (next - last).abs() > SPACING_COUNTS
-        })
+        let Some(last) = self.corners.back() else {
+            return true;
+        };
+        last.iter()
+            .zip(newest)
+            .zip(next)
+            .any(|((last, newest), next)| {
+                let (came, goes) = (newest - last, next - newest);
+                came * goes < 0.0 || (next - last).abs() > SPACING_COUNTS
+            })
     }
 }
 
 impl Model {
-    /// The memory that this model would have, had it seen a history. Not for the control loop: thousands of steps.
+    /// The memory that this model would have, had it seen a history. Not for the control loop:
+    /// thousands of steps.
     #[must_use]
     pub fn recall(&self, history: &History) -> Memory {
         let mut memory = self.new_memory();
-        history.positions().for_each(|counts| self.advance(&mut memory, counts));
+        history
+            .positions()
+            .for_each(|counts| self.advance(&mut memory, counts));
         memory
     }
 }
@@ -102,6 +116,9 @@ mod tests {
         let mut history = History::default();
         let capacity = history.corners.capacity();
         (0..20_000).for_each(|i| history.note(&[f64::from(i % 2), 0.0]));
-        assert_eq!((history.corners.len(), history.corners.capacity()), (CORNERS, capacity));
+        assert_eq!(
+            (history.corners.len(), history.corners.capacity()),
+            (CORNERS, capacity)
+        );
     }
 }

@@ -19,7 +19,8 @@ impl<const D: usize, const M: usize> Linear<D, M> {
     ///
     /// # Errors
     ///
-    /// When sizes differ, a number is not finite, the covariance is none, or no motor moves anything.
+    /// When sizes differ, a number is not finite, the covariance is none, or no motor moves
+    /// anything.
     pub(super) fn prepare(
         gain: &[Vec<f64>],
         offset: &[f64],
@@ -28,9 +29,19 @@ impl<const D: usize, const M: usize> Linear<D, M> {
     ) -> Result<Self, ModelError> {
         let gain = matrix(gain, M, D, || "family.gain".to_owned())?;
         let moves = gain.iter().any(|g| *g != 0.0);
-        require(moves, || "family.gain".to_owned(), "all 0", "a motor must move an output")?;
+        require(
+            moves,
+            || "family.gain".to_owned(),
+            "all 0",
+            "a motor must move an output",
+        )?;
         let key = || "family.offset".to_owned();
-        require(offset.len() == M, key, format!("{} numbers", offset.len()), "must have one number per output")?;
+        require(
+            offset.len() == M,
+            key,
+            format!("{} numbers", offset.len()),
+            "must have one number per output",
+        )?;
         parameters(offset, key)?;
         let key = || "family.covariance".to_owned();
         let covariance = square(covariance, M, key)?;
@@ -45,12 +56,19 @@ impl<const D: usize, const M: usize> Linear<D, M> {
 
 impl<const D: usize, const M: usize> Regression<D, M> for Linear<D, M> {
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M> {
-        Local { mean: self.gain * input + self.offset, jacobian: self.gain }
+        Local {
+            mean: self.gain * input + self.offset,
+            jacobian: self.gain,
+        }
     }
 
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
         let mean = self.gain * input + self.offset;
-        Prediction { mean, covariance: self.covariance, covariance_within: self.covariance }
+        Prediction {
+            mean,
+            covariance: self.covariance,
+            covariance_within: self.covariance,
+        }
     }
 
     /// The search reaches the only minimum from anywhere.

@@ -7,14 +7,17 @@ use super::hysteresis::play::PlayState;
 use super::hysteresis::stop::StopState;
 use crate::units::MotorVec;
 
-/// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks the past.
+/// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks
+/// the past.
 ///
-/// Models without hysteresis remember only where the motors have been. A memory belongs to the model that made it: with
-/// that of another family a model answers as if it had seen nothing but the present position.
+/// Models without hysteresis remember only where the motors have been. A memory belongs to the
+/// model that made it: with that of another family a model answers as if it had seen nothing but
+/// the present position.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Memory {
     pub(super) state: State,
-    /// The range that the motors have covered, and where they are; `None` before the first position.
+    /// The range that the motors have covered, and where they are; `None` before the first
+    /// position.
     pub(super) seen: Option<Seen>,
 }
 
@@ -28,7 +31,11 @@ pub(super) struct Seen {
 
 impl Seen {
     fn first(position: MotorVec) -> Self {
-        Self { position, low: position, high: position }
+        Self {
+            position,
+            low: position,
+            high: position,
+        }
     }
 
     fn extend(&mut self, position: MotorVec) {
@@ -64,10 +71,16 @@ impl Memory {
         }
     }
 
-    /// Every motor has covered a range of at least so many counts: whatever came before is wiped out.
+    /// Every motor has covered a range of at least so many counts: whatever came before is wiped
+    /// out.
     pub(super) fn covered(&self, ranges: &MotorVec) -> bool {
         self.seen.is_some_and(|seen| {
-            let mut covered = seen.high.iter().zip(seen.low).map(|(high, low)| high - low).zip(ranges);
+            let mut covered = seen
+                .high
+                .iter()
+                .zip(seen.low)
+                .map(|(high, low)| high - low)
+                .zip(ranges);
             covered.all(|(covered, range)| covered >= *range)
         })
     }

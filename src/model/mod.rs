@@ -3,11 +3,14 @@
 //! # Words
 //!
 //! - **motor space**: encoder counts of one or two motors, fractional here.
-//! - **output space**: one to three outputs, pitch and yaw in radians or the tip position in metres.
-//! - **memory**: what the model has to remember of the past, because the angle depends on it. Families without
-//!   hysteresis have an empty one.
-//! - **hull**: the region of motor space that calibration visited. No model commands a count outside it.
-//! - **one count's worth**: how far one count of the more effective motor moves the outputs at a pose.
+//! - **output space**: one to three outputs, pitch and yaw in radians or the tip position in
+//!   metres.
+//! - **memory**: what the model has to remember of the past, because the angle depends on it.
+//!   Families without hysteresis have an empty one.
+//! - **hull**: the region of motor space that calibration visited. No model commands a count
+//!   outside it.
+//! - **one count's worth**: how far one count of the more effective motor moves the outputs at a
+//!   pose.
 //!
 //! | file | holds |
 //! |---|---|
@@ -75,7 +78,8 @@ use kinematic::Kinematic;
 use linear::Linear;
 use regression::{Prepared, Runtime};
 
-/// A model that has been checked and prepared. It does not change any more and can be shared between threads.
+/// A model that has been checked and prepared. It does not change any more and can be shared
+/// between threads.
 ///
 /// Everything but its construction is for the control loop: bounded work, no allocation, no panic.
 #[derive(Debug)]
@@ -102,15 +106,22 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// When a value makes no sense, or the prediction at the inverse of a prediction is off by more than one count's
-    /// worth somewhere in the hull.
+    /// When a value makes no sense, or the prediction at the inverse of a prediction is off by more
+    /// than one count's worth somewhere in the hull.
     pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
         let motors = check::check(&file)?;
         let hull = Hull::new(&file.hull, motors)?;
         let runtime = prepare(&file, motors)?;
         runtime.check_round_trip(&hull, unit(&file))?;
         let wipe_counts = within(runtime.wipe_counts(), &hull);
-        Ok(Self { id: file.id()?, file, motors, hull, wipe_counts, runtime })
+        Ok(Self {
+            id: file.id()?,
+            file,
+            motors,
+            hull,
+            wipe_counts,
+            runtime,
+        })
     }
 
     /// That the model belongs to a robot.
@@ -120,10 +131,16 @@ impl Model {
     /// When it was calibrated on another robot or is for another number of motors.
     pub fn check_robot(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
         if self.file.robot_id != robot_id {
-            return Err(ModelError::Robot { model: self.file.robot_id.clone(), robot: robot_id.to_owned() });
+            return Err(ModelError::Robot {
+                model: self.file.robot_id.clone(),
+                robot: robot_id.to_owned(),
+            });
         }
         if self.motors != motors {
-            return Err(ModelError::Motors { model: self.motors, robot: motors });
+            return Err(ModelError::Motors {
+                model: self.motors,
+                robot: motors,
+            });
         }
         Ok(())
     }
@@ -164,8 +181,8 @@ impl Model {
         Memory::default()
     }
 
-    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in order. What is not
-    /// finite is not noted.
+    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in
+    /// order. What is not finite is not noted.
     pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         if counts.iter().all(|c| c.is_finite()) {
             memory.note(*counts);
@@ -173,36 +190,39 @@ impl Model {
         }
     }
 
-    /// Whether a memory has seen enough motion for everything before it to be wiped out. Until then predictions may be
-    /// off by the width of the hysteresis loop. Always true of families without memory, once there is a position.
+    /// Whether a memory has seen enough motion for everything before it to be wiped out. Until then
+    /// predictions may be off by the width of the hysteresis loop. Always true of families without
+    /// memory, once there is a position.
     #[must_use]
     pub fn knows(&self, memory: &Memory) -> bool {
         memory.covered(&self.wipe_counts)
     }
 
-    /// The range that every motor has to cover to wipe out what was remembered before, counts; 0 for families without
-    /// memory. Never more than the calibrated hull is wide: what its whole width does not wipe out, calibration could not
-    /// know either.
+    /// The range that every motor has to cover to wipe out what was remembered before, counts; 0
+    /// for families without memory. Never more than the calibrated hull is wide: what its whole
+    /// width does not wipe out, calibration could not know either.
     #[must_use]
     pub fn wipe_counts(&self) -> MotorVec {
         self.wipe_counts
     }
 
-    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m); see [`hysteresis`].
+    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m);
+    /// see [`hysteresis`].
     #[must_use]
     pub fn correction(&self, memory: &Memory) -> OutputVec {
         self.runtime.correction(memory)
     }
 
-    /// What the regression of the model takes in if the motors went straight from where they are to `counts`: the
-    /// virtual counts; of families without them, the counts.
+    /// What the regression of the model takes in if the motors went straight from where they are to
+    /// `counts`: the virtual counts; of families without them, the counts.
     #[must_use]
     pub fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
         self.runtime.virtual_counts(counts, memory)
     }
 
-    /// The outputs if the motors went straight from where they are to `counts`. Finite for every finite position, in the
-    /// hull or not; far outside it extrapolates. A position that is not a number gives estimates that are none.
+    /// The outputs if the motors went straight from where they are to `counts`. Finite for every
+    /// finite position, in the hull or not; far outside it extrapolates. A position that is not a
+    /// number gives estimates that are none.
     #[must_use]
     pub fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
         self.runtime.predict(counts, memory)
@@ -214,13 +234,17 @@ impl Model {
         self.runtime.jacobian(counts, memory)
     }
 
-    /// The counts that bring the outputs to `goal`, rad (m), from where the memory says that the motors are. The answer
-    /// lies in the hull, whatever the goal; rounded to whole counts, up to half a count beside it.
+    /// The counts that bring the outputs to `goal`, rad (m), from where the memory says that the
+    /// motors are. The answer lies in the hull, whatever the goal; rounded to whole counts, up to
+    /// half a count beside it.
     ///
-    /// - A goal that no position in the hull reaches gives a nearest one, by distance in output space, marked `clipped`.
-    /// - With more outputs than motors the nearest one is all there is; `clipped` then says that the hull was in the way.
+    /// - A goal that no position in the hull reaches gives a nearest one, by distance in output
+    ///   space, marked `clipped`.
+    /// - With more outputs than motors the nearest one is all there is; `clipped` then says that
+    ///   the hull was in the way.
     /// - With more motors than outputs, it is the position near the start that does.
-    /// - A goal that is not finite gives the start, moved into the hull, marked `clipped`, with an infinite residual.
+    /// - A goal that is not finite gives the start, moved into the hull, marked `clipped`, with an
+    ///   infinite residual.
     #[must_use]
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
         self.runtime.invert(goal, memory, &self.hull, query)
@@ -231,7 +255,8 @@ impl Model {
 fn within(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
     for (motor, range) in ranges.iter_mut().enumerate() {
         let of_motor = || hull.corners().map(|corner| corner[motor]);
-        let extent = of_motor().fold(f64::NEG_INFINITY, f64::max) - of_motor().fold(f64::INFINITY, f64::min);
+        let extent =
+            of_motor().fold(f64::NEG_INFINITY, f64::max) - of_motor().fold(f64::INFINITY, f64::min);
         *range = range.min(extent);
     }
     ranges
@@ -239,7 +264,9 @@ fn within(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
 
 /// The unit of all outputs; [`check::check`] saw to it that they have the same.
 fn unit(file: &ModelFile) -> OutputUnit {
-    file.outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
+    file.outputs
+        .first()
+        .map_or(OutputUnit::Deg, |output| output.unit)
 }
 
 /// Turns sizes known at run time into types.
@@ -254,25 +281,61 @@ fn prepare(file: &ModelFile, motors: usize) -> Result<Box<dyn Runtime>, ModelErr
     }
 }
 
-fn prepare_sized<const D: usize, const M: usize>(file: &ModelFile) -> Result<Box<dyn Runtime>, ModelError> {
+fn prepare_sized<const D: usize, const M: usize>(
+    file: &ModelFile,
+) -> Result<Box<dyn Runtime>, ModelError> {
     let si = unit(file).si();
     Ok(match &file.family {
-        FamilyParameters::Linear { gain, offset, covariance } => {
-            Box::new(Prepared(Linear::<D, M>::prepare(gain, offset, covariance, si)?))
-        }
-        FamilyParameters::Kinematic { kinematics, offset, covariance } => {
-            Box::new(Prepared(Kinematic::<D, M>::prepare(kinematics, offset, covariance, unit(file))?))
-        }
+        FamilyParameters::Linear {
+            gain,
+            offset,
+            covariance,
+        } => Box::new(Prepared(Linear::<D, M>::prepare(
+            gain, offset, covariance, si,
+        )?)),
+        FamilyParameters::Kinematic {
+            kinematics,
+            offset,
+            covariance,
+        } => Box::new(Prepared(Kinematic::<D, M>::prepare(
+            kinematics,
+            offset,
+            covariance,
+            unit(file),
+        )?)),
         FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
-        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
-            Box::new(DirectionGmr::<D, M>::prepare(dead_bands_counts, mixture, si)?)
-        }
-        FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
-            Box::new(chain::<_, D, M>(Plays::prepare(plays)?, mixture, residual.as_ref(), virtual_hull, si)?)
-        }
-        FamilyParameters::GmrStop { stops, mixture, residual, virtual_hull } => {
-            Box::new(chain::<_, D, M>(Stops::prepare(stops)?, mixture, residual.as_ref(), virtual_hull, si)?)
-        }
+        FamilyParameters::GmrDirection {
+            dead_bands_counts,
+            mixture,
+        } => Box::new(DirectionGmr::<D, M>::prepare(
+            dead_bands_counts,
+            mixture,
+            si,
+        )?),
+        FamilyParameters::GmrPlay {
+            plays,
+            mixture,
+            residual,
+            virtual_hull,
+        } => Box::new(chain::<_, D, M>(
+            Plays::prepare(plays)?,
+            mixture,
+            residual.as_ref(),
+            virtual_hull,
+            si,
+        )?),
+        FamilyParameters::GmrStop {
+            stops,
+            mixture,
+            residual,
+            virtual_hull,
+        } => Box::new(chain::<_, D, M>(
+            Stops::prepare(stops)?,
+            mixture,
+            residual.as_ref(),
+            virtual_hull,
+            si,
+        )?),
     })
 }
 
@@ -283,11 +346,16 @@ fn chain<O: Operator<D>, const D: usize, const M: usize>(
     virtual_hull: &HullParameters,
     si: f64,
 ) -> Result<Chain<O, Gmr<D, M>, D, M>, ModelError> {
-    let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
+    let lags = operator
+        .lags(&operator.begin(&SVector::zeros()))
+        .as_slice()
+        .len();
     Ok(Chain {
         operator,
         read_out: Gmr::prepare(mixture, si)?,
-        residual: residual.map(|residual| Residual::prepare(residual, lags, si)).transpose()?,
+        residual: residual
+            .map(|residual| Residual::prepare(residual, lags, si))
+            .transpose()?,
         virtual_hull: Hull::new(virtual_hull, D)?,
     })
 }

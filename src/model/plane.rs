@@ -14,12 +14,19 @@ pub(super) struct Quadratic {
 
 impl Quadratic {
     /// Half the squared length of the step.
-    pub(super) const DISTANCE: Self =
-        Self { gradient: [0.0; MAX_MOTORS], hessian: [[1.0, 0.0], [0.0, 1.0]], minimum: [0.0; MAX_MOTORS] };
+    pub(super) const DISTANCE: Self = Self {
+        gradient: [0.0; MAX_MOTORS],
+        hessian: [[1.0, 0.0], [0.0, 1.0]],
+        minimum: [0.0; MAX_MOTORS],
+    };
 
-    /// The quadratic with `lift` added to the diagonal of the hessian, of which a motor that does not exist has an empty
-    /// row. `None` if it is not positive definite then.
-    pub(super) fn new(gradient: MotorVec, hessian: [MotorVec; MAX_MOTORS], lift: f64) -> Option<Self> {
+    /// The quadratic with `lift` added to the diagonal of the hessian, of which a motor that does
+    /// not exist has an empty row. `None` if it is not positive definite then.
+    pub(super) fn new(
+        gradient: MotorVec,
+        hessian: [MotorVec; MAX_MOTORS],
+        lift: f64,
+    ) -> Option<Self> {
         let [[a, b], [_, c]] = hessian;
         let a = a + lift;
         // Any positive number does for the motor that does not exist: its gradient is 0.
@@ -33,7 +40,11 @@ impl Quadratic {
         let second = -(gradient[1] - ratio * gradient[0]) / pivot;
         let first = -gradient[0] / a - ratio * second;
         let finite = first.is_finite() && second.is_finite();
-        finite.then_some(Self { gradient, hessian: [[a, b], [b, c]], minimum: [first, second] })
+        finite.then_some(Self {
+            gradient,
+            hessian: [[a, b], [b, c]],
+            minimum: [first, second],
+        })
     }
 
     /// Where it is least.
@@ -86,10 +97,22 @@ mod tests {
 
     #[test]
     fn what_is_not_convex_or_not_finite_is_none() {
-        assert_eq!(Quadratic::new([1.0, 0.0], [[0.0, 0.0], [0.0, 0.0]], 0.0), None);
-        assert_eq!(Quadratic::new([1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], 0.5), None);
-        assert_eq!(Quadratic::new([1.0, f64::NAN], [[1.0, 0.0], [0.0, 1.0]], 0.0), None);
-        assert_eq!(Quadratic::new([1.0, 0.0], [[f64::NAN, 0.0], [0.0, 1.0]], 0.0), None);
+        assert_eq!(
+            Quadratic::new([1.0, 0.0], [[0.0, 0.0], [0.0, 0.0]], 0.0),
+            None
+        );
+        assert_eq!(
+            Quadratic::new([1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], 0.5),
+            None
+        );
+        assert_eq!(
+            Quadratic::new([1.0, f64::NAN], [[1.0, 0.0], [0.0, 1.0]], 0.0),
+            None
+        );
+        assert_eq!(
+            Quadratic::new([1.0, 0.0], [[f64::NAN, 0.0], [0.0, 1.0]], 0.0),
+            None
+        );
     }
 
     #[test]

@@ -12,8 +12,8 @@ pub(super) fn interval(points: &[MotorVec]) -> Vec<MotorVec> {
     }
 }
 
-/// The corners of the convex hull, counter-clockwise, without corners that stick out less than the tolerance; fewer
-/// than three if the points lie on a line. Coordinates must be finite.
+/// The corners of the convex hull, counter-clockwise, without corners that stick out less than the
+/// tolerance; fewer than three if the points lie on a line. Coordinates must be finite.
 ///
 /// Andrew's monotone chain (A. M. Andrew, Information Processing Letters 9, 1979).
 pub(super) fn convex_hull(points: &[MotorVec]) -> Vec<MotorVec> {
@@ -27,12 +27,15 @@ pub(super) fn convex_hull(points: &[MotorVec]) -> Vec<MotorVec> {
     lower
 }
 
-/// Cuts off corners, the one that encloses least first, until `limit` are left. The result lies inside the polygon.
+/// Cuts off corners, the one that encloses least first, until `limit` are left. The result lies
+/// inside the polygon.
 pub(super) fn thin(mut corners: Vec<MotorVec>, limit: usize) -> Vec<MotorVec> {
     while corners.len() > limit.max(3) {
         let n = corners.len();
         let area = |i: &usize| area(corners[(i + n - 1) % n], corners[*i], corners[(i + 1) % n]);
-        let Some(least) = (0..n).min_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+        let Some(least) = (0..n).min_by(|a, b| area(a).total_cmp(&area(b))) else {
+            break;
+        };
         corners.remove(least);
     }
     corners

@@ -41,8 +41,8 @@ pub(super) struct Prediction<const M: usize> {
     pub covariance_within: SMatrix<f64, M, M>,
 }
 
-/// A family behind a door of fixed size: the one place where sizes become types. What a family without memory leaves
-/// out is the right thing for it.
+/// A family behind a door of fixed size: the one place where sizes become types. What a family
+/// without memory leaves out is the right thing for it.
 pub(super) trait Runtime: Debug + Send + Sync {
     /// Brings the state of a memory, whose position has been noted, to that position.
     fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
@@ -88,7 +88,9 @@ impl<R: Regression<D, M>, const D: usize, const M: usize> Runtime for Prepared<R
 
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         let local = |counts: &MotorVec| Some(self.0.local(&vector::<D>(counts)));
-        round_trip::check(hull, unit, local, |goal| inverse::invert(&self.0, hull, goal, &hull.centre()))
+        round_trip::check(hull, unit, local, |goal| {
+            inverse::invert(&self.0, hull, goal, &hull.centre())
+        })
     }
 }
 
@@ -109,14 +111,20 @@ pub(super) fn bounded(counts: &MotorVec) -> MotorVec {
 /// The first entries of an array of fixed size.
 pub(super) fn vector<const N: usize>(array: &[f64]) -> SVector<f64, N> {
     let mut vector = SVector::<f64, N>::zeros();
-    vector.iter_mut().zip(array).for_each(|(to, from)| *to = *from);
+    vector
+        .iter_mut()
+        .zip(array)
+        .for_each(|(to, from)| *to = *from);
     vector
 }
 
 /// A vector in an array of fixed size, filled up with 0.
 pub(super) fn array<const N: usize, const F: usize>(vector: &SVector<f64, N>) -> [f64; F] {
     let mut array = [0.0; F];
-    array.iter_mut().zip(vector.iter()).for_each(|(to, from)| *to = *from);
+    array
+        .iter_mut()
+        .zip(vector.iter())
+        .for_each(|(to, from)| *to = *from);
     array
 }
 
@@ -126,7 +134,9 @@ pub(super) fn rows<const R: usize, const C: usize, const FR: usize, const FC: us
 ) -> [[f64; FC]; FR] {
     let mut rows = [[0.0; FC]; FR];
     for (row, from) in rows.iter_mut().zip(matrix.row_iter()) {
-        row.iter_mut().zip(from.iter()).for_each(|(to, from)| *to = *from);
+        row.iter_mut()
+            .zip(from.iter())
+            .for_each(|(to, from)| *to = *from);
     }
     rows
 }

@@ -1,8 +1,9 @@
 //! Model files on disk, and their identity.
 //!
-//! The **canonical form** of a model is the JSON that `serde_json` writes for [`ModelFile`] without any white space:
-//! fields in the order of the schema, numbers in the shortest form that reads back to the same bits, UTF-8. Layout and
-//! field order of the file on disk do not enter it; every value does. The identity of a model is its SHA-256.
+//! The **canonical form** of a model is the JSON that `serde_json` writes for [`ModelFile`] without
+//! any white space: fields in the order of the schema, numbers in the shortest form that reads back
+//! to the same bits, UTF-8. Layout and field order of the file on disk do not enter it; every value
+//! does. The identity of a model is its SHA-256.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
@@ -44,11 +45,13 @@ struct Header {
 }
 
 impl ModelFile {
-    /// Parses the text of a model file. What it holds is not checked: [`Model::from_file`] does that.
+    /// Parses the text of a model file. What it holds is not checked: [`Model::from_file`] does
+    /// that.
     ///
     /// # Errors
     ///
-    /// When the text is no model file, one of another schema version, or has a missing or unknown field.
+    /// When the text is no model file, one of another schema version, or has a missing or unknown
+    /// field.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
         // The version comes first: another one has other fields, and to name those would mislead.
         let header: Header = serde_json::from_str(text)?;
@@ -62,12 +65,16 @@ impl ModelFile {
     ///
     /// When the file cannot be read, and as [`ModelFile::parse`]; all name the file.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let text = fs::read_to_string(path).map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+        let text = fs::read_to_string(path).map_err(|source| ModelError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         Self::parse(&text).map_err(|error| error.in_file(path))
     }
 
-    /// The canonical form: JSON without white space, fields in the order of the schema, numbers in the shortest form
-    /// that reads back to the same bits. A number that is not finite, which no checked model has, becomes `null`.
+    /// The canonical form: JSON without white space, fields in the order of the schema, numbers in
+    /// the shortest form that reads back to the same bits. A number that is not finite, which no
+    /// checked model has, becomes `null`.
     ///
     /// # Errors
     ///
@@ -85,16 +92,20 @@ impl ModelFile {
         Ok(ModelId(Sha256::digest(self.canonical_form()?).into()))
     }
 
-    /// Checks the model as [`Model::from_file`] does and writes it, whole or not at all: into a new file in the same
-    /// folder that then takes the name.
+    /// Checks the model as [`Model::from_file`] does and writes it, whole or not at all: into a new
+    /// file in the same folder that then takes the name.
     ///
     /// # Errors
     ///
-    /// When the model is refused, or the file cannot be written. What was at `path` before is then still there.
+    /// When the model is refused, or the file cannot be written. What was at `path` before is then
+    /// still there.
     pub fn write(&self, path: &Path) -> Result<(), ModelError> {
         Model::from_file(self.clone()).map_err(|error| error.in_file(path))?;
         let text = readable(&serde_json::to_string_pretty(self)?);
-        replace(path, text.as_bytes()).map_err(|source| ModelError::Write { path: path.to_owned(), source })
+        replace(path, text.as_bytes()).map_err(|source| ModelError::Write {
+            path: path.to_owned(),
+            source,
+        })
     }
 }
 
@@ -121,7 +132,8 @@ fn readable(pretty: &str) -> String {
 }
 
 fn is_number(line: &str) -> bool {
-    line.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
+    line.trim_start()
+        .starts_with(|c: char| c == '-' || c.is_ascii_digit())
 }
 
 /// Writes a file under a name of its own, forces it to the disk and gives it the name `path`.
@@ -143,13 +155,23 @@ fn fill(mut file: File, bytes: &[u8]) -> io::Result<()> {
 /// A new file in the folder of `path`: a rename does not cross file systems.
 fn create_beside(path: &Path) -> io::Result<(File, PathBuf)> {
     static NUMBER: AtomicU32 = AtomicU32::new(0);
-    let name = path.file_name().ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "names no file"))?;
+    let name = path
+        .file_name()
+        .ok_or_else(|| io::Error::new(io::ErrorKind::InvalidInput, "names no file"))?;
     loop {
         let mut own = std::ffi::OsString::from(".");
         own.push(name);
-        own.push(format!(".{}-{}.tmp", process::id(), NUMBER.fetch_add(1, Ordering::Relaxed)));
+        own.push(format!(
+            ".{}-{}.tmp",
+            process::id(),
+            NUMBER.fetch_add(1, Ordering::Relaxed)
+        ));
         let temporary = path.with_file_name(own);
-        match OpenOptions::new().write(true).create_new(true).open(&temporary) {
+        match OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&temporary)
+        {
             // Left by a killed process that had the same number: take the next name.
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),

@@ -23,8 +23,9 @@ pub struct TickTiming {
 
 /// Distributions of period, lateness and computing time, window by window.
 ///
-/// Recording takes some ten nanoseconds and does not allocate. Closing a window reads three histograms, some tens of
-/// microseconds: better done by a helper thread that gets the [`TickTiming`]s through a ring.
+/// Recording takes some ten nanoseconds and does not allocate. Closing a window reads three
+/// histograms, some tens of microseconds: better done by a helper thread that gets the
+/// [`TickTiming`]s through a ring.
 #[derive(Debug)]
 pub struct LoopStatistics {
     intended: Nanos,
@@ -42,7 +43,8 @@ pub struct LoopStatistics {
 }
 
 impl LoopStatistics {
-    /// For a loop with this period, in windows of this length. `granted` is passed on to the reader.
+    /// For a loop with this period, in windows of this length. `granted` is passed on to the
+    /// reader.
     #[must_use]
     pub fn new(period: Nanos, window: Nanos, granted: Granted) -> Self {
         Self {
@@ -74,9 +76,13 @@ impl LoopStatistics {
         }
     }
 
-    /// The message for the window that is over at `now`, and opens the next one; `None` while it is not over.
+    /// The message for the window that is over at `now`, and opens the next one; `None` while it is
+    /// not over.
     pub fn take(&mut self, now: Nanos) -> Option<PeriodStatistics> {
-        let window = self.opened.map(|opened| now - opened).filter(|span| *span >= self.window)?;
+        let window = self
+            .opened
+            .map(|opened| now - opened)
+            .filter(|span| *span >= self.window)?;
         self.total_ticks += self.ticks;
         self.total_missed += self.missed;
         let message = PeriodStatistics {
@@ -91,7 +97,11 @@ impl LoopStatistics {
             lateness: self.lateness.take(),
             compute: self.compute.take(),
             priority: u32::from(self.granted.priority),
-            cpu: self.granted.cpu.and_then(|cpu| u32::try_from(cpu).ok()).unwrap_or(u32::MAX),
+            cpu: self
+                .granted
+                .cpu
+                .and_then(|cpu| u32::try_from(cpu).ok())
+                .unwrap_or(u32::MAX),
             memory_locked: u32::from(self.granted.memory_locked),
             ..PeriodStatistics::default()
         };
@@ -102,7 +112,8 @@ impl LoopStatistics {
     }
 }
 
-/// A distribution of spans with fixed bounds. Without the histogram, if its constants were wrong, it would stay empty.
+/// A distribution of spans with fixed bounds. Without the histogram, if its constants were wrong,
+/// it would stay empty.
 #[derive(Debug)]
 struct Spans(Option<Histogram<u32>>);
 
@@ -118,7 +129,9 @@ impl Spans {
     }
 
     fn take(&mut self) -> SpanSummary {
-        let Some(histogram) = &mut self.0 else { return SpanSummary::default() };
+        let Some(histogram) = &mut self.0 else {
+            return SpanSummary::default();
+        };
         let summary = SpanSummary {
             p50_ns: histogram.value_at_quantile(0.5),
             p90_ns: histogram.value_at_quantile(0.9),
@@ -139,14 +152,26 @@ mod tests {
     const WINDOW: Nanos = Nanos::from_millis(1000);
 
     fn statistics() -> LoopStatistics {
-        let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };
+        let granted = Granted {
+            priority: 80,
+            cpu: Some(1),
+            memory_locked: true,
+            warnings: vec![],
+        };
         LoopStatistics::new(PERIOD, WINDOW, granted)
     }
 
     fn timing(number: u64, late_us: u64, compute_us: u64, missed: u64) -> TickTiming {
         let planned = Nanos(number * PERIOD.0);
         let started = planned + Nanos::from_micros(late_us);
-        TickTiming { tick: Tick { planned, started, missed }, ended: started + Nanos::from_micros(compute_us) }
+        TickTiming {
+            tick: Tick {
+                planned,
+                started,
+                missed,
+            },
+            ended: started + Nanos::from_micros(compute_us),
+        }
     }
 
     /// Within the precision of the histogram.
@@ -163,12 +188,27 @@ mod tests {
             statistics.record(timing(number, late, 5, u64::from(number == 0) * 2));
         }
         let message = statistics.take(Nanos(1000 * PERIOD.0)).unwrap();
-        assert_eq!((message.ticks, message.missed, message.window_ns), (1000, 2, WINDOW.0));
-        assert!(near(message.lateness.p50_ns, 10) && near(message.lateness.p90_ns, 10), "{message:?}");
-        assert!(near(message.lateness.p99_ns, 200) && near(message.lateness.max_ns, 200), "{message:?}");
-        assert!(near(message.period.p50_ns, 1000) && near(message.period.max_ns, 1190), "{message:?}");
+        assert_eq!(
+            (message.ticks, message.missed, message.window_ns),
+            (1000, 2, WINDOW.0)
+        );
+        assert!(
+            near(message.lateness.p50_ns, 10) && near(message.lateness.p90_ns, 10),
+            "{message:?}"
+        );
+        assert!(
+            near(message.lateness.p99_ns, 200) && near(message.lateness.max_ns, 200),
+            "{message:?}"
+        );
+        assert!(
+            near(message.period.p50_ns, 1000) && near(message.period.max_ns, 1190),
+            "{message:?}"
+        );
         assert!(near(message.compute.p999_ns, 5), "{message:?}");
-        assert_eq!((message.priority, message.cpu, message.memory_locked), (80, 1, 1));
+        assert_eq!(
+            (message.priority, message.cpu, message.memory_locked),
+            (80, 1, 1)
+        );
     }
 
     #[test]
@@ -178,8 +218,19 @@ mod tests {
         assert!(statistics.take(WINDOW).is_some());
         statistics.record(timing(1000, 10, 5, 1));
         let message = statistics.take(WINDOW + WINDOW).unwrap();
-        assert_eq!((message.ticks, message.missed, message.total_ticks, message.total_missed), (1, 1, 2, 4));
-        assert!(near(message.lateness.max_ns, 10) && near(message.compute.max_ns, 5), "{message:?}");
+        assert_eq!(
+            (
+                message.ticks,
+                message.missed,
+                message.total_ticks,
+                message.total_missed
+            ),
+            (1, 1, 2, 4)
+        );
+        assert!(
+            near(message.lateness.max_ns, 10) && near(message.compute.max_ns, 5),
+            "{message:?}"
+        );
         // From tick to tick the period counts across windows.
         assert!(near(message.period.max_ns, 999_110), "{message:?}");
     }
@@ -194,7 +245,10 @@ mod tests {
         let mut statistics = statistics();
         statistics.record(timing(0, 60_000_000, 5, 0));
         let longest = statistics.take(WINDOW).unwrap().lateness.max_ns;
-        assert!((LONGEST..LONGEST + LONGEST / 50).contains(&longest), "{longest}");
+        assert!(
+            (LONGEST..LONGEST + LONGEST / 50).contains(&longest),
+            "{longest}"
+        );
     }
 
     #[test]
@@ -202,6 +256,9 @@ mod tests {
         let mut statistics = LoopStatistics::new(PERIOD, WINDOW, Granted::default());
         statistics.record(timing(0, 1, 1, 0));
         let message = statistics.take(WINDOW).unwrap();
-        assert_eq!((message.priority, message.cpu, message.memory_locked), (0, u32::MAX, 0));
+        assert_eq!(
+            (message.priority, message.cpu, message.memory_locked),
+            (0, u32::MAX, 0)
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! Waiting for the next tick on the absolute clock.
 //!
-//! Ticks lie on a fixed grid: start, start + period, start + 2 periods, ... A thread that comes late skips the ticks
-//! that are over and goes on with the grid. It never catches up: a burst of ticks would send a burst of set-points.
+//! Ticks lie on a fixed grid: start, start + period, start + 2 periods, ... A thread that comes
+//! late skips the ticks that are over and goes on with the grid. It never catches up: a burst of
+//! ticks would send a burst of set-points.
 
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +32,10 @@ impl Schedule {
     #[must_use]
     pub const fn new(first: Nanos, period: Nanos) -> Self {
         let period = if period.0 == 0 { Nanos(1) } else { period };
-        Self { period, next: first }
+        Self {
+            period,
+            next: first,
+        }
     }
 
     /// When the next tick should begin.
@@ -40,10 +44,15 @@ impl Schedule {
         self.next
     }
 
-    /// Begins the next tick at `started`, not before [`Schedule::next`], and plans the one after it in the future.
+    /// Begins the next tick at `started`, not before [`Schedule::next`], and plans the one after it
+    /// in the future.
     pub fn begin(&mut self, started: Nanos) -> Tick {
         let missed = started.since(self.next).0 / self.period.0;
-        let tick = Tick { planned: self.next, started, missed };
+        let tick = Tick {
+            planned: self.next,
+            started,
+            missed,
+        };
         self.next = self.next + Nanos(missed.saturating_add(1).saturating_mul(self.period.0));
         tick
     }
@@ -57,11 +66,15 @@ pub struct Ticker {
 }
 
 impl Ticker {
-    /// Ticks every `period` from `first` on. The thread wakes `spin` before each tick and reads the clock until it is
-    /// due: waking takes the kernel tens of microseconds, reading the clock less than a tenth of one.
+    /// Ticks every `period` from `first` on. The thread wakes `spin` before each tick and reads the
+    /// clock until it is due: waking takes the kernel tens of microseconds, reading the clock less
+    /// than a tenth of one.
     #[must_use]
     pub const fn new(first: Nanos, period: Nanos, spin: Nanos) -> Self {
-        Self { schedule: Schedule::new(first, period), spin }
+        Self {
+            schedule: Schedule::new(first, period),
+            spin,
+        }
     }
 
     /// Waits for the next tick. Returns at once if it is due already.
@@ -92,7 +105,14 @@ mod tests {
             let planned = Nanos(5000 + number * 1000);
             assert_eq!(schedule.next(), planned);
             let started = planned + Nanos(30);
-            assert_eq!(schedule.begin(started), Tick { planned, started, missed: 0 });
+            assert_eq!(
+                schedule.begin(started),
+                Tick {
+                    planned,
+                    started,
+                    missed: 0
+                }
+            );
         }
     }
 
@@ -114,7 +134,10 @@ mod tests {
 
     #[test]
     fn a_period_of_zero_does_not_divide_by_zero() {
-        assert_eq!(Schedule::new(Nanos(5), Nanos::ZERO).begin(Nanos(7)).missed, 2);
+        assert_eq!(
+            Schedule::new(Nanos(5), Nanos::ZERO).begin(Nanos(7)).missed,
+            2
+        );
     }
 
     #[test]
@@ -133,8 +156,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the delays: the grid never drifts, the next tick lies ahead by at most a period, and run and missed
-        /// ticks together are all ticks.
+        /// Whatever the delays: the grid never drifts, the next tick lies ahead by at most a
+        /// period, and run and missed ticks together are all ticks.
         #[test]
         fn the_grid_never_drifts(
             period in 1_u64..10_000_000,

@@ -1,5 +1,5 @@
-//! A cycle with two simulated drives, on simulated time. Every tick of every test is checked against the invariants in
-//! `invariant`.
+//! A cycle with two simulated drives, on simulated time. Every tick of every test is checked
+//! against the invariants in `invariant`.
 
 use std::sync::Arc;
 
@@ -7,14 +7,14 @@ use i2ris::config::Config;
 use i2ris::control::black_box::{OfferRecord, Snapshot, TickRecord};
 use i2ris::control::cycle::Cycle;
 use i2ris::control::{
-    Candidate, Event, EventKind, External, Goal, Inputs, JointReport, Mark, ModelChange, ModelRequest, Outputs, Report,
-    ServoCommand, StateReply, StateRequest,
+    Candidate, Event, EventKind, External, Goal, Inputs, JointReport, Mark, ModelChange,
+    ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
-    OutputUnit, SCHEMA_VERSION, TrainingRecord,
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
+    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{History, Model};
@@ -51,11 +51,18 @@ pub const ROBOT: &str = r#"
 /// The robot with further tables in front of its ports.
 pub fn config(tables: &str) -> Config {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
-    Config::parse(&format!("{head}\n{tables}\n[[ports]]{ports}"), "bench.toml".as_ref()).unwrap()
+    Config::parse(
+        &format!("{head}\n{tables}\n[[ports]]{ports}"),
+        "bench.toml".as_ref(),
+    )
+    .unwrap()
 }
 
 fn output(name: &str, unit: OutputUnit) -> OutputSpec {
-    OutputSpec { name: name.to_owned(), unit }
+    OutputSpec {
+        name: name.to_owned(),
+        unit,
+    }
 }
 
 /// A model whose motor axes are turned by 45 deg against pitch and yaw.
@@ -92,16 +99,34 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
             vec![-cross, cross, 0.0, out],
         ]],
     };
-    let family = FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull: square() };
+    let family = FamilyParameters::GmrPlay {
+        plays,
+        mixture,
+        residual: None,
+        virtual_hull: square(),
+    };
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 
 fn square() -> HullParameters {
-    HullParameters { corners: vec![vec![-HULL, -HULL], vec![HULL, -HULL], vec![HULL, HULL], vec![-HULL, HULL]] }
+    HullParameters {
+        corners: vec![
+            vec![-HULL, -HULL],
+            vec![HULL, -HULL],
+            vec![HULL, HULL],
+            vec![-HULL, HULL],
+        ],
+    }
 }
 
 fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
-    let metrics = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
+    let metrics = FitMetrics {
+        r2: 1.0,
+        rmsd: 0.1,
+        nrmsd: 0.001,
+        mae: 0.1,
+        max: 0.2,
+    };
     ModelFile {
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
@@ -119,7 +144,13 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             bic: None,
             software: "test".to_owned(),
         },
-        metrics: vec![OutputMetrics { training: metrics, held_out: None }; 2],
+        metrics: vec![
+            OutputMetrics {
+                training: metrics,
+                held_out: None
+            };
+            2
+        ],
     }
 }
 
@@ -130,7 +161,10 @@ pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
 
 /// The counts at which the model says these angles.
 pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
-    [(pitch_deg - yaw_deg) / (2.0 * GAIN_DEG), (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG)]
+    [
+        (pitch_deg - yaw_deg) / (2.0 * GAIN_DEG),
+        (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG),
+    ]
 }
 
 pub struct Bench {
@@ -176,7 +210,11 @@ pub struct Recording {
 
 impl Recording {
     fn push(&mut self, now: Nanos, inputs: &Inputs, outputs: &Outputs, snapshot: Option<Snapshot>) {
-        let tick = Tick { planned: now, started: now, missed: 0 };
+        let tick = Tick {
+            planned: now,
+            started: now,
+            missed: 0,
+        };
         let timing = TickTiming { tick, ended: now };
         let number = outputs.requests[0].sequence;
         self.ticks.push(TickRecord {
@@ -195,7 +233,11 @@ impl Recording {
 
     fn offer(&mut self, candidate: &Candidate) {
         let number = self.offers.len() as u64 + 1;
-        self.offers.push(OfferRecord { number, model: candidate.model().id(), carried: candidate.carried() });
+        self.offers.push(OfferRecord {
+            number,
+            model: candidate.model().id(),
+            carried: candidate.carried(),
+        });
         self.keep(candidate.model());
         self.offered = Some(number);
     }
@@ -228,7 +270,10 @@ impl Bench {
             client_sequence: 0,
             request_id: 0,
         };
-        bench.drives.iter_mut().for_each(|drive| drive.feedback.stamp = bench.now);
+        bench
+            .drives
+            .iter_mut()
+            .for_each(|drive| drive.feedback.stamp = bench.now);
         bench.step(None, None);
         bench
     }
@@ -241,17 +286,31 @@ impl Bench {
     pub fn step(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
         let requests = self.out.requests;
         self.now = self.now + self.config.control.period();
-        self.drives.iter_mut().zip(&requests).for_each(|(drive, request)| drive.tick(self.now, request));
+        self.drives
+            .iter_mut()
+            .zip(&requests)
+            .for_each(|(drive, request)| drive.tick(self.now, request));
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
-        let (model, external, missed) = (self.model_request.take(), self.external.take(), self.missed);
-        let inputs = Inputs { servo, request, model, external, missed, feedback, shutdown: self.shutdown };
+        let (model, external, missed) =
+            (self.model_request.take(), self.external.take(), self.missed);
+        let inputs = Inputs {
+            servo,
+            request,
+            model,
+            external,
+            missed,
+            feedback,
+            shutdown: self.shutdown,
+        };
         let before = (self.probe)();
         self.out = self.cycle.step(self.now, &inputs);
         let retired = self.cycle.retired();
         let snapshot = self.cycle.snapshot();
         self.probed += (self.probe)() - before;
         drop(retired);
-        self.recording.iter_mut().for_each(|recording| recording.push(self.now, &inputs, &self.out, snapshot));
+        self.recording
+            .iter_mut()
+            .for_each(|recording| recording.push(self.now, &inputs, &self.out, snapshot));
         self.watch.check(&inputs, &self.out);
         self.note_events();
         self.note_way();
@@ -263,7 +322,11 @@ impl Bench {
             self.history.forget();
         }
         if mark != self.mark {
-            let position = self.out.report.feedback.map(|drive| drive.position.as_f64());
+            let position = self
+                .out
+                .report
+                .feedback
+                .map(|drive| drive.position.as_f64());
             self.history.note(&position);
             self.mark = mark;
         }
@@ -276,7 +339,9 @@ impl Bench {
 
     /// Stages a model.
     pub fn offer(&mut self, candidate: Candidate) {
-        self.recording.iter_mut().for_each(|recording| recording.offer(&candidate));
+        self.recording
+            .iter_mut()
+            .for_each(|recording| recording.offer(&candidate));
         let before = (self.probe)();
         assert!(self.cycle.takes_candidates());
         self.cycle.offer(candidate);
@@ -286,9 +351,16 @@ impl Bench {
     /// One tick with a change of the model in use.
     pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
         self.request_id += 1;
-        self.model_request = Some(ModelRequest { id: self.request_id, change, forced });
+        self.model_request = Some(ModelRequest {
+            id: self.request_id,
+            change,
+            forced,
+        });
         self.tick();
-        let reply = self.out.model_reply.expect("a change of the model is answered in its tick");
+        let reply = self
+            .out
+            .model_reply
+            .expect("a change of the model is answered in its tick");
         assert_eq!(reply.id, self.request_id);
         reply.refusal
     }
@@ -327,8 +399,19 @@ impl Bench {
         self.request_id += 1;
         let id = self.request_id;
         let pose = self.pose.take();
-        self.step(None, Some(StateRequest { id, client_id, command, pose }));
-        let reply = self.out.reply.expect("a state command is answered in its tick");
+        self.step(
+            None,
+            Some(StateRequest {
+                id,
+                client_id,
+                command,
+                pose,
+            }),
+        );
+        let reply = self
+            .out
+            .reply
+            .expect("a state command is answered in its tick");
         assert_eq!(reply.id, id);
         assert_eq!(reply.state, self.out.report.state);
         reply
@@ -356,7 +439,10 @@ impl Bench {
     pub fn send(&mut self, command: ServoCommand) -> Refusal {
         let (accepted, refused) = (self.report().accepted, self.report().refused);
         self.step(Some(command), None);
-        match (self.report().accepted - accepted, self.report().refused - refused) {
+        match (
+            self.report().accepted - accepted,
+            self.report().refused - refused,
+        ) {
             (1, 0) => Refusal::None,
             (0, 1) => self.report().last_refusal,
             other => panic!("one command is accepted or refused, not {other:?}"),
@@ -378,7 +464,10 @@ impl Bench {
     }
 
     pub fn joints(&self) -> JointReport {
-        self.out.report.joint.expect("a model is loaded and drives have reported")
+        self.out
+            .report
+            .joint
+            .expect("a model is loaded and drives have reported")
     }
 
     pub fn state(&self) -> OperatingState {
@@ -433,7 +522,8 @@ impl Bench {
         bench
     }
 
-    /// Enabled and on the way to a far goal, at full speed, with a command that has just been accepted.
+    /// Enabled and on the way to a far goal, at full speed, with a command that has just been
+    /// accepted.
     pub fn moving() -> Self {
         let mut bench = Self::enabled();
         for _ in 0..7 {
@@ -442,7 +532,11 @@ impl Bench {
         }
         let before = bench.targets();
         bench.tick();
-        assert_eq!(bench.targets(), before.map(|target| target + 2), "2000 counts/s");
+        assert_eq!(
+            bench.targets(),
+            before.map(|target| target + 2),
+            "2000 counts/s"
+        );
         bench
     }
 
@@ -464,7 +558,10 @@ impl Bench {
         self.drives[axis].feedback.phase = AxisPhase::Faulted;
         self.drives[axis].feedback.error_code = 0x8611;
         self.run(2);
-        assert_eq!((self.state(), self.report().fault), (OperatingState::Fault, Fault::Drive));
+        assert_eq!(
+            (self.state(), self.report().fault),
+            (OperatingState::Fault, Fault::Drive)
+        );
     }
 
     pub fn quirk(&mut self, axis: usize, quirk: Quirk) {

@@ -20,7 +20,10 @@ fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
         bench.run(4);
     }
     bench.run(600);
-    assert_eq!((bench.targets(), bench.report().lease_client_id), ([120, -80], 0));
+    assert_eq!(
+        (bench.targets(), bench.report().lease_client_id),
+        ([120, -80], 0)
+    );
     bench
 }
 
@@ -34,7 +37,10 @@ fn stroke(bench: &mut Bench) -> Vec<[i32; 2]> {
         places.push(bench.targets());
         assert!(places.len() < 100_000, "it ends");
     }
-    assert_eq!((bench.state(), bench.report().holding), (OperatingState::Enabled, true));
+    assert_eq!(
+        (bench.state(), bench.report().holding),
+        (OperatingState::Enabled, true)
+    );
     places
 }
 
@@ -48,36 +54,68 @@ fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
     let mut bench = ready(config(""), Some(model(OutputUnit::Deg)));
     let places = stroke(&mut bench);
     assert_eq!(range(&places, 0), (-HULL as i32, HULL as i32));
-    assert_eq!(range(&places, 1), (-700, HULL as i32), "motor 1 ends at -700");
+    assert_eq!(
+        range(&places, 1),
+        (-700, HULL as i32),
+        "motor 1 ends at -700"
+    );
     assert_eq!(places.last(), Some(&[120, -80]));
-    let swings: Vec<i32> = places.chunks(places.len() / 4).map(|part| range(part, 0).1 - range(part, 0).0).collect();
-    assert!(swings[1] > swings[3] && swings[3] < 900, "it decays: {swings:?}");
+    let swings: Vec<i32> = places
+        .chunks(places.len() / 4)
+        .map(|part| range(part, 0).1 - range(part, 0).0)
+        .collect();
+    assert!(
+        swings[1] > swings[3] && swings[3] < 900,
+        "it decays: {swings:?}"
+    );
 }
 
 #[test]
 fn afterwards_the_memory_is_known() {
     let mut bench = ready(config(""), Some(play_model()));
-    assert!(!bench.joints().memory_known, "the motors have covered 120 and 80 counts of the 200 that are needed");
+    assert!(
+        !bench.joints().memory_known,
+        "the motors have covered 120 and 80 counts of the 200 that are needed"
+    );
     stroke(&mut bench);
     assert!(bench.joints().memory_known);
 }
 
 #[test]
 fn a_narrow_stroke_is_widened_to_what_the_model_needs() {
-    let mut bench = ready(config("[condition]\nhalf_width_counts = 20\nturns = 2"), Some(play_model()));
+    let mut bench = ready(
+        config("[condition]\nhalf_width_counts = 20\nturns = 2"),
+        Some(play_model()),
+    );
     let places = stroke(&mut bench);
-    assert_eq!((range(&places, 0), range(&places, 1)), ((10, 230), (-190, 30)), "200 counts and a margin");
+    assert_eq!(
+        (range(&places, 0), range(&places, 1)),
+        ((10, 230), (-190, 30)),
+        "200 counts and a margin"
+    );
     assert!(bench.joints().memory_known);
 }
 
 #[test]
 fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
-    let mut bench = ready(config("[condition]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"), None);
+    let mut bench = ready(
+        config("[condition]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"),
+        None,
+    );
     let places = stroke(&mut bench);
-    assert_eq!((range(&places, 0), range(&places, 1)), ((-530, 770), (-700, 600)), "as wide, but moved off the limit");
+    assert_eq!(
+        (range(&places, 0), range(&places, 1)),
+        ((-530, 770), (-700, 600)),
+        "as wide, but moved off the limit"
+    );
     assert_eq!(places.last(), Some(&[120, -80]));
-    let mut steps = places.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
-    assert!(steps.clone().any(|step| step == 2) && steps.all(|step| step <= 2), "1.5 counts a tick");
+    let mut steps = places
+        .windows(2)
+        .map(|pair| (pair[1][0] - pair[0][0]).abs());
+    assert!(
+        steps.clone().any(|step| step == 2) && steps.all(|step| step <= 2),
+        "1.5 counts a tick"
+    );
 }
 
 #[test]
@@ -88,7 +126,10 @@ fn one_motor_is_conditioned_too() {
     bench.home();
     bench.enable();
     let places = stroke(&mut bench);
-    assert_eq!((range(&places, 0), range(&places, 1)), ((-500, 500), (0, 0)));
+    assert_eq!(
+        (range(&places, 0), range(&places, 1)),
+        ((-500, 500), (0, 0))
+    );
 }
 
 #[test]
@@ -118,7 +159,10 @@ fn servo_commands_meanwhile_are_refused_and_change_nothing() {
 #[test]
 fn a_client_that_commands_is_not_disturbed_by_another() {
     let mut bench = Bench::moving();
-    assert_eq!(bench.ask_as(99, StateCommand::Condition).refusal, Refusal::Lease);
+    assert_eq!(
+        bench.ask_as(99, StateCommand::Condition).refusal,
+        Refusal::Lease
+    );
     assert!(!bench.report().holding);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     assert!(bench.report().busy);
@@ -126,9 +170,10 @@ fn a_client_that_commands_is_not_disturbed_by_another() {
 
 #[test]
 fn pause_and_disable_stop_it_at_once() {
-    for (command, state) in
-        [(StateCommand::Pause, OperatingState::Paused), (StateCommand::Disable, OperatingState::Disabled)]
-    {
+    for (command, state) in [
+        (StateCommand::Pause, OperatingState::Paused),
+        (StateCommand::Disable, OperatingState::Disabled),
+    ] {
         let mut bench = ready(config(""), None);
         bench.ask(StateCommand::Condition);
         bench.run(300);
@@ -136,7 +181,10 @@ fn pause_and_disable_stop_it_at_once() {
         bench.tick();
         let here = bench.targets();
         bench.run(1000);
-        assert_eq!((bench.targets(), bench.state(), bench.report().busy), (here, state, false));
+        assert_eq!(
+            (bench.targets(), bench.state(), bench.report().busy),
+            (here, state, false)
+        );
     }
 }
 
@@ -147,14 +195,20 @@ fn old_positions_stop_it_and_a_blocked_motor_is_a_fault() {
     bench.run(300);
     bench.quirk(0, Quirk::Silent);
     bench.run(60);
-    assert_eq!((bench.state(), bench.report().busy, bench.report().holding), (OperatingState::Enabled, false, true));
+    assert_eq!(
+        (bench.state(), bench.report().busy, bench.report().holding),
+        (OperatingState::Enabled, false, true)
+    );
 
     let mut bench = ready(config(""), None);
     bench.ask(StateCommand::Condition);
     bench.run(100);
     bench.quirk(1, Quirk::Blocked);
     bench.run(3000);
-    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::FollowingError));
+    assert_eq!(
+        (bench.state(), bench.report().fault),
+        (OperatingState::Fault, Fault::FollowingError)
+    );
     let here = bench.targets();
     bench.run(500);
     assert_eq!(bench.targets(), here);

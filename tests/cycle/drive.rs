@@ -1,4 +1,5 @@
-//! An ideal drive with its port thread: does what it is told after a fixed number of ticks, and reports it.
+//! An ideal drive with its port thread: does what it is told after a fixed number of ticks, and
+//! reports it.
 
 use i2ris::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
 use i2ris::units::{Counts, Nanos};
@@ -45,7 +46,14 @@ impl Drive {
             phase: AxisPhase::Disabled,
             ..AxisFeedback::default()
         };
-        Self { feedback, quirk: Quirk::None, slot: 1, delay: 3, ticks: 0, left: 0 }
+        Self {
+            feedback,
+            quirk: Quirk::None,
+            slot: 1,
+            delay: 3,
+            ticks: 0,
+            left: 0,
+        }
     }
 
     /// One tick after `request` was sent. What is reported belongs to `now`.
@@ -89,7 +97,9 @@ impl Drive {
                 }
                 self.begin(P::Enabling);
             }
-            (P::Enabling, Demand::Enabled) => self.after_delay(|drive| drive.feedback.phase = P::Enabled),
+            (P::Enabling, Demand::Enabled) => {
+                self.after_delay(|drive| drive.feedback.phase = P::Enabled)
+            }
             (P::Enabled, Demand::Enabled) => {
                 if self.ticks.is_multiple_of(self.slot) {
                     self.write(now, request.target, request);

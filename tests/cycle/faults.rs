@@ -23,16 +23,29 @@ fn expect_fault(bench: &mut Bench, expected: Fault) {
 
 #[test]
 fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
-    for build in [Bench::standard, Bench::homed, Bench::enabled, Bench::moving, Bench::paused] {
+    for build in [
+        Bench::standard,
+        Bench::homed,
+        Bench::enabled,
+        Bench::moving,
+        Bench::paused,
+    ] {
         let mut bench = build();
         bench.drives[1].feedback.phase = AxisPhase::Faulted;
         bench.drives[1].feedback.error_code = 0x8611;
         bench.tick();
         assert_eq!(fault(&bench), Some(Fault::Drive));
-        let told = bench
-            .events
-            .iter()
-            .any(|event| matches!(event, EventKind::Axis { motor: 1, to: AxisPhase::Faulted, error_code: 0x8611, .. }));
+        let told = bench.events.iter().any(|event| {
+            matches!(
+                event,
+                EventKind::Axis {
+                    motor: 1,
+                    to: AxisPhase::Faulted,
+                    error_code: 0x8611,
+                    ..
+                }
+            )
+        });
         assert!(told, "{:?}", bench.events);
     }
 }
@@ -43,7 +56,10 @@ fn the_drive_at_fault_goes_off_and_the_other_holds() {
     bench.fault(1);
     assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
     bench.run(100);
-    assert_eq!(bench.phases(), [AxisPhase::QuickStopped, AxisPhase::Faulted]);
+    assert_eq!(
+        bench.phases(),
+        [AxisPhase::QuickStopped, AxisPhase::Faulted]
+    );
 }
 
 #[test]
@@ -56,7 +72,11 @@ fn drives_without_power_get_none_in_a_fault() {
     bench.ask(StateCommand::Enable);
     bench.run(50);
     bench.fault(0);
-    assert_eq!(demands(&bench), [Demand::Disabled; 2], "enabling was under way");
+    assert_eq!(
+        demands(&bench),
+        [Demand::Disabled; 2],
+        "enabling was under way"
+    );
 }
 
 #[test]
@@ -73,7 +93,11 @@ fn a_line_that_is_lost_is_a_fault_and_the_drive_behind_it_shall_hold() {
     bench.tick();
     assert_eq!(demands(&bench), [Demand::QuickStop; 2]);
     bench.run(10_000);
-    assert_eq!(demands(&bench), [Demand::QuickStop; 2], "and goes on to be told so, for when the line is back");
+    assert_eq!(
+        demands(&bench),
+        [Demand::QuickStop; 2],
+        "and goes on to be told so, for when the line is back"
+    );
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists);
     bench.quirk(0, Quirk::None);
     bench.drives[0].feedback.phase = AxisPhase::Enabled;
@@ -102,14 +126,24 @@ fn a_drive_that_starts_anew_had_been_lost() {
 #[test]
 fn a_drive_that_leaves_the_enabled_state_is_a_fault() {
     use AxisPhase as P;
-    for phase in [P::Disabled, P::Enabling, P::Homing, P::QuickStopped, P::Disabling] {
+    for phase in [
+        P::Disabled,
+        P::Enabling,
+        P::Homing,
+        P::QuickStopped,
+        P::Disabling,
+    ] {
         for build in [Bench::enabled, Bench::paused, Bench::moving] {
             let mut bench = build();
             bench.drives[0].quirk = Quirk::Deaf;
             bench.drives[0].feedback.phase = phase;
             bench.tick();
             assert_eq!(fault(&bench), Some(Fault::DriveState), "{phase:?}");
-            assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop], "{phase:?}");
+            assert_eq!(
+                demands(&bench),
+                [Demand::Disabled, Demand::QuickStop],
+                "{phase:?}"
+            );
         }
     }
 }
@@ -126,13 +160,21 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
     }
     assert_eq!(fault(&bench), Some(Fault::FollowingError));
     let written = bench.drives[0].feedback.written.unwrap().target;
-    assert_eq!(written, Counts(301), "the first set-point beyond 300 counts");
+    assert_eq!(
+        written,
+        Counts(301),
+        "the first set-point beyond 300 counts"
+    );
     bench.quirk(0, Quirk::None);
     bench.run(20);
-    assert_eq!(bench.phases(), [AxisPhase::Disabled, AxisPhase::QuickStopped]);
+    assert_eq!(
+        bench.phases(),
+        [AxisPhase::Disabled, AxisPhase::QuickStopped]
+    );
 }
 
-/// On a slow line the newest set-point is far ahead of the one that was written; the motor cannot know it.
+/// On a slow line the newest set-point is far ahead of the one that was written; the motor cannot
+/// know it.
 #[test]
 fn a_set_point_that_waits_for_the_wire_is_no_following_error() {
     let config = crate::bench::config("[limits]\nfollowing_error_counts = 10");
@@ -176,13 +218,26 @@ fn a_fault_stays_until_it_is_acknowledged() {
 #[test]
 fn an_acknowledged_fault_resets_the_drive_that_has_it_and_moves_nothing() {
     let mut bench = Bench::faulted();
-    assert_eq!(bench.out.requests.map(|request| request.fault_resets), [0, 0]);
+    assert_eq!(
+        bench.out.requests.map(|request| request.fault_resets),
+        [0, 0]
+    );
     let before = bench.drives.map(|drive| drive.feedback.position);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    assert_eq!(bench.out.requests.map(|request| request.fault_resets), [1, 0]);
-    assert_eq!((bench.state(), bench.report().busy), (OperatingState::Fault, true));
+    assert_eq!(
+        bench.out.requests.map(|request| request.fault_resets),
+        [1, 0]
+    );
+    assert_eq!(
+        (bench.state(), bench.report().busy),
+        (OperatingState::Fault, true)
+    );
     bench.idle();
-    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Disabled, Fault::Drive), "the last fault");
+    assert_eq!(
+        (bench.state(), bench.report().fault),
+        (OperatingState::Disabled, Fault::Drive),
+        "the last fault"
+    );
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
     assert_eq!(bench.drives.map(|drive| drive.feedback.position), before);
     bench.enable();
@@ -208,7 +263,11 @@ fn a_drive_that_does_not_come_to_its_quick_stop_is_switched_off() {
     bench.quirk(1, Quirk::Deaf);
     bench.fault(0);
     assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop]);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists, "a drive is where it should not be");
+    assert_eq!(
+        bench.ask(StateCommand::Acknowledge),
+        Refusal::CausePersists,
+        "a drive is where it should not be"
+    );
     bench.run(3000);
     assert_eq!(demands(&bench), [Demand::Disabled; 2]);
 }
@@ -249,7 +308,11 @@ fn a_fault_is_not_over_while_a_drive_is_not_heard() {
     expect_fault(&mut bench, Fault::Link);
     bench.drives[1].feedback.phase = AxisPhase::QuickStopped;
     bench.run(10);
-    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists, "its last report is old");
+    assert_eq!(
+        bench.ask(StateCommand::Acknowledge),
+        Refusal::CausePersists,
+        "its last report is old"
+    );
     bench.quirk(1, Quirk::None);
     bench.run(10);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);

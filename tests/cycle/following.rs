@@ -26,11 +26,15 @@ fn angles_end_at_the_counts_that_the_model_says() {
     hold_goal(&mut bench, Goal::Joint(rad(3.0, -1.5), 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
-        assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");
+        assert!(
+            (f64::from(*target) - wanted).abs() <= HALF,
+            "{target} for {wanted}"
+        );
     }
     let joints = bench.joints();
     assert!(
-        (joints.setpoint[0].to_degrees() - 3.0).abs() < 1e-6 && (joints.setpoint[1].to_degrees() + 1.5).abs() < 1e-6
+        (joints.setpoint[0].to_degrees() - 3.0).abs() < 1e-6
+            && (joints.setpoint[1].to_degrees() + 1.5).abs() < 1e-6
     );
     assert!((joints.measured[0].to_degrees() - 3.0).abs() < GAIN_DEG * 2.0);
     assert_eq!(joints.goal, rad(3.0, -1.5));
@@ -55,10 +59,17 @@ fn a_tip_position_is_followed_like_an_angle() {
     hold_goal(&mut bench, Goal::Joint(goal, 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
-        assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");
+        assert!(
+            (f64::from(*target) - wanted).abs() <= HALF,
+            "{target} for {wanted}"
+        );
     }
     // 4 mm in pitch are 257 counts of both motors.
-    assert_eq!(bench.joint(0.0, 0.0), Refusal::None, "near zero in any unit");
+    assert_eq!(
+        bench.joint(0.0, 0.0),
+        Refusal::None,
+        "near zero in any unit"
+    );
     let far = bench.servo(Goal::Joint([0.010, 0.0, 0.0], 2));
     assert_eq!(bench.send(far), Refusal::Step);
 }
@@ -77,7 +88,11 @@ fn a_goal_outside_the_hull_is_clipped_to_it_and_reported() {
     hold_goal(&mut bench, Goal::Joint(rad(pitch, 0.0), 2));
     assert!(bench.report().clipped);
     assert_eq!(bench.targets(), [800, 800]);
-    assert!((bench.joints().goal[0].to_degrees() - edge).abs() < 1e-6, "{}", bench.joints().goal[0].to_degrees());
+    assert!(
+        (bench.joints().goal[0].to_degrees() - edge).abs() < 1e-6,
+        "{}",
+        bench.joints().goal[0].to_degrees()
+    );
     hold_goal(&mut bench, Goal::Joint(rad(pitch - 4.0, 0.0), 2));
     assert!(!bench.report().clipped);
 }
@@ -97,7 +112,10 @@ fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
     assert!(bench.report().clipped);
     assert_eq!(bench.targets()[1], -700);
     let joints = bench.joints();
-    assert!((joints.goal[0] - joints.setpoint[0]).abs() < 1e-9, "the goal is what can be reached");
+    assert!(
+        (joints.goal[0] - joints.setpoint[0]).abs() < 1e-9,
+        "the goal is what can be reached"
+    );
 }
 
 #[test]
@@ -106,10 +124,17 @@ fn the_next_set_point_carries_stamp_and_sequence_of_its_command() {
     let command = bench.servo(Goal::Joint(rad(0.1, 0.0), 2));
     bench.send(command);
     for request in bench.out.requests {
-        assert_eq!((request.command_stamp, request.command_sequence), (command.stamp, command.sequence));
+        assert_eq!(
+            (request.command_stamp, request.command_sequence),
+            (command.stamp, command.sequence)
+        );
     }
     bench.run(100);
-    assert_eq!(bench.out.requests[0].command_stamp, Nanos::ZERO, "a robot that holds follows no command");
+    assert_eq!(
+        bench.out.requests[0].command_stamp,
+        Nanos::ZERO,
+        "a robot that holds follows no command"
+    );
 }
 
 /// The extrapolated goal may be outside while the goal is not; what is reported is the goal.
@@ -128,7 +153,8 @@ fn what_is_reported_is_what_was_asked_and_not_where_it_is_heading() {
     }
 }
 
-/// A client that asks for `goal(time)` at a rate, judged by how far the set-point is from what is asked for at every tick.
+/// A client that asks for `goal(time)` at a rate, judged by how far the set-point is from what is
+/// asked for at every tick.
 struct Stream {
     rate_hz: f64,
     /// Time between sending and the tick that reads it, seconds.
@@ -138,7 +164,8 @@ struct Stream {
 }
 
 impl Stream {
-    /// The largest distance of motor 0 from the goal of each instant, counts, from `warm_up` seconds on.
+    /// The largest distance of motor 0 from the goal of each instant, counts, from `warm_up`
+    /// seconds on.
     fn worst_distance(&self, goal: impl Fn(f64) -> f64, warm_up_s: f64, seconds: f64) -> f64 {
         let mut bench = Bench::enabled();
         let (start, tick) = (bench.now, bench.config.control.period());
@@ -169,12 +196,16 @@ impl Stream {
 /// 12 deg/s in pitch, which both motors share.
 const SPEED: f64 = 12.0 / (2.0 * GAIN_DEG);
 
-/// Half a count of rounding, and what is left of the lag: a tenth of a count is 0.1 ms at this speed. Following the
-/// commands as a staircase instead leaves 2.5 counts at 1 kHz.
+/// Half a count of rounding, and what is left of the lag: a tenth of a count is 0.1 ms at this
+/// speed. Following the commands as a staircase instead leaves 2.5 counts at 1 kHz.
 #[test]
 fn a_steady_stream_is_followed_without_lag() {
     for rate_hz in [1000.0, 500.0, 200.0, 100.0] {
-        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
+        let stream = Stream {
+            rate_hz,
+            delay_s: 0.0003,
+            jitter_s: 0.0,
+        };
         let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
         assert!(worst <= HALF + 0.1, "{worst} counts at {rate_hz} Hz");
     }
@@ -182,7 +213,11 @@ fn a_steady_stream_is_followed_without_lag() {
 
 #[test]
 fn a_stream_with_jitter_is_followed_just_as_well() {
-    let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0015 };
+    let stream = Stream {
+        rate_hz: 200.0,
+        delay_s: 0.0003,
+        jitter_s: 0.0015,
+    };
     let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
     assert!(worst <= HALF + 0.1, "{worst} counts");
 }
@@ -192,9 +227,16 @@ fn a_stream_with_jitter_is_followed_just_as_well() {
 fn a_sine_is_followed_within_a_tick() {
     let goal = |time: f64| 225.0 * (std::f64::consts::PI * time).sin();
     for (rate_hz, behind) in [(1000.0, 0.1), (200.0, 0.2), (100.0, 0.5)] {
-        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
+        let stream = Stream {
+            rate_hz,
+            delay_s: 0.0003,
+            jitter_s: 0.0,
+        };
         let worst = stream.worst_distance(goal, 0.2, 4.0);
-        assert!(worst <= HALF + behind, "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts");
+        assert!(
+            worst <= HALF + behind,
+            "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts"
+        );
     }
 }
 
@@ -209,18 +251,28 @@ fn a_steady_stream_gives_a_steady_velocity() {
         for _ in 0..4 {
             bench.tick();
             let velocity = bench.joints().setpoint_velocity[0].to_degrees();
-            assert!(k < 20 || (velocity - 12.0).abs() < 0.1, "{velocity} deg/s after {k} commands");
+            assert!(
+                k < 20 || (velocity - 12.0).abs() < 0.1,
+                "{velocity} deg/s after {k} commands"
+            );
         }
     }
 }
 
 #[test]
 fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
-    let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0 };
+    let stream = Stream {
+        rate_hz: 200.0,
+        delay_s: 0.0003,
+        jitter_s: 0.0,
+    };
     let stop = 150.0;
     let worst = stream.worst_distance(|time| (SPEED * time).min(stop), 0.2, 1.0);
     let step = SPEED / 200.0;
-    assert!(worst <= 2.0 * step + HALF, "{worst} counts, steps of {step}");
+    assert!(
+        worst <= 2.0 * step + HALF,
+        "{worst} counts, steps of {step}"
+    );
 }
 
 #[test]

@@ -21,7 +21,10 @@ fn refusal(bench: &mut Bench, change: impl FnOnce(&mut ServoCommand)) -> Refusal
     let refusal = bench.send(command);
     if refusal != Refusal::None {
         let lease = bench.report().lease_client_id;
-        assert!(lease == before.report.lease_client_id || lease == 0, "a refusal gives no lease");
+        assert!(
+            lease == before.report.lease_client_id || lease == 0,
+            "a refusal gives no lease"
+        );
         assert_eq!(bench.joints().setpoint, joint, "a refusal moves nothing");
     }
     refusal
@@ -31,8 +34,16 @@ fn refusal(bench: &mut Bench, change: impl FnOnce(&mut ServoCommand)) -> Refusal
 fn a_command_of_the_wrong_shape_is_malformed() {
     let mut bench = Bench::enabled();
     for entries in [0, 1, 3, 4, u32::MAX] {
-        assert_eq!(refusal(&mut bench, |c| c.goal = Goal::Joint([0.0; 3], entries)), Refusal::Malformed, "{entries}");
-        assert_eq!(refusal(&mut bench, |c| c.goal = Goal::Actuator([Counts(0); 2], entries)), Refusal::Malformed);
+        assert_eq!(
+            refusal(&mut bench, |c| c.goal = Goal::Joint([0.0; 3], entries)),
+            Refusal::Malformed,
+            "{entries}"
+        );
+        assert_eq!(
+            refusal(&mut bench, |c| c.goal =
+                Goal::Actuator([Counts(0); 2], entries)),
+            Refusal::Malformed
+        );
     }
     assert_eq!(refusal(&mut bench, |c| c.client_id = 0), Refusal::Malformed);
 }
@@ -41,9 +52,16 @@ fn a_command_of_the_wrong_shape_is_malformed() {
 fn what_is_not_finite_is_refused_and_what_is_not_sent_is_not_looked_at() {
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        assert_eq!(refusal(&mut bench, |c| c.goal = Goal::Joint([0.0, value, 0.0], 2)), Refusal::NotFinite);
+        assert_eq!(
+            refusal(&mut bench, |c| c.goal = Goal::Joint([0.0, value, 0.0], 2)),
+            Refusal::NotFinite
+        );
     }
-    assert_eq!(refusal(&mut bench, |c| c.goal = Goal::Joint([0.0, 0.0, f64::NAN], 2)), Refusal::None);
+    assert_eq!(
+        refusal(&mut bench, |c| c.goal =
+            Goal::Joint([0.0, 0.0, f64::NAN], 2)),
+        Refusal::None
+    );
     bench.run(10);
     assert_eq!(bench.joints().goal, [0.0; 3]);
 }
@@ -52,14 +70,39 @@ fn what_is_not_finite_is_refused_and_what_is_not_sent_is_not_looked_at() {
 fn stamps_and_deadlines_have_bounds() {
     let mut bench = Bench::enabled();
     let ms = Nanos::from_millis;
-    assert_eq!(refusal(&mut bench, |c| c.stamp = c.stamp + ms(2)), Refusal::None, "clocks of processors differ");
-    assert_eq!(refusal(&mut bench, |c| c.stamp = c.stamp + ms(2) + Nanos(1)), Refusal::Stamp);
-    assert_eq!(refusal(&mut bench, |c| c.stamp = Nanos(u64::MAX)), Refusal::Stamp);
-    assert_eq!(refusal(&mut bench, |c| c.deadline = ms(1000) + Nanos(1)), Refusal::Stamp);
-    assert_eq!(refusal(&mut bench, |c| c.deadline = ms(1000)), Refusal::None);
-    assert_eq!(refusal(&mut bench, |c| c.stamp = c.stamp - ms(50)), Refusal::Stale);
-    assert_eq!(refusal(&mut bench, |c| c.stamp = c.stamp - ms(49)), Refusal::None);
-    assert_eq!(refusal(&mut bench, |c| c.stamp = Nanos::ZERO), Refusal::Stale);
+    assert_eq!(
+        refusal(&mut bench, |c| c.stamp = c.stamp + ms(2)),
+        Refusal::None,
+        "clocks of processors differ"
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.stamp = c.stamp + ms(2) + Nanos(1)),
+        Refusal::Stamp
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.stamp = Nanos(u64::MAX)),
+        Refusal::Stamp
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.deadline = ms(1000) + Nanos(1)),
+        Refusal::Stamp
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.deadline = ms(1000)),
+        Refusal::None
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.stamp = c.stamp - ms(50)),
+        Refusal::Stale
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.stamp = c.stamp - ms(49)),
+        Refusal::None
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| c.stamp = Nanos::ZERO),
+        Refusal::Stale
+    );
     let short = |c: &mut ServoCommand| {
         c.stamp = c.stamp - ms(3);
         c.deadline = ms(3);
@@ -75,15 +118,29 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
     assert_eq!(refusal(&mut bench, |c| c.sequence = 499), Refusal::Sequence);
     bench.run(600);
     assert_eq!(bench.report().lease_client_id, 0);
-    assert_eq!(refusal(&mut bench, |c| c.sequence = 500), Refusal::Sequence, "a replay");
-    assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::None);
-    assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::Sequence);
+    assert_eq!(
+        refusal(&mut bench, |c| c.sequence = 500),
+        Refusal::Sequence,
+        "a replay"
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)),
+        Refusal::None
+    );
+    assert_eq!(
+        refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)),
+        Refusal::Sequence
+    );
 }
 
 #[test]
 fn a_refused_command_uses_up_no_sequence_number() {
     let mut bench = Bench::enabled();
-    assert_eq!(refusal(&mut bench, |c| (c.sequence, c.goal) = (900, Goal::Joint(rad(20.0, 0.0), 2))), Refusal::Step);
+    assert_eq!(
+        refusal(&mut bench, |c| (c.sequence, c.goal) =
+            (900, Goal::Joint(rad(20.0, 0.0), 2))),
+        Refusal::Step
+    );
     assert_eq!(refusal(&mut bench, |c| c.sequence = 900), Refusal::None);
 }
 
@@ -95,15 +152,29 @@ fn one_client_commands_at_a_time() {
     for _ in 0..10 {
         bench.run(100);
         assert_eq!(refusal(&mut bench, |c| c.client_id = 8), Refusal::Lease);
-        assert_eq!(refusal(&mut bench, |_| {}), Refusal::None, "which renews the lease");
+        assert_eq!(
+            refusal(&mut bench, |_| {}),
+            Refusal::None,
+            "which renews the lease"
+        );
     }
     bench.run(499);
-    assert_eq!(refusal(&mut bench, |c| c.client_id = 8), Refusal::None, "500 ms of silence");
+    assert_eq!(
+        refusal(&mut bench, |c| c.client_id = 8),
+        Refusal::None,
+        "500 ms of silence"
+    );
     assert_eq!(bench.report().lease_client_id, 8);
     let leases: Vec<u64> = bench
         .events
         .iter()
-        .filter_map(|event| if let EventKind::Lease { client_id } = event { Some(*client_id) } else { None })
+        .filter_map(|event| {
+            if let EventKind::Lease { client_id } = event {
+                Some(*client_id)
+            } else {
+                None
+            }
+        })
         .collect();
     assert_eq!(leases, [CLIENT, 0, 8]);
 }
@@ -140,8 +211,18 @@ fn angles_need_a_model() {
 #[test]
 fn counts_outside_the_position_limits_are_refused() {
     let mut bench = Bench::enabled();
-    for motors in [[1001, 0], [0, 1001], [-1001, 0], [0, -701], [i32::MIN, i32::MAX]] {
-        assert_eq!(refusal(&mut bench, |c| c.goal = counts(motors)), Refusal::Range, "{motors:?}");
+    for motors in [
+        [1001, 0],
+        [0, 1001],
+        [-1001, 0],
+        [0, -701],
+        [i32::MIN, i32::MAX],
+    ] {
+        assert_eq!(
+            refusal(&mut bench, |c| c.goal = counts(motors)),
+            Refusal::Range,
+            "{motors:?}"
+        );
     }
 }
 
@@ -149,7 +230,11 @@ fn counts_outside_the_position_limits_are_refused() {
 fn the_first_step_counts_from_the_present_set_point() {
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(5.01, 0.0), Refusal::Step);
-    assert_eq!(bench.joint(3.6, 3.6), Refusal::Step, "the length of the step: 5.09 deg");
+    assert_eq!(
+        bench.joint(3.6, 3.6),
+        Refusal::Step,
+        "the length of the step: 5.09 deg"
+    );
     assert_eq!(bench.joint(5.0, 0.0), Refusal::None);
     let mut bench = Bench::enabled();
     assert_eq!(bench.actuator([251, 0]), Refusal::Step);
@@ -207,7 +292,13 @@ fn the_first_thing_that_is_wrong_is_named() {
 #[test]
 fn repeated_refusals_are_counted_but_told_once() {
     let mut bench = Bench::enabled();
-    let told = |bench: &Bench| bench.events.iter().filter(|e| matches!(e, EventKind::Refused { .. })).count();
+    let told = |bench: &Bench| {
+        bench
+            .events
+            .iter()
+            .filter(|e| matches!(e, EventKind::Refused { .. }))
+            .count()
+    };
     for _ in 0..20 {
         assert_eq!(bench.joint(30.0, 0.0), Refusal::Step);
     }
@@ -216,7 +307,14 @@ fn repeated_refusals_are_counted_but_told_once() {
     assert_eq!((bench.report().refused, told(&bench)), (21, 2));
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
-    assert_eq!((bench.report().accepted, bench.report().refused, told(&bench)), (1, 22, 3));
+    assert_eq!(
+        (
+            bench.report().accepted,
+            bench.report().refused,
+            told(&bench)
+        ),
+        (1, 22, 3)
+    );
 }
 
 #[test]

@@ -33,10 +33,17 @@ impl Watch {
     pub fn new(config: &Config) -> Self {
         let tick = config.control.period().as_seconds();
         let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
-        let limits = axes.map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0)).collect();
-        let (velocity, slow_down) =
-            (config.limits.velocity_counts_s * tick, config.limits.stop_deceleration_counts_s2 * tick * tick);
-        let window = config.limits.window_ticks(config.control.period()).unwrap_or(1);
+        let limits = axes
+            .map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0))
+            .collect();
+        let (velocity, slow_down) = (
+            config.limits.velocity_counts_s * tick,
+            config.limits.stop_deceleration_counts_s2 * tick * tick,
+        );
+        let window = config
+            .limits
+            .window_ticks(config.control.period())
+            .unwrap_or(1);
         Self {
             velocity,
             slow_down,
@@ -76,7 +83,9 @@ impl Watch {
             match report.state {
                 OperatingState::Disabled if idle => assert_eq!(request.demand, Demand::Disabled),
                 OperatingState::Disabled => assert_ne!(request.demand, Demand::QuickStop),
-                OperatingState::Enabled | OperatingState::Paused => assert_eq!(request.demand, Demand::Enabled),
+                OperatingState::Enabled | OperatingState::Paused => {
+                    assert_eq!(request.demand, Demand::Enabled)
+                }
                 OperatingState::Fault => assert_ne!(request.demand, Demand::Enabled),
             }
         }
@@ -85,24 +94,44 @@ impl Watch {
     }
 
     fn check_counters(&self, inputs: &Inputs, outputs: &Outputs) {
-        assert_eq!(outputs.reply.map(|reply| reply.id), inputs.request.map(|request| request.id));
+        assert_eq!(
+            outputs.reply.map(|reply| reply.id),
+            inputs.request.map(|request| request.id)
+        );
         let Some(last) = &self.last else { return };
         let (before, after) = (&last.report, &outputs.report);
         let judged = (after.accepted - before.accepted) + (after.refused - before.refused);
         assert_eq!(judged, u64::from(inputs.servo.is_some()));
         if after.accepted > before.accepted {
             assert_eq!(after.state, OperatingState::Enabled);
-            assert_eq!(Some(after.lease_client_id), inputs.servo.map(|command| command.client_id));
+            assert_eq!(
+                Some(after.lease_client_id),
+                inputs.servo.map(|command| command.client_id)
+            );
         }
         if after.state != before.state {
             assert_eq!(after.since, after.now);
         }
-        for (before, after) in last.requests.iter().zip(&outputs.requests).take(self.limits.len()) {
+        for (before, after) in last
+            .requests
+            .iter()
+            .zip(&outputs.requests)
+            .take(self.limits.len())
+        {
             assert_eq!(after.sequence, before.sequence + 1);
-            assert!(after.homings - before.homings <= 1 && after.fault_resets - before.fault_resets <= 1);
-            let accepted = outputs.reply.is_some_and(|reply| reply.refusal == Refusal::None);
-            let raised = after.homings != before.homings || after.fault_resets != before.fault_resets;
-            assert!(accepted || !raised, "counters rise on accepted commands only");
+            assert!(
+                after.homings - before.homings <= 1
+                    && after.fault_resets - before.fault_resets <= 1
+            );
+            let accepted = outputs
+                .reply
+                .is_some_and(|reply| reply.refusal == Refusal::None);
+            let raised =
+                after.homings != before.homings || after.fault_resets != before.fault_resets;
+            assert!(
+                accepted || !raised,
+                "counters rise on accepted commands only"
+            );
         }
     }
 
@@ -119,27 +148,71 @@ impl Watch {
             return;
         }
         let (lowest, highest) = self.limits[motor];
-        assert!((lowest..=highest).contains(&request.target.0), "{}", request.target);
-        axis.quiet = if outputs.report.state == OperatingState::Enabled { 0 } else { axis.quiet + 1 };
-        check_motion(axis, request, self.velocity, self.slow_down, self.stop_ticks);
+        assert!(
+            (lowest..=highest).contains(&request.target.0),
+            "{}",
+            request.target
+        );
+        axis.quiet = if outputs.report.state == OperatingState::Enabled {
+            0
+        } else {
+            axis.quiet + 1
+        };
+        check_motion(
+            axis,
+            request,
+            self.velocity,
+            self.slow_down,
+            self.stop_ticks,
+        );
         axis.before = axis.target;
         axis.target = Some(request.target.0);
     }
 }
 
-fn check_motion(axis: &AxisWatch, request: &AxisRequest, velocity: f64, slow_down: f64, stop_ticks: u32) {
+fn check_motion(
+    axis: &AxisWatch,
+    request: &AxisRequest,
+    velocity: f64,
+    slow_down: f64,
+    stop_ticks: u32,
+) {
     let Some(target) = axis.target else { return };
     let step = f64::from(request.target.0 - target);
     assert!(step.abs() <= velocity + 1.0, "a step of {step}");
-    assert!(axis.quiet <= stop_ticks || step == 0.0, "a step of {step}, {} ticks after ENABLED", axis.quiet);
+    assert!(
+        axis.quiet <= stop_ticks || step == 0.0,
+        "a step of {step}, {} ticks after ENABLED",
+        axis.quiet
+    );
     let Some(before) = axis.before else { return };
     let step_before = f64::from(target - before);
-    assert!((step - step_before).abs() <= slow_down + 2.0, "from {step_before} to {step}");
+    assert!(
+        (step - step_before).abs() <= slow_down + 2.0,
+        "from {step_before} to {step}"
+    );
 }
 
 fn check_numbers(outputs: &Outputs) {
-    let Some(joint) = &outputs.report.joint else { return };
-    let values = [joint.goal, joint.setpoint, joint.measured, joint.setpoint_velocity, joint.measured_velocity];
-    assert!(values.iter().flatten().all(|value| value.is_finite()), "{joint:?}");
-    assert!(joint.deviation.iter().all(|value| value.is_finite() && *value >= 0.0), "{joint:?}");
+    let Some(joint) = &outputs.report.joint else {
+        return;
+    };
+    let values = [
+        joint.goal,
+        joint.setpoint,
+        joint.measured,
+        joint.setpoint_velocity,
+        joint.measured_velocity,
+    ];
+    assert!(
+        values.iter().flatten().all(|value| value.is_finite()),
+        "{joint:?}"
+    );
+    assert!(
+        joint
+            .deviation
+            .iter()
+            .all(|value| value.is_finite() && *value >= 0.0),
+        "{joint:?}"
+    );
 }

@@ -32,7 +32,12 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
     while bench.report().busy {
         bench.tick();
         let here = bench.joints().setpoint;
-        fastest = fastest.max((here[0] - before[0]).hypot(here[1] - before[1]).to_degrees() * 1e3);
+        fastest = fastest.max(
+            (here[0] - before[0])
+                .hypot(here[1] - before[1])
+                .to_degrees()
+                * 1e3,
+        );
         // On the straight line.
         assert!((here[0] * 3.0 + here[1] * 8.0).abs() < 1e-3, "{here:?}");
         (before, ticks) = (here, ticks + 1);
@@ -46,7 +51,11 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 
 #[test]
 fn servo_commands_wait_until_it_has_ended_and_everything_that_stops_stops_it() {
-    for stop in [StateCommand::Hold, StateCommand::Pause, StateCommand::Disable] {
+    for stop in [
+        StateCommand::Hold,
+        StateCommand::Pause,
+        StateCommand::Disable,
+    ] {
         let mut bench = enabled("");
         assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
         bench.run(300);
@@ -69,12 +78,19 @@ fn a_pose_that_cannot_be_is_refused_and_one_outside_the_hull_is_clipped() {
     assert_eq!(go(&mut bench, f64::NAN, 0.0), Refusal::NotFinite);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     bench.pose = Some((rad(1.0, 0.0), 2));
-    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Move).refusal, Refusal::Lease);
+    assert_eq!(
+        bench.ask_as(CLIENT + 1, StateCommand::Move).refusal,
+        Refusal::Lease
+    );
     assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::None);
     bench.run(10);
     assert!(bench.report().clipped);
     bench.idle();
-    assert!((pitch(&bench) - 2.0 * GAIN_DEG * HULL).abs() < 1e-3, "{}", pitch(&bench));
+    assert!(
+        (pitch(&bench) - 2.0 * GAIN_DEG * HULL).abs() < 1e-3,
+        "{}",
+        pitch(&bench)
+    );
     let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
     bench.home();
     bench.enable();
@@ -93,7 +109,13 @@ fn a_model_can_take_over_on_the_way() {
     let next = play_model();
     bench.offer(bench.candidate(&next));
     bench.tick();
-    assert_eq!(bench.change_model(i2ris::control::ModelChange::Activate(Arc::clone(&next).id()), true), Refusal::None);
+    assert_eq!(
+        bench.change_model(
+            i2ris::control::ModelChange::Activate(Arc::clone(&next).id()),
+            true
+        ),
+        Refusal::None
+    );
     bench.idle();
     assert!((pitch(&bench) - 8.0).abs() < 0.12, "{}", pitch(&bench));
 }
@@ -137,7 +159,11 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
     assert_eq!(bench.targets(), before, "closing moves nothing");
     lead(&mut bench, -12.0, -9.0, 100);
     lead(&mut bench, -9.0, -9.0, 20);
-    assert!((pitch(&bench) - held - 3.0).abs() < 0.01, "{} {held}", pitch(&bench));
+    assert!(
+        (pitch(&bench) - held - 3.0).abs() < 0.01,
+        "{} {held}",
+        pitch(&bench)
+    );
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
 }
 
@@ -145,7 +171,10 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
 fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
     let mut bench = enabled("[command]\nscale = 0.25");
     lead(&mut bench, 20.0, 20.0, 5);
-    assert!(pitch(&bench).abs() < 1e-9, "a stream begins where the snake is");
+    assert!(
+        pitch(&bench).abs() < 1e-9,
+        "a stream begins where the snake is"
+    );
     lead(&mut bench, 20.0, 28.0, 100);
     lead(&mut bench, 28.0, 28.0, 20);
     assert!((pitch(&bench) - 2.0).abs() < 0.01, "{}", pitch(&bench));

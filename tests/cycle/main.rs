@@ -1,6 +1,7 @@
 //! The control cycle against simulated drives, on simulated time.
 //!
-//! `bench` builds a cycle in a wanted state and ticks it; `invariant` watches every tick of every test.
+//! `bench` builds a cycle in a wanted state and ticks it; `invariant` watches every tick of every
+//! test.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 

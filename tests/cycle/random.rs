@@ -1,5 +1,5 @@
-//! Whatever clients, drives and clocks do, the invariants of `invariant` hold in every tick, and the robot can be brought
-//! back to work.
+//! Whatever clients, drives and clocks do, the invariants of `invariant` hold in every tick, and
+//! the robot can be brought back to work.
 
 use i2ris::control::{Goal, ServoCommand};
 use i2ris::drive::AxisPhase;
@@ -40,8 +40,15 @@ const PHASES: [AxisPhase; 9] = [
     AxisPhase::Lost,
 ];
 
-const QUIRKS: [Quirk; 7] =
-    [Quirk::None, Quirk::None, Quirk::Silent, Quirk::Deaf, Quirk::Blocked, Quirk::Homeless, Quirk::Broken];
+const QUIRKS: [Quirk; 7] = [
+    Quirk::None,
+    Quirk::None,
+    Quirk::Silent,
+    Quirk::Deaf,
+    Quirk::Blocked,
+    Quirk::Homeless,
+    Quirk::Broken,
+];
 
 fn angle() -> impl Strategy<Value = f64> {
     prop_oneof![
@@ -54,8 +61,12 @@ fn angle() -> impl Strategy<Value = f64> {
 fn goal() -> impl Strategy<Value = Goal> {
     let entries = prop_oneof![9 => Just(2_u32), 1 => 0..5_u32];
     prop_oneof![
-        (prop::array::uniform3(angle()), entries.clone()).prop_map(|(angles, entries)| Goal::Joint(angles, entries)),
-        (prop::array::uniform2(prop_oneof![9 => -1100..1100_i32, 1 => any::<i32>()]), entries)
+        (prop::array::uniform3(angle()), entries.clone())
+            .prop_map(|(angles, entries)| Goal::Joint(angles, entries)),
+        (
+            prop::array::uniform2(prop_oneof![9 => -1100..1100_i32, 1 => any::<i32>()]),
+            entries
+        )
             .prop_map(|(counts, entries)| Goal::Actuator(counts.map(Counts), entries)),
     ]
 }
@@ -92,7 +103,14 @@ fn perform(bench: &mut Bench, act: Act, sequence: &mut i64) {
             let stamp = Nanos((bench.now.0 as i64 - age_ms * 1_000_000) as u64);
             let deadline = Nanos::from_millis(deadline_ms);
             let (sequence, clutched) = (sequence.unsigned_abs(), age_ms % 5 == 3);
-            let _ = bench.send(ServoCommand { client_id, sequence, stamp, deadline, goal, clutched });
+            let _ = bench.send(ServoCommand {
+                client_id,
+                sequence,
+                stamp,
+                deadline,
+                goal,
+                clutched,
+            });
         }
         Act::Stream(step, steps, ticks) => {
             let mut goal = bench.targets();
@@ -109,7 +127,12 @@ fn perform(bench: &mut Bench, act: Act, sequence: &mut i64) {
         Act::Slot(axis, slot) => bench.drives[axis].slot = slot,
         Act::Recover => {
             heal(bench);
-            for command in [StateCommand::Acknowledge, StateCommand::Home, StateCommand::Enable, StateCommand::Resume] {
+            for command in [
+                StateCommand::Acknowledge,
+                StateCommand::Home,
+                StateCommand::Enable,
+                StateCommand::Resume,
+            ] {
                 bench.run(300);
                 let _ = bench.ask(command);
             }
@@ -136,11 +159,21 @@ fn bring_back(bench: &mut Bench) {
     bench.run((4_000_000_000 / bench.config.control.period().0) as usize);
     bench.idle();
     if bench.state() == OperatingState::Fault {
-        assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None, "{:?}", bench.report());
+        assert_eq!(
+            bench.ask(StateCommand::Acknowledge),
+            Refusal::None,
+            "{:?}",
+            bench.report()
+        );
     }
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     bench.idle();
-    assert_eq!(bench.state(), OperatingState::Disabled, "{:?}", bench.report());
+    assert_eq!(
+        bench.state(),
+        OperatingState::Disabled,
+        "{:?}",
+        bench.report()
+    );
     bench.home();
     bench.enable();
     assert_eq!(bench.actuator([100, 100]), Refusal::None);

@@ -28,7 +28,10 @@ fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
         let setpoints = rehearsal.follow(goal(pitch, yaw)).unwrap().setpoints;
         let wanted = counts_at(pitch, yaw);
         for (setpoint, wanted) in setpoints.iter().zip(wanted) {
-            assert!((setpoint.as_f64() - wanted).abs() < 1.0, "{setpoints:?} {wanted:?}");
+            assert!(
+                (setpoint.as_f64() - wanted).abs() < 1.0,
+                "{setpoints:?} {wanted:?}"
+            );
         }
     }
 }
@@ -40,7 +43,10 @@ fn with_limits_it_is_the_loop_tick_by_tick() {
     let mut bench = Bench::enabled();
     for k in 0..400 {
         let angle = f64::from(k) * 0.015;
-        let setpoints = rehearsal.follow(goal(angle, -0.5 * angle)).unwrap().setpoints;
+        let setpoints = rehearsal
+            .follow(goal(angle, -0.5 * angle))
+            .unwrap()
+            .setpoints;
         assert_eq!(bench.joint(angle, -0.5 * angle), Refusal::None);
         assert_eq!(setpoints, bench.report().setpoints, "tick {k}");
     }
@@ -50,8 +56,14 @@ fn with_limits_it_is_the_loop_tick_by_tick() {
 fn what_the_gate_refuses_is_refused_here() {
     let model = model(OutputUnit::Deg);
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
-    assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(RehearsalError::Goal(Refusal::Step)));
-    assert!(rehearsal.follow(goal(4.0, 0.0)).is_ok(), "and then it goes on");
+    assert_eq!(
+        rehearsal.follow(goal(6.0, 0.0)),
+        Err(RehearsalError::Goal(Refusal::Step))
+    );
+    assert!(
+        rehearsal.follow(goal(4.0, 0.0)).is_ok(),
+        "and then it goes on"
+    );
     let outside = Rehearsal::new(&config(""), &model, &[[0.0, 0.0], [0.0, -701.0]]);
     assert_eq!(outside.err(), Some(RehearsalError::Enable(Refusal::Range)));
 }
@@ -60,14 +72,21 @@ fn what_the_gate_refuses_is_refused_here() {
 fn the_history_sets_the_memory() {
     let model = play_model();
     let free = without_limits(&config(""));
-    let from_below = rehearsal(&free, &model, &[[0.0, 0.0], [-600.0, -600.0], [100.0, 100.0]]);
+    let from_below = rehearsal(
+        &free,
+        &model,
+        &[[0.0, 0.0], [-600.0, -600.0], [100.0, 100.0]],
+    );
     let from_above = rehearsal(&free, &model, &[[0.0, 0.0], [600.0, 600.0], [100.0, 100.0]]);
     for rehearsal in [&from_below, &from_above] {
         assert_eq!(rehearsal.report().setpoints, [Counts(100); 2]);
         assert!(rehearsal.report().joint.unwrap().memory_known);
     }
     let pitch = |rehearsal: &Rehearsal| rehearsal.report().joint.unwrap().measured[0];
-    assert!(pitch(&from_below) < pitch(&from_above) - 0.01, "100 counts of gap on two motors are 1.5 deg a side");
+    assert!(
+        pitch(&from_below) < pitch(&from_above) - 0.01,
+        "100 counts of gap on two motors are 1.5 deg a side"
+    );
     let start = beginning(&model, &rad(5.0, 0.0));
     let unknown = rehearsal(&free, &model, &[start]);
     assert!(!unknown.report().joint.unwrap().memory_known);

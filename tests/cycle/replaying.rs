@@ -1,4 +1,5 @@
-//! What was recorded comes out again to the bit: with swaps, faults, homings, and from any snapshot.
+//! What was recorded comes out again to the bit: with swaps, faults, homings, and from any
+//! snapshot.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,12 +21,21 @@ fn work(bench: &mut Bench, second: &Arc<Model>) {
     bench.idle();
     for k in 0..200 {
         let t = f64::from(k) * 0.005;
-        assert_eq!(bench.joint(3.0 * (4.0 * t).sin(), 2.0 * (3.0 * t).sin()), Refusal::None);
+        assert_eq!(
+            bench.joint(3.0 * (4.0 * t).sin(), 2.0 * (3.0 * t).sin()),
+            Refusal::None
+        );
         bench.run(4);
         match k {
             60 => assert_eq!(bench.swap(second), Refusal::None),
-            90 => assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None),
-            120 => assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None),
+            90 => assert_eq!(
+                bench.change_model(ModelChange::Rollback, false),
+                Refusal::None
+            ),
+            120 => assert_eq!(
+                bench.change_model(ModelChange::Rollback, false),
+                Refusal::None
+            ),
             _ => {}
         }
     }
@@ -34,7 +44,9 @@ fn work(bench: &mut Bench, second: &Arc<Model>) {
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
     bench.run(50);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    bench.until("DISABLED", |bench| bench.state() == OperatingState::Disabled && !bench.report().busy);
+    bench.until("DISABLED", |bench| {
+        bench.state() == OperatingState::Disabled && !bench.report().busy
+    });
 }
 
 /// A recorded day, with the snapshots that `keep` asks for.
@@ -45,9 +57,16 @@ fn recorded(keep: impl Fn(usize) -> bool) -> Content {
     work(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();
     recording.keep(&first);
-    let snapshots = recording.snapshots.iter().enumerate().filter(|(number, _)| keep(*number));
+    let snapshots = recording
+        .snapshots
+        .iter()
+        .enumerate()
+        .filter(|(number, _)| keep(*number));
     Content {
-        header: Header { software: "test".to_owned(), ..Header::default() },
+        header: Header {
+            software: "test".to_owned(),
+            ..Header::default()
+        },
         config: toml::to_string(&bench.config).unwrap(),
         models: recording.models,
         offers: recording.offers,
@@ -64,7 +83,10 @@ fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.
-    assert_eq!((replayed.skipped, replayed.ticks), (1, content.ticks.len() as u64 - 1));
+    assert_eq!(
+        (replayed.skipped, replayed.ticks),
+        (1, content.ticks.len() as u64 - 1)
+    );
     assert_eq!(replayed.swaps, 3);
     assert!(replayed.ticks > 2000);
 }
@@ -75,21 +97,33 @@ fn it_can_begin_anywhere_and_go_on_after_a_gap() {
     content.ticks.drain(1000..1010);
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
-    assert!(replayed.skipped > 137 && replayed.skipped < 137 + 260, "{replayed:?}");
-    assert_eq!(replayed.ticks + replayed.skipped, content.ticks.len() as u64);
+    assert!(
+        replayed.skipped > 137 && replayed.skipped < 137 + 260,
+        "{replayed:?}"
+    );
+    assert_eq!(
+        replayed.ticks + replayed.skipped,
+        content.ticks.len() as u64
+    );
 }
 
 #[test]
 fn the_first_difference_is_named() {
     let mut content = recorded(|number| number == 0);
     content.ticks[700].inputs.feedback[0].position.0 += 1;
-    let difference = replay(&content).unwrap().difference.expect("a count more is another tick");
+    let difference = replay(&content)
+        .unwrap()
+        .difference
+        .expect("a count more is another tick");
     assert_eq!(difference.number, content.ticks[700].number);
     assert_ne!(difference.recorded, difference.replayed);
     let mut content = recorded(|number| number == 0);
     content.ticks[900].outputs.report.since = Nanos(1);
     let difference = replay(&content).unwrap().difference.unwrap();
-    assert_eq!((difference.number, difference.field), (content.ticks[900].number, "report"));
+    assert_eq!(
+        (difference.number, difference.field),
+        (content.ticks[900].number, "report")
+    );
 }
 
 #[test]

@@ -19,9 +19,13 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
     let joints = bench.joints();
     assert!((joints.measured[0].to_degrees() - 60.0 * GAIN_DEG).abs() < 1e-9);
     assert!((joints.measured[1].to_degrees() + 140.0 * GAIN_DEG).abs() < 1e-9);
-    assert_eq!((joints.setpoint, joints.goal), (joints.measured, joints.measured));
+    assert_eq!(
+        (joints.setpoint, joints.goal),
+        (joints.measured, joints.measured)
+    );
     assert!(
-        (joints.deviation[0].to_degrees() - 0.2).abs() < 1e-9 && (joints.deviation[1].to_degrees() - 0.3).abs() < 1e-9
+        (joints.deviation[0].to_degrees() - 0.2).abs() < 1e-9
+            && (joints.deviation[1].to_degrees() - 0.3).abs() < 1e-9
     );
     assert!(joints.memory_known);
 }
@@ -29,7 +33,10 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 #[test]
 fn before_every_drive_has_reported_there_is_no_estimate() {
     let mut cycle = Cycle::new(&config(""), Some(model(OutputUnit::Deg)));
-    let mut inputs = Inputs { feedback: [Drive::new(3).feedback; 2], ..Inputs::default() };
+    let mut inputs = Inputs {
+        feedback: [Drive::new(3).feedback; 2],
+        ..Inputs::default()
+    };
     inputs.feedback[1] = AxisFeedback::default();
     assert_eq!(cycle.step(Nanos(100), &inputs).report.joint, None);
     inputs.feedback[1] = inputs.feedback[0];
@@ -39,7 +46,10 @@ fn before_every_drive_has_reported_there_is_no_estimate() {
 #[test]
 fn a_zero_that_moves_is_no_motion() {
     let mut bench = Bench::standard();
-    bench.drives.iter_mut().for_each(|drive| drive.feedback.position = Counts(500));
+    bench
+        .drives
+        .iter_mut()
+        .for_each(|drive| drive.feedback.position = Counts(500));
     bench.run(200);
     bench.ask(StateCommand::Home);
     for _ in 0..200 {
@@ -58,8 +68,16 @@ fn velocities_are_those_of_the_motion() {
         bench.run(4);
     }
     let joints = bench.joints();
-    assert!((joints.setpoint_velocity[0].to_degrees() - 10.0).abs() < 0.1, "{:?}", joints.setpoint_velocity);
-    assert!((joints.measured_velocity[0].to_degrees() - 10.0).abs() < 1.5, "{:?}", joints.measured_velocity);
+    assert!(
+        (joints.setpoint_velocity[0].to_degrees() - 10.0).abs() < 0.1,
+        "{:?}",
+        joints.setpoint_velocity
+    );
+    assert!(
+        (joints.measured_velocity[0].to_degrees() - 10.0).abs() < 1.5,
+        "{:?}",
+        joints.measured_velocity
+    );
     assert!(joints.setpoint_velocity[1].abs() < 1e-6);
     bench.run(300);
     assert_eq!(bench.joints().setpoint_velocity, [0.0; 3]);
@@ -110,10 +128,19 @@ fn every_change_of_phase_is_an_event() {
     let phases: Vec<AxisPhase> = bench
         .events
         .iter()
-        .filter_map(|event| if let EventKind::Axis { motor: 1, to, .. } = event { Some(*to) } else { None })
+        .filter_map(|event| {
+            if let EventKind::Axis { motor: 1, to, .. } = event {
+                Some(*to)
+            } else {
+                None
+            }
+        })
         .collect();
     use AxisPhase as P;
-    assert_eq!(phases, [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled]);
+    assert_eq!(
+        phases,
+        [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled]
+    );
 }
 
 #[test]
@@ -128,7 +155,9 @@ fn the_way_through_the_states_is_written_down() {
         .events
         .iter()
         .filter_map(|event| match event {
-            EventKind::State { to, command, fault, .. } => Some((*to, *command, *fault)),
+            EventKind::State {
+                to, command, fault, ..
+            } => Some((*to, *command, *fault)),
             _ => None,
         })
         .collect();

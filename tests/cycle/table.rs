@@ -19,8 +19,9 @@ const fn no(refusal: Refusal, state: OperatingState) -> (Refusal, OperatingState
     (refusal, state)
 }
 
-/// How a state is reached, and what is answered to every command, in the order of `StateCommand::ALL`: enable, disable,
-/// pause, resume, home, unhome, condition, acknowledge, release, hold, move.
+/// How a state is reached, and what is answered to every command, in the order of
+/// `StateCommand::ALL`: enable, disable, pause, resume, home, unhome, condition, acknowledge,
+/// release, hold, move.
 type Row = (&'static str, fn() -> Bench, [(Refusal, OperatingState); 11]);
 
 const BUSY: [(Refusal, OperatingState); 11] = [
@@ -255,7 +256,10 @@ fn resetting() -> Bench {
 
 /// What a refused command may leave behind.
 fn without_refusal(report: &Report) -> Report {
-    Report { last_refusal: Refusal::None, ..*report }
+    Report {
+        last_refusal: Refusal::None,
+        ..*report
+    }
 }
 
 #[test]
@@ -265,14 +269,22 @@ fn every_command_in_every_state_does_what_the_table_says() {
             let (mut bench, mut twin) = (build(), build());
             bench.pose = (*command == StateCommand::Move).then(|| (rad(1.0, 0.0), 2));
             let reply = bench.ask_as(CLIENT, *command);
-            assert_eq!((reply.refusal, reply.state), (*refusal, *state), "{command} when {name}");
+            assert_eq!(
+                (reply.refusal, reply.state),
+                (*refusal, *state),
+                "{command} when {name}"
+            );
             twin.tick();
             if *refusal != Refusal::None {
                 assert_eq!(
                     bench.out.requests, twin.out.requests,
                     "{command} when {name} is refused and does something"
                 );
-                assert_eq!(without_refusal(bench.report()), without_refusal(twin.report()), "{command} when {name}");
+                assert_eq!(
+                    without_refusal(bench.report()),
+                    without_refusal(twin.report()),
+                    "{command} when {name}"
+                );
                 assert_eq!(bench.events, twin.events, "{command} when {name}");
             }
         }
@@ -283,7 +295,11 @@ fn every_command_in_every_state_does_what_the_table_says() {
 fn a_command_of_nobody_is_malformed_in_every_state() {
     for (name, build, _) in TABLE {
         for command in StateCommand::ALL {
-            assert_eq!(build().ask_as(0, *command).refusal, Refusal::Malformed, "{command} when {name}");
+            assert_eq!(
+                build().ask_as(0, *command).refusal,
+                Refusal::Malformed,
+                "{command} when {name}"
+            );
         }
     }
 }
@@ -299,7 +315,10 @@ fn from_every_state_disable_ends_with_drives_off() {
         bench.run(4000);
         assert!(!bench.report().busy, "{name}");
         for phase in bench.phases() {
-            assert!(matches!(phase, AxisPhase::Disabled | AxisPhase::Faulted), "{phase:?} after {name}");
+            assert!(
+                matches!(phase, AxisPhase::Disabled | AxisPhase::Faulted),
+                "{phase:?} after {name}"
+            );
         }
     }
 }

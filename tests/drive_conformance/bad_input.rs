@@ -17,20 +17,35 @@ use serialport::{SerialPort, TTYPort};
 use super::bench::{Bench, SETUPS};
 
 fn refusal(port: &PortConfig) -> String {
-    let text = Port::open(port).and_then(Port::bring_up).unwrap_err().to_string();
-    assert!(!text.contains('\n') && text.len() < 300, "one sentence: {text}");
+    let text = Port::open(port)
+        .and_then(Port::bring_up)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        !text.contains('\n') && text.len() < 300,
+        "one sentence: {text}"
+    );
     text
 }
 
 fn quick(port: PortConfig) -> PortConfig {
-    PortConfig { reply_timeout_ms: 100, ..port }
+    PortConfig {
+        reply_timeout_ms: 100,
+        ..port
+    }
 }
 
 #[test]
 fn a_wrong_bit_rate_is_told_with_what_to_check() {
     let bench = Bench::with(&SETUPS[0], |config| config.line.strict_baud = true);
-    let text = refusal(&quick(PortConfig { baud: 38_400, ..bench.port() }));
-    assert!(text.contains("no drive answers") && text.contains("38400 baud") && text.contains("check"), "{text}");
+    let text = refusal(&quick(PortConfig {
+        baud: 38_400,
+        ..bench.port()
+    }));
+    assert!(
+        text.contains("no drive answers") && text.contains("38400 baud") && text.contains("check"),
+        "{text}"
+    );
     assert!(bench.bring_up().is_ok(), "at the right one it answers");
 }
 
@@ -39,7 +54,10 @@ fn a_node_that_there_is_not_is_named() {
     for setup in [&SETUPS[2], &SETUPS[5], &SETUPS[6]] {
         let bench = Bench::emulated(setup);
         let text = refusal(&bench.port_with(|axis| axis.node_id = 9));
-        assert!(text.contains("node 9") && (text.contains("gateway") || text.contains("`node_id`")), "{text}");
+        assert!(
+            text.contains("node 9") && (text.contains("gateway") || text.contains("`node_id`")),
+            "{text}"
+        );
         assert!(!bench.drive().state.is_powered());
     }
 }
@@ -50,7 +68,9 @@ fn another_device_on_the_port_is_no_drive() {
     let device = slave.name().unwrap();
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
-    master.set_timeout(std::time::Duration::from_millis(20)).unwrap();
+    master
+        .set_timeout(std::time::Duration::from_millis(20))
+        .unwrap();
     // It says what it hears: a terminal server, or a loop of wire.
     let echo = thread::spawn(move || {
         let mut bytes = [0; 64];
@@ -62,7 +82,10 @@ fn another_device_on_the_port_is_no_drive() {
     });
     drop(slave);
     let bench = Bench::emulated(&SETUPS[0]);
-    let text = refusal(&quick(PortConfig { device: device.into(), ..bench.port() }));
+    let text = refusal(&quick(PortConfig {
+        device: device.into(),
+        ..bench.port()
+    }));
     assert!(text.contains("no drive answers"), "{text}");
     stop.store(true, Ordering::Relaxed);
     echo.join().unwrap();
@@ -72,15 +95,24 @@ fn another_device_on_the_port_is_no_drive() {
 fn a_limit_that_the_drive_rejects_is_named_with_its_reason() {
     let bench = Bench::emulated(&SETUPS[0]);
     let text = refusal(&bench.port_with(|axis| axis.motor_speed_rpm = 60_000));
-    assert!(text.contains("max profile velocity (0x607F:00)") && text.contains("value out of range"), "{text}");
+    assert!(
+        text.contains("max profile velocity (0x607F:00)") && text.contains("value out of range"),
+        "{text}"
+    );
     assert!(!bench.drive().state.is_powered());
 }
 
 #[test]
 fn a_drive_of_the_other_family_is_not_taken_for_one() {
     let bench = Bench::emulated(&SETUPS[3]);
-    let text = refusal(&quick(PortConfig { family: i2ris::config::Family::Epos4, ..bench.port() }));
-    assert!(text.contains("unknown command") || text.contains("no drive answers"), "{text}");
+    let text = refusal(&quick(PortConfig {
+        family: i2ris::config::Family::Epos4,
+        ..bench.port()
+    }));
+    assert!(
+        text.contains("unknown command") || text.contains("no drive answers"),
+        "{text}"
+    );
     assert!(!bench.drive().state.is_powered());
 }
 
@@ -88,11 +120,22 @@ fn a_drive_of_the_other_family_is_not_taken_for_one() {
 fn a_drive_that_was_left_running_in_another_mode_is_switched_off_and_set_right() {
     let bench = Bench::emulated(&SETUPS[0]);
     {
-        let mut host = serialport::new(bench.port().device.to_string_lossy(), 115_200).open_native().unwrap();
+        let mut host = serialport::new(bench.port().device.to_string_lossy(), 115_200)
+            .open_native()
+            .unwrap();
         host.set_timeout(std::time::Duration::from_secs(5)).unwrap();
-        for (index, value) in [(0x6060u16, 3u8), (0x60FF, 20), (0x6040, 0x06), (0x6040, 0x0F)] {
+        for (index, value) in [
+            (0x6060u16, 3u8),
+            (0x60FF, 20),
+            (0x6040, 0x06),
+            (0x6040, 0x0F),
+        ] {
             let [low, high] = index.to_le_bytes();
-            host.write_all(&i2ris_emulator::frame::encode(0x68, &[0, low, high, 0, value, 0, 0, 0])).unwrap();
+            host.write_all(&i2ris_emulator::frame::encode(
+                0x68,
+                &[0, low, high, 0, value, 0, 0, 0],
+            ))
+            .unwrap();
             host.read_exact(&mut [0; 10]).unwrap();
         }
     }
@@ -102,7 +145,10 @@ fn a_drive_that_was_left_running_in_another_mode_is_switched_off_and_set_right()
     drop(port);
     let mut axis = bench.run();
     axis.enable();
-    assert_eq!(bench.drive().mode, i2ris_emulator::drive::Mode::CyclicPosition);
+    assert_eq!(
+        bench.drive().mode,
+        i2ris_emulator::drive::Mode::CyclicPosition
+    );
 }
 
 #[test]
@@ -116,7 +162,10 @@ fn with_one_axis_refused_the_other_is_left_safe() {
     let text = refusal(&wrong);
     assert!(text.contains("instead of 1 "), "{text}");
     let first = bench.emulator().snapshot().axes[0].drive;
-    assert!(!first.state.is_powered(), "the axis that was found right is off");
+    assert!(
+        !first.state.is_powered(),
+        "the axis that was found right is off"
+    );
 }
 
 #[test]
@@ -128,9 +177,20 @@ fn looking_at_a_drive_changes_nothing_and_finds_what_is_wrong() {
         let before = bench.drive();
         let seen = inspect(&bench.port()).unwrap();
         let axis = seen.axes[axis].as_ref().unwrap();
-        assert_eq!(axis.state, Some(i2ris::drive::cia402::State::Fault), "{}", setup.name);
+        assert_eq!(
+            axis.state,
+            Some(i2ris::drive::cia402::State::Fault),
+            "{}",
+            setup.name
+        );
         assert_eq!(axis.errors[0].name, "overvoltage");
-        assert!(axis.differences.iter().any(|(object, ..)| object.index == 0x607D), "{:?}", axis.differences);
+        assert!(
+            axis.differences
+                .iter()
+                .any(|(object, ..)| object.index == 0x607D),
+            "{:?}",
+            axis.differences
+        );
         assert_eq!(bench.drive(), before);
     }
 }
@@ -139,18 +199,28 @@ fn looking_at_a_drive_changes_nothing_and_finds_what_is_wrong() {
 fn a_port_in_use_is_refused() {
     let bench = Bench::emulated(&SETUPS[4]);
     let mut axis = bench.run();
-    assert!(matches!(inspect(&bench.port()), Err(DriveError::Busy { .. })));
+    assert!(matches!(
+        inspect(&bench.port()),
+        Err(DriveError::Busy { .. })
+    ));
     assert_eq!(axis.feedback().phase, AxisPhase::Disabled);
 }
 
 #[test]
 fn a_port_that_may_not_be_opened_names_the_remedy() {
     let bench = Bench::emulated(&SETUPS[0]);
-    let port = PortConfig { device: fs::canonicalize(bench.port().device).unwrap(), ..bench.port() };
+    let port = PortConfig {
+        device: fs::canonicalize(bench.port().device).unwrap(),
+        ..bench.port()
+    };
     fs::set_permissions(&port.device, fs::Permissions::from_mode(0o000)).unwrap();
-    // Root may open everything, so this thread looks at files as nobody does; for others that changes nothing.
+    // Root may open everything, so this thread looks at files as nobody does; for others that
+    // changes nothing.
     let before = setfsuid(Uid::from_raw(65_534));
     let text = refusal(&port);
     setfsuid(before);
-    assert!(text.contains("no permission") && text.contains("dialout"), "{text}");
+    assert!(
+        text.contains("no permission") && text.contains("dialout"),
+        "{text}"
+    );
 }

@@ -42,17 +42,48 @@ const EPOS4: Setup = Setup {
     gateway: false,
 };
 
-const EPOS2: Setup = Setup { name: "EPOS2, V2 (USB)", port: Family::Epos2, drive: Family::Epos2, ..EPOS4 };
+const EPOS2: Setup = Setup {
+    name: "EPOS2, V2 (USB)",
+    port: Family::Epos2,
+    drive: Family::Epos2,
+    ..EPOS4
+};
 
 pub const SETUPS: [Setup; 8] = [
     EPOS4,
-    Setup { name: "EPOS4, V2, profile", streaming: Streaming::Profile, ..EPOS4 },
-    Setup { name: "EPOS4, V2, gateway", gateway: true, ..EPOS4 },
+    Setup {
+        name: "EPOS4, V2, profile",
+        streaming: Streaming::Profile,
+        ..EPOS4
+    },
+    Setup {
+        name: "EPOS4, V2, gateway",
+        gateway: true,
+        ..EPOS4
+    },
     EPOS2,
-    Setup { name: "EPOS2, V1 (RS232)", framing: Framing::V1, ..EPOS2 },
-    Setup { name: "EPOS2, V2 (USB), gateway", gateway: true, ..EPOS2 },
-    Setup { name: "EPOS2, V1 (RS232), gateway", framing: Framing::V1, gateway: true, ..EPOS2 },
-    Setup { name: "EPOS2 behind EPOS4, V2", drive: Family::Epos2, gateway: true, ..EPOS4 },
+    Setup {
+        name: "EPOS2, V1 (RS232)",
+        framing: Framing::V1,
+        ..EPOS2
+    },
+    Setup {
+        name: "EPOS2, V2 (USB), gateway",
+        gateway: true,
+        ..EPOS2
+    },
+    Setup {
+        name: "EPOS2, V1 (RS232), gateway",
+        framing: Framing::V1,
+        gateway: true,
+        ..EPOS2
+    },
+    Setup {
+        name: "EPOS2 behind EPOS4, V2",
+        drive: Family::Epos2,
+        gateway: true,
+        ..EPOS4
+    },
 ];
 
 /// Drives to test, one of them under test.
@@ -73,7 +104,10 @@ impl Bench {
     pub fn with(setup: &Setup, change: impl FnOnce(&mut EmulatorConfig)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let mut config = EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
+        let mut config = EmulatorConfig::new(
+            SnakeConfig::load(&snake).unwrap(),
+            &folder.path().join("ports"),
+        );
         let axis = usize::from(setup.gateway);
         config.drives[0].family = emulated_family(setup.port);
         config.drives[axis].family = emulated_family(setup.drive);
@@ -89,13 +123,25 @@ impl Bench {
         change(&mut config);
         let emulator = Emulator::start(config).unwrap();
         let ports = ports(setup, &emulator);
-        Self { emulator: Some(emulator), ports, axis, streaming: setup.streaming, _folder: Some(folder) }
+        Self {
+            emulator: Some(emulator),
+            ports,
+            axis,
+            streaming: setup.streaming,
+            _folder: Some(folder),
+        }
     }
 
     /// Real drives, the first of them under test.
     pub fn real(config: Config) -> Self {
         let streaming = config.ports[0].axes[0].streaming;
-        Self { emulator: None, ports: config.ports, axis: 0, streaming, _folder: None }
+        Self {
+            emulator: None,
+            ports: config.ports,
+            axis: 0,
+            streaming,
+            _folder: None,
+        }
     }
 
     pub fn emulator(&self) -> &Emulator {
@@ -104,13 +150,22 @@ impl Bench {
 
     /// The port with the axis under test.
     pub fn port(&self) -> PortConfig {
-        self.ports.iter().find(|port| port.axes.iter().any(|axis| axis.motor == self.axis)).unwrap().clone()
+        self.ports
+            .iter()
+            .find(|port| port.axes.iter().any(|axis| axis.motor == self.axis))
+            .unwrap()
+            .clone()
     }
 
     /// The port with the axis under test changed.
     pub fn port_with(&self, change: impl FnOnce(&mut AxisConfig)) -> PortConfig {
         let mut port = self.port();
-        change(port.axes.iter_mut().find(|axis| axis.motor == self.axis).unwrap());
+        change(
+            port.axes
+                .iter_mut()
+                .find(|axis| axis.motor == self.axis)
+                .unwrap(),
+        );
         port
     }
 
@@ -133,17 +188,30 @@ impl Bench {
 
     /// Set-points that reached the drive under test.
     pub fn setpoints(&self) -> Vec<i32> {
-        let events = self.emulator().log().into_iter().filter(|event| event.axis == self.axis);
+        let events = self
+            .emulator()
+            .log()
+            .into_iter()
+            .filter(|event| event.axis == self.axis);
         events
-            .filter_map(|event| if let EventKind::Setpoint(counts) = event.kind { Some(counts) } else { None })
+            .filter_map(|event| {
+                if let EventKind::Setpoint(counts) = event.kind {
+                    Some(counts)
+                } else {
+                    None
+                }
+            })
             .collect()
     }
 
     /// The host never sent before it was answered, and never what the drive does not know.
     pub fn assert_no_host_bugs(&self) {
         if let Some(emulator) = &self.emulator {
-            let bugs: Vec<_> =
-                emulator.log().into_iter().filter(|event| matches!(event.kind, EventKind::HostBug(_))).collect();
+            let bugs: Vec<_> = emulator
+                .log()
+                .into_iter()
+                .filter(|event| matches!(event.kind, EventKind::HostBug(_)))
+                .collect();
             assert!(bugs.is_empty(), "{bugs:?}");
         }
     }
@@ -166,9 +234,13 @@ fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
         streaming: setup.streaming,
         ..axis(usize::from(setup.gateway))
     };
-    let axes = if setup.gateway { vec![axis(0), tested] } else { vec![tested] };
-    // A real drive answers within 5 ms. This machine stalls for 100, and a request that is sent again too early would count as
-    // a fault of the host.
+    let axes = if setup.gateway {
+        vec![axis(0), tested]
+    } else {
+        vec![tested]
+    };
+    // A real drive answers within 5 ms. This machine stalls for 100, and a request that is sent
+    // again too early would count as a fault of the host.
     let reply_timeout_ms = 1000;
     vec![PortConfig {
         // Cases write a request when something changes, and no others.

@@ -1,4 +1,5 @@
-//! The same driver on real drives: with a configuration named in `I2RIS_HARDWARE`, the motors move by 20 counts.
+//! The same driver on real drives: with a configuration named in `I2RIS_HARDWARE`, the motors move
+//! by 20 counts.
 
 use std::env;
 use std::path::Path;
@@ -20,11 +21,19 @@ fn real_drives_conform() {
     let bench = Bench::real(Config::load(Path::new(&file)).unwrap());
     println!("identified: {:?}", bench.bring_up().unwrap().axes());
     let wrong = bench.port_with(|axis| axis.serial_number = axis.serial_number.wrapping_add(1));
-    let refused = i2ris::drive::Port::open(&wrong).unwrap().bring_up().unwrap_err().to_string();
+    let refused = i2ris::drive::Port::open(&wrong)
+        .unwrap()
+        .bring_up()
+        .unwrap_err()
+        .to_string();
     println!("swap refused: {refused}");
 
     let mut axis = bench.run();
-    assert_eq!(axis.feedback().phase, AxisPhase::Disabled, "clear the fault first");
+    assert_eq!(
+        axis.feedback().phase,
+        AxisPhase::Disabled,
+        "clear the fault first"
+    );
     axis.enable();
     let start = axis.feedback().position.0;
     axis.move_to(start + WAY);
@@ -34,6 +43,9 @@ fn real_drives_conform() {
     axis.until_phase(AxisPhase::QuickStopped);
     axis.enable();
     println!("quick stop and back");
-    assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended { off: true }));
+    assert_eq!(
+        axis.stop().last(),
+        Some(&PortEventKind::Ended { off: true })
+    );
     println!("ended in order");
 }

@@ -1,7 +1,9 @@
-//! The drive layer against drives, in real time: the same cases for every family, framing and topology.
+//! The drive layer against drives, in real time: the same cases for every family, framing and
+//! topology.
 //!
-//! The emulator has a frame codec and a state machine of its own, written from the same reference. With a configuration of
-//! real drives named in `I2RIS_HARDWARE`, the cases that a real drive bears run there too: the motors move by a few counts.
+//! The emulator has a frame codec and a state machine of its own, written from the same reference.
+//! With a configuration of real drives named in `I2RIS_HARDWARE`, the cases that a real drive bears
+//! run there too: the motors move by a few counts.
 //!
 //! The table: `cargo test --test drive_conformance -- --ignored --nocapture table`.
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]

@@ -7,7 +7,8 @@ use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
 use i2ris::drive::{
-    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Configured, Demand, Port, PortEvent, PortEventKind,
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Configured, Demand, Port, PortEvent,
+    PortEventKind,
 };
 
 use super::bench::PATIENCE;
@@ -27,7 +28,10 @@ pub struct Running {
 impl Running {
     pub fn start(port: Port<Configured>, motor: usize) -> Self {
         let (mut runner, links) = port.split();
-        let (stop, abandoned) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+        let (stop, abandoned) = (
+            Arc::new(AtomicBool::new(false)),
+            Arc::new(AtomicBool::new(false)),
+        );
         let (sender, events) = channel();
         let (stopped, left) = (Arc::clone(&stop), Arc::clone(&abandoned));
         let thread = spawn(move || {
@@ -56,7 +60,9 @@ impl Running {
             events,
             thread: Some(thread),
         };
-        running.until("has started", |feedback| feedback.phase != AxisPhase::Starting);
+        running.until("has started", |feedback| {
+            feedback.phase != AxisPhase::Starting
+        });
         running
     }
 
@@ -73,7 +79,12 @@ impl Running {
     pub fn until(&mut self, what: &str, holds: impl Fn(&AxisFeedback) -> bool) {
         let start = Instant::now();
         while !holds(&self.feedback()) {
-            assert!(start.elapsed() < PATIENCE, "never {what}: {:?} {:?}", self.feedback(), self.kinds());
+            assert!(
+                start.elapsed() < PATIENCE,
+                "never {what}: {:?} {:?}",
+                self.feedback(),
+                self.kinds()
+            );
             sleep(Duration::from_millis(1));
         }
     }
@@ -82,8 +93,8 @@ impl Running {
         self.until("reaches the phase", |feedback| feedback.phase == phase);
     }
 
-    /// Demands disabled, and waits until the port thread has seen it: it reads the newest request only, and one that is
-    /// overwritten at once was never there.
+    /// Demands disabled, and waits until the port thread has seen it: it reads the newest request
+    /// only, and one that is overwritten at once was never there.
     pub fn disable(&mut self) {
         self.request(|request| request.demand = Demand::Disabled);
         let seen = self.feedback().sequence + 2;
@@ -108,7 +119,9 @@ impl Running {
             self.request(|request| request.target.0 += step);
             sleep(Duration::from_millis(1));
         }
-        self.until("arrives", |feedback| (feedback.position.0 - target).abs() <= 2);
+        self.until("arrives", |feedback| {
+            (feedback.position.0 - target).abs() <= 2
+        });
     }
 
     /// What `kill -9` leaves behind: the port is free, the drive goes on.

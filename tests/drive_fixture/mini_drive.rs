@@ -38,7 +38,10 @@ impl Reply {
         let mut bytes = [0; 24];
         bytes[..4].copy_from_slice(&code.to_le_bytes());
         bytes[4..4 + rest.len()].copy_from_slice(rest);
-        Self { bytes, length: 4 + rest.len() }
+        Self {
+            bytes,
+            length: 4 + rest.len(),
+        }
     }
 }
 
@@ -121,7 +124,11 @@ impl MiniDrive {
     /// The values that were written to an object, in order.
     pub fn written(&self, index: u16, subindex: u8) -> Vec<u32> {
         let wanted = |write: &&(u16, u8, u32)| (write.0, write.1) == (index, subindex);
-        self.writes.iter().filter(wanted).map(|write| write.2).collect()
+        self.writes
+            .iter()
+            .filter(wanted)
+            .map(|write| write.2)
+            .collect()
     }
 
     fn defaults(&mut self) {
@@ -159,7 +166,9 @@ impl MiniDrive {
     pub fn read(&mut self, index: u16, subindex: u8) -> Reply {
         self.requests += 1;
         let value = match (index, subindex) {
-            STATUSWORD => u32::from(self.state | u16::from(self.homed) << 15 | self.homing_bits) | 0xABCD_0000,
+            STATUSWORD => {
+                u32::from(self.state | u16::from(self.homed) << 15 | self.homing_bits) | 0xABCD_0000
+            }
             POSITION if self.counting => self.requests,
             POSITION => self.position as u32,
             object => match self.objects.get(&object) {
@@ -181,7 +190,12 @@ impl MiniDrive {
     pub fn write(&mut self, index: u16, subindex: u8, value: u32) -> Reply {
         self.requests += 1;
         let object = (index, subindex);
-        if let Some(code) = self.refuses.get(&object).copied().or_else(|| self.objection(object, value)) {
+        if let Some(code) = self
+            .refuses
+            .get(&object)
+            .copied()
+            .or_else(|| self.objection(object, value))
+        {
             return Reply::error(code);
         }
         self.writes.push((index, subindex, value));
@@ -224,12 +238,15 @@ impl MiniDrive {
             (0x0006, SWITCH_ON_DISABLED | SWITCHED_ON | OPERATION_ENABLED) => READY,
             (0x0007, READY | OPERATION_ENABLED) => SWITCHED_ON,
             (0x000F, READY | SWITCHED_ON | QUICK_STOP_ACTIVE) => OPERATION_ENABLED,
-            (0x0000, READY | SWITCHED_ON | OPERATION_ENABLED | QUICK_STOP_ACTIVE) => SWITCH_ON_DISABLED,
+            (0x0000, READY | SWITCHED_ON | OPERATION_ENABLED | QUICK_STOP_ACTIVE) => {
+                SWITCH_ON_DISABLED
+            }
             (0x0002 | 0x000B, READY | SWITCHED_ON) => SWITCH_ON_DISABLED,
             (0x0002 | 0x000B, OPERATION_ENABLED) => QUICK_STOP_ACTIVE,
             (_, state) => state,
         };
-        if from != OPERATION_ENABLED && self.state == OPERATION_ENABLED && self.objects[&MODE] == 8 {
+        if from != OPERATION_ENABLED && self.state == OPERATION_ENABLED && self.objects[&MODE] == 8
+        {
             self.jumps += u32::from(self.target() != self.position);
         }
         self.starts_outside_homing += u32::from(rises(4) && self.objects[&MODE] != 6);

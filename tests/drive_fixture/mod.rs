@@ -1,7 +1,8 @@
 //! A line with small drives behind it, in simulated time: exact, and as fast as the processor.
 //!
-//! It speaks through the controller's own frame codec, so it proves nothing about frames; the emulator does that, with
-//! a codec of its own. It exists to place damage, delays and states exactly where a test wants them.
+//! It speaks through the controller's own frame codec, so it proves nothing about frames; the
+//! emulator does that, with a codec of its own. It exists to place damage, delays and states
+//! exactly where a test wants them.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
 
@@ -119,7 +120,13 @@ impl Bench {
 
     /// Looks at or changes the drive with a node id.
     pub fn drive<R>(&self, node: u8, look: impl FnOnce(&mut MiniDrive) -> R) -> R {
-        look(self.world().drives.iter_mut().find(|drive| drive.node == node).expect("no such node"))
+        look(
+            self.world()
+                .drives
+                .iter_mut()
+                .find(|drive| drive.node == node)
+                .expect("no such node"),
+        )
     }
 
     /// Power off and on again; the drive answers again after `boot`.
@@ -132,7 +139,8 @@ impl Bench {
 
     /// A request of a controller that died a moment ago: its reply is on the way.
     pub fn leave_a_request(&self) {
-        self.world().request(&[0x90, 0x02, 0x60, 0x02, 0x01, 0x64, 0x60, 0x00, 0x29, 0x5A]);
+        self.world()
+            .request(&[0x90, 0x02, 0x60, 0x02, 0x01, 0x64, 0x60, 0x00, 0x29, 0x5A]);
     }
 
     pub fn misbehave(&self, mischief: impl IntoIterator<Item = Mischief>) {
@@ -145,7 +153,10 @@ impl World {
         if !self.inbox.is_empty() {
             self.pipelined += 1;
         }
-        let mischief = self.ambushed(bytes).or_else(|| self.mischief.pop_front()).unwrap_or(Mischief::Nothing);
+        let mischief = self
+            .ambushed(bytes)
+            .or_else(|| self.mischief.pop_front())
+            .unwrap_or(Mischief::Nothing);
         if self.dead || self.now < self.booting_until || mischief == Mischief::LoseRequest {
             return;
         }
@@ -165,7 +176,8 @@ impl World {
                     if self.deaf == Some(node) {
                         return;
                     }
-                    self.requests.push((self.now, opcode, node, index, subindex));
+                    self.requests
+                        .push((self.now, opcode, node, index, subindex));
                     answer(&mut self.drives, &frame)
                 }
             };
@@ -177,8 +189,14 @@ impl World {
         let (index, value, mischief) = self.ambush?;
         let mut parser = Parser::default();
         let hit = bytes.iter().any(|byte| match parser.push(*byte) {
-            Parsed::Frame(Frame { opcode: 0x68, data: [_, low, high, _, written @ ..] }) => {
-                (u16::from_le_bytes([*low, *high]), u32::from_le_bytes(written.try_into().unwrap())) == (index, value)
+            Parsed::Frame(Frame {
+                opcode: 0x68,
+                data: [_, low, high, _, written @ ..],
+            }) => {
+                (
+                    u16::from_le_bytes([*low, *high]),
+                    u32::from_le_bytes(written.try_into().unwrap()),
+                ) == (index, value)
             }
             _ => false,
         });
@@ -189,7 +207,13 @@ impl World {
     }
 
     fn reply(&mut self, reply: Reply, arrival: Nanos, mischief: Mischief) {
-        let wire = self.encoder.encode(Frame { opcode: 0, data: reply.data() }).unwrap();
+        let wire = self
+            .encoder
+            .encode(Frame {
+                opcode: 0,
+                data: reply.data(),
+            })
+            .unwrap();
         let mut wire = wire.to_vec();
         let mut begin = arrival.max(self.busy_until) + PROCESSING;
         match mischief {
@@ -197,18 +221,27 @@ impl World {
             Mischief::DelayReply(span) => begin = begin + span,
             Mischief::FlipReply(place) => flip(&mut wire, place),
             Mischief::DropReplyByte(place) => drop(wire.remove(place % wire.len())),
-            Mischief::DoubleReplyByte(place) => wire.insert(place % wire.len(), wire[place % wire.len()]),
+            Mischief::DoubleReplyByte(place) => {
+                wire.insert(place % wire.len(), wire[place % wire.len()])
+            }
             Mischief::CutReply(length) => wire.truncate(length % wire.len()),
             Mischief::Noise => drop(wire.splice(0..0, [0x00, 0x90, 0x41])),
             Mischief::Stray => {
-                let stray = self.encoder.encode(Frame { opcode: 0, data: &[0, 0, 0, 0, 9, 9, 0, 0] }).unwrap();
+                let stray = self
+                    .encoder
+                    .encode(Frame {
+                        opcode: 0,
+                        data: &[0, 0, 0, 0, 9, 9, 0, 0],
+                    })
+                    .unwrap();
                 drop(wire.splice(0..0, stray.iter().copied()));
             }
             _ => {}
         }
         self.busy_until = begin;
         for (place, byte) in wire.into_iter().enumerate() {
-            self.inbox.push_back((begin + Nanos(self.byte_time.0 * (place as u64 + 1)), byte));
+            self.inbox
+                .push_back((begin + Nanos(self.byte_time.0 * (place as u64 + 1)), byte));
         }
     }
 }
@@ -220,18 +253,33 @@ fn flip(bytes: &mut [u8], place: usize) {
 
 fn address(frame: &Frame<'_>) -> (u8, u8, u16, u8) {
     match *frame.data {
-        [node, low, high, subindex, ..] => (frame.opcode, node, u16::from_le_bytes([low, high]), subindex),
+        [node, low, high, subindex, ..] => (
+            frame.opcode,
+            node,
+            u16::from_le_bytes([low, high]),
+            subindex,
+        ),
         _ => (frame.opcode, 0, 0, 0),
     }
 }
 
 fn answer(drives: &mut [MiniDrive], frame: &Frame<'_>) -> Reply {
     let (opcode, node, index, subindex) = address(frame);
-    let place = if node == 0 { Some(0) } else { drives.iter().position(|drive| drive.node == node) };
-    let Some(drive) = place.and_then(|place| drives.get_mut(place)) else { return Reply::error(0x0504_0000) };
+    let place = if node == 0 {
+        Some(0)
+    } else {
+        drives.iter().position(|drive| drive.node == node)
+    };
+    let Some(drive) = place.and_then(|place| drives.get_mut(place)) else {
+        return Reply::error(0x0504_0000);
+    };
     match (opcode, frame.data) {
         (0x60, [_, _, _, _]) => drive.read(index, subindex),
-        (0x68, [_, _, _, _, value @ ..]) => drive.write(index, subindex, u32::from_le_bytes(value.try_into().unwrap())),
+        (0x68, [_, _, _, _, value @ ..]) => drive.write(
+            index,
+            subindex,
+            u32::from_le_bytes(value.try_into().unwrap()),
+        ),
         (0x81, [_, _, _, _]) => drive.read_long(index, subindex),
         _ => Reply::error(0x0F00_FFBF),
     }
@@ -252,7 +300,11 @@ impl Transport for Bench {
         if world.hung_up {
             return Err(io::ErrorKind::BrokenPipe.into());
         }
-        let stall = if deadline > world.now { world.stall } else { Nanos::ZERO };
+        let stall = if deadline > world.now {
+            world.stall
+        } else {
+            Nanos::ZERO
+        };
         world.now = world.now + stall;
         match world.inbox.front() {
             Some(&(arrival, _)) if arrival <= deadline => world.now = world.now.max(arrival),
@@ -295,5 +347,8 @@ pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
         })
         .collect();
     // Tests write a request when something changes, and no others.
-    PortConfig { deadman_ms: 0, ..PortConfig::new("/dev/bench".into(), axes) }
+    PortConfig {
+        deadman_ms: 0,
+        ..PortConfig::new("/dev/bench".into(), axes)
+    }
 }

@@ -2,7 +2,9 @@
 
 use i2ris::config::PortConfig;
 use i2ris::drive::event::{PortEvent, PortEventKind};
-use i2ris::drive::{AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Opened, Port, PortRunner};
+use i2ris::drive::{
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Opened, Port, PortRunner,
+};
 use i2ris::units::Counts;
 
 use super::{Bench, MiniDrive, SERIAL_NUMBER, port_config};
@@ -40,7 +42,13 @@ impl Rig {
         let (bench, _, port) = open(drives);
         let (runner, links) = port.bring_up().unwrap().split();
         let requests = vec![AxisRequest::default(); links.len()];
-        Self { bench, runner, links, requests, events: Vec::new() }
+        Self {
+            bench,
+            runner,
+            links,
+            requests,
+            events: Vec::new(),
+        }
     }
 
     /// One drive, found disabled.
@@ -110,7 +118,11 @@ impl Rig {
                 return;
             }
         }
-        panic!("never {what}: {:?}, events {:?}", self.feedback(), self.events);
+        panic!(
+            "never {what}: {:?}, events {:?}",
+            self.feedback(),
+            self.events
+        );
     }
 
     pub fn shut_down(&mut self) {

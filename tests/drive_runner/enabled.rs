@@ -11,7 +11,10 @@ fn the_newest_target_is_written_and_the_others_never() {
     }
     let written = rig.drive(|drive| drive.written(0x607A, 0));
     assert!(written.len() > 80, "{}", written.len());
-    assert!(written.iter().all(|target| target % 3 == 2), "only what was newest: {written:?}");
+    assert!(
+        written.iter().all(|target| target % 3 == 2),
+        "only what was newest: {written:?}"
+    );
     assert!(written.is_sorted(), "never back to an older one");
 }
 
@@ -27,7 +30,10 @@ fn what_was_written_is_reported_with_its_request() {
     let (now, sequence) = (rig.bench.time(), rig.requests[0].sequence);
     let written = rig.feedback().written.unwrap();
     assert_eq!((written.target, written.sequence), (Counts(130), sequence));
-    assert_eq!((written.command_stamp, written.command_sequence), (Nanos(77), 9));
+    assert_eq!(
+        (written.command_stamp, written.command_sequence),
+        (Nanos(77), 9)
+    );
     assert!(written.stamp <= now && now.since(written.stamp) < Nanos::from_millis(20));
     assert_eq!(rig.feedback().position, Counts(130));
 }
@@ -37,9 +43,17 @@ fn a_target_outside_the_limits_is_skipped_and_told_once() {
     let mut rig = Rig::enabled();
     rig.request(|request| request.target = Counts(2001));
     rig.turns(50);
-    assert!(rig.drive(|drive| drive.written(0x607A, 0)).iter().all(|target| *target == 120));
-    let refusals =
-        |rig: &Rig| rig.kinds().iter().filter(|kind| matches!(kind, PortEventKind::TargetRefused { .. })).count();
+    assert!(
+        rig.drive(|drive| drive.written(0x607A, 0))
+            .iter()
+            .all(|target| *target == 120)
+    );
+    let refusals = |rig: &Rig| {
+        rig.kinds()
+            .iter()
+            .filter(|kind| matches!(kind, PortEventKind::TargetRefused { .. }))
+            .count()
+    };
     assert_eq!(refusals(&rig), 1);
     let sequence = rig.feedback().sequence;
     rig.turns(20);
@@ -63,8 +77,15 @@ fn the_line_is_never_idle() {
     let span = rig.bench.time().since(begin).as_seconds();
     // 24 bytes of ten bits at 115200 baud, and 0.3 ms of thinking.
     let possible = span / (24.0 * 10.0 / 115_200.0 + 0.3e-3);
-    assert!(exchanges as f64 > 0.99 * possible, "{exchanges} of {possible:.0}");
-    assert_eq!(rig.bench.world().pipelined, 0, "and never a request before the reply");
+    assert!(
+        exchanges as f64 > 0.99 * possible,
+        "{exchanges} of {possible:.0}"
+    );
+    assert_eq!(
+        rig.bench.world().pipelined,
+        0,
+        "and never a request before the reply"
+    );
 }
 
 #[test]
@@ -81,8 +102,16 @@ fn a_drive_that_does_not_go_off_in_order_has_its_power_cut() {
     rig.drive(|drive| drive.stuck = true);
     rig.demand(Demand::Disabled);
     rig.turns(3000);
-    assert!(rig.controlwords().contains(&0x0000), "{:?}", rig.controlwords());
-    assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::StillOn { .. })));
+    assert!(
+        rig.controlwords().contains(&0x0000),
+        "{:?}",
+        rig.controlwords()
+    );
+    assert!(
+        rig.kinds()
+            .iter()
+            .any(|kind| matches!(kind, PortEventKind::StillOn { .. }))
+    );
     assert_eq!(rig.feedback().phase, AxisPhase::Disabling);
     rig.drive(|drive| drive.stuck = false);
     rig.until(AxisPhase::Disabled);
@@ -93,7 +122,11 @@ fn a_drive_that_leaves_by_itself_stays_off() {
     let mut rig = Rig::enabled();
     rig.drive(|drive| drive.state = SWITCH_ON_DISABLED);
     rig.until(AxisPhase::Disabled);
-    assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::StateLost { .. })));
+    assert!(
+        rig.kinds()
+            .iter()
+            .any(|kind| matches!(kind, PortEventKind::StateLost { .. }))
+    );
     rig.turns(100);
     assert_eq!(rig.feedback().phase, AxisPhase::Disabled);
 }
@@ -112,7 +145,19 @@ fn a_target_that_was_lost_is_replaced_by_the_newest_and_not_repeated() {
         rig.turns(4);
     }
     let written = rig.drive(|drive| drive.written(0x607A, 0));
-    assert!(written.iter().all(|target| *target == 120 || target % 2 == 1), "{written:?}");
-    assert_eq!((rig.feedback().phase, rig.feedback().counters.timeouts), (AxisPhase::Enabled, 400));
-    assert!(rig.kinds().iter().any(|kind| matches!(kind, PortEventKind::TimedOut { .. })));
+    assert!(
+        written
+            .iter()
+            .all(|target| *target == 120 || target % 2 == 1),
+        "{written:?}"
+    );
+    assert_eq!(
+        (rig.feedback().phase, rig.feedback().counters.timeouts),
+        (AxisPhase::Enabled, 400)
+    );
+    assert!(
+        rig.kinds()
+            .iter()
+            .any(|kind| matches!(kind, PortEventKind::TimedOut { .. }))
+    );
 }

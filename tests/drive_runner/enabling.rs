@@ -2,7 +2,13 @@ use super::*;
 
 /// The objects written while enabling, in order.
 fn written(rig: &Rig) -> Vec<(u16, u32)> {
-    rig.drive(|drive| drive.writes.iter().map(|write| (write.0, write.2)).collect())
+    rig.drive(|drive| {
+        drive
+            .writes
+            .iter()
+            .map(|write| (write.0, write.2))
+            .collect()
+    })
 }
 
 #[test]
@@ -19,7 +25,16 @@ fn the_target_is_the_position_before_there_is_power() {
     rig.until(AxisPhase::Enabled);
     let position = -55_i32 as u32;
     let written = written(&rig);
-    assert_eq!(written[..4], [(0x607A, position), (0x6060, 8), (0x6040, 0x0006), (0x6040, 0x000F)], "{written:X?}");
+    assert_eq!(
+        written[..4],
+        [
+            (0x607A, position),
+            (0x6060, 8),
+            (0x6040, 0x0006),
+            (0x6040, 0x000F)
+        ],
+        "{written:X?}"
+    );
     rig.drive(|drive| assert_eq!((drive.jumps, drive.position), (0, -55)));
 }
 
@@ -31,7 +46,10 @@ fn no_target_is_written_before_enabled_is_reported() {
         request.target = Counts(900);
     });
     rig.until(AxisPhase::Enabled);
-    assert_eq!((rig.drive(|drive| drive.position), rig.feedback().written), (0, None));
+    assert_eq!(
+        (rig.drive(|drive| drive.position), rig.feedback().written),
+        (0, None)
+    );
     rig.turns(2);
     assert_eq!(rig.feedback().written.unwrap().target, Counts(900));
 }
@@ -56,7 +74,11 @@ fn fails(rig: &mut Rig) -> Failure {
     rig.until(AxisPhase::Enabling);
     rig.until(AxisPhase::Disabled);
     rig.turns(50);
-    assert_eq!(rig.feedback().phase, AxisPhase::Disabled, "it does not try again by itself");
+    assert_eq!(
+        rig.feedback().phase,
+        AxisPhase::Disabled,
+        "it does not try again by itself"
+    );
     let kinds = rig.kinds();
     let failure = kinds.iter().find_map(|kind| match kind {
         PortEventKind::EnableFailed(failure) => Some(*failure),
@@ -70,7 +92,12 @@ fn a_position_outside_the_limits_is_no_place_to_enable() {
     let mut rig = Rig::disabled();
     rig.drive(|drive| drive.position = 2001);
     let failure = fails(&mut rig);
-    assert!(failure.to_string().contains("position 2001 is outside -2000 to 2000"), "{failure}");
+    assert!(
+        failure
+            .to_string()
+            .contains("position 2001 is outside -2000 to 2000"),
+        "{failure}"
+    );
     assert!(!rig.controlwords().contains(&0x000F));
 }
 
@@ -78,7 +105,13 @@ fn a_position_outside_the_limits_is_no_place_to_enable() {
 fn a_target_that_does_not_read_back_stops_it() {
     let mut rig = Rig::disabled();
     rig.drive(|drive| drive.ignores.push((0x607A, 0)));
-    assert_eq!(fails(&mut rig), Failure::Preload { written: Counts(0), found: Counts(777) });
+    assert_eq!(
+        fails(&mut rig),
+        Failure::Preload {
+            written: Counts(0),
+            found: Counts(777)
+        }
+    );
     assert!(!rig.controlwords().contains(&0x000F));
 }
 
@@ -117,7 +150,10 @@ fn what_was_written_before_is_not_reported_any_more() {
 fn a_drive_that_does_not_move_on_is_given_up() {
     let mut rig = Rig::disabled();
     rig.drive(|drive| drive.stuck = true);
-    assert!(matches!(fails(&mut rig), Failure::Deadline { statusword: 0x8240 }));
+    assert!(matches!(
+        fails(&mut rig),
+        Failure::Deadline { statusword: 0x8240 }
+    ));
 }
 
 #[test]
@@ -149,12 +185,19 @@ fn a_drive_that_was_restarted_unnoticed_is_configured_again() {
     rig.drive(MiniDrive::restart);
     rig.demand(Demand::Enabled);
     rig.until(AxisPhase::Lost);
-    assert!(rig.kinds().contains(&PortEventKind::EnableFailed(Failure::Restarted)));
+    assert!(
+        rig.kinds()
+            .contains(&PortEventKind::EnableFailed(Failure::Restarted))
+    );
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
     assert!(!rig.feedback().homed);
     rig.turns(50);
-    assert_eq!(rig.feedback().phase, AxisPhase::Disabled, "not enabled by itself");
+    assert_eq!(
+        rig.feedback().phase,
+        AxisPhase::Disabled,
+        "not enabled by itself"
+    );
 }
 
 #[test]
@@ -177,7 +220,10 @@ fn a_restart_in_the_middle_starts_it_over() {
             rig.turns(300);
             rig.drive(|drive| {
                 assert_eq!(drive.jumps, 0, "restarted after {turns} turns");
-                assert_ne!(drive.state, OPERATION_ENABLED, "restarted after {turns} turns");
+                assert_ne!(
+                    drive.state, OPERATION_ENABLED,
+                    "restarted after {turns} turns"
+                );
             });
         }
     }

@@ -4,9 +4,15 @@ use super::*;
 fn an_enabled_drive_is_left_switched_off() {
     let mut rig = Rig::enabled();
     rig.shut_down();
-    assert_eq!((rig.controlwords(), rig.drive(|drive| drive.state)), (vec![0x0007, 0x0006], READY));
+    assert_eq!(
+        (rig.controlwords(), rig.drive(|drive| drive.state)),
+        (vec![0x0007, 0x0006], READY)
+    );
     assert_eq!(rig.feedback().phase, AxisPhase::Disabled);
-    assert_eq!(rig.kinds().last(), Some(&PortEventKind::Ended { off: true }));
+    assert_eq!(
+        rig.kinds().last(),
+        Some(&PortEventKind::Ended { off: true })
+    );
 }
 
 #[test]
@@ -18,7 +24,10 @@ fn a_homing_drive_is_left_switched_off_and_starts_no_other() {
     }
     rig.request(|request| request.homings += 1);
     rig.shut_down();
-    assert!(matches!(rig.drive(|drive| drive.state), READY | SWITCH_ON_DISABLED));
+    assert!(matches!(
+        rig.drive(|drive| drive.state),
+        READY | SWITCH_ON_DISABLED
+    ));
 }
 
 #[test]
@@ -28,5 +37,8 @@ fn a_dead_line_does_not_keep_the_thread() {
     let begin = rig.bench.time();
     rig.shut_down();
     assert!(rig.bench.time().since(begin) < Nanos::from_millis(3500));
-    assert_eq!(rig.kinds().last(), Some(&PortEventKind::Ended { off: false }));
+    assert_eq!(
+        rig.kinds().last(),
+        Some(&PortEventKind::Ended { off: false })
+    );
 }

@@ -11,15 +11,25 @@ fn faulted() -> Rig {
 fn reset(rig: &mut Rig) {
     rig.request(|request| request.fault_resets += 1);
     let count = rig.requests[0].fault_resets;
-    rig.until_it("answers the reset", |feedback| feedback.fault_resets == count);
+    rig.until_it("answers the reset", |feedback| {
+        feedback.fault_resets == count
+    });
 }
 
 #[test]
 fn the_fault_is_named() {
     let mut rig = faulted();
     assert_eq!(rig.feedback().error_code, 0x8611);
-    let text = rig.events.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
-    assert!(text.contains("motor 0: fault 0x8611 (following error)"), "{text}");
+    let text = rig
+        .events
+        .iter()
+        .map(ToString::to_string)
+        .collect::<Vec<_>>()
+        .join("\n");
+    assert!(
+        text.contains("motor 0: fault 0x8611 (following error)"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -38,8 +48,14 @@ fn a_reset_is_an_edge_and_ends_disabled() {
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.controlwords(), [0x0000, 0x0080]);
     rig.turns(100);
-    assert_eq!((rig.feedback().phase, rig.feedback().error_code), (AxisPhase::Disabled, 0));
-    assert!(rig.kinds().contains(&PortEventKind::FaultReset { cleared: true }));
+    assert_eq!(
+        (rig.feedback().phase, rig.feedback().error_code),
+        (AxisPhase::Disabled, 0)
+    );
+    assert!(
+        rig.kinds()
+            .contains(&PortEventKind::FaultReset { cleared: true })
+    );
 }
 
 #[test]
@@ -60,7 +76,10 @@ fn a_cause_that_remains_keeps_it_faulted_and_a_second_reset_is_a_new_edge() {
     rig.drive(|drive| drive.cause_remains = true);
     reset(&mut rig);
     assert_eq!(rig.feedback().phase, AxisPhase::Faulted);
-    assert!(rig.kinds().contains(&PortEventKind::FaultReset { cleared: false }));
+    assert!(
+        rig.kinds()
+            .contains(&PortEventKind::FaultReset { cleared: false })
+    );
     rig.drive(|drive| drive.cause_remains = false);
     reset(&mut rig);
     rig.until(AxisPhase::Disabled);

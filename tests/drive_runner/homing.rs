@@ -23,11 +23,20 @@ fn here_becomes_zero_and_the_axis_ends_disabled_in_the_streaming_mode() {
     assert!(!rig.feedback().homed);
     home(&mut rig);
     let feedback = rig.feedback();
-    assert_eq!((feedback.phase, feedback.homed, feedback.position), (AxisPhase::Disabled, true, Counts(0)));
-    assert_eq!(rig.controlwords(), [0x0006, 0x000F, 0x001F, 0x000F, 0x0007, 0x0006]);
+    assert_eq!(
+        (feedback.phase, feedback.homed, feedback.position),
+        (AxisPhase::Disabled, true, Counts(0))
+    );
+    assert_eq!(
+        rig.controlwords(),
+        [0x0006, 0x000F, 0x001F, 0x000F, 0x0007, 0x0006]
+    );
     assert_eq!(rig.drive(|drive| drive.written(0x6060, 0)), [6, 8]);
     assert_eq!(rig.drive(|drive| drive.written(0x6098, 0)), [37]);
-    assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: None }));
+    assert!(
+        rig.kinds()
+            .contains(&PortEventKind::HomingEnded { failure: None })
+    );
 }
 
 #[test]
@@ -56,7 +65,9 @@ fn an_error_ends_it_switched_off() {
     home(&mut rig);
     rig.until(AxisPhase::Disabled);
     assert!(!rig.feedback().homed);
-    assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: Some(Failure::HomingError) }));
+    assert!(rig.kinds().contains(&PortEventKind::HomingEnded {
+        failure: Some(Failure::HomingError)
+    }));
     assert_eq!(rig.controlwords().last(), Some(&0x0006));
 }
 
@@ -67,8 +78,16 @@ fn a_start_that_was_not_acknowledged_is_not_repeated() {
     rig.request(|request| request.homings += 1);
     rig.until(AxisPhase::Homing);
     rig.until(AxisPhase::Disabled);
-    assert_eq!(rig.controlwords().iter().filter(|word| **word == 0x001F).count(), 1);
-    assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: Some(Failure::Interrupted) }));
+    assert_eq!(
+        rig.controlwords()
+            .iter()
+            .filter(|word| **word == 0x001F)
+            .count(),
+        1
+    );
+    assert!(rig.kinds().contains(&PortEventKind::HomingEnded {
+        failure: Some(Failure::Interrupted)
+    }));
     assert_eq!(rig.feedback().homings, 1);
 }
 
@@ -92,7 +111,9 @@ fn quick_stop_interrupts_it() {
     rig.demand(Demand::QuickStop);
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.feedback().homings, 1);
-    assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: Some(Failure::Interrupted) }));
+    assert!(rig.kinds().contains(&PortEventKind::HomingEnded {
+        failure: Some(Failure::Interrupted)
+    }));
 }
 
 #[test]
@@ -103,7 +124,12 @@ fn a_restart_in_the_middle_ends_it_without_a_start_in_another_mode() {
         rig.turns(turns);
         rig.bench.restart(NODE, Nanos::from_millis(60));
         rig.turns(300);
-        rig.drive(|drive| assert!(matches!(drive.state, SWITCH_ON_DISABLED | READY), "after {turns} turns"));
+        rig.drive(|drive| {
+            assert!(
+                matches!(drive.state, SWITCH_ON_DISABLED | READY),
+                "after {turns} turns"
+            )
+        });
         let starts = rig.drive(|drive| drive.starts_outside_homing);
         assert_eq!(starts, 0, "after {turns} turns");
     }
@@ -116,8 +142,16 @@ fn a_start_whose_reply_is_damaged_is_not_repeated_either() {
     rig.request(|request| request.homings += 1);
     rig.until(AxisPhase::Homing);
     rig.until(AxisPhase::Disabled);
-    assert_eq!(rig.controlwords().iter().filter(|word| **word == 0x001F).count(), 1);
-    assert!(rig.kinds().contains(&PortEventKind::HomingEnded { failure: Some(Failure::Unanswered) }));
+    assert_eq!(
+        rig.controlwords()
+            .iter()
+            .filter(|word| **word == 0x001F)
+            .count(),
+        1
+    );
+    assert!(rig.kinds().contains(&PortEventKind::HomingEnded {
+        failure: Some(Failure::Unanswered)
+    }));
 }
 
 #[test]
@@ -126,5 +160,11 @@ fn a_homing_mode_that_does_not_come_into_force_starts_nothing() {
     rig.drive(|drive| drive.mode_stuck = true);
     home(&mut rig);
     rig.until(AxisPhase::Disabled);
-    assert!(rig.controlwords().iter().all(|word| *word != 0x000F && *word != 0x001F), "{:X?}", rig.controlwords());
+    assert!(
+        rig.controlwords()
+            .iter()
+            .all(|word| *word != 0x000F && *word != 0x001F),
+        "{:X?}",
+        rig.controlwords()
+    );
 }

@@ -50,10 +50,19 @@ fn another_drive_on_the_same_cable_is_not_let_in() {
     rig.bench.world().dead = false;
     rig.turns(2000);
     assert_eq!(rig.feedback().phase, AxisPhase::Lost);
-    let told: Vec<String> =
-        rig.events.iter().map(ToString::to_string).filter(|text| text.contains("not usable")).collect();
-    let [text] = &told[..] else { panic!("told once: {told:?}") };
-    assert!(text.contains("0x00000BAD") && text.contains("0x62150001"), "{text}");
+    let told: Vec<String> = rig
+        .events
+        .iter()
+        .map(ToString::to_string)
+        .filter(|text| text.contains("not usable"))
+        .collect();
+    let [text] = &told[..] else {
+        panic!("told once: {told:?}")
+    };
+    assert!(
+        text.contains("0x00000BAD") && text.contains("0x62150001"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -75,7 +84,10 @@ fn a_reset_or_homing_asked_for_meanwhile_is_not_kept() {
         request.homings += 1;
     });
     rig.turns(10);
-    assert_eq!((rig.feedback().fault_resets, rig.feedback().homings), (1, 1));
+    assert_eq!(
+        (rig.feedback().fault_resets, rig.feedback().homings),
+        (1, 1)
+    );
     rig.bench.world().dead = false;
     rig.until(AxisPhase::Disabled);
     rig.turns(100);
@@ -89,7 +101,11 @@ fn a_statusword_that_is_no_state_ends_the_use_of_the_axis_until_it_is_one_again(
     rig.until(AxisPhase::Lost);
     rig.turns(500);
     assert_eq!(rig.feedback().phase, AxisPhase::Lost);
-    let told = rig.events.iter().filter(|event| event.to_string().contains("is no known state")).count();
+    let told = rig
+        .events
+        .iter()
+        .filter(|event| event.to_string().contains("is no known state"))
+        .count();
     assert_eq!(told, 1);
     rig.drive(|drive| drive.state = OPERATION_ENABLED);
     rig.until(AxisPhase::Disabled);

@@ -36,8 +36,9 @@ fn happening() -> impl Strategy<Value = Happening> {
 }
 
 proptest! {
-    /// Whatever happens: the motor is never powered on another target than its position, no target outside the limits
-    /// is written, nothing is powered that no one demands, and in the end everything is off.
+    /// Whatever happens: the motor is never powered on another target than its position, no target
+    /// outside the limits is written, nothing is powered that no one demands, and in the end
+    /// everything is off.
     #[test]
     fn the_drive_is_safe_whatever_happens(happenings in vec(happening(), 1..80)) {
         let mut rig = Rig::disabled();

@@ -39,7 +39,8 @@ fn summary(what: &str, unit: &str, values: &mut [f64]) {
     );
 }
 
-/// A rig as a robot would be run: the loop real-time if the system allows it, the deadline of the configuration.
+/// A rig as a robot would be run: the loop real-time if the system allows it, the deadline of the
+/// configuration.
 fn rig() -> Rig {
     let mut rig = Rig::new();
     rig.config.control.priority = 80;
@@ -64,28 +65,43 @@ fn campaign_kills() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        client.wait_for(PATIENCE, |state| state.accepted > before.accepted + 60).unwrap();
+        client
+            .wait_for(PATIENCE, |state| state.accepted > before.accepted + 60)
+            .unwrap();
         commander.kill().unwrap();
         let killed = clock::now();
         commander.wait().unwrap();
-        client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::HOLDING != 0).unwrap();
+        client
+            .wait_for(PATIENCE, |state| {
+                state.flags & OperatingStateMsg::HOLDING != 0
+            })
+            .unwrap();
         clock::sleep(Nanos::from_millis(100));
         let setpoints = rig.setpoints(0);
-        let moved = setpoints.windows(2).rev().find(|pair| pair[0].1 != pair[1].1);
+        let moved = setpoints
+            .windows(2)
+            .rev()
+            .find(|pair| pair[0].1 != pair[1].1);
         if let Some(pair) = moved.filter(|pair| pair[1].0 > killed) {
             after_kill.push((pair[1].0 - killed).as_seconds() * 1e3);
         } else {
             steps += 1;
         }
         // The next one begins where the snake is: at zero, as its path does.
-        client.wait_for(PATIENCE, |state| state.lease_client_id == 0).unwrap();
+        client
+            .wait_for(PATIENCE, |state| state.lease_client_id == 0)
+            .unwrap();
         bring_back(&mut client);
     }
     let deadline = rig.config.command.deadline_ms;
     println!(
         "deadline {deadline} ms, tick 1 ms, a set-point on the wire every 5 ms; {steps} stood already when killed"
     );
-    summary("last set-point that moved, after the kill", "ms", &mut after_kill);
+    summary(
+        "last set-point that moved, after the kill",
+        "ms",
+        &mut after_kill,
+    );
 }
 
 /// Both motors to zero, in small steps.
@@ -98,7 +114,8 @@ fn bring_back(client: &mut Client) {
             goal = Some(message.setpoint_counts);
         }
         if let Some(goal) = &mut goal {
-            goal.iter_mut().for_each(|counts| *counts -= (*counts).clamp(-5, 5));
+            goal.iter_mut()
+                .for_each(|counts| *counts -= (*counts).clamp(-5, 5));
             commander.servo_actuators(goal).unwrap();
         }
         clock::sleep(Nanos::from_millis(5));
@@ -106,7 +123,8 @@ fn bring_back(client: &mut Client) {
     client.state_command(StateCommand::Release).unwrap();
 }
 
-/// Blocks of swaps and blocks of the same motion without, in turns, beside a loop that does nothing.
+/// Blocks of swaps and blocks of the same motion without, in turns, beside a loop that does
+/// nothing.
 #[test]
 #[ignore = "a campaign"]
 fn campaign_swaps() {
@@ -125,7 +143,8 @@ fn campaign_swaps() {
         let windows = scope.spawn(|| all_windows(&client, &done));
         scope.spawn(|| {
             stream_angles(&client, |t| {
-                (!done.load(Ordering::Relaxed)).then(|| [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()])
+                (!done.load(Ordering::Relaxed))
+                    .then(|| [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()])
             });
         });
         let end = SetAtEnd(&done);
@@ -144,7 +163,11 @@ fn campaign_swaps() {
             blocks.push([begun, ended, clock::now()]);
         }
         drop(end);
-        (watch.join().unwrap(), bare.join().unwrap(), windows.join().unwrap())
+        (
+            watch.join().unwrap(),
+            bare.join().unwrap(),
+            windows.join().unwrap(),
+        )
     });
     let limit = rig.config.limits.velocity_counts_s * rig.config.control.period().as_seconds();
     println!(
@@ -154,10 +177,18 @@ fn campaign_swaps() {
     summary("from asking to answer", "ms", &mut answer);
     for (what, part) in [("with swaps", 0), ("without", 1)] {
         let inside = |window: &&PeriodStatistics| {
-            let (end, begin) = (Nanos(window.stamp_ns), Nanos(window.stamp_ns - window.window_ns));
-            blocks.iter().any(|block| begin >= block[part] && end <= block[part + 1])
+            let (end, begin) = (
+                Nanos(window.stamp_ns),
+                Nanos(window.stamp_ns - window.window_ns),
+            );
+            blocks
+                .iter()
+                .any(|block| begin >= block[part] && end <= block[part + 1])
         };
-        tell(&format!("controller, {what}"), windows.iter().filter(inside));
+        tell(
+            &format!("controller, {what}"),
+            windows.iter().filter(inside),
+        );
     }
     tell("bare loop beside it", bare.iter());
 }
@@ -174,14 +205,24 @@ fn all_windows(client: &Client, done: &AtomicBool) -> Vec<PeriodStatistics> {
 
 /// A loop that does nothing, scheduled as the controller's, until told to end.
 fn bare_loop(config: &ControlConfig, done: &AtomicBool) -> Vec<PeriodStatistics> {
-    let granted = rt::request(Wanted { priority: config.priority, cpu: None, lock_memory: false });
-    let (period, spin) = (config.period(), Nanos::from_micros(u64::from(config.spin_us)));
+    let granted = rt::request(Wanted {
+        priority: config.priority,
+        cpu: None,
+        lock_memory: false,
+    });
+    let (period, spin) = (
+        config.period(),
+        Nanos::from_micros(u64::from(config.spin_us)),
+    );
     let mut ticker = Ticker::new(clock::now() + period, period, spin);
     let mut statistics = LoopStatistics::new(period, Nanos::from_millis(1000), granted);
     let mut windows = Vec::with_capacity(4096);
     while !done.load(Ordering::Relaxed) {
         let tick = ticker.wait();
-        statistics.record(TickTiming { tick, ended: clock::now() });
+        statistics.record(TickTiming {
+            tick,
+            ended: clock::now(),
+        });
         windows.extend(statistics.take(clock::now()));
     }
     windows
@@ -190,13 +231,16 @@ fn bare_loop(config: &ControlConfig, done: &AtomicBool) -> Vec<PeriodStatistics>
 /// One line about the windows of a loop: medians of the medians, the worst of the rest.
 fn tell<'a>(what: &str, windows: impl Iterator<Item = &'a PeriodStatistics>) {
     let windows: Vec<_> = windows.collect();
-    let sum = |of: fn(&PeriodStatistics) -> u64| windows.iter().map(|window| of(window)).sum::<u64>();
+    let sum =
+        |of: fn(&PeriodStatistics) -> u64| windows.iter().map(|window| of(window)).sum::<u64>();
     let (ticks, missed) = (sum(|window| window.ticks), sum(|window| window.missed));
     let us = |share: f64, of: fn(&PeriodStatistics) -> u64| {
         let mut values: Vec<u64> = windows.iter().map(|window| of(window)).collect();
         values.sort_unstable();
         let last = values.len().saturating_sub(1) as f64;
-        values.get((last * share).round() as usize).map_or(f64::NAN, |ns| *ns as f64 / 1e3)
+        values
+            .get((last * share).round() as usize)
+            .map_or(f64::NAN, |ns| *ns as f64 / 1e3)
     };
     println!(
         "{what}: priority {}, {ticks} ticks, {missed} missed ({:.2} %); us, median of {} windows (largest): lateness p50 \
@@ -230,17 +274,24 @@ fn campaign_restarts() {
         let start = Instant::now();
         rig.start_controller();
         rig.client();
-        settle(&mut client, |state| state.state == 0 && state.flags & OperatingStateMsg::HOMED != 0);
+        settle(&mut client, |state| {
+            state.state == 0 && state.flags & OperatingStateMsg::HOMED != 0
+        });
         there.push(start.elapsed().as_secs_f64());
         enable(&mut client);
         enabled.push(start.elapsed().as_secs_f64());
     }
-    summary("from start to DISABLED, homed, and known to an old client", "s", &mut there);
+    summary(
+        "from start to DISABLED, homed, and known to an old client",
+        "s",
+        &mut there,
+    );
     summary("from start to ENABLED", "s", &mut enabled);
 }
 
-/// The loop of the controller with a model and a moving snake, beside one that does nothing under the same scheduling, while as
-/// many threads as there are processors copy memory and write files. Seconds in `I2RIS_CAMPAIGN`.
+/// The loop of the controller with a model and a moving snake, beside one that does nothing under
+/// the same scheduling, while as many threads as there are processors copy memory and write files.
+/// Seconds in `I2RIS_CAMPAIGN`.
 #[test]
 #[ignore = "a campaign"]
 fn campaign_loop() {
@@ -257,7 +308,9 @@ fn campaign_loop() {
             scope.spawn(|| load(&done));
         }
         let _end = SetAtEnd(&done);
-        stream_angles(&client, |t| (t < seconds).then(|| [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()]));
+        stream_angles(&client, |t| {
+            (t < seconds).then(|| [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()])
+        });
         done.store(true, Ordering::Relaxed);
         (bare.join().unwrap(), windows.join().unwrap())
     });
@@ -272,6 +325,9 @@ fn load(done: &AtomicBool) {
     let mut to = vec![0_u8; from.len()];
     while !done.load(Ordering::Relaxed) {
         to.copy_from_slice(&from);
-        file.set_len(0).and_then(|()| file.rewind()).and_then(|()| file.write_all(&to[..1 << 20])).unwrap();
+        file.set_len(0)
+            .and_then(|()| file.rewind())
+            .and_then(|()| file.write_all(&to[..1 << 20]))
+            .unwrap();
     }
 }

@@ -1,4 +1,5 @@
-//! H02: the commander dies or stalls. The robot slows down and holds within the deadline and two ticks; the lease falls free.
+//! H02: the commander dies or stalls. The robot slows down and holds within the deadline and two
+//! ticks; the lease falls free.
 
 use std::process::{Command, Stdio};
 
@@ -17,7 +18,10 @@ use crate::rig::{PATIENCE, Rig, settle};
 fn h02_without_commands_the_set_points_stand_two_ticks_after_the_deadline() {
     let mut bench = Bench::moving();
     // The last command was sent one tick ago, and is 0 ms old in its own tick.
-    let (sent, deadline) = (bench.out.requests[0].command_stamp, Nanos::from_millis(bench.config.command.deadline_ms));
+    let (sent, deadline) = (
+        bench.out.requests[0].command_stamp,
+        Nanos::from_millis(bench.config.command.deadline_ms),
+    );
     assert!(sent > Nanos::ZERO);
     let (mut last_motion, mut before) = (bench.now, bench.targets());
     for _ in 0..200 {
@@ -41,9 +45,16 @@ fn h02_without_commands_the_set_points_stand_two_ticks_after_the_deadline() {
 #[test]
 #[ignore = "run as a process by another test"]
 fn commander_process() {
-    let Ok(domain) = std::env::var("RIG_DOMAIN") else { return };
+    let Ok(domain) = std::env::var("RIG_DOMAIN") else {
+        return;
+    };
     let client = Client::connect(&i2ris::ipc::Domain::new(&domain).unwrap(), PATIENCE).unwrap();
-    stream_counts(&client, 60.0, |t| [(600.0 * (t * 2.0).sin()) as i32, (600.0 * (t * 1.7).sin()) as i32]);
+    stream_counts(&client, 60.0, |t| {
+        [
+            (600.0 * (t * 2.0).sin()) as i32,
+            (600.0 * (t * 1.7).sin()) as i32,
+        ]
+    });
 }
 
 #[test]
@@ -62,7 +73,11 @@ fn h02_the_snake_holds_when_its_commander_is_killed() {
     commander.kill().unwrap();
     let killed = clock::now();
     commander.wait().unwrap();
-    let held = client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::HOLDING != 0).unwrap();
+    let held = client
+        .wait_for(PATIENCE, |state| {
+            state.flags & OperatingStateMsg::HOLDING != 0
+        })
+        .unwrap();
     assert_eq!(held.state, OperatingState::Enabled.number());
     assert!(held.stale_stops >= 1);
     // Half a second after the deadline nothing moves any more, however slow the machine is.
@@ -70,14 +85,26 @@ fn h02_the_snake_holds_when_its_commander_is_killed() {
     let quiet = killed + Nanos::from_millis(rig.config.command.deadline_ms + 250);
     for axis in 0..2 {
         let setpoints = rig.setpoints(axis);
-        let before = setpoints.iter().filter(|(stamp, _)| *stamp < killed).map(|(_, counts)| counts);
-        assert!(before.clone().max().unwrap() - before.min().unwrap() > 20, "it moved before");
-        let after: Vec<i32> = setpoints.iter().filter(|(stamp, _)| *stamp > quiet).map(|(_, counts)| *counts).collect();
+        let before = setpoints
+            .iter()
+            .filter(|(stamp, _)| *stamp < killed)
+            .map(|(_, counts)| counts);
+        assert!(
+            before.clone().max().unwrap() - before.min().unwrap() > 20,
+            "it moved before"
+        );
+        let after: Vec<i32> = setpoints
+            .iter()
+            .filter(|(stamp, _)| *stamp > quiet)
+            .map(|(_, counts)| *counts)
+            .collect();
         assert!(after.len() > 5, "set-points are still sent");
         assert!(after.iter().all(|counts| counts == &after[0]), "{after:?}");
     }
     // The lease falls free, so the next commander is not locked out.
-    client.wait_for(PATIENCE, |state| state.lease_client_id == 0).unwrap();
+    client
+        .wait_for(PATIENCE, |state| state.lease_client_id == 0)
+        .unwrap();
     let here = rig.emulator.snapshot().axes.map(|axis| axis.drive.position);
     stream_counts(&client, 0.5, |_| here);
     assert!(settle(&mut client, |state| state.lease_client_id != 0).accepted > held.accepted);

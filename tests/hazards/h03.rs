@@ -1,4 +1,5 @@
-//! H03: the controller hangs or is killed. A drive in a position mode goes to its last set-point, a small step away, and holds.
+//! H03: the controller hangs or is killed. A drive in a position mode goes to its last set-point, a
+//! small step away, and holds.
 
 use i2ris::clock;
 use i2ris::units::Nanos;
@@ -32,11 +33,21 @@ fn ends_at_the_last_set_point(signal: Signal) {
     let (_, last) = *rig.setpoints(0).last().unwrap();
     let drive = rig.emulator.snapshot().axes[0].drive;
     assert_eq!(drive.state, State::OperationEnabled, "it holds under power");
-    assert!((drive.position - last).abs() <= 3 && last > 100 && last < 1500, "{drive:?}, told {last}");
+    assert!(
+        (drive.position - last).abs() <= 3 && last > 100 && last < 1500,
+        "{drive:?}, told {last}"
+    );
     let count = rig.setpoints(0).len();
     clock::sleep(Nanos::from_millis(300));
-    assert_eq!(rig.setpoints(0).len(), count, "nobody tells it anything any more");
-    assert_eq!(rig.emulator.snapshot().axes[0].drive.position, drive.position);
+    assert_eq!(
+        rig.setpoints(0).len(),
+        count,
+        "nobody tells it anything any more"
+    );
+    assert_eq!(
+        rig.emulator.snapshot().axes[0].drive.position,
+        drive.position
+    );
     if signal == Signal::SIGSTOP {
         rig.signal(Signal::SIGKILL);
     }
@@ -63,7 +74,9 @@ fn h03_a_controller_that_hung_goes_on_by_holding() {
     clock::sleep(Nanos::from_millis(800));
     let before = rig.setpoints(0).len();
     rig.signal(Signal::SIGCONT);
-    crate::rig::settle(&mut client, |state| state.flags & i2ris::ipc::payload::OperatingStateMsg::HOLDING != 0);
+    crate::rig::settle(&mut client, |state| {
+        state.flags & i2ris::ipc::payload::OperatingStateMsg::HOLDING != 0
+    });
     clock::sleep(Nanos::from_millis(200));
     let setpoints = rig.setpoints(0);
     let (old, new) = setpoints.split_at(before);

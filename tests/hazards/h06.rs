@@ -27,11 +27,20 @@ fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
     client.state_command(StateCommand::Disable).unwrap();
-    settle(&mut client, |state| state.state == OperatingState::Disabled.number());
+    settle(&mut client, |state| {
+        state.state == OperatingState::Disabled.number()
+    });
     rig.emulator.power_cycle(0);
-    client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::HOMED == 0).unwrap();
+    client
+        .wait_for(PATIENCE, |state| {
+            state.flags & OperatingStateMsg::HOMED == 0
+        })
+        .unwrap();
     let refused = (0..2000).find_map(|_| match client.state_command(StateCommand::Enable) {
-        Err(ClientError::Refused { refusal: Refusal::DrivesNotReady | Refusal::Busy | Refusal::State, .. }) => {
+        Err(ClientError::Refused {
+            refusal: Refusal::DrivesNotReady | Refusal::Busy | Refusal::State,
+            ..
+        }) => {
             // It starts anew; a fault in between is acknowledged as an operator would.
             let _ = client.state_command(StateCommand::Acknowledge);
             i2ris::clock::sleep(i2ris::units::Nanos::from_millis(10));
@@ -39,5 +48,14 @@ fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
         }
         other => Some(other),
     });
-    assert!(matches!(refused, Some(Err(ClientError::Refused { refusal: Refusal::NotHomed, .. }))), "{refused:?}");
+    assert!(
+        matches!(
+            refused,
+            Some(Err(ClientError::Refused {
+                refusal: Refusal::NotHomed,
+                ..
+            }))
+        ),
+        "{refused:?}"
+    );
 }

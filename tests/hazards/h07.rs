@@ -12,7 +12,14 @@ fn h07_a_goal_outside_the_hull_ends_on_its_edge_and_says_so() {
         let pitch = (f64::from(k) * 0.1).min(edge + 5.0);
         assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
         bench.run(9);
-        assert!(bench.targets().iter().all(|target| f64::from(*target) <= HULL), "{:?}", bench.targets());
+        assert!(
+            bench
+                .targets()
+                .iter()
+                .all(|target| f64::from(*target) <= HULL),
+            "{:?}",
+            bench.targets()
+        );
         assert_eq!(bench.report().clipped, pitch > edge, "{pitch}");
     }
     assert!((bench.joints().goal[0].to_degrees() - edge).abs() < 1e-6);

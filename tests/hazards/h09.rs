@@ -42,6 +42,10 @@ fn h09_nonsense_and_huge_steps_are_refused_and_nothing_moves() {
         refused(&mut client, goal, refusal);
     }
     for axis in 0..2 {
-        assert!(rig.setpoints(axis).iter().all(|(_, counts)| counts.abs() <= 1));
+        assert!(
+            rig.setpoints(axis)
+                .iter()
+                .all(|(_, counts)| counts.abs() <= 1)
+        );
     }
 }

@@ -11,7 +11,10 @@ use crate::rig::{PATIENCE, Rig};
 
 #[test]
 fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
-    let mut bench = Bench::new(config("[limits]\nlate_ticks = 20\nlate_window_ms = 500"), None);
+    let mut bench = Bench::new(
+        config("[limits]\nlate_ticks = 20\nlate_window_ms = 500"),
+        None,
+    );
     bench.home();
     bench.enable();
     for _ in 0..100 {
@@ -20,10 +23,17 @@ fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
         bench.missed = 0;
         bench.run(30);
     }
-    assert_eq!(bench.state(), OperatingState::Enabled, "a late tick every 31 ms: 16 in 500 ms");
+    assert_eq!(
+        bench.state(),
+        OperatingState::Enabled,
+        "a late tick every 31 ms: 16 in 500 ms"
+    );
     bench.missed = 1;
     bench.run(25);
-    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Late));
+    assert_eq!(
+        (bench.state(), bench.report().fault),
+        (OperatingState::Fault, Fault::Late)
+    );
     bench.missed = 0;
     bench.run(50);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
@@ -41,7 +51,8 @@ fn h10_a_robot_that_is_off_has_no_fault_from_late_ticks() {
     assert_eq!(bench.state(), OperatingState::Disabled);
 }
 
-/// A stopped process misses some 300 ticks at once. It counts them, and its set-points do not make up for them.
+/// A stopped process misses some 300 ticks at once. It counts them, and its set-points do not make
+/// up for them.
 #[test]
 fn h10_missed_ticks_are_counted_and_not_caught_up() {
     let mut rig = Rig::new();
@@ -51,13 +62,24 @@ fn h10_missed_ticks_are_counted_and_not_caught_up() {
     rig.signal(Signal::SIGSTOP);
     i2ris::clock::sleep(Nanos::from_millis(300));
     rig.signal(Signal::SIGCONT);
-    client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::HOLDING != 0).unwrap();
+    client
+        .wait_for(PATIENCE, |state| {
+            state.flags & OperatingStateMsg::HOLDING != 0
+        })
+        .unwrap();
     let start = i2ris::clock::now();
     let missed = loop {
-        if let Some(message) = statistics.newest().unwrap().filter(|message| message.total_missed >= 200) {
+        if let Some(message) = statistics
+            .newest()
+            .unwrap()
+            .filter(|message| message.total_missed >= 200)
+        {
             break message;
         }
-        assert!(i2ris::clock::now().since(start) < PATIENCE, "300 missed ticks are not counted");
+        assert!(
+            i2ris::clock::now().since(start) < PATIENCE,
+            "300 missed ticks are not counted"
+        );
         i2ris::clock::sleep(Nanos::from_millis(20));
     };
     let ticks = missed.total_ticks + missed.total_missed;

@@ -1,4 +1,5 @@
-//! H11: units mixed up. Newtypes in code; in files the unit stands in the key, and what makes no sense is refused.
+//! H11: units mixed up. Newtypes in code; in files the unit stands in the key, and what makes no
+//! sense is refused.
 
 use std::path::Path;
 
@@ -9,7 +10,9 @@ use crate::bench::ROBOT;
 fn complaint(tables: &str) -> String {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
     let text = format!("{head}\n{tables}\n[[ports]]{ports}");
-    Config::parse(&text, Path::new("robot.toml")).unwrap_err().to_string()
+    Config::parse(&text, Path::new("robot.toml"))
+        .unwrap_err()
+        .to_string()
 }
 
 #[test]
@@ -22,7 +25,11 @@ fn h11_a_key_without_its_unit_or_with_another_is_refused() {
         ("[command]\nstep_rad = 0.1", "step_rad"),
         ("[swap]\nblend_s = 0.5", "blend_s"),
     ] {
-        assert!(complaint(table).contains(key), "{table}: {}", complaint(table));
+        assert!(
+            complaint(table).contains(key),
+            "{table}: {}",
+            complaint(table)
+        );
     }
 }
 
@@ -33,11 +40,21 @@ fn h11_values_that_belong_to_another_unit_are_out_of_range() {
         ("[control]\nspin_us = 100000", "control.spin_us"),
         ("[command]\ndeadline_ms = 50000", "command.deadline_ms"),
         ("[command]\nlease_ms = 500000000", "command.lease_ms"),
-        ("[compensation]\nturning_band_deg = 50.0", "compensation.turning_band_deg"),
+        (
+            "[compensation]\nturning_band_deg = 50.0",
+            "compensation.turning_band_deg",
+        ),
         ("[swap]\nblend_ms = 500000", "swap.blend_ms"),
-        ("[plausibility]\ndistance_deg = 300.0", "plausibility.distance_deg"),
+        (
+            "[plausibility]\ndistance_deg = 300.0",
+            "plausibility.distance_deg",
+        ),
         ("[record]\nseconds = 12000", "record.seconds"),
     ] {
-        assert!(complaint(table).contains(key), "{table}: {}", complaint(table));
+        assert!(
+            complaint(table).contains(key),
+            "{table}: {}",
+            complaint(table)
+        );
     }
 }

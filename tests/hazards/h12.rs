@@ -21,15 +21,24 @@ fn h12_a_blocked_motor_is_a_following_error_and_loses_its_power() {
     }
     assert_eq!(bench.report().fault, Fault::FollowingError);
     bench.tick();
-    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled, Demand::QuickStop]);
+    assert_eq!(
+        bench.out.requests.map(|request| request.demand),
+        [Demand::Disabled, Demand::QuickStop]
+    );
     // The set-point was never further from the motor than allowed, and a bit of way in flight.
-    assert!(goal <= bench.config.limits.following_error_counts + 60, "{goal}");
+    assert!(
+        goal <= bench.config.limits.following_error_counts + 60,
+        "{goal}"
+    );
 }
 
-/// The emulated wire: a camera that sees the snake where the encoders say it is, later by `latency`, and off by `slack`.
+/// The emulated wire: a camera that sees the snake where the encoders say it is, later by
+/// `latency`, and off by `slack`.
 fn watched(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
-    let mut bench =
-        Bench::new(config("[plausibility]\ndistance_deg = 2.0\nlasts_ms = 300"), Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::new(
+        config("[plausibility]\ndistance_deg = 2.0\nlasts_ms = 300"),
+        Some(model(OutputUnit::Deg)),
+    );
     bench.home();
     bench.enable();
     let mut seen = Vec::new();
@@ -37,7 +46,10 @@ fn watched(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
         let t = k as f64 * 1e-3;
         if k.is_multiple_of(5) && bench.state() == OperatingState::Enabled {
             let refusal = bench.joint(8.0 * t.sin(), 0.0);
-            assert!(refusal == Refusal::None || bench.state() == OperatingState::Fault, "{refusal:?}");
+            assert!(
+                refusal == Refusal::None || bench.state() == OperatingState::Fault,
+                "{refusal:?}"
+            );
         } else {
             bench.tick();
         }
@@ -47,7 +59,11 @@ fn watched(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
             if k > 2000 {
                 position[0] += slack_deg.to_radians();
             }
-            bench.external = Some(External { stamp, position, outputs: 2 });
+            bench.external = Some(External {
+                stamp,
+                position,
+                outputs: 2,
+            });
         }
     }
     bench
@@ -56,13 +72,20 @@ fn watched(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
 #[test]
 fn h12_a_snake_that_is_not_where_the_model_says_is_a_fault_and_the_drives_hold() {
     let bench = watched(120, 3.0, 3000);
-    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Implausible));
-    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::QuickStop; 2]);
+    assert_eq!(
+        (bench.state(), bench.report().fault),
+        (OperatingState::Fault, Fault::Implausible)
+    );
+    assert_eq!(
+        bench.out.requests.map(|request| request.demand),
+        [Demand::QuickStop; 2]
+    );
 }
 
 #[test]
 fn h12_a_late_camera_that_agrees_is_no_fault() {
-    // 8 deg/s and 120 ms: compared with the newest estimate it would be off by one degree, with half the limit to spare.
+    // 8 deg/s and 120 ms: compared with the newest estimate it would be off by one degree, with
+    // half the limit to spare.
     let bench = watched(120, 1.0, 6000);
     assert_eq!(bench.state(), OperatingState::Enabled);
     let bench = watched(400, 0.0, 4000);
@@ -71,7 +94,10 @@ fn h12_a_late_camera_that_agrees_is_no_fault() {
 
 #[test]
 fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() {
-    let mut bench = Bench::new(config("[limits]\ncurrent_trip_ma = 150\ncurrent_trip_ms = 100"), None);
+    let mut bench = Bench::new(
+        config("[limits]\ncurrent_trip_ma = 150\ncurrent_trip_ms = 100"),
+        None,
+    );
     bench.home();
     bench.enable();
     bench.drives[1].feedback.current_ma = -200;
@@ -80,8 +106,18 @@ fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() 
     bench.run(5);
     bench.drives[1].feedback.current_ma = 200;
     bench.run(90);
-    assert_eq!(bench.state(), OperatingState::Enabled, "a start takes current, too");
+    assert_eq!(
+        bench.state(),
+        OperatingState::Enabled,
+        "a start takes current, too"
+    );
     bench.run(20);
-    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Current));
-    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::QuickStop, Demand::Disabled]);
+    assert_eq!(
+        (bench.state(), bench.report().fault),
+        (OperatingState::Fault, Fault::Current)
+    );
+    assert_eq!(
+        bench.out.requests.map(|request| request.demand),
+        [Demand::QuickStop, Demand::Disabled]
+    );
 }

@@ -11,7 +11,8 @@ use i2ris::units::Nanos;
 use crate::live::stream_counts;
 use crate::rig::{PATIENCE, Rig, enable, home};
 
-/// Standard error is a pipe that nobody reads and that is full already; the folder of the black boxes is a file.
+/// Standard error is a pipe that nobody reads and that is full already; the folder of the black
+/// boxes is a file.
 #[test]
 fn h13_a_log_that_nobody_reads_and_a_folder_that_is_none_do_not_stop_the_loop() {
     let mut rig = Rig::new();
@@ -27,11 +28,25 @@ fn h13_a_log_that_nobody_reads_and_a_folder_that_is_none_do_not_stop_the_loop() 
     let start = clock::now();
     let mut windows = 0;
     while windows < 3 {
-        windows += u32::from(statistics.newest().unwrap().is_some_and(|message| message.ticks > 100));
-        assert!(clock::now().since(start) < PATIENCE, "the loop does not tick");
+        windows += u32::from(
+            statistics
+                .newest()
+                .unwrap()
+                .is_some_and(|message| message.ticks > 100),
+        );
+        assert!(
+            clock::now().since(start) < PATIENCE,
+            "the loop does not tick"
+        );
         clock::sleep(Nanos::from_millis(20));
     }
-    assert!(client.write_black_box().unwrap_err().to_string().contains("cannot write black box"));
+    assert!(
+        client
+            .write_black_box()
+            .unwrap_err()
+            .to_string()
+            .contains("cannot write black box")
+    );
     let state = client.operating_state().unwrap().unwrap();
     assert_eq!(state.state, OperatingState::Enabled.number());
     // Read at last, it says what it had to say.
@@ -46,7 +61,8 @@ fn h13_a_log_that_nobody_reads_and_a_folder_that_is_none_do_not_stop_the_loop() 
 /// Fills a pipe to its brim.
 fn fill(pipe: &std::io::PipeWriter) {
     use std::os::fd::AsFd;
-    let flags = |flags| nix::fcntl::fcntl(pipe.as_fd(), nix::fcntl::FcntlArg::F_SETFL(flags)).unwrap();
+    let flags =
+        |flags| nix::fcntl::fcntl(pipe.as_fd(), nix::fcntl::FcntlArg::F_SETFL(flags)).unwrap();
     flags(nix::fcntl::OFlag::O_NONBLOCK);
     while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
     while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}

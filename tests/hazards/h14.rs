@@ -4,7 +4,8 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 
 use crate::bench::Bench;
 
-/// A client that went on sending meanwhile has moved its goal away: it has to come back to where the snake is.
+/// A client that went on sending meanwhile has moved its goal away: it has to come back to where
+/// the snake is.
 #[test]
 fn h14_resume_does_not_move_and_a_goal_that_went_away_meanwhile_is_refused() {
     let mut bench = Bench::moving();
@@ -36,5 +37,9 @@ fn h14_after_a_fault_the_operator_acknowledges_enables_and_commands_before_anyth
     bench.enable();
     bench.run(500);
     assert_eq!(bench.targets(), before);
-    assert_eq!(bench.joints().goal, bench.joints().setpoint, "the goal is where it stands");
+    assert_eq!(
+        bench.joints().goal,
+        bench.joints().setpoint,
+        "the goal is where it stands"
+    );
 }

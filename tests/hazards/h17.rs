@@ -4,7 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Ways to read a clock that can be set.
-const WALL_CLOCKS: [&str; 5] = ["SystemTime", "CLOCK_REALTIME", "gettimeofday", "time::OffsetDateTime", "chrono::"];
+const WALL_CLOCKS: [&str; 5] = [
+    "SystemTime",
+    "CLOCK_REALTIME",
+    "gettimeofday",
+    "time::OffsetDateTime",
+    "chrono::",
+];
 
 fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().flatten() {
@@ -16,8 +22,8 @@ fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
     }
 }
 
-/// Setting the clock takes a machine of one's own, so what is tested is that nobody can ask for it: one file reads the clock of
-/// the wall, and only the one that names files uses it.
+/// Setting the clock takes a machine of one's own, so what is tested is that nobody can ask for it:
+/// one file reads the clock of the wall, and only the one that names files uses it.
 #[test]
 fn h17_only_file_names_and_headers_know_the_clock_of_the_wall() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -27,7 +33,11 @@ fn h17_only_file_names_and_headers_know_the_clock_of_the_wall() {
     let (mut readers, mut users) = (Vec::new(), Vec::new());
     for file in &files {
         let text = fs::read_to_string(file).unwrap();
-        let name = file.strip_prefix(&folder).unwrap().to_string_lossy().into_owned();
+        let name = file
+            .strip_prefix(&folder)
+            .unwrap()
+            .to_string_lossy()
+            .into_owned();
         if WALL_CLOCKS.iter().any(|clock| text.contains(clock)) {
             readers.push(name.clone());
         }

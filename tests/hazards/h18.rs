@@ -1,4 +1,5 @@
-//! H18: restart after kill -9. Leftovers are cleaned away, clients find the new controller, and the zero is still known.
+//! H18: restart after kill -9. Leftovers are cleaned away, clients find the new controller, and the
+//! zero is still known.
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, StateCommand};
@@ -16,11 +17,18 @@ fn h18_a_killed_controller_is_started_anew_and_goes_on_with_the_same_client_and_
         rig.wait_for_end();
         rig.start_controller();
         rig.client();
-        let state = settle(&mut client, |state| state.state == OperatingState::Disabled.number());
-        assert!(state.flags & OperatingStateMsg::HOMED != 0, "the drives kept their zero");
+        let state = settle(&mut client, |state| {
+            state.state == OperatingState::Disabled.number()
+        });
+        assert!(
+            state.flags & OperatingStateMsg::HOMED != 0,
+            "the drives kept their zero"
+        );
         enable(&mut client);
         stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
     }
     client.state_command(StateCommand::Disable).unwrap();
-    settle(&mut client, |state| state.state == OperatingState::Disabled.number());
+    settle(&mut client, |state| {
+        state.state == OperatingState::Disabled.number()
+    });
 }

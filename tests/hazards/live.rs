@@ -19,7 +19,9 @@ pub fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32
     let (mut commander, start) = (client.commander(), clock::now());
     while (clock::now() - start).as_seconds() < seconds {
         let now = clock::now();
-        commander.servo_actuators(&counts((now - start).as_seconds())).unwrap();
+        commander
+            .servo_actuators(&counts((now - start).as_seconds()))
+            .unwrap();
         clock::sleep_until(now + SEND_PERIOD);
     }
 }
@@ -29,12 +31,15 @@ pub fn stream_angles(client: &Client, mut goal: impl FnMut(f64) -> Option<[f64; 
     let (mut commander, start) = (client.commander(), clock::now());
     while let Some([pitch, yaw]) = goal((clock::now() - start).as_seconds()) {
         let now = clock::now();
-        commander.servo_jp(&[pitch.to_radians(), yaw.to_radians()]).unwrap();
+        commander
+            .servo_jp(&[pitch.to_radians(), yaw.to_radians()])
+            .unwrap();
         clock::sleep_until(now + SEND_PERIOD);
     }
 }
 
-/// Writes a linear model of the emulated snake, good to a few degrees, into the folder of a rig; `factor` scales its angles.
+/// Writes a linear model of the emulated snake, good to a few degrees, into the folder of a rig;
+/// `factor` scales its angles.
 pub fn linear_model(rig: &Rig, name: &str, robot_id: &str, factor: f64) -> PathBuf {
     let g = factor * 0.022 * std::f64::consts::FRAC_1_SQRT_2;
     let metrics = r#"{"training": {"r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0}, "held_out": null}"#;
@@ -55,8 +60,8 @@ pub fn linear_model(rig: &Rig, name: &str, robot_id: &str, factor: f64) -> PathB
     file
 }
 
-/// Watches the set-points of the loop, tick by tick, until `done`; the largest step between two ticks in a row, and how many
-/// there were.
+/// Watches the set-points of the loop, tick by tick, until `done`; the largest step between two
+/// ticks in a row, and how many there were.
 pub fn largest_step(client: &Client, done: &AtomicBool) -> (i32, u32) {
     let mut actuators = client.watcher().actuators();
     let (mut before, mut largest, mut pairs) = (None::<ActuatorState>, 0, 0);
@@ -67,7 +72,9 @@ pub fn largest_step(client: &Client, done: &AtomicBool) -> (i32, u32) {
                     && before.sequence + 1 == message.sequence
                 {
                     let steps = before.setpoint_counts.iter().zip(message.setpoint_counts);
-                    largest = steps.fold(largest, |largest, (before, after)| largest.max((after - before).abs()));
+                    largest = steps.fold(largest, |largest, (before, after)| {
+                        largest.max((after - before).abs())
+                    });
                     pairs += 1;
                 }
             })

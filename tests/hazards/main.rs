@@ -1,7 +1,8 @@
-//! The hazards of the design, one module per id, at least one test in each: see the table in `README.md` beside this file.
+//! The hazards of the design, one module per id, at least one test in each: see the table in
+//! `README.md` beside this file.
 //!
-//! Where real processes prove more, the controller runs as a process against emulated drives ([`rig`]); where the exact tick
-//! matters, the cycle runs on counted time ([`bench`]).
+//! Where real processes prove more, the controller runs as a process against emulated drives
+//! ([`rig`]); where the exact tick matters, the cycle runs on counted time ([`bench`]).
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -9,10 +10,16 @@
     reason = "tests, and campaigns that print figures"
 )]
 
-#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
+#[allow(
+    dead_code,
+    reason = "shared with the tests of the cycle, which use all of it"
+)]
 #[path = "../cycle/bench.rs"]
 mod bench;
-#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
+#[allow(
+    dead_code,
+    reason = "shared with the tests of the cycle, which use all of it"
+)]
 #[path = "../cycle/drive.rs"]
 mod drive;
 #[path = "../cycle/invariant.rs"]

@@ -1,4 +1,5 @@
-//! A line between controller and drive that spoils bytes: a pseudo-terminal with a thread that copies in both directions.
+//! A line between controller and drive that spoils bytes: a pseudo-terminal with a thread that
+//! copies in both directions.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -34,15 +35,28 @@ impl NoisyLine {
         cfmakeraw(&mut settings);
         tcsetattr(&pty.slave, SetArg::TCSANOW, &settings).unwrap();
         let device = ttyname(&pty.slave).unwrap();
-        let drive = OpenOptions::new().read(true).write(true).custom_flags(0o4000 | 0o400).open(drive).unwrap();
+        let drive = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(0o4000 | 0o400)
+            .open(drive)
+            .unwrap();
         let mut settings = tcgetattr(&drive).unwrap();
         cfmakeraw(&mut settings);
         tcsetattr(&drive, SetArg::TCSANOW, &settings).unwrap();
         let (spoilt, noisy, stop) = <(Arc<AtomicU64>, Arc<AtomicBool>, Arc<AtomicBool>)>::default();
-        let mut noise =
-            Noise { every, state: 0x2545_F491_4F6C_DD1D, spoilt: Arc::clone(&spoilt), noisy: Arc::clone(&noisy) };
+        let mut noise = Noise {
+            every,
+            state: 0x2545_F491_4F6C_DD1D,
+            spoilt: Arc::clone(&spoilt),
+            noisy: Arc::clone(&noisy),
+        };
         let (flag, mut host, mut drive) = (Arc::clone(&stop), File::from(pty.master), drive);
-        nix::fcntl::fcntl(&host, nix::fcntl::FcntlArg::F_SETFL(nix::fcntl::OFlag::O_NONBLOCK)).unwrap();
+        nix::fcntl::fcntl(
+            &host,
+            nix::fcntl::FcntlArg::F_SETFL(nix::fcntl::OFlag::O_NONBLOCK),
+        )
+        .unwrap();
         let thread = std::thread::spawn(move || {
             while !flag.load(Ordering::Relaxed) {
                 let moved = noise.copy(&mut host, &mut drive) + noise.copy(&mut drive, &mut host);
@@ -51,7 +65,14 @@ impl NoisyLine {
                 }
             }
         });
-        Self { device, spoilt, noisy, stop, thread: Some(thread), _end: pty.slave }
+        Self {
+            device,
+            spoilt,
+            noisy,
+            stop,
+            thread: Some(thread),
+            _end: pty.slave,
+        }
     }
 
     /// From now on it is noisy.
@@ -82,7 +103,9 @@ struct Noise {
 impl Noise {
     fn copy(&mut self, from: &mut File, to: &mut File) -> usize {
         let mut bytes = [0; 256];
-        let Ok(count) = from.read(&mut bytes) else { return 0 };
+        let Ok(count) = from.read(&mut bytes) else {
+            return 0;
+        };
         let bytes = &mut bytes[..count];
         bytes.iter_mut().for_each(|byte| *byte = self.spoil(*byte));
         let mut rest = &bytes[..];

@@ -26,8 +26,20 @@ pub fn serve(domain: &Domain) -> Server {
 /// Everything in /dev/shm that belongs to the domain.
 pub fn remains(domain: &Domain) -> Vec<PathBuf> {
     let (own, prefix) = (domain.directory().to_owned(), domain.prefix().as_bytes());
-    let ours = |path: &PathBuf| *path == own || path.file_name().unwrap().as_encoded_bytes().starts_with(prefix);
-    fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path()).filter(ours).collect()
+    let ours = |path: &PathBuf| {
+        *path == own
+            || path
+                .file_name()
+                .unwrap()
+                .as_encoded_bytes()
+                .starts_with(prefix)
+    };
+    fs::read_dir("/dev/shm")
+        .unwrap()
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(ours)
+        .collect()
 }
 
 /// Calls `attempt` until it gives something.
@@ -50,7 +62,10 @@ pub struct Controller {
 
 impl Controller {
     /// Starts and returns once it serves. `pass` is called again and again.
-    pub fn start(domain: &Domain, mut pass: impl FnMut(&mut Server, Nanos) + Send + 'static) -> Self {
+    pub fn start(
+        domain: &Domain,
+        mut pass: impl FnMut(&mut Server, Nanos) + Send + 'static,
+    ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let (flag, domain) = (Arc::clone(&stop), domain.clone());
         let (ready, is_ready) = std::sync::mpsc::channel();
@@ -66,7 +81,10 @@ impl Controller {
             assert_eq!(server.failures().0, 0, "{:?}", server.failures());
         });
         is_ready.recv().unwrap();
-        Self { stop, thread: Some(thread) }
+        Self {
+            stop,
+            thread: Some(thread),
+        }
     }
 }
 

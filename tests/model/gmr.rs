@@ -13,33 +13,64 @@ fn predict(model: &Model, counts: MotorVec) -> Estimate {
 
 #[track_caller]
 fn near(found: f64, expected: f64, tolerance: f64) {
-    assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
+    assert!(
+        (found - expected).abs() <= tolerance,
+        "{found} is not {expected}"
+    );
 }
 
 #[test]
 fn one_component_is_the_regression_of_a_gaussian() {
     // slope 60 / 2500 = 0.024, variance 4 - 60^2 / 2500 = 2.56
     let covariances = vec![vec![vec![2500.0, 60.0], vec![60.0, 4.0]]];
-    let mixture = MixtureParameters { weights: vec![1.0], means: vec![vec![-100.0, -2.0]], covariances };
+    let mixture = MixtureParameters {
+        weights: vec![1.0],
+        means: vec![vec![-100.0, -2.0]],
+        covariances,
+    };
     let family = FamilyParameters::Gmr { mixture };
     let model = Model::from_file(file(1, family, region(1, 300.0))).unwrap();
     for counts in [-300.0, -100.0, 250.0, 1e6] {
         let estimate = predict(&model, [counts, 0.0]);
-        near(estimate.mean[0], (-2.0 + 0.024 * (counts + 100.0)) * DEG, 1e-15 * (1.0 + counts.abs()));
+        near(
+            estimate.mean[0],
+            (-2.0 + 0.024 * (counts + 100.0)) * DEG,
+            1e-15 * (1.0 + counts.abs()),
+        );
         near(estimate.covariance[0][0], 2.56 * DEG * DEG, 1e-15);
         near(estimate.covariance_within[0][0], 2.56 * DEG * DEG, 1e-15);
-        near(model.jacobian(&[counts, 0.0], &model.new_memory())[0][0], 0.024 * DEG, 1e-15);
+        near(
+            model.jacobian(&[counts, 0.0], &model.new_memory())[0][0],
+            0.024 * DEG,
+            1e-15,
+        );
     }
 }
 
 #[test]
 fn two_components_agree_with_the_moments_of_the_joint_density() {
-    // Moments of the joint density at fixed counts, integrated numerically with scipy 1.16 (400 001 points); the last
-    // column by the formula of the note. Counts, mean deg, variance deg^2, variance within deg^2.
+    // Moments of the joint density at fixed counts, integrated numerically with scipy 1.16 (400 001
+    // points); the last column by the formula of the note. Counts, mean deg, variance deg^2,
+    // variance within deg^2.
     let expected = [
-        (0.0, 0.785_649_710_429_329_7, 4.210_972_949_515_980_4, 2.392_362_153_241_798_7),
-        (37.5, 1.725_642_395_075_223_3, 4.878_295_282_595_246, 4.480_869_492_820_261),
-        (-250.0, -5.564_565_658_197_513, 2.669_476_725_553_797, 2.450_318_028_066_829),
+        (
+            0.0,
+            0.785_649_710_429_329_7,
+            4.210_972_949_515_980_4,
+            2.392_362_153_241_798_7,
+        ),
+        (
+            37.5,
+            1.725_642_395_075_223_3,
+            4.878_295_282_595_246,
+            4.480_869_492_820_261,
+        ),
+        (
+            -250.0,
+            -5.564_565_658_197_513,
+            2.669_476_725_553_797,
+            2.450_318_028_066_829,
+        ),
         (900.0, 19.0, 5.0, 5.0),
     ];
     let model = Model::from_file(file(1, two_components(), region(1, 300.0))).unwrap();
@@ -58,7 +89,10 @@ fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
         (
             [0.0, 0.0],
             [0.597_018_136_885_814_4, -0.841_339_182_917_952_2],
-            [[1.234_830_403_408_090_8, -0.723_139_895_489_979_1], [-0.723_139_895_489_979_1, 2.177_480_433_391_931_8]],
+            [
+                [1.234_830_403_408_090_8, -0.723_139_895_489_979_1],
+                [-0.723_139_895_489_979_1, 2.177_480_433_391_931_8],
+            ],
             [
                 [0.616_538_340_037_487_6, -0.168_033_490_174_774_15],
                 [-0.168_033_490_174_774_15, 0.360_179_265_037_995_13],
@@ -67,7 +101,10 @@ fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
         (
             [40.0, -90.0],
             [2.478_675_077_210_039_7, -3.260_924_682_346_081_6],
-            [[1.330_863_948_192_422_3, -0.513_326_495_235_478_6], [-0.513_326_495_235_478_6, 0.715_480_549_294_390_8]],
+            [
+                [1.330_863_948_192_422_3, -0.513_326_495_235_478_6],
+                [-0.513_326_495_235_478_6, 0.715_480_549_294_390_8],
+            ],
             [
                 [1.135_999_465_914_574_7, -0.412_622_777_804_434_07],
                 [-0.412_622_777_804_434_07, 0.610_489_112_940_077_1],
@@ -76,8 +113,14 @@ fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
         (
             [-300.0, 250.0],
             [-7.239_564_133_493_491_5, 0.097_699_921_569_208_01],
-            [[1.269_615_159_607_269_6, -0.015_721_154_471_380_78], [-0.015_721_154_471_380_78, 3.136_969_701_632_901]],
-            [[1.160_031_892_599_987, -0.421_620_172_194_478_1], [-0.421_620_172_194_478_1, 0.623_265_790_106_044_5]],
+            [
+                [1.269_615_159_607_269_6, -0.015_721_154_471_380_78],
+                [-0.015_721_154_471_380_78, 3.136_969_701_632_901],
+            ],
+            [
+                [1.160_031_892_599_987, -0.421_620_172_194_478_1],
+                [-0.421_620_172_194_478_1, 0.623_265_790_106_044_5],
+            ],
         ),
     ];
     let model = Model::from_file(file(2, two_by_two(), square(50.0))).unwrap();
@@ -86,8 +129,16 @@ fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
         for i in 0..2 {
             near(estimate.mean[i] / DEG, mean[i], 1e-11);
             for j in 0..2 {
-                near(estimate.covariance[i][j] / DEG / DEG, covariance[i][j], 1e-11);
-                near(estimate.covariance_within[i][j] / DEG / DEG, within[i][j], 1e-11);
+                near(
+                    estimate.covariance[i][j] / DEG / DEG,
+                    covariance[i][j],
+                    1e-11,
+                );
+                near(
+                    estimate.covariance_within[i][j] / DEG / DEG,
+                    within[i][j],
+                    1e-11,
+                );
             }
         }
     }
@@ -96,13 +147,36 @@ fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
 #[test]
 fn far_from_all_components_the_prediction_stays_finite() {
     let model = Model::from_file(file(2, two_by_two(), square(50.0))).unwrap();
-    for counts in [[1e9, -1e9], [f64::MAX, f64::MIN], [f64::INFINITY, 0.0], [-2e9, 3e5]] {
+    for counts in [
+        [1e9, -1e9],
+        [f64::MAX, f64::MIN],
+        [f64::INFINITY, 0.0],
+        [-2e9, 3e5],
+    ] {
         let estimate = predict(&model, counts);
-        let numbers = estimate.mean.iter().chain(estimate.covariance.iter().flatten());
-        assert!(numbers.chain(estimate.covariance_within.iter().flatten()).all(|v| v.is_finite()), "{estimate:?}");
-        assert!(model.jacobian(&counts, &model.new_memory()).iter().flatten().all(|v| v.is_finite()));
+        let numbers = estimate
+            .mean
+            .iter()
+            .chain(estimate.covariance.iter().flatten());
+        assert!(
+            numbers
+                .chain(estimate.covariance_within.iter().flatten())
+                .all(|v| v.is_finite()),
+            "{estimate:?}"
+        );
+        assert!(
+            model
+                .jacobian(&counts, &model.new_memory())
+                .iter()
+                .flatten()
+                .all(|v| v.is_finite())
+        );
         // One component is left, and its share is all of it.
-        near(estimate.covariance_within[0][0] / estimate.covariance[0][0], 1.0, 1e-9);
+        near(
+            estimate.covariance_within[0][0] / estimate.covariance[0][0],
+            1.0,
+            1e-9,
+        );
     }
 }
 
@@ -113,7 +187,8 @@ fn a_position_that_is_no_number_does_not_pass_for_one() {
     assert!(predict(&model, [0.0, f64::NAN]).mean[1].is_nan());
 }
 
-/// Largest eigenvalue of the difference of two symmetric 3x3 matrices, and smallest, by `v^T A v` over directions.
+/// Largest eigenvalue of the difference of two symmetric 3x3 matrices, and smallest, by `v^T A v`
+/// over directions.
 fn quadratic_range(matrix: [[f64; 3]; 3], outputs: usize) -> (f64, f64) {
     let mut range = (f64::INFINITY, f64::NEG_INFINITY);
     for k in 0..60 {
@@ -131,15 +206,23 @@ fn quadratic_range(matrix: [[f64; 3]; 3], outputs: usize) -> (f64, f64) {
 }
 
 fn check_covariances(model: &Model, counts: MotorVec) {
-    let Estimate { covariance, covariance_within, .. } = predict(model, counts);
-    let between = std::array::from_fn(|i| std::array::from_fn(|j| covariance[i][j] - covariance_within[i][j]));
+    let Estimate {
+        covariance,
+        covariance_within,
+        ..
+    } = predict(model, counts);
+    let between = std::array::from_fn(|i| {
+        std::array::from_fn(|j| covariance[i][j] - covariance_within[i][j])
+    });
     let outputs = model.outputs();
     let (_, scale) = quadratic_range(covariance, outputs);
     assert!(scale > 0.0);
     for matrix in [covariance, covariance_within, between] {
         let (least, _) = quadratic_range(matrix, outputs);
         assert!(least >= -1e-12 * scale, "{matrix:?} has {least}");
-        assert!((0..3).all(|i| (0..3).all(|j| (matrix[i][j] - matrix[j][i]).abs() <= 1e-12 * scale)));
+        assert!(
+            (0..3).all(|i| (0..3).all(|j| (matrix[i][j] - matrix[j][i]).abs() <= 1e-12 * scale))
+        );
     }
 }
 

@@ -16,9 +16,21 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 #[test]
 fn the_hull_of_points_keeps_the_outer_ones() {
-    let points = [[0.0, 0.0], [5.0, 1.0], [10.0, 0.0], [5.0, 0.0], [10.0, 8.0], [4.0, 4.0], [0.0, 8.0], [0.0, 0.0]];
+    let points = [
+        [0.0, 0.0],
+        [5.0, 1.0],
+        [10.0, 0.0],
+        [5.0, 0.0],
+        [10.0, 8.0],
+        [4.0, 4.0],
+        [0.0, 8.0],
+        [0.0, 0.0],
+    ];
     let hull = Hull::from_points(2, &points).unwrap();
-    assert_eq!(hull.corners().collect::<Vec<_>>(), [[0.0, 0.0], [10.0, 0.0], [10.0, 8.0], [0.0, 8.0]]);
+    assert_eq!(
+        hull.corners().collect::<Vec<_>>(),
+        [[0.0, 0.0], [10.0, 0.0], [10.0, 8.0], [0.0, 8.0]]
+    );
     assert_eq!(Hull::new(&hull.parameters(), 2).unwrap(), hull);
 }
 
@@ -30,7 +42,11 @@ fn one_motor_has_an_interval() {
     assert_eq!(hull.project(&[f64::NEG_INFINITY, 0.0]), [-7.0, 0.0]);
     assert_eq!(hull.project(&[-2.5, 0.0]), [-2.5, 0.0]);
     assert_eq!(hull.centre(), [-2.0, 0.0]);
-    assert!(hull.contains(&[3.0, 0.0]) && !hull.contains(&[3.1, 0.0]) && !hull.contains(&[f64::NAN, 0.0]));
+    assert!(
+        hull.contains(&[3.0, 0.0])
+            && !hull.contains(&[3.1, 0.0])
+            && !hull.contains(&[f64::NAN, 0.0])
+    );
 }
 
 #[test]
@@ -45,11 +61,17 @@ fn a_point_outside_projects_to_a_side_or_a_corner() {
 
 #[test]
 fn a_circle_gets_a_bounded_number_of_corners_inside_it() {
-    let circle: Vec<_> =
-        (0..5000).map(|i| f64::from(i) * 0.013).map(|t| [1000.0 * t.cos(), 1000.0 * t.sin()]).collect();
+    let circle: Vec<_> = (0..5000)
+        .map(|i| f64::from(i) * 0.013)
+        .map(|t| [1000.0 * t.cos(), 1000.0 * t.sin()])
+        .collect();
     let hull = Hull::from_points(2, &circle).unwrap();
     assert_eq!(hull.corners().count(), MAX_CORNERS);
-    assert!(circle.iter().all(|point| distance(hull.project(point), *point) < 5.0));
+    assert!(
+        circle
+            .iter()
+            .all(|point| distance(hull.project(point), *point) < 5.0)
+    );
     assert!(hull.corners().all(|corner| circle.contains(&corner)));
 }
 
@@ -57,32 +79,71 @@ fn a_circle_gets_a_bounded_number_of_corners_inside_it() {
 fn a_polygon_that_is_none_is_refused() {
     let clockwise = polygon(&[[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]]).unwrap_err();
     assert!(
-        clockwise.contains("hull.corners[0] = [0.0, 0.0]") && clockwise.contains("counter-clockwise"),
+        clockwise.contains("hull.corners[0] = [0.0, 0.0]")
+            && clockwise.contains("counter-clockwise"),
         "{clockwise}"
     );
     let dent = polygon(&[[0.0, 0.0], [9.0, 0.0], [2.0, 2.0], [0.0, 9.0]]).unwrap_err();
     assert!(dent.contains("convex"), "{dent}");
-    let star = polygon(&[[0.0, 10.0], [-6.0, -8.0], [9.5, 3.0], [-9.5, 3.0], [6.0, -8.0]]).unwrap_err();
+    let star = polygon(&[
+        [0.0, 10.0],
+        [-6.0, -8.0],
+        [9.5, 3.0],
+        [-9.5, 3.0],
+        [6.0, -8.0],
+    ])
+    .unwrap_err();
     assert!(star.contains("convex"), "{star}");
     let thin = polygon(&[[0.0, 0.0], [100.0, 0.0], [50.0, 0.5]]).unwrap_err();
     assert!(thin.contains("one count wide"), "{thin}");
     let twice = polygon(&[[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [0.0, 9.0]]).unwrap_err();
     assert!(twice.contains("twice"), "{twice}");
-    assert!(polygon(&[[0.0, 0.0], [9.0, 0.0]]).unwrap_err().contains("3 to 64 corners"));
-    assert!(polygon(&[[0.0, 0.0], [9.0, f64::NAN], [0.0, 9.0]]).unwrap_err().contains("hull.corners[1]"));
-    assert!(polygon(&[[0.0, 0.0], [9e9, 0.0], [0.0, 9.0]]).unwrap_err().contains("32 bits"));
-    let backwards = HullParameters { corners: vec![vec![5.0], vec![-5.0]] };
-    assert!(Hull::new(&backwards, 1).unwrap_err().to_string().contains("above the first"));
+    assert!(
+        polygon(&[[0.0, 0.0], [9.0, 0.0]])
+            .unwrap_err()
+            .contains("3 to 64 corners")
+    );
+    assert!(
+        polygon(&[[0.0, 0.0], [9.0, f64::NAN], [0.0, 9.0]])
+            .unwrap_err()
+            .contains("hull.corners[1]")
+    );
+    assert!(
+        polygon(&[[0.0, 0.0], [9e9, 0.0], [0.0, 9.0]])
+            .unwrap_err()
+            .contains("32 bits")
+    );
+    let backwards = HullParameters {
+        corners: vec![vec![5.0], vec![-5.0]],
+    };
+    assert!(
+        Hull::new(&backwards, 1)
+            .unwrap_err()
+            .to_string()
+            .contains("above the first")
+    );
 }
 
 #[test]
 fn positions_that_span_nothing_are_refused() {
-    let line: Vec<_> = (0..20).map(|i| [f64::from(i), 2.0 * f64::from(i)]).collect();
-    assert!(Hull::from_points(2, &line).unwrap_err().to_string().contains("record motion of every motor"));
+    let line: Vec<_> = (0..20)
+        .map(|i| [f64::from(i), 2.0 * f64::from(i)])
+        .collect();
+    assert!(
+        Hull::from_points(2, &line)
+            .unwrap_err()
+            .to_string()
+            .contains("record motion of every motor")
+    );
     assert!(Hull::from_points(2, &[]).is_err());
     assert!(Hull::from_points(3, &[[0.0, 0.0], [9.0, 0.0], [0.0, 9.0], [9.0, 9.0]]).is_err());
     assert!(Hull::from_points(1, &[[4.0, 0.0]; 9]).is_err());
-    assert!(Hull::from_points(2, &[[0.0, 0.0], [1.0, f64::NAN]]).unwrap_err().to_string().contains("position 1"));
+    assert!(
+        Hull::from_points(2, &[[0.0, 0.0], [1.0, f64::NAN]])
+            .unwrap_err()
+            .to_string()
+            .contains("position 1")
+    );
 }
 
 /// Counts as a recording has them, or real numbers.

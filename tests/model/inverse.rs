@@ -12,12 +12,19 @@ fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
 }
 
 fn one_count(model: &Model, counts: &MotorVec) -> f64 {
     let jacobian = model.jacobian(counts, &model.new_memory());
-    (0..2).map(|motor| jacobian.map(|row| row[motor])).map(|column| distance(&column, &[0.0; 3])).fold(0.0, f64::max)
+    (0..2)
+        .map(|motor| jacobian.map(|row| row[motor]))
+        .map(|column| distance(&column, &[0.0; 3]))
+        .fold(0.0, f64::max)
 }
 
 fn invert(model: &Model, goal: &OutputVec, start: &MotorVec) -> Inverse {
@@ -28,11 +35,17 @@ fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &mean(&model, &at), &start);
     let missed = distance(&mean(&model, &inverse.counts), &mean(&model, &at));
-    assert!(missed <= 0.1 * one_count(&model, &at), "{inverse:?} for {at:?} misses {missed}");
+    assert!(
+        missed <= 0.1 * one_count(&model, &at),
+        "{inverse:?} for {at:?} misses {missed}"
+    );
     assert!((missed - inverse.residual).abs() < 1e-12);
     assert!(!inverse.clipped, "{inverse:?}");
     if model.motors() <= model.outputs() {
-        assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
+        assert!(
+            distance(&inverse.counts, &at) <= 1.0,
+            "{inverse:?} is not {at:?}"
+        );
     }
 }
 
@@ -40,7 +53,10 @@ fn check_nothing_leaves_the_hull(map: &SmoothMap, goal: OutputVec, start: MotorV
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &goal, &start);
     assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
-    assert!(!inverse.residual.is_nan() && inverse.residual >= 0.0, "{inverse:?}");
+    assert!(
+        !inverse.residual.is_nan() && inverse.residual >= 0.0,
+        "{inverse:?}"
+    );
     let asked = &goal[..model.outputs()];
     if asked.iter().any(|g| !g.is_finite()) {
         assert!(inverse.clipped && inverse.residual.is_infinite());
@@ -48,7 +64,8 @@ fn check_nothing_leaves_the_hull(map: &SmoothMap, goal: OutputVec, start: MotorV
     }
 }
 
-/// No position on a fine lattice over the hull comes nearer to the goal than the answer, but for a few counts' worth.
+/// No position on a fine lattice over the hull comes nearer to the goal than the answer, but for a
+/// few counts' worth.
 fn check_nearest(map: &SmoothMap, goal: OutputVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &goal, &[0.0, 0.0]);
@@ -56,13 +73,25 @@ fn check_nearest(map: &SmoothMap, goal: OutputVec) {
     let place = |step: i32| REACH * f64::from(step) / 50.0;
     let columns = if model.motors() == 1 { 0..1 } else { -50..51 };
     let lattice = (-50..51).flat_map(|i| columns.clone().map(move |j| [place(i), place(j)]));
-    let nearest = lattice.map(|at| distance(&mean(&model, &at)[..asked.len()], asked)).fold(f64::INFINITY, f64::min);
+    let nearest = lattice
+        .map(|at| distance(&mean(&model, &at)[..asked.len()], asked))
+        .fold(f64::INFINITY, f64::min);
     let slack = one_count(&model, &inverse.counts);
-    assert!(inverse.residual <= nearest + slack, "{inverse:?} for {goal:?}: {nearest} was there, {slack} a count");
+    assert!(
+        inverse.residual <= nearest + slack,
+        "{inverse:?} for {goal:?}: {nearest} was there, {slack} a count"
+    );
 }
 
 fn wild() -> impl Strategy<Value = f64> {
-    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX), Just(-0.0)]
+    prop_oneof![
+        any::<f64>(),
+        -2.0..2.0_f64,
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(f64::MAX),
+        Just(-0.0)
+    ]
 }
 
 fn pose() -> impl Strategy<Value = OutputVec> {
@@ -129,20 +158,35 @@ proptest! {
 
 #[test]
 fn from_the_last_answer_it_takes_a_few_evaluations_and_small_steps() {
-    let map = SmoothMap { gain: vec![vec![0.02, 0.02], vec![-0.02, 0.02]], bend: 0.3, steps: 3 };
+    let map = SmoothMap {
+        gain: vec![vec![0.02, 0.02], vec![-0.02, 0.02]],
+        bend: 0.3,
+        steps: 3,
+    };
     let model = Model::from_file(map.file()).unwrap();
     let mut last = invert(&model, &[8.0 * DEG, 0.0, 0.0], &[0.0, 0.0]).counts;
     for tick in 1..2000 {
         // A circle of 8 degrees in 2 seconds at 1 kHz moves 0.025 degrees a tick: about a count.
         let turn = std::f64::consts::TAU * f64::from(tick) / 2000.0;
-        let inverse = invert(&model, &[8.0 * DEG * turn.cos(), 8.0 * DEG * turn.sin(), 0.0], &last);
-        assert!(inverse.iterations <= 3 && !inverse.clipped && !inverse.fell_back, "{inverse:?}");
-        assert!(distance(&inverse.counts, &last) < 5.0, "{inverse:?} after {last:?}");
+        let inverse = invert(
+            &model,
+            &[8.0 * DEG * turn.cos(), 8.0 * DEG * turn.sin(), 0.0],
+            &last,
+        );
+        assert!(
+            inverse.iterations <= 3 && !inverse.clipped && !inverse.fell_back,
+            "{inverse:?}"
+        );
+        assert!(
+            distance(&inverse.counts, &last) < 5.0,
+            "{inverse:?} after {last:?}"
+        );
         last = inverse.counts;
     }
 }
 
-/// A slope that falls left of -200 counts and rises right of it, like a model that a few wrong rows have bent up.
+/// A slope that falls left of -200 counts and rises right of it, like a model that a few wrong rows
+/// have bent up.
 fn valley() -> Model {
     let mixture = MixtureParameters {
         weights: vec![0.2, 0.8],
@@ -170,7 +214,10 @@ fn a_search_in_a_dead_end_starts_again_from_the_conditional_mean() {
 fn a_motor_that_moves_nothing_stays() {
     let model = Model::from_file(file(1, linear(&[&[0.02, 0.0]], &[0.0]), square(1000.0))).unwrap();
     let inverse = invert(&model, &[2.0 * DEG, 0.0, 0.0], &[10.0, 333.0]);
-    assert!((inverse.counts[0] - 100.0).abs() < 1e-3 && inverse.counts[1] == 333.0, "{inverse:?}");
+    assert!(
+        (inverse.counts[0] - 100.0).abs() < 1e-3 && inverse.counts[1] == 333.0,
+        "{inverse:?}"
+    );
 }
 
 #[test]

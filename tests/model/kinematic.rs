@@ -21,13 +21,30 @@ fn robot(radii: &[f64], rotation: f64) -> KinematicParameters {
     }
 }
 
-fn chain_file(robot: KinematicParameters, outputs: usize, unit: OutputUnit, reach: f64) -> ModelFile {
+fn chain_file(
+    robot: KinematicParameters,
+    outputs: usize,
+    unit: OutputUnit,
+    reach: f64,
+) -> ModelFile {
     let motors = robot.pulley_radii_mm.len();
-    let covariance = (0..outputs).map(|i| (0..outputs).map(|j| if i == j { 0.04 } else { 0.0 }).collect()).collect();
+    let covariance = (0..outputs)
+        .map(|i| {
+            (0..outputs)
+                .map(|j| if i == j { 0.04 } else { 0.0 })
+                .collect()
+        })
+        .collect();
     let offset = [1.0, -2.0, 0.5][..outputs].to_vec();
-    let family = FamilyParameters::Kinematic { kinematics: robot, offset, covariance };
+    let family = FamilyParameters::Kinematic {
+        kinematics: robot,
+        offset,
+        covariance,
+    };
     let mut file = file(outputs, family, region(motors, reach));
-    file.outputs.iter_mut().for_each(|output| output.unit = unit);
+    file.outputs
+        .iter_mut()
+        .for_each(|output| output.unit = unit);
     file
 }
 
@@ -43,14 +60,20 @@ fn mean(model: &Model, counts: MotorVec) -> [f64; 3] {
 fn both_motors_together_pitch_or_yaw() {
     let model = model(robot(&[3.0, 3.0], 45.0), 2, OutputUnit::Deg);
     let [pitch, yaw, _] = mean(&model, [1000.0, 1000.0]);
-    assert!((pitch - DEG).abs() < 1e-12 && yaw > 10.0 * DEG, "{pitch} {yaw}");
+    assert!(
+        (pitch - DEG).abs() < 1e-12 && yaw > 10.0 * DEG,
+        "{pitch} {yaw}"
+    );
     let [pitch, yaw, _] = mean(&model, [1000.0, -1000.0]);
-    assert!(pitch > 10.0 * DEG && (yaw + 2.0 * DEG).abs() < 1e-12, "{pitch} {yaw}");
+    assert!(
+        pitch > 10.0 * DEG && (yaw + 2.0 * DEG).abs() < 1e-12,
+        "{pitch} {yaw}"
+    );
 }
 
-/// By hand: travel of both wires 3 mm * 2 pi * 1000 / 65536 = 0.287 621 mm; both pull the same way, so the sine of a
-/// twelfth of the yaw is 2 * 0.287 621 / (24 * 0.194) = 0.123 549: 85.16 deg, beyond the stops at 52.5 deg. With half the
-/// counts 0.061 774, 42.50 deg.
+/// By hand: travel of both wires 3 mm * 2 pi * 1000 / 65536 = 0.287 621 mm; both pull the same way,
+/// so the sine of a twelfth of the yaw is 2 * 0.287 621 / (24 * 0.194) = 0.123 549: 85.16 deg,
+/// beyond the stops at 52.5 deg. With half the counts 0.061 774, 42.50 deg.
 #[test]
 fn the_bend_follows_the_drawing() {
     let model = model(robot(&[3.0, 3.0], 45.0), 2, OutputUnit::Deg);
@@ -62,13 +85,34 @@ fn the_bend_follows_the_drawing() {
 #[test]
 fn three_angles_and_pulleys_without_radius_are_refused() {
     let refused = |file: ModelFile| Model::from_file(file).unwrap_err().to_string();
-    let text = refused(chain_file(robot(&[1.0, 1.0], 45.0), 3, OutputUnit::Deg, REACH));
+    let text = refused(chain_file(
+        robot(&[1.0, 1.0], 45.0),
+        3,
+        OutputUnit::Deg,
+        REACH,
+    ));
     assert!(text.contains("outputs = 3 angles"), "{text}");
-    let text = refused(chain_file(robot(&[1.0, 0.0], 45.0), 2, OutputUnit::Deg, REACH));
-    assert!(text.contains("pulley_radii_mm = [1.0, 0.0]: a pulley must have a radius"), "{text}");
-    let text = refused(chain_file(robot(&[1.0, f64::NAN], 45.0), 2, OutputUnit::Deg, REACH));
+    let text = refused(chain_file(
+        robot(&[1.0, 0.0], 45.0),
+        2,
+        OutputUnit::Deg,
+        REACH,
+    ));
+    assert!(
+        text.contains("pulley_radii_mm = [1.0, 0.0]: a pulley must have a radius"),
+        "{text}"
+    );
+    let text = refused(chain_file(
+        robot(&[1.0, f64::NAN], 45.0),
+        2,
+        OutputUnit::Deg,
+        REACH,
+    ));
     assert!(text.contains("pulley_radii_mm = NaN"), "{text}");
-    let still = KinematicParameters { counts_per_turn: 0.0, ..robot(&[1.0, 1.0], 45.0) };
+    let still = KinematicParameters {
+        counts_per_turn: 0.0,
+        ..robot(&[1.0, 1.0], 45.0)
+    };
     let text = refused(chain_file(still, 2, OutputUnit::Deg, REACH));
     assert!(text.contains("counts_per_turn = 0"), "{text}");
 }
@@ -109,18 +153,30 @@ fn check_jacobian(outputs: usize, unit: OutputUnit, robot: KinematicParameters, 
         for output in 0..outputs {
             let difference = (ahead[output] - behind[output]) / (2.0 * STEP);
             let found = jacobian[output][motor];
-            assert!((found - difference).abs() < 1e-6 * found.abs() + 1e-12, "{found} is not {difference}");
+            assert!(
+                (found - difference).abs() < 1e-6 * found.abs() + 1e-12,
+                "{found} is not {difference}"
+            );
         }
     }
 }
 
-fn check_round_trip(outputs: usize, unit: OutputUnit, robot: KinematicParameters, at: MotorVec, start: MotorVec) {
+fn check_round_trip(
+    outputs: usize,
+    unit: OutputUnit,
+    robot: KinematicParameters,
+    at: MotorVec,
+    start: MotorVec,
+) {
     let motors = robot.pulley_radii_mm.len();
     let model = model(robot, outputs, unit);
     let inverse = model.invert(&mean(&model, at), &model.new_memory(), &Query::new(start));
     assert!(!inverse.clipped, "{inverse:?} for {at:?}");
     for motor in 0..motors {
-        assert!((inverse.counts[motor] - at[motor]).abs() <= 1.0, "{inverse:?} is not {at:?}");
+        assert!(
+            (inverse.counts[motor] - at[motor]).abs() <= 1.0,
+            "{inverse:?} is not {at:?}"
+        );
     }
 }
 

@@ -12,23 +12,32 @@ use proptest::prelude::*;
 
 use crate::samples::{REACH, file, position, region, smooth_gmr};
 
-/// The least weight of threshold 0 here: counts may differ by its reciprocal where virtual counts differ by one.
+/// The least weight of threshold 0 here: counts may differ by its reciprocal where virtual counts
+/// differ by one.
 const LEAST_WEIGHT: f64 = 0.1;
 
 /// Thresholds and weights of one motor.
 fn one_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
-    (LEAST_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
-        let total: f64 = others.iter().map(|(_, weight)| weight).sum::<f64>().max(1e-9);
-        let mut thresholds = vec![0.0];
-        let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
-        for (step, weight) in others {
-            thresholds.push(thresholds[thresholds.len() - 1] + step);
-            weights.push((1.0 - first) * weight / total);
-        }
-        let sum: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|weight| *weight /= sum);
-        (thresholds, weights)
-    })
+    (
+        LEAST_WEIGHT..1.0_f64,
+        vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5),
+    )
+        .prop_map(|(first, others)| {
+            let total: f64 = others
+                .iter()
+                .map(|(_, weight)| weight)
+                .sum::<f64>()
+                .max(1e-9);
+            let mut thresholds = vec![0.0];
+            let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
+            for (step, weight) in others {
+                thresholds.push(thresholds[thresholds.len() - 1] + step);
+                weights.push((1.0 - first) * weight / total);
+            }
+            let sum: f64 = weights.iter().sum();
+            weights.iter_mut().for_each(|weight| *weight /= sum);
+            (thresholds, weights)
+        })
 }
 
 fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> {
@@ -49,29 +58,66 @@ fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> 
 /// A residual of some tenths of a degree that goes with the shape and the lags.
 fn residual(plays: &PlayParameters, outputs: usize, size: f64) -> ResidualParameters {
     let motors = plays.weights.len();
-    let lags = plays.weights.iter().map(|w| w.len() - 1).sum::<usize>() + 2 * plays.planar_thresholds_counts.len();
-    let features = if motors == 1 { count::<1>(2, 1, lags) } else { count::<2>(2, 1, lags) };
+    let lags = plays.weights.iter().map(|w| w.len() - 1).sum::<usize>()
+        + 2 * plays.planar_thresholds_counts.len();
+    let features = if motors == 1 {
+        count::<1>(2, 1, lags)
+    } else {
+        count::<2>(2, 1, lags)
+    };
     let coefficient = |i: usize, j: usize| size * (1.7 * i as f64 + 2.3 * j as f64).sin();
-    let coefficients = (0..outputs).map(|i| (0..features).map(|j| coefficient(i, j)).collect()).collect();
-    ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients }
+    let coefficients = (0..outputs)
+        .map(|i| (0..features).map(|j| coefficient(i, j)).collect())
+        .collect();
+    ResidualParameters {
+        scale_counts: REACH,
+        shape_degree: 2,
+        lag_degree: 1,
+        coefficients,
+    }
 }
 
 fn play_file(motors: usize, outputs: usize) -> impl Strategy<Value = ModelFile> {
-    let parts = (smooth_gmr(motors, outputs), plays(motors, if motors == 2 { 3 } else { 0 }), 0.0..0.3_f64);
+    let parts = (
+        smooth_gmr(motors, outputs),
+        plays(motors, if motors == 2 { 3 } else { 0 }),
+        0.0..0.3_f64,
+    );
     parts.prop_map(move |(map, plays, size)| {
-        let FamilyParameters::Gmr { mixture } = map.family() else { panic!() };
+        let FamilyParameters::Gmr { mixture } = map.family() else {
+            panic!()
+        };
         let corners = region(motors, REACH);
         let residual = Some(residual(&plays, outputs, size));
-        let virtual_hull = HullParameters { corners: corners.clone() };
-        file(outputs, FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull }, corners)
+        let virtual_hull = HullParameters {
+            corners: corners.clone(),
+        };
+        file(
+            outputs,
+            FamilyParameters::GmrPlay {
+                plays,
+                mixture,
+                residual,
+                virtual_hull,
+            },
+            corners,
+        )
     })
 }
 
 /// The same model without memory.
 fn memoryless(file: &ModelFile) -> Model {
-    let FamilyParameters::GmrPlay { mixture, .. } = &file.family else { panic!() };
-    let family = FamilyParameters::Gmr { mixture: mixture.clone() };
-    Model::from_file(ModelFile { family, ..file.clone() }).unwrap()
+    let FamilyParameters::GmrPlay { mixture, .. } = &file.family else {
+        panic!()
+    };
+    let family = FamilyParameters::Gmr {
+        mixture: mixture.clone(),
+    };
+    Model::from_file(ModelFile {
+        family,
+        ..file.clone()
+    })
+    .unwrap()
 }
 
 fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
@@ -80,17 +126,24 @@ fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
 
 fn after(model: &Model, path: &[MotorVec]) -> Memory {
     let mut memory = model.new_memory();
-    path.iter().for_each(|counts| model.advance(&mut memory, counts));
+    path.iter()
+        .for_each(|counts| model.advance(&mut memory, counts));
     memory
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
 }
 
 fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
     let jacobian = model.jacobian(counts, memory);
-    (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)
+    (0..2)
+        .map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3]))
+        .fold(0.0, f64::max)
 }
 
 fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: MotorVec) {
@@ -99,9 +152,18 @@ fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: Mot
     let goal = model.predict(&at, &memory).mean;
     let inverse = model.invert(&goal, &memory, &Query::new(start));
     let missed = distance(&model.predict(&inverse.counts, &memory).mean, &goal);
-    assert!(missed <= one_count(&model, &at, &memory), "{inverse:?} for {at:?} misses {missed}");
-    assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
-    assert!(!inverse.clipped && model.hull().contains(&inverse.counts), "{inverse:?}");
+    assert!(
+        missed <= one_count(&model, &at, &memory),
+        "{inverse:?} for {at:?} misses {missed}"
+    );
+    assert!(
+        distance(&inverse.counts, &at) <= 1.0,
+        "{inverse:?} is not {at:?}"
+    );
+    assert!(
+        !inverse.clipped && model.hull().contains(&inverse.counts),
+        "{inverse:?}"
+    );
 }
 
 fn check_wild_goals(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: MotorVec) {
@@ -111,7 +173,10 @@ fn check_wild_goals(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: M
     assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
     assert!(inverse.residual >= 0.0, "{inverse:?}");
     if goal[..model.outputs()].iter().any(|g| !g.is_finite()) {
-        assert!(inverse.clipped && inverse.residual.is_infinite(), "{inverse:?}");
+        assert!(
+            inverse.clipped && inverse.residual.is_infinite(),
+            "{inverse:?}"
+        );
     } else if distance(&goal[..model.outputs()], &[0.0; 3]) > 3.0 {
         // No map here reaches 3 rad.
         assert!(inverse.clipped && inverse.residual > 0.0, "{inverse:?}");
@@ -119,7 +184,13 @@ fn check_wild_goals(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: M
 }
 
 fn wild() -> impl Strategy<Value = f64> {
-    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX)]
+    prop_oneof![
+        any::<f64>(),
+        -2.0..2.0_f64,
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(f64::MAX)
+    ]
 }
 
 proptest! {
@@ -161,7 +232,8 @@ proptest! {
         check_wild_goals(f, &p, goal, start);
     }
 
-    /// Compensation goes from where the motors would be without memory to the exact inverse, in a straight line.
+    /// Compensation goes from where the motors would be without memory to the exact inverse, in a
+    /// straight line.
     #[test]
     fn compensation_is_a_part_of_the_way(f in play_file(2, 2), p in path(2), at in position(2), part in 0.0..1.0_f64) {
         let (plain, model) = (memoryless(&f), Model::from_file(f).unwrap());
@@ -262,7 +334,8 @@ fn operator(parameters: &PlayParameters) -> Plays<1> {
 
 fn ways(operator: &Plays<1>, way: &[f64]) -> PlayState {
     let mut state = operator.begin(&SVector::from([way[0]]));
-    way.iter().for_each(|at| operator.advance(&mut state, &SVector::from([*at])));
+    way.iter()
+        .for_each(|at| operator.advance(&mut state, &SVector::from([*at])));
     state
 }
 
@@ -304,7 +377,8 @@ proptest! {
         prop_assert!((rise(&a) - rise(&b)).abs() < 1e-9);
     }
 
-    /// Higher counts give higher virtual counts, by no less than the first weight says and no more than one for one.
+    /// Higher counts give higher virtual counts, by no less than the first weight says and no more
+    /// than one for one.
     #[test]
     fn virtual_counts_rise_with_the_counts(p in plays(1, 0), w in way(), at in -REACH..REACH, by in 0.01..50.0_f64) {
         let operator = operator(&p);
@@ -313,7 +387,8 @@ proptest! {
         prop_assert!(rise >= p.weights[0][0] * by - 1e-9 && rise <= by + 1e-9, "{rise} over {by}");
     }
 
-    /// The inverse is exact, takes bounded steps, and never goes further than the widest gap from the virtual counts.
+    /// The inverse is exact, takes bounded steps, and never goes further than the widest gap from
+    /// the virtual counts.
     #[test]
     fn the_inverse_of_the_plays_is_exact_and_bounded(
         p in plays(1, 0), w in way(), goal in -REACH..REACH, by in 0.0..50.0_f64,
@@ -347,9 +422,15 @@ proptest! {
 fn in_steps(way: &[MotorVec]) -> Vec<MotorVec> {
     let straight = |ends: &[MotorVec]| {
         let (from, to) = (ends[0], ends[1]);
-        let steps = from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(1.0, f64::max).ceil() as u32;
-        let at =
-            move |step: u32, motor: usize| from[motor] + f64::from(step) / f64::from(steps) * (to[motor] - from[motor]);
+        let steps = from
+            .iter()
+            .zip(to)
+            .map(|(from, to)| (to - from).abs())
+            .fold(1.0, f64::max)
+            .ceil() as u32;
+        let at = move |step: u32, motor: usize| {
+            from[motor] + f64::from(step) / f64::from(steps) * (to[motor] - from[motor])
+        };
         (0..=steps).map(move |step| [at(step, 0).round(), at(step, 1).round()])
     };
     way.windows(2).flat_map(straight).collect()

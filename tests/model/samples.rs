@@ -1,10 +1,12 @@
 //! Models to test with, built from numbers.
 
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
-    OutputUnit, SCHEMA_VERSION, TrainingRecord,
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
+    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
-use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
+use i2ris::model::hysteresis::stop::{
+    StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
+};
 use proptest::prelude::*;
 
 /// One degree in radians.
@@ -12,9 +14,18 @@ pub const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// A model file around a family and a hull, with everything else filled in.
 pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) -> ModelFile {
-    let fit = FitMetrics { r2: 0.99, rmsd: 0.5, nrmsd: 0.01, mae: 0.4, max: 1.5 };
+    let fit = FitMetrics {
+        r2: 0.99,
+        rmsd: 0.5,
+        nrmsd: 0.01,
+        mae: 0.4,
+        max: 1.5,
+    };
     let names = ["pitch", "yaw", "roll"];
-    let spec = |name: &&str| OutputSpec { name: (*name).to_owned(), unit: OutputUnit::Deg };
+    let spec = |name: &&str| OutputSpec {
+        name: (*name).to_owned(),
+        unit: OutputUnit::Deg,
+    };
     ModelFile {
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
@@ -32,14 +43,26 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
             bic: None,
             software: "i2ris 0.1.0".to_owned(),
         },
-        metrics: vec![OutputMetrics { training: fit, held_out: None }; outputs],
+        metrics: vec![
+            OutputMetrics {
+                training: fit,
+                held_out: None
+            };
+            outputs
+        ],
     }
 }
 
 /// `output = gain * counts + offset`, degrees, with a variance of 0.25 deg^2.
 pub fn linear(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
     let outputs = offset.len();
-    let covariance = (0..outputs).map(|i| (0..outputs).map(|j| if i == j { 0.25 } else { 0.0 }).collect()).collect();
+    let covariance = (0..outputs)
+        .map(|i| {
+            (0..outputs)
+                .map(|j| if i == j { 0.25 } else { 0.0 })
+                .collect()
+        })
+        .collect();
     FamilyParameters::Linear {
         gain: gain.iter().map(|row| row.to_vec()).collect(),
         offset: offset.to_vec(),
@@ -52,7 +75,10 @@ pub fn two_components() -> FamilyParameters {
     let mixture = MixtureParameters {
         weights: vec![0.4, 0.6],
         means: vec![vec![-100.0, -2.0], vec![150.0, 4.0]],
-        covariances: vec![vec![vec![2500.0, 60.0], vec![60.0, 4.0]], vec![vec![10000.0, 200.0], vec![200.0, 9.0]]],
+        covariances: vec![
+            vec![vec![2500.0, 60.0], vec![60.0, 4.0]],
+            vec![vec![10000.0, 200.0], vec![200.0, 9.0]],
+        ],
     };
     FamilyParameters::Gmr { mixture }
 }
@@ -89,15 +115,21 @@ pub fn square(half_width: f64) -> Vec<Vec<f64>> {
 
 /// The hull `[-half_width, half_width]` of one motor, the square of two.
 pub fn region(motors: usize, half_width: f64) -> Vec<Vec<f64>> {
-    if motors == 1 { vec![vec![-half_width], vec![half_width]] } else { square(half_width) }
+    if motors == 1 {
+        vec![vec![-half_width], vec![half_width]]
+    } else {
+        square(half_width)
+    }
 }
 
 /// Half the width of the hull of [`smooth_gmr`].
 pub const REACH: f64 = 500.0;
 
-/// A mixture that follows a smooth invertible map: components on a lattice of motor space, each tangent to the map.
+/// A mixture that follows a smooth invertible map: components on a lattice of motor space, each
+/// tangent to the map.
 ///
-/// Every motor `j` bends by `g(x) = x + bend * s * sin(x / s)`, and the outputs are `gain * g(counts)`.
+/// Every motor `j` bends by `g(x) = x + bend * s * sin(x / s)`, and the outputs are
+/// `gain * g(counts)`.
 #[derive(Debug, Clone)]
 pub struct SmoothMap {
     /// Degrees per count, one row per output.
@@ -111,23 +143,53 @@ pub struct SmoothMap {
 impl SmoothMap {
     fn curve(&self, count: f64) -> (f64, f64) {
         let s = REACH / 2.5;
-        (count + self.bend * s * (count / s).sin(), 1.0 + self.bend * (count / s).cos())
+        (
+            count + self.bend * s * (count / s).sin(),
+            1.0 + self.bend * (count / s).cos(),
+        )
     }
 
     fn component(&self, at: &[f64], width: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
         let motors = at.len();
         let curves: Vec<_> = at.iter().map(|c| self.curve(*c)).collect();
         let value = |row: &Vec<f64>| row.iter().zip(&curves).map(|(g, c)| g * c.0).sum();
-        let mean = at.iter().copied().chain(self.gain.iter().map(value)).collect();
+        let mean = at
+            .iter()
+            .copied()
+            .chain(self.gain.iter().map(value))
+            .collect();
         // Rows of [identity; slope]: counts and outputs as functions of the counts.
-        let unit = |i: usize| (0..motors).map(|j| if i == j { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
-        let slope = |row: &Vec<f64>| row.iter().zip(&curves).map(|(g, c)| g * c.1).collect::<Vec<f64>>();
-        let rows: Vec<_> = (0..motors).map(unit).chain(self.gain.iter().map(slope)).collect();
+        let unit = |i: usize| {
+            (0..motors)
+                .map(|j| if i == j { 1.0 } else { 0.0 })
+                .collect::<Vec<f64>>()
+        };
+        let slope = |row: &Vec<f64>| {
+            row.iter()
+                .zip(&curves)
+                .map(|(g, c)| g * c.1)
+                .collect::<Vec<f64>>()
+        };
+        let rows: Vec<_> = (0..motors)
+            .map(unit)
+            .chain(self.gain.iter().map(slope))
+            .collect();
         let size = rows.len();
-        let dot = |i: usize, j: usize| rows[i].iter().zip(&rows[j]).map(|(a, b)| a * b).sum::<f64>();
+        let dot = |i: usize, j: usize| {
+            rows[i]
+                .iter()
+                .zip(&rows[j])
+                .map(|(a, b)| a * b)
+                .sum::<f64>()
+        };
         let noise = |i: usize, j: usize| if i == j && i >= motors { 0.05 } else { 0.0 };
         let entry = |i: usize, j: usize| width * width * dot(i, j) + noise(i, j);
-        (mean, (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect())
+        (
+            mean,
+            (0..size)
+                .map(|i| (0..size).map(|j| entry(i, j)).collect())
+                .collect(),
+        )
     }
 
     /// The mixture.
@@ -137,38 +199,69 @@ impl SmoothMap {
         let place = |i: usize| -REACH + spacing * (i as f64 + 0.5);
         let rows = if motors == 1 { 1 } else { self.steps };
         let lattice = (0..self.steps).flat_map(|i| (0..rows).map(move |j| [place(i), place(j)]));
-        let components: Vec<_> = lattice.map(|at| self.component(&at[..motors], 0.6 * spacing)).collect();
+        let components: Vec<_> = lattice
+            .map(|at| self.component(&at[..motors], 0.6 * spacing))
+            .collect();
         let weights = vec![1.0 / components.len() as f64; components.len()];
         let (means, covariances) = components.into_iter().unzip();
-        FamilyParameters::Gmr { mixture: MixtureParameters { weights, means, covariances } }
+        FamilyParameters::Gmr {
+            mixture: MixtureParameters {
+                weights,
+                means,
+                covariances,
+            },
+        }
     }
 
     /// The model file, with the hull [`REACH`].
     pub fn file(&self) -> ModelFile {
-        file(self.gain.len(), self.family(), region(self.gain[0].len(), REACH))
+        file(
+            self.gain.len(),
+            self.family(),
+            region(self.gain[0].len(), REACH),
+        )
     }
 }
 
-/// Smooth maps of given sizes. Two motors turn two planes that may lie askew; a third output follows both.
+/// Smooth maps of given sizes. Two motors turn two planes that may lie askew; a third output
+/// follows both.
 pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = SmoothMap> {
-    (0.005..0.05_f64, 0.005..0.05_f64, -0.4..0.4_f64, 0.0..0.4_f64, 1..6_usize).prop_map(
-        move |(a, b, skew, bend, steps)| {
-            let rows = [vec![a, skew * b], vec![-skew * a, b], vec![0.3 * a, 0.5 * b]];
+    (
+        0.005..0.05_f64,
+        0.005..0.05_f64,
+        -0.4..0.4_f64,
+        0.0..0.4_f64,
+        1..6_usize,
+    )
+        .prop_map(move |(a, b, skew, bend, steps)| {
+            let rows = [
+                vec![a, skew * b],
+                vec![-skew * a, b],
+                vec![0.3 * a, 0.5 * b],
+            ];
             let cut = |row: &Vec<f64>| row.iter().take(motors).copied().collect();
             let gain = rows.iter().take(outputs).map(cut).collect();
             SmoothMap { gain, bend, steps }
-        },
-    )
+        })
 }
 
 /// A position in the hull of [`smooth_gmr`].
 pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
-    (-REACH..REACH, -REACH..REACH).prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
+    (-REACH..REACH, -REACH..REACH)
+        .prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
 }
 
 /// Stop operators of a snake with slack and friction, in degrees: a middling one of [`stops`].
 pub fn some_stops(motors: usize) -> StopParameters {
-    stops_of(motors, [0.5, 0.3, 0.2, 0.6], [0.2, 0.1, 0.15, 0.25], [0.025, 0.03], [38.0, 135.0], 0.08, 1)
+    stops_of(
+        motors,
+        [0.5, 0.3, 0.2, 0.6],
+        [0.2, 0.1, 0.15, 0.25],
+        [0.025, 0.03],
+        [38.0, 135.0],
+        0.08,
+        1,
+    )
 }
 
 fn stops_of(
@@ -204,8 +297,15 @@ fn stops_of(
 fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
     let segment = |s: usize| {
         let rank = 2.0 * (s as f64 + 1.0) / (count as f64 + 1.0);
-        let axis = |_| StopAxis { stiffness: 0.15 * count as f64, stiffening: 2e-5, limit: 45.0 * rank / count as f64 };
-        StopSegment { axes: (0..motors).map(axis).collect(), friction: rank }
+        let axis = |_| StopAxis {
+            stiffness: 0.15 * count as f64,
+            stiffening: 2e-5,
+            limit: 45.0 * rank / count as f64,
+        };
+        StopSegment {
+            axes: (0..motors).map(axis).collect(),
+            friction: rank,
+        }
     };
     (0..count).map(segment).collect()
 }
@@ -217,7 +317,17 @@ pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
     let travel = prop::array::uniform2(0.02..0.035_f64);
     let axes = (20.0..60.0_f64, 110.0..150.0_f64);
     let rest = (0.03..0.2_f64, 1..=3_usize);
-    (slack, friction, travel, axes, rest).prop_map(move |(slack, friction, travel, axes, (loose, segments))| {
-        stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
-    })
+    (slack, friction, travel, axes, rest).prop_map(
+        move |(slack, friction, travel, axes, (loose, segments))| {
+            stops_of(
+                motors,
+                slack,
+                friction,
+                travel,
+                [axes.0, axes.1],
+                loose,
+                segments,
+            )
+        },
+    )
 }

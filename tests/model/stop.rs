@@ -20,11 +20,20 @@ fn cut<const D: usize>(counts: [f64; 2]) -> SVector<f64, D> {
 }
 
 /// In steps of at most `step` counts per motor.
-fn go<const D: usize>(operator: &Stops<D>, state: &mut StopState, from: [f64; 2], to: [f64; 2], step: f64) {
+fn go<const D: usize>(
+    operator: &Stops<D>,
+    state: &mut StopState,
+    from: [f64; 2],
+    to: [f64; 2],
+    step: f64,
+) {
     let (from, to) = (cut::<D>(from), cut::<D>(to));
     let steps = ((to - from).amax() / step).ceil().max(1.0) as u32;
     for i in 1..=steps {
-        operator.advance(state, &(from + (to - from) * (f64::from(i) / f64::from(steps))));
+        operator.advance(
+            state,
+            &(from + (to - from) * (f64::from(i) / f64::from(steps))),
+        );
     }
 }
 
@@ -61,10 +70,18 @@ fn slope_is_the_slope<const D: usize>(file: &StopParameters, turns: &[[f64; 2]],
         let (right, left) = ((found[0] - found[1]) / 1e-3, (found[1] - found[2]) / 1e-3);
         // Where a stop begins to slip, the slope is one-sided.
         let error = (0.5 * (left + right) - local.jacobian.column(motor)).amax();
-        assert!(error <= (right - left).amax() + 1e-4, "{error}: {left} {right} {}", local.jacobian);
+        assert!(
+            error <= (right - left).amax() + 1e-4,
+            "{error}: {left} {right} {}",
+            local.jacobian
+        );
     }
     let at = |row: usize, column: usize| local.jacobian[(row.min(D - 1), column.min(D - 1))];
-    let determinant = if D == 1 { at(0, 0) } else { at(0, 0) * at(1, 1) - at(0, 1) * at(1, 0) };
+    let determinant = if D == 1 {
+        at(0, 0)
+    } else {
+        at(0, 0) * at(1, 1) - at(0, 1) * at(1, 0)
+    };
     let minors = [at(0, 0), at(1, 1), determinant];
     assert!(minors.iter().all(|minor| *minor > 0.0), "{minors:?}");
 }
@@ -129,8 +146,8 @@ proptest! {
         prop_assert!((slow - fast).amax() < 6.0, "{slow} {fast}");
     }
 
-    /// With friction that does not depend on the load, a straight spring and no slack, the loop between two turning
-    /// points has one shape, wherever it lies.
+    /// With friction that does not depend on the load, a straight spring and no slack, the loop
+    /// between two turning points has one shape, wherever it lies.
     #[test]
     fn without_load_minor_loops_are_congruent(
         low in -400.0..0.0_f64, width in 5.0..300.0_f64, first in turns(), second in turns(), part in 0.0..1.0_f64,
@@ -183,10 +200,13 @@ proptest! {
 fn virtual_counts_are_counts_on_the_whole() {
     for axes in [[38.0, 135.0], [45.0, -45.0], [120.0, 200.0]] {
         let mut file = some_stops(2);
-        file.motors.iter_mut().zip(axes).for_each(|(motor, axis)| motor.axis_deg = axis);
+        file.motors
+            .iter_mut()
+            .zip(axes)
+            .for_each(|(motor, axis)| motor.axis_deg = axis);
         let operator = Stops::<2>::prepare(&file).unwrap();
-        let ends =
-            [[-600.0, 0.0], [600.0, 0.0]].map(|at| mean(&operator, &walk(&operator, &[[-900.0, 0.0], at], 5.0), at));
+        let ends = [[-600.0, 0.0], [600.0, 0.0]]
+            .map(|at| mean(&operator, &walk(&operator, &[[-900.0, 0.0], at], 5.0), at));
         let slope = (ends[1][0] - ends[0][0]) / 1200.0;
         assert!((0.7..1.1).contains(&slope), "{slope} at {axes:?}");
     }
@@ -195,7 +215,13 @@ fn virtual_counts_are_counts_on_the_whole() {
 #[test]
 fn the_way_back_is_another_way() {
     let operator = Stops::<1>::prepare(&some_stops(1)).unwrap();
-    let from = |turn: f64| mean(&operator, &walk(&operator, &[[turn, 0.0], [300.0, 0.0]], 5.0), [300.0, 0.0])[0];
+    let from = |turn: f64| {
+        mean(
+            &operator,
+            &walk(&operator, &[[turn, 0.0], [300.0, 0.0]], 5.0),
+            [300.0, 0.0],
+        )[0]
+    };
     let loop_counts = from(1000.0) - from(-1000.0);
     assert!((20.0..400.0).contains(&loop_counts), "{loop_counts}");
 }
@@ -210,21 +236,44 @@ fn a_file_that_makes_no_sense_is_refused() {
         ("shared", |file| file.shared = 1.5),
         ("stops.share", |file| file.stops[0].share = 0.9),
         ("stops:", |file| file.stops.clear()),
-        ("stops =", |file| file.stops = vec![StopElement { stiffness: 1.0, share: 1.0 / 6.0 }; 6]),
+        ("stops =", |file| {
+            file.stops = vec![
+                StopElement {
+                    stiffness: 1.0,
+                    share: 1.0 / 6.0
+                };
+                6
+            ]
+        }),
         ("segments:", |file| file.segments.clear()),
         ("segments[0].axes", |file| file.segments[0].axes.truncate(1)),
-        ("segments[0].friction", |file| file.segments[0].friction = 0.0),
-        ("axis_deg", |file| file.motors[1].axis_deg = file.motors[0].axis_deg + 179.0),
-        ("travel_per_count", |file| file.motors[1].travel_per_count = -0.1),
+        ("segments[0].friction", |file| {
+            file.segments[0].friction = 0.0
+        }),
+        ("axis_deg", |file| {
+            file.motors[1].axis_deg = file.motors[0].axis_deg + 179.0
+        }),
+        ("travel_per_count", |file| {
+            file.motors[1].travel_per_count = -0.1
+        }),
     ];
     for (field, spoil) in spoil {
         let mut file = some_stops(2);
         spoil(&mut file);
         let error = Stops::<2>::prepare(&file).unwrap_err().to_string();
-        assert!(error.contains(field.trim_end_matches([':', '=', ' '])), "{field}: {error}");
+        assert!(
+            error.contains(field.trim_end_matches([':', '=', ' '])),
+            "{field}: {error}"
+        );
     }
-    assert!(Stops::<1>::prepare(&some_stops(2)).is_err(), "two motors are not one");
+    assert!(
+        Stops::<1>::prepare(&some_stops(2)).is_err(),
+        "two motors are not one"
+    );
     let mut shared = some_stops(1);
     shared.shared = 0.2;
-    assert!(Stops::<1>::prepare(&shared).is_err(), "a single motor shares with none");
+    assert!(
+        Stops::<1>::prepare(&shared).is_err(),
+        "a single motor shares with none"
+    );
 }

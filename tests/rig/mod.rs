@@ -1,5 +1,6 @@
-//! A rig for integration tests: emulated drives and snake in this process, the controller as a process of its own, each
-//! rig in a domain and a folder of its own. Dropping it ends and removes everything.
+//! A rig for integration tests: emulated drives and snake in this process, the controller as a
+//! process of its own, each rig in a domain and a folder of its own. Dropping it ends and removes
+//! everything.
 #![allow(
     dead_code,
     clippy::unwrap_used,
@@ -14,8 +15,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, JointLimitConfig,
-    LimitConfig, MoveConfig, PlausibilityConfig, PortConfig, RecordConfig, SwapConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
+    RecordConfig, SwapConfig,
 };
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -26,7 +28,8 @@ use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 use tempfile::TempDir;
 
-/// Anything that takes milliseconds on a quiet machine; a loaded one with other tests beside may need this long.
+/// Anything that takes milliseconds on a quiet machine; a loaded one with other tests beside may
+/// need this long.
 pub const PATIENCE: Nanos = Nanos::from_millis(20_000);
 
 static RIGS: AtomicU32 = AtomicU32::new(0);
@@ -41,7 +44,8 @@ pub struct Rig {
     sweeps: Vec<Sweep>,
 }
 
-/// Removes the shared memory of a domain, also what a killed process left for a controller that never came.
+/// Removes the shared memory of a domain, also what a killed process left for a controller that
+/// never came.
 struct Sweep(Domain);
 
 impl Drop for Sweep {
@@ -63,29 +67,55 @@ impl Rig {
     pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let emulation = EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
+        let emulation = EmulatorConfig::new(
+            SnakeConfig::load(&snake).unwrap(),
+            &folder.path().join("ports"),
+        );
         let serial_numbers = emulation.drives.clone().map(|drive| drive.serial_number);
         let mut emulator = Emulator::start(emulation).unwrap();
-        let domain = format!("rig-{}-{}", std::process::id(), RIGS.fetch_add(1, Ordering::Relaxed));
+        let domain = format!(
+            "rig-{}-{}",
+            std::process::id(),
+            RIGS.fetch_add(1, Ordering::Relaxed)
+        );
         let for_camera = Domain::new(&domain).unwrap();
         emulator
             .start_camera(move || {
                 let mut publisher = ExternalPublisher::new(&for_camera);
                 move |seen| {
                     // No controller yet, or no longer: nobody looks.
-                    let _ = publisher.publish(Nanos(seen.stamp_ns), &seen.position[..2], &seen.deviation[..2]);
+                    let _ = publisher.publish(
+                        Nanos(seen.stamp_ns),
+                        &seen.position[..2],
+                        &seen.deviation[..2],
+                    );
                 }
             })
             .unwrap();
-        let ports = (0..2).map(|axis| port(emulator.device(axis), axis, serial_numbers[axis])).collect();
+        let ports = (0..2)
+            .map(|axis| port(emulator.device(axis), axis, serial_numbers[axis]))
+            .collect();
         let config = Config {
             robot_id: "rig".to_owned(),
             // Tests share the machine: nobody spins, and the scheduler decides.
-            control: ControlConfig { spin_us: 0, priority: 0, lock_memory: false, ..ControlConfig::default() },
+            control: ControlConfig {
+                spin_us: 0,
+                priority: 0,
+                lock_memory: false,
+                ..ControlConfig::default()
+            },
             ipc: IpcConfig { domain },
-            command: CommandConfig { deadline_ms: 200, lease_ms: 1000, ..CommandConfig::default() },
+            command: CommandConfig {
+                deadline_ms: 200,
+                lease_ms: 1000,
+                ..CommandConfig::default()
+            },
             // A stall of the machine is not what these tests are about.
-            limits: LimitConfig { feedback_stale_ms: 2000, feedback_lost_ms: 10_000, ..LimitConfig::default() },
+            limits: LimitConfig {
+                feedback_stale_ms: 2000,
+                feedback_lost_ms: 10_000,
+                ..LimitConfig::default()
+            },
             compensation: CompensationConfig::default(),
             condition: ConditionConfig::default(),
             swap: SwapConfig::default(),
@@ -96,7 +126,13 @@ impl Rig {
             ports,
         };
         let sweep = Sweep(Domain::new(&config.ipc.domain).unwrap());
-        Self { emulator, config, folder, controller: None, sweeps: vec![sweep] }
+        Self {
+            emulator,
+            config,
+            folder,
+            controller: None,
+            sweeps: vec![sweep],
+        }
     }
 
     /// Starts a controller on the rig's configuration. Its log goes to a file.
@@ -113,7 +149,13 @@ impl Rig {
 
     /// Starts a controller without keeping it: for tests about second ones.
     pub fn spawn_controller(&self, name: &str) -> Child {
-        self.spawn(Stdio::from(fs::File::options().create(true).append(true).open(self.log_file(name)).unwrap()))
+        self.spawn(Stdio::from(
+            fs::File::options()
+                .create(true)
+                .append(true)
+                .open(self.log_file(name))
+                .unwrap(),
+        ))
     }
 
     fn spawn(&self, stderr: Stdio) -> Child {
@@ -145,12 +187,21 @@ impl Rig {
     pub fn client(&mut self) -> Client {
         let start = Instant::now();
         loop {
-            if let Some(status) = self.controller.as_mut().and_then(|child| child.try_wait().unwrap()) {
-                panic!("the controller ended ({status}):\n{}", self.said("controller"));
+            if let Some(status) = self
+                .controller
+                .as_mut()
+                .and_then(|child| child.try_wait().unwrap())
+            {
+                panic!(
+                    "the controller ended ({status}):\n{}",
+                    self.said("controller")
+                );
             }
             match Client::connect(&self.domain(), Nanos::from_millis(200)) {
                 Ok(client) => return client,
-                Err(error) if start.elapsed() < Duration::from_secs(20) => assert!(error.is_absent(), "{error}"),
+                Err(error) if start.elapsed() < Duration::from_secs(20) => {
+                    assert!(error.is_absent(), "{error}")
+                }
                 Err(error) => panic!("{error}:\n{}", self.said("controller")),
             }
         }
@@ -184,7 +235,11 @@ impl Rig {
             EventKind::Setpoint(counts) if event.axis == axis => Some((event.stamp, counts)),
             _ => None,
         };
-        self.emulator.log().into_iter().filter_map(setpoint).collect()
+        self.emulator
+            .log()
+            .into_iter()
+            .filter_map(setpoint)
+            .collect()
     }
 }
 
@@ -217,16 +272,30 @@ pub fn home(client: &mut Client) {
 
 pub fn enable(client: &mut Client) {
     client.state_command(StateCommand::Enable).unwrap();
-    settle(client, |state| state.state == OperatingState::Enabled.number());
+    settle(client, |state| {
+        state.state == OperatingState::Enabled.number()
+    });
 }
 
 /// Waits until nothing is under way and a condition holds.
-pub fn settle(client: &mut Client, condition: impl Fn(&OperatingStateMsg) -> bool) -> OperatingStateMsg {
-    client.wait_for(PATIENCE, |state| state.flags & OperatingStateMsg::BUSY == 0 && condition(state)).unwrap()
+pub fn settle(
+    client: &mut Client,
+    condition: impl Fn(&OperatingStateMsg) -> bool,
+) -> OperatingStateMsg {
+    client
+        .wait_for(PATIENCE, |state| {
+            state.flags & OperatingStateMsg::BUSY == 0 && condition(state)
+        })
+        .unwrap()
 }
 
 fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
-    let axis =
-        AxisConfig { motor_speed_rpm: 10_000, ..AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]) };
-    PortConfig { reply_timeout_ms: 500, ..PortConfig::new(device.to_owned(), vec![axis]) }
+    let axis = AxisConfig {
+        motor_speed_rpm: 10_000,
+        ..AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)])
+    };
+    PortConfig {
+        reply_timeout_ms: 500,
+        ..PortConfig::new(device.to_owned(), vec![axis])
+    }
 }

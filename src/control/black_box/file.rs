@@ -8,8 +8,8 @@
 //! | 32 | SHA-256 of the content |
 //! | the rest | the content, in the format of postcard 1 (<https://postcard.jamesmunns.com/wire-format>) |
 //!
-//! The content has no field names in it, so another version of it cannot be read: any change of [`Content`] or of anything
-//! inside raises [`VERSION`].
+//! The content has no field names in it, so another version of it cannot be read: any change of
+//! [`Content`] or of anything inside raises [`VERSION`].
 
 use std::fs::OpenOptions;
 use std::io::{self, Write};
@@ -87,7 +87,9 @@ pub enum BlackBoxError {
         source: io::Error,
     },
     /// Another kind of file.
-    #[error("{path} is no black box: it does not begin with `I2RISBOX`; name a file that i2ris-control wrote")]
+    #[error(
+        "{path} is no black box: it does not begin with `I2RISBOX`; name a file that i2ris-control wrote"
+    )]
     Foreign {
         /// The file.
         path: PathBuf,
@@ -119,7 +121,9 @@ pub enum BlackBoxError {
         path: PathBuf,
     },
     /// The checksum is right, and yet it cannot be read.
-    #[error("black box {path} holds what this software does not know ({reason}); use the software that wrote it")]
+    #[error(
+        "black box {path} holds what this software does not know ({reason}); use the software that wrote it"
+    )]
     Content {
         /// The file.
         path: PathBuf,
@@ -154,14 +158,27 @@ impl Content {
         let path = || path.to_owned();
         let foreign = || BlackBoxError::Foreign { path: path() };
         let rest = bytes.strip_prefix(&MAGIC).ok_or_else(foreign)?;
-        let cut = |expected| BlackBoxError::Length { path: path(), expected, found: bytes.len() as u64 };
-        let (version, rest) = rest.split_first_chunk::<4>().ok_or_else(|| cut(HEAD as u64))?;
+        let cut = |expected| BlackBoxError::Length {
+            path: path(),
+            expected,
+            found: bytes.len() as u64,
+        };
+        let (version, rest) = rest
+            .split_first_chunk::<4>()
+            .ok_or_else(|| cut(HEAD as u64))?;
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
-            return Err(BlackBoxError::Version { path: path(), found });
+            return Err(BlackBoxError::Version {
+                path: path(),
+                found,
+            });
         }
-        let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(|| cut(HEAD as u64))?;
-        let (digest, body) = rest.split_first_chunk::<32>().ok_or_else(|| cut(HEAD as u64))?;
+        let (length, rest) = rest
+            .split_first_chunk::<8>()
+            .ok_or_else(|| cut(HEAD as u64))?;
+        let (digest, body) = rest
+            .split_first_chunk::<32>()
+            .ok_or_else(|| cut(HEAD as u64))?;
         let length = u64::from_le_bytes(*length);
         if body.len() as u64 != length {
             return Err(cut(length.saturating_add(HEAD as u64)));
@@ -169,7 +186,10 @@ impl Content {
         if Sha256::digest(body).as_slice() != digest {
             return Err(BlackBoxError::Damaged { path: path() });
         }
-        postcard::from_bytes(body).map_err(|error| BlackBoxError::Content { path: path(), reason: error.to_string() })
+        postcard::from_bytes(body).map_err(|error| BlackBoxError::Content {
+            path: path(),
+            reason: error.to_string(),
+        })
     }
 
     /// Reads a file.
@@ -188,11 +208,16 @@ impl Content {
     ///
     /// When there is one of this name, or the system refuses.
     pub fn write(&self, path: &Path) -> Result<(), BlackBoxError> {
-        let bytes = self
-            .to_bytes()
-            .map_err(|error| BlackBoxError::Content { path: path.to_owned(), reason: error.to_string() })?;
+        let bytes = self.to_bytes().map_err(|error| BlackBoxError::Content {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })?;
         let write = || -> io::Result<()> {
-            let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
+            let mut file = OpenOptions::new()
+                .write(true)
+                .create_new(true)
+                .mode(0o600)
+                .open(path)?;
             file.write_all(&bytes)?;
             file.sync_all()
         };
@@ -201,7 +226,11 @@ impl Content {
 }
 
 fn io_error(action: &'static str, path: &Path, source: io::Error) -> BlackBoxError {
-    BlackBoxError::Io { action, path: path.to_owned(), source }
+    BlackBoxError::Io {
+        action,
+        path: path.to_owned(),
+        source,
+    }
 }
 
 #[cfg(test)]
@@ -211,7 +240,11 @@ mod tests {
     use super::*;
 
     fn content() -> Content {
-        let header = Header { software: "test".to_owned(), cause: "a test".to_owned(), ..Header::default() };
+        let header = Header {
+            software: "test".to_owned(),
+            cause: "a test".to_owned(),
+            ..Header::default()
+        };
         Content {
             header,
             config: "robot_id = 1".to_owned(),
@@ -223,7 +256,9 @@ mod tests {
     }
 
     fn error(bytes: &[u8]) -> String {
-        Content::from_bytes(bytes, Path::new("x.box")).unwrap_err().to_string()
+        Content::from_bytes(bytes, Path::new("x.box"))
+            .unwrap_err()
+            .to_string()
     }
 
     #[test]
@@ -232,8 +267,20 @@ mod tests {
         let path = folder.path().join("a.box");
         content().write(&path).unwrap();
         assert_eq!(Content::read(&path).unwrap(), content());
-        assert!(content().write(&path).unwrap_err().to_string().contains("File exists"), "never written over");
-        assert!(Content::read(&folder.path().join("b.box")).unwrap_err().to_string().contains("cannot read"));
+        assert!(
+            content()
+                .write(&path)
+                .unwrap_err()
+                .to_string()
+                .contains("File exists"),
+            "never written over"
+        );
+        assert!(
+            Content::read(&folder.path().join("b.box"))
+                .unwrap_err()
+                .to_string()
+                .contains("cannot read")
+        );
     }
 
     #[test]

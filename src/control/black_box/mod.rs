@@ -7,12 +7,13 @@
 //! | `recorder` | the thread that fills the ring and writes the file: on FAULT, on request, on exit |
 //! | `replay` | the same ticks through the same [`Cycle::step`](super::cycle::Cycle::step), compared to the bit |
 //!
-//! A file is complete in itself. It begins with a [`Snapshot`] of everything that the cycle remembers, and holds the
-//! configuration, every model that was at hand, whatever was handed to the cycle, and what it answered. So it can be run
-//! again on another machine, years later, as long as the software still has the same format and the same arithmetic.
+//! A file is complete in itself. It begins with a [`Snapshot`] of everything that the cycle
+//! remembers, and holds the configuration, every model that was at hand, whatever was handed to the
+//! cycle, and what it answered. So it can be run again on another machine, years later, as long as
+//! the software still has the same format and the same arithmetic.
 //!
-//! The loop copies each tick into a ring without waiting; what a slow recorder has no room for is lost, counted, and
-//! missing in the file, which says so.
+//! The loop copies each tick into a ring without waiting; what a slow recorder has no room for is
+//! lost, counted, and missing in the file, which says so.
 
 mod file;
 mod recorder;

@@ -79,7 +79,12 @@ pub struct Recorder {
 impl Recorder {
     /// A recorder, and the ends for the loop. `model` is what the loop begins with.
     #[must_use]
-    pub fn new(config: &Config, model: Option<&Arc<Model>>, software: &str, boot_id: u64) -> (Self, RecorderEnds) {
+    pub fn new(
+        config: &Config,
+        model: Option<&Arc<Model>>,
+        software: &str,
+        boot_id: u64,
+    ) -> (Self, RecorderEnds) {
         let (ticks_in, ticks) = RingBuffer::new(TICKS);
         let (snapshots_in, snapshots) = RingBuffer::new(SNAPSHOTS);
         let recorder = Self {
@@ -90,17 +95,27 @@ impl Recorder {
             snapshots,
             waiting: None,
             ring: Ring::new(Nanos::from_millis(config.record.seconds * 1000)),
-            models: model.map(|model| (model.id(), Arc::clone(model))).into_iter().collect(),
+            models: model
+                .map(|model| (model.id(), Arc::clone(model)))
+                .into_iter()
+                .collect(),
             offers: VecDeque::new(),
             newest: 0,
             lost: 0,
             fault: None,
             last_fault: None,
         };
-        (recorder, RecorderEnds { ticks: ticks_in, snapshots: snapshots_in })
+        (
+            recorder,
+            RecorderEnds {
+                ticks: ticks_in,
+                snapshots: snapshots_in,
+            },
+        )
     }
 
-    /// Records until `quit`, then writes what there is. What went wrong while writing goes to `tell`.
+    /// Records until `quit`, then writes what there is. What went wrong while writing goes to
+    /// `tell`.
     pub fn run(
         mut self,
         quit: &AtomicBool,
@@ -112,7 +127,10 @@ impl Recorder {
             let last = quit.load(Ordering::Acquire);
             self.drain(wishes, answers);
             let now = clock::now();
-            if self.fault.is_some_and(|fault| last || now.since(fault) >= AFTERMATH) {
+            if self
+                .fault
+                .is_some_and(|fault| last || now.since(fault) >= AFTERMATH)
+            {
                 self.fault = None;
                 self.last_fault = Some(now);
                 self.write_and_tell("fault", &mut tell);
@@ -142,26 +160,37 @@ impl Recorder {
         self.forget();
         for token in writes {
             // Whoever asked may be gone.
-            let _ = answers.send(Written { token, outcome: self.write("request").map_err(|error| error.to_string()) });
+            let _ = answers.send(Written {
+                token,
+                outcome: self.write("request").map_err(|error| error.to_string()),
+            });
         }
     }
 
     fn take(&mut self, tick: TickRecord) {
         self.lost += tick.number.saturating_sub(self.newest + 1);
         self.newest = tick.number;
-        let to_fault = tick
-            .outputs
-            .events
-            .iter()
-            .flatten()
-            .any(|event| matches!(event.kind, crate::control::EventKind::State { to: OperatingState::Fault, .. }));
-        let quiet = self.last_fault.is_none_or(|last| clock::now().since(last) >= BETWEEN_FAULTS);
+        let to_fault = tick.outputs.events.iter().flatten().any(|event| {
+            matches!(
+                event.kind,
+                crate::control::EventKind::State {
+                    to: OperatingState::Fault,
+                    ..
+                }
+            )
+        });
+        let quiet = self
+            .last_fault
+            .is_none_or(|last| clock::now().since(last) >= BETWEEN_FAULTS);
         if to_fault && quiet && self.fault.is_none() {
             self.fault = Some(clock::now());
         }
         // A snapshot comes before the tick after it.
         self.waiting = self.waiting.take().or_else(|| self.snapshots.pop().ok());
-        while let Some(snapshot) = self.waiting.take_if(|snapshot| snapshot.ticks() < tick.number) {
+        while let Some(snapshot) = self
+            .waiting
+            .take_if(|snapshot| snapshot.ticks() < tick.number)
+        {
             self.ring.begin(snapshot);
             self.waiting = self.snapshots.pop().ok();
         }
@@ -192,7 +221,9 @@ impl Recorder {
             return;
         }
         tell(match self.write(cause) {
-            Ok((path, ticks)) => format!("black box of {ticks} ticks written to {}", path.display()),
+            Ok((path, ticks)) => {
+                format!("black box of {ticks} ticks written to {}", path.display())
+            }
             Err(error) => format!("warning: {error}"),
         });
     }
@@ -207,7 +238,9 @@ impl Recorder {
         let mut path = folder.join(format!("{stem}.box"));
         for number in 2..1000 {
             match content.write(&path) {
-                Err(BlackBoxError::Io { source, .. }) if source.kind() == std::io::ErrorKind::AlreadyExists => {
+                Err(BlackBoxError::Io { source, .. })
+                    if source.kind() == std::io::ErrorKind::AlreadyExists =>
+                {
                     path = folder.join(format!("{stem}-{number}.box"));
                 }
                 Err(error) => return Err(error),
@@ -229,7 +262,9 @@ impl Recorder {
                 lost: self.lost,
             },
             config: toml::to_string(&self.config).unwrap_or_default(),
-            models: models.filter_map(|(_, model)| model.file().canonical_form().ok()).collect(),
+            models: models
+                .filter_map(|(_, model)| model.file().canonical_form().ok())
+                .collect(),
             offers: self.offers.iter().cloned().collect(),
             snapshots: self.ring.snapshots().copied().collect(),
             ticks: self.ring.ticks().copied().collect(),
@@ -243,5 +278,9 @@ fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
         return Ok(());
     }
     let created = DirBuilder::new().recursive(true).mode(0o700).create(folder);
-    created.map_err(|source| BlackBoxError::Io { action: "write", path: folder.to_owned(), source })
+    created.map_err(|source| BlackBoxError::Io {
+        action: "write",
+        path: folder.to_owned(),
+        source,
+    })
 }

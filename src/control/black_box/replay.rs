@@ -64,8 +64,19 @@ pub struct Difference {
 pub fn replay(content: &Content) -> Result<Replayed, ReplayError> {
     let config = Config::parse(&content.config, Path::new("in the black box"))?;
     let models = models(content)?;
-    let mut player = Player { content, config, models, cycle: None, next: 0 };
-    let mut replayed = Replayed { ticks: 0, swaps: 0, skipped: 0, difference: None };
+    let mut player = Player {
+        content,
+        config,
+        models,
+        cycle: None,
+        next: 0,
+    };
+    let mut replayed = Replayed {
+        ticks: 0,
+        swaps: 0,
+        skipped: 0,
+        difference: None,
+    };
     for tick in &content.ticks {
         if !player.reach(tick)? {
             replayed.skipped += 1;
@@ -74,7 +85,11 @@ pub fn replay(content: &Content) -> Result<Replayed, ReplayError> {
         let outputs = player.step(tick)?;
         replayed.ticks += 1;
         let before_and_after = (outputs.model_reply, outputs.report.models);
-        replayed.swaps += u64::from(before_and_after.0.is_some_and(|reply| reply.refusal.number() == 0));
+        replayed.swaps += u64::from(
+            before_and_after
+                .0
+                .is_some_and(|reply| reply.refusal.number() == 0),
+        );
         if let Some(difference) = difference(tick, &outputs) {
             replayed.difference = Some(difference);
             return Ok(replayed);
@@ -112,7 +127,9 @@ impl Player<'_> {
         }
         self.cycle = None;
         let here = |snapshot: &&Snapshot| snapshot.ticks() + 1 == tick.number;
-        let Some(snapshot) = self.content.snapshots.iter().find(here) else { return Ok(false) };
+        let Some(snapshot) = self.content.snapshots.iter().find(here) else {
+            return Ok(false);
+        };
         let model = |id: ModelId| self.models.get(&id).map(Arc::clone);
         let cycle = Cycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
         (self.cycle, self.next) = (Some(cycle), tick.number);
@@ -120,8 +137,13 @@ impl Player<'_> {
     }
 
     fn step(&mut self, tick: &TickRecord) -> Result<Outputs, ReplayError> {
-        let candidate = tick.offered.map(|number| self.candidate(number)).transpose()?;
-        let Some(cycle) = &mut self.cycle else { return Err(ReplayError::NoSnapshot) };
+        let candidate = tick
+            .offered
+            .map(|number| self.candidate(number))
+            .transpose()?;
+        let Some(cycle) = &mut self.cycle else {
+            return Err(ReplayError::NoSnapshot);
+        };
         if let Some(candidate) = candidate {
             cycle.offer(candidate);
         }
@@ -134,22 +156,42 @@ impl Player<'_> {
     fn candidate(&self, number: u64) -> Result<Candidate, ReplayError> {
         let missing = || ReplayError::NoModel(ModelId::default());
         let of_number = |offer: &&OfferRecord| offer.number == number;
-        let offer = self.content.offers.iter().find(of_number).ok_or_else(missing)?;
-        let model = self.models.get(&offer.model).ok_or(ReplayError::NoModel(offer.model))?;
-        Ok(Candidate::restored(Arc::clone(model), &self.config, offer.carried))
+        let offer = self
+            .content
+            .offers
+            .iter()
+            .find(of_number)
+            .ok_or_else(missing)?;
+        let model = self
+            .models
+            .get(&offer.model)
+            .ok_or(ReplayError::NoModel(offer.model))?;
+        Ok(Candidate::restored(
+            Arc::clone(model),
+            &self.config,
+            offer.carried,
+        ))
     }
 }
 
-/// The first field that differs. Numbers are compared by their bits: as text with all digits, in which no two numbers look
-/// the same, and the sign of zero shows.
+/// The first field that differs. Numbers are compared by their bits: as text with all digits, in
+/// which no two numbers look the same, and the sign of zero shows.
 fn difference(tick: &TickRecord, now: &Outputs) -> Option<Difference> {
     let before = &tick.outputs;
     let fields = [
         ("requests", text(&before.requests), text(&now.requests)),
         ("reply", text(&before.reply), text(&now.reply)),
-        ("model_reply", text(&before.model_reply), text(&now.model_reply)),
+        (
+            "model_reply",
+            text(&before.model_reply),
+            text(&now.model_reply),
+        ),
         ("events", text(&before.events), text(&now.events)),
-        ("report.joint", text(&before.report.joint), text(&now.report.joint)),
+        (
+            "report.joint",
+            text(&before.report.joint),
+            text(&now.report.joint),
+        ),
         ("report", text(&before.report), text(&now.report)),
         ("finished", text(&before.finished), text(&now.finished)),
     ];
@@ -158,7 +200,12 @@ fn difference(tick: &TickRecord, now: &Outputs) -> Option<Difference> {
     }
     let differs = fields.into_iter().find(|(_, before, now)| before != now);
     let (field, recorded, replayed) = differs.unwrap_or(("a bit", text(before), text(now)));
-    Some(Difference { number: tick.number, field, recorded, replayed })
+    Some(Difference {
+        number: tick.number,
+        field,
+        recorded,
+        replayed,
+    })
 }
 
 fn text(value: &impl std::fmt::Debug) -> String {

@@ -17,7 +17,11 @@ impl Ring {
     /// Keeps `span` or a little more: up to the interval between two snapshots.
     #[must_use]
     pub fn new(span: Nanos) -> Self {
-        Self { span, ticks: VecDeque::new(), snapshots: VecDeque::new() }
+        Self {
+            span,
+            ticks: VecDeque::new(),
+            snapshots: VecDeque::new(),
+        }
     }
 
     /// Takes in a tick.
@@ -25,14 +29,19 @@ impl Ring {
         self.ticks.push_back(tick);
     }
 
-    /// Takes in a snapshot, and drops what is older than the last snapshot that is old enough to begin with.
+    /// Takes in a snapshot, and drops what is older than the last snapshot that is old enough to
+    /// begin with.
     pub fn begin(&mut self, snapshot: Snapshot) {
         self.snapshots.push_back(snapshot);
-        let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else { return };
+        let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
+            return;
+        };
         while let Some(second) = self.snapshots.get(1).map(Snapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
-            let old_enough =
-                self.ticks.get(begin).is_some_and(|tick| newest.since(tick.timing.tick.started) >= self.span);
+            let old_enough = self
+                .ticks
+                .get(begin)
+                .is_some_and(|tick| newest.since(tick.timing.tick.started) >= self.span);
             if !old_enough {
                 return;
             }

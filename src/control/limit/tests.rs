@@ -2,8 +2,13 @@ use proptest::prelude::*;
 
 use super::*;
 
-const DEFAULT: Limits =
-    Limits { velocity: 2000.0, acceleration: 40_000.0, deceleration: 1_000_000.0, lowest: -2000.0, highest: 2000.0 };
+const DEFAULT: Limits = Limits {
+    velocity: 2000.0,
+    acceleration: 40_000.0,
+    deceleration: 1_000_000.0,
+    lowest: -2000.0,
+    highest: 2000.0,
+};
 
 const MILLISECOND: Nanos = Nanos::from_millis(1);
 
@@ -17,15 +22,20 @@ enum Action {
 }
 
 fn limits() -> impl Strategy<Value = Limits> {
-    (10.0..1e5_f64, 100.0..1e6_f64, 1.0..50.0_f64, -3000.0..0.0_f64, 1.0..3000.0_f64).prop_map(
-        |(velocity, acceleration, ratio, lowest, width)| Limits {
+    (
+        10.0..1e5_f64,
+        100.0..1e6_f64,
+        1.0..50.0_f64,
+        -3000.0..0.0_f64,
+        1.0..3000.0_f64,
+    )
+        .prop_map(|(velocity, acceleration, ratio, lowest, width)| Limits {
             velocity,
             acceleration,
             deceleration: acceleration * ratio,
             lowest,
             highest: lowest + width,
-        },
-    )
+        })
 }
 
 /// 100 to 4000 Hz, and not the round ones.
@@ -61,12 +71,19 @@ fn act(limiter: &mut Limiter, action: Action) {
     }
 }
 
-/// The most that a velocity may change in one tick, written independently of the limiter: the slow-down comes first and
-/// takes its share of the tick.
+/// The most that a velocity may change in one tick, written independently of the limiter: the
+/// slow-down comes first and takes its share of the tick.
 fn allowed(before: f64, after: f64, a: f64, d: f64) -> bool {
-    let (before, after) = if before < 0.0 { (-before, -after) } else { (before, after) };
-    let (slow_down, speed_up) =
-        if after >= 0.0 { ((before - after).max(0.0), (after - before).max(0.0)) } else { (before, -after) };
+    let (before, after) = if before < 0.0 {
+        (-before, -after)
+    } else {
+        (before, after)
+    };
+    let (slow_down, speed_up) = if after >= 0.0 {
+        ((before - after).max(0.0), (after - before).max(0.0))
+    } else {
+        (before, -after)
+    };
     slow_down / d + speed_up / a <= 1.0 + 1e-6
 }
 
@@ -140,7 +157,8 @@ proptest! {
         let tick = period.as_seconds();
         let moved = share * limits.velocity * tick;
         let mut limiter = Limiter::new(&limits, period);
-        // Speeding up takes `t = v / A` and loses `v t / 2`; the tenth of V that is left regains it.
+        // Speeding up takes `t = v / A` and loses `v t / 2`; the tenth of V that is left regains
+        // it.
         let start_up = limits.velocity / limits.acceleration;
         let ticks = (30.0 * start_up / tick) as usize + 30;
         for k in 1..=ticks {
@@ -173,7 +191,10 @@ fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
     limiter.stop();
     limiter.stop();
     assert!(limiter.at_rest());
-    assert!((limiter.position() - from - 1.0).abs() < ROUNDING, "one more count on the way");
+    assert!(
+        (limiter.position() - from - 1.0).abs() < ROUNDING,
+        "one more count on the way"
+    );
 }
 
 #[test]
@@ -209,7 +230,10 @@ fn a_sine_within_the_limits_is_followed_to_a_fraction_of_a_count() {
     let mut limiter = Limiter::new(&DEFAULT, MILLISECOND);
     let mut worst = 0.0_f64;
     for k in 1..4000 {
-        limiter.follow(Target { position: at(k), moved: at(k) - at(k - 1) });
+        limiter.follow(Target {
+            position: at(k),
+            moved: at(k) - at(k - 1),
+        });
         // The first 100 ms: from rest to the speed of a sine that starts at full speed.
         if k > 100 {
             worst = worst.max((limiter.position() - at(k)).abs());

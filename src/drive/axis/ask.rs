@@ -67,15 +67,25 @@ impl Ask {
             Self::Mode => Access::Read(parts.mode_display.address()),
             Self::Method => Access::Read(parts.homing_method.address()),
             // Not repeated: by the time that a retry could be sent there is a newer set-point.
-            Self::Follow(request) => Access::Write(parts.target.set(request.target.0), Repeat::Never),
+            Self::Follow(request) => {
+                Access::Write(parts.target.set(request.target.0), Repeat::Never)
+            }
             Self::Preload(target) => Access::Write(parts.target.set(target), Repeat::Safe),
             Self::SetMode(mode) => Access::Write(parts.mode.set(mode), Repeat::Safe),
             Self::SetMethod(method) => Access::Write(parts.homing_method.set(method), Repeat::Safe),
-            Self::Control(controlword) => Access::Write(parts.controlword.set(controlword.0), Repeat::Safe),
+            Self::Control(controlword) => {
+                Access::Write(parts.controlword.set(controlword.0), Repeat::Safe)
+            }
             Self::Set(setting) => Access::Write(setting, Repeat::Safe),
             Self::ReadBack(object) => Access::Read(object),
-            Self::Take(_) => Access::Write(parts.controlword.set(Controlword::NEW_SETPOINT.0), Repeat::Never),
-            Self::StartHoming => Access::Write(parts.controlword.set(Controlword::START_HOMING.0), Repeat::Never),
+            Self::Take(_) => Access::Write(
+                parts.controlword.set(Controlword::NEW_SETPOINT.0),
+                Repeat::Never,
+            ),
+            Self::StartHoming => Access::Write(
+                parts.controlword.set(Controlword::START_HOMING.0),
+                Repeat::Never,
+            ),
         }
     }
 

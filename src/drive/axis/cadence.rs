@@ -1,15 +1,18 @@
 //! Which exchange comes when.
 //!
-//! Every exchange takes its turn on the line, about 2 ms at 115200 baud, so every one beside set-point and position
-//! costs rate. While the target is followed, a round is set-point and position, and only some rounds carry a third.
+//! Every exchange takes its turn on the line, about 2 ms at 115200 baud, so every one beside
+//! set-point and position costs rate. While the target is followed, a round is set-point and
+//! position, and only some rounds carry a third.
 
 use crate::config::Pattern;
 
-/// Where in their rounds the current and the error code are read, apart from each other and from the statusword.
+/// Where in their rounds the current and the error code are read, apart from each other and from
+/// the statusword.
 const CURRENT_AT: u32 = 2;
 const ERROR_CODE_AT: u32 = 18;
 
-/// Rounds in a row that may skip what they should carry beside set-point and position: a fault must show some time.
+/// Rounds in a row that may skip what they should carry beside set-point and position: a fault must
+/// show some time.
 const MOST_SKIPPED: u32 = 8;
 
 /// Rounds between the rarer reads of an axis that follows nothing, where nothing presses.
@@ -46,10 +49,14 @@ pub(super) enum Extra {
 
 impl Cadence {
     pub(super) fn new(pattern: Pattern) -> Self {
-        Self { pattern, ..Self::default() }
+        Self {
+            pattern,
+            ..Self::default()
+        }
     }
 
-    /// The next slot while the target is followed. On a line that is late, only set-point and position have one.
+    /// The next slot while the target is followed. On a line that is late, only set-point and
+    /// position have one.
     pub(super) fn following(&mut self, late: bool) -> Slot {
         if late && matches!(self.next, Slot::Extra(_)) && self.skipped < MOST_SKIPPED {
             self.skipped += 1;
@@ -69,8 +76,14 @@ impl Cadence {
 
     fn begin_round(&mut self) -> Slot {
         self.round = self.round.wrapping_add(1);
-        let Pattern { status_every, rare_every } = self.pattern;
-        match (self.round % status_every.max(1), self.round % rare_every.max(1)) {
+        let Pattern {
+            status_every,
+            rare_every,
+        } = self.pattern;
+        match (
+            self.round % status_every.max(1),
+            self.round % rare_every.max(1),
+        ) {
             (0, _) => Slot::Extra(Extra::Status),
             (_, CURRENT_AT) => Slot::Extra(Extra::Current),
             (_, ERROR_CODE_AT) => Slot::Extra(Extra::ErrorCode),
@@ -78,8 +91,8 @@ impl Cadence {
         }
     }
 
-    /// The next slot otherwise: position and something else in turns. `Extra` says what, for an axis that has nothing
-    /// better to do.
+    /// The next slot otherwise: position and something else in turns. `Extra` says what, for an
+    /// axis that has nothing better to do.
     pub(super) fn idle(&mut self) -> (Slot, Extra) {
         let slot = self.next;
         self.next = match slot {
@@ -113,15 +126,27 @@ mod tests {
         let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(true)).collect();
         let setpoints = slots.iter().filter(|slot| **slot == Slot::Lead).count();
         assert!(setpoints >= 480, "{setpoints}");
-        assert!(slots.contains(&Slot::Extra(Extra::Status)), "a fault shows some time");
+        assert!(
+            slots.contains(&Slot::Extra(Extra::Status)),
+            "a fault shows some time"
+        );
     }
 
     #[test]
     fn the_pattern_is_as_configured() {
-        let mut cadence = Cadence::new(Pattern { status_every: 2, rare_every: 64 });
+        let mut cadence = Cadence::new(Pattern {
+            status_every: 2,
+            rare_every: 64,
+        });
         let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(false)).collect();
-        let looks = slots.iter().filter(|slot| **slot == Slot::Extra(Extra::Status)).count();
-        assert!((195..=200).contains(&looks), "every other round of 2.5 slots: {looks}");
+        let looks = slots
+            .iter()
+            .filter(|slot| **slot == Slot::Extra(Extra::Status))
+            .count();
+        assert!(
+            (195..=200).contains(&looks),
+            "every other round of 2.5 slots: {looks}"
+        );
     }
 
     #[test]
@@ -129,7 +154,10 @@ mod tests {
         let mut cadence = Cadence::default();
         let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(false)).collect();
         for three in slots.windows(3) {
-            assert!(three.contains(&Slot::Lead) && three.contains(&Slot::Position), "{three:?}");
+            assert!(
+                three.contains(&Slot::Lead) && three.contains(&Slot::Position),
+                "{three:?}"
+            );
         }
         for extra in [Extra::Status, Extra::ErrorCode, Extra::Current] {
             assert!(slots.contains(&Slot::Extra(extra)), "{extra:?}");
@@ -144,10 +172,18 @@ mod tests {
         let mut cadence = Cadence::default();
         let slots: Vec<(Slot, Extra)> = (0..64).map(|_| cadence.idle()).collect();
         for two in slots.windows(2) {
-            assert!(two.iter().any(|(slot, _)| *slot == Slot::Position), "{two:?}");
+            assert!(
+                two.iter().any(|(slot, _)| *slot == Slot::Position),
+                "{two:?}"
+            );
         }
         for wanted in [Extra::Status, Extra::ErrorCode, Extra::Current] {
-            assert!(slots.iter().any(|(slot, extra)| *slot == Slot::Lead && *extra == wanted), "{wanted:?}");
+            assert!(
+                slots
+                    .iter()
+                    .any(|(slot, extra)| *slot == Slot::Lead && *extra == wanted),
+                "{wanted:?}"
+            );
         }
     }
 }

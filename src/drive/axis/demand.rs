@@ -15,7 +15,8 @@ use crate::units::Nanos;
 /// How long enabling may take.
 const ENABLE_DEADLINE: Nanos = Nanos::from_millis(2000);
 
-/// How long switching off in order may take before the power is cut, and cutting it before it is tried again.
+/// How long switching off in order may take before the power is cut, and cutting it before it is
+/// tried again.
 const OFF_DEADLINE: Nanos = Nanos::from_millis(2000);
 
 /// How long homing may take. Taking the present position as zero takes a few exchanges.
@@ -25,15 +26,26 @@ const HOMING_DEADLINE: Nanos = Nanos::from_millis(10_000);
 const STOP_SEARCH_DEADLINE: Nanos = Nanos::from_millis(60_000);
 
 impl Axis {
-    /// The next exchange, towards what the control loop demands. On a line that is `late`, what is not pressing is left out.
-    pub(in crate::drive) fn next(&mut self, request: &AxisRequest, now: Nanos, late: bool, events: Events<'_>) -> Ask {
+    /// The next exchange, towards what the control loop demands. On a line that is `late`, what is
+    /// not pressing is left out.
+    pub(in crate::drive) fn next(
+        &mut self,
+        request: &AxisRequest,
+        now: Nanos,
+        late: bool,
+        events: Events<'_>,
+    ) -> Ask {
         self.check_deadline(now, events);
         if request.demand != Demand::Enabled {
             self.rearm = Rearm::Free;
         }
         self.obey(request, now, events);
         self.acknowledge(request, events);
-        if self.stage == Stage::Enabled { self.follow(request, late, events) } else { self.go_on() }
+        if self.stage == Stage::Enabled {
+            self.follow(request, late, events)
+        } else {
+            self.go_on()
+        }
     }
 
     fn follow(&mut self, request: &AxisRequest, late: bool, events: Events<'_>) -> Ask {
@@ -54,7 +66,10 @@ impl Axis {
     }
 
     fn go_on(&mut self) -> Ask {
-        match (self.cadence.idle(), self.stage.ask(self.drive.parts(), &self.plan)) {
+        match (
+            self.cadence.idle(),
+            self.stage.ask(self.drive.parts(), &self.plan),
+        ) {
             ((Slot::Position, _), _) => Ask::Position,
             ((_, _), Some(ask)) => ask,
             ((_, extra), None) => extra_ask(extra),
@@ -67,14 +82,29 @@ impl Axis {
         let reset = request.fault_resets != self.feedback.fault_resets;
         match (self.stage, request.demand) {
             (Stage::Disabled, Demand::Disabled | Demand::QuickStop) if homing => {
-                let span = if self.plan.moves() { STOP_SEARCH_DEADLINE } else { HOMING_DEADLINE };
-                self.enter(Stage::Homing(Homing::Position, now + span, request.homings), events);
+                let span = if self.plan.moves() {
+                    STOP_SEARCH_DEADLINE
+                } else {
+                    HOMING_DEADLINE
+                };
+                self.enter(
+                    Stage::Homing(Homing::Position, now + span, request.homings),
+                    events,
+                );
             }
-            (Stage::Disabled | Stage::QuickStopped(_), Demand::Enabled) if self.rearm == Rearm::Free => {
-                self.enter(Stage::Enabling(Enabling::LimitMin, now + ENABLE_DEADLINE), events);
+            (Stage::Disabled | Stage::QuickStopped(_), Demand::Enabled)
+                if self.rearm == Rearm::Free =>
+            {
+                self.enter(
+                    Stage::Enabling(Enabling::LimitMin, now + ENABLE_DEADLINE),
+                    events,
+                );
             }
             (Stage::Enabled, Demand::QuickStop) => {
-                self.enter(Stage::QuickStopping(Power::towards(Goal::Stopped), now + STOP_DEADLINE), events);
+                self.enter(
+                    Stage::QuickStopping(Power::towards(Goal::Stopped), now + STOP_DEADLINE),
+                    events,
+                );
             }
             // Out of quick stop the power goes at once, so the ramp is waited for.
             (Stage::QuickStopped(by), Demand::Disabled) if !self.still && now < by => {}
@@ -89,13 +119,15 @@ impl Axis {
         }
     }
 
-    /// Answers counters that ask for something which this stage does not do: an old request must not be carried out
-    /// much later, when no one expects it.
+    /// Answers counters that ask for something which this stage does not do: an old request must
+    /// not be carried out much later, when no one expects it.
     pub(in crate::drive) fn acknowledge(&mut self, request: &AxisRequest, events: Events<'_>) {
         if !matches!(self.stage, Stage::Faulted(_) | Stage::Starting) {
             self.feedback.fault_resets = request.fault_resets;
         }
-        if !matches!(self.stage, Stage::Homing(..) | Stage::Starting) && self.feedback.homings != request.homings {
+        if !matches!(self.stage, Stage::Homing(..) | Stage::Starting)
+            && self.feedback.homings != request.homings
+        {
             self.feedback.homings = request.homings;
             self.report(PortEventKind::HomingRefused, events);
         }
@@ -115,11 +147,16 @@ impl Axis {
     }
 
     fn switch_off(&mut self, now: Nanos, events: Events<'_>) {
-        self.enter(Stage::Disabling(Power::towards(Goal::Off), now + OFF_DEADLINE), events);
+        self.enter(
+            Stage::Disabling(Power::towards(Goal::Off), now + OFF_DEADLINE),
+            events,
+        );
     }
 
     fn check_deadline(&mut self, now: Nanos, events: Events<'_>) {
-        let late = Failure::Deadline { statusword: self.feedback.statusword };
+        let late = Failure::Deadline {
+            statusword: self.feedback.statusword,
+        };
         match self.stage {
             Stage::Enabling(_, deadline) if now > deadline => {
                 self.report(PortEventKind::EnableFailed(late), events);
@@ -130,9 +167,16 @@ impl Axis {
                 self.give_up(now, events);
             }
             Stage::Homing(_, deadline, _) if now > deadline => self.fail_homing(late, now, events),
-            Stage::Faulted(FaultStep::Watch(count, deadline)) if now > deadline => self.end_reset(count, events),
+            Stage::Faulted(FaultStep::Watch(count, deadline)) if now > deadline => {
+                self.end_reset(count, events)
+            }
             Stage::Disabling(_, deadline) if now > deadline => {
-                self.report(PortEventKind::StillOn { state: self.state() }, events);
+                self.report(
+                    PortEventKind::StillOn {
+                        state: self.state(),
+                    },
+                    events,
+                );
                 self.stage = Stage::Disabling(Power::towards(Goal::Cut), now + OFF_DEADLINE);
             }
             _ => {}

@@ -14,7 +14,8 @@ use crate::units::Counts;
 /// The steps, in order. A target that is left over in the drive would be a jump.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Enabling {
-    /// Read a position limit back: a drive that was restarted since it was configured has lost them all.
+    /// Read a position limit back: a drive that was restarted since it was configured has lost them
+    /// all.
     LimitMin,
     /// The other one. Not both are 0, as they are in a restarted drive.
     LimitMax,
@@ -46,16 +47,30 @@ impl Enabling {
         }
     }
 
-    pub(super) fn take(&mut self, ask: Ask, raw: u32, parts: &Parts, limits: &RangeInclusive<i32>) -> Progress {
+    pub(super) fn take(
+        &mut self,
+        ask: Ask,
+        raw: u32,
+        parts: &Parts,
+        limits: &RangeInclusive<i32>,
+    ) -> Progress {
         match (*self, ask) {
-            (Self::LimitMin, Ask::LimitMin) if i32::from_raw(raw) == *limits.start() => *self = Self::LimitMax,
-            (Self::LimitMax, Ask::LimitMax) if i32::from_raw(raw) == *limits.end() => *self = Self::Position,
+            (Self::LimitMin, Ask::LimitMin) if i32::from_raw(raw) == *limits.start() => {
+                *self = Self::LimitMax
+            }
+            (Self::LimitMax, Ask::LimitMax) if i32::from_raw(raw) == *limits.end() => {
+                *self = Self::Position
+            }
             (Self::LimitMin, Ask::LimitMin) | (Self::LimitMax, Ask::LimitMax) => {
                 return Progress::Failed(Failure::Restarted);
             }
-            (Self::Position, Ask::Position) => return self.take_position(i32::from_raw(raw), limits),
+            (Self::Position, Ask::Position) => {
+                return self.take_position(i32::from_raw(raw), limits);
+            }
             (Self::Preload(target), Ask::Preload(_)) => *self = Self::Check(target),
-            (Self::Check(target), Ask::Target) if i32::from_raw(raw) == target => *self = Self::SetMode,
+            (Self::Check(target), Ask::Target) if i32::from_raw(raw) == target => {
+                *self = Self::SetMode
+            }
             (Self::Check(target), Ask::Target) => {
                 let (written, found) = (Counts(target), Counts(i32::from_raw(raw)));
                 return Progress::Failed(Failure::Preload { written, found });
@@ -68,7 +83,9 @@ impl Enabling {
                 power.commanded();
                 *self = Self::Power(power);
             }
-            (Self::Power(power), Ask::Status) => return self.look(power, Statusword(u16::from_raw(raw)).state()),
+            (Self::Power(power), Ask::Status) => {
+                return self.look(power, Statusword(u16::from_raw(raw)).state());
+            }
             _ => {}
         }
         Progress::Going
@@ -76,7 +93,11 @@ impl Enabling {
 
     fn take_position(&mut self, position: i32, limits: &RangeInclusive<i32>) -> Progress {
         if !limits.contains(&position) {
-            let (position, min, max) = (Counts(position), Counts(*limits.start()), Counts(*limits.end()));
+            let (position, min, max) = (
+                Counts(position),
+                Counts(*limits.start()),
+                Counts(*limits.end()),
+            );
             return Progress::Failed(Failure::OutsideLimits { position, min, max });
         }
         *self = Self::Preload(position);
@@ -86,6 +107,10 @@ impl Enabling {
     fn look(&mut self, mut power: Power, state: Option<State>) -> Progress {
         let reached = state.is_some_and(|state| power.look(state));
         *self = Self::Power(power);
-        if reached { Progress::Done } else { Progress::Going }
+        if reached {
+            Progress::Done
+        } else {
+            Progress::Going
+        }
     }
 }

@@ -14,8 +14,9 @@ use crate::drive::request::AbortCode;
 pub(super) enum Homing {
     /// Read where the motor stands.
     Position,
-    /// Make that the target, for the case that the drive is not in homing mode after all. Before homing the position
-    /// means nothing, so the drive may find it outside its limits and refuse; homing does not look at the target.
+    /// Make that the target, for the case that the drive is not in homing mode after all. Before
+    /// homing the position means nothing, so the drive may find it outside its limits and refuse;
+    /// homing does not look at the target.
     Preload(i32),
     /// Choose the homing mode.
     SetMode,
@@ -75,20 +76,30 @@ impl Homing {
         }
     }
 
-    pub(super) fn take(&mut self, ask: Ask, raw: u32, parts: &Parts, plan: &HomingPlan) -> Progress {
+    pub(super) fn take(
+        &mut self,
+        ask: Ask,
+        raw: u32,
+        parts: &Parts,
+        plan: &HomingPlan,
+    ) -> Progress {
         let next = match (*self, ask) {
             (Self::Position, Ask::Position) => Self::Preload(i32::from_raw(raw)),
             (Self::Preload(_), Ask::Preload(_)) => Self::SetMode,
             (Self::SetMode, Ask::SetMode(_)) => Self::Mode,
             (Self::Mode, Ask::Mode) if i8::from_raw(raw) == parts.homing_mode => Self::SetMethod,
             (Self::SetMethod, Ask::SetMethod(_)) => Self::Method,
-            (Self::Method, Ask::Method) if i8::from_raw(raw) == plan.method() => Self::prepare(0, plan),
+            (Self::Method, Ask::Method) if i8::from_raw(raw) == plan.method() => {
+                Self::prepare(0, plan)
+            }
             (Self::Method, Ask::Method) => return Progress::Failed(Failure::HomingMethod),
             (Self::Prepare(place), Ask::Set(_)) => Self::CheckPrepared(place),
-            (Self::CheckPrepared(place), Ask::ReadBack(_)) => match compare(plan.settings(), place, raw) {
-                Ok(()) => Self::prepare(place + 1, plan),
-                Err(failure) => return Progress::Failed(failure),
-            },
+            (Self::CheckPrepared(place), Ask::ReadBack(_)) => {
+                match compare(plan.settings(), place, raw) {
+                    Ok(()) => Self::prepare(place + 1, plan),
+                    Err(failure) => return Progress::Failed(failure),
+                }
+            }
             (Self::On(power), _) => pass(power, ask, raw, Self::On, Self::Start),
             (Self::Start, Ask::StartHoming) => Self::Run,
             (Self::Run, Ask::Status) => match Statusword(u16::from_raw(raw)) {
@@ -99,12 +110,16 @@ impl Homing {
             (Self::Lower, Ask::Control(_)) => Self::Off(Power::towards(Goal::Off)),
             (Self::Off(power), _) => pass(power, ask, raw, Self::Off, Self::restore(0, plan)),
             (Self::Restore(place), Ask::Set(_)) => Self::CheckRestored(place),
-            (Self::CheckRestored(place), Ask::ReadBack(_)) => match compare(plan.restored(), place, raw) {
-                Ok(()) => Self::restore(place + 1, plan),
-                Err(failure) => return Progress::Failed(failure),
-            },
+            (Self::CheckRestored(place), Ask::ReadBack(_)) => {
+                match compare(plan.restored(), place, raw) {
+                    Ok(()) => Self::restore(place + 1, plan),
+                    Err(failure) => return Progress::Failed(failure),
+                }
+            }
             (Self::SetModeBack, Ask::SetMode(_)) => Self::ModeBack,
-            (Self::ModeBack, Ask::Mode) if i8::from_raw(raw) == parts.streaming_mode => return Progress::Done,
+            (Self::ModeBack, Ask::Mode) if i8::from_raw(raw) == parts.streaming_mode => {
+                return Progress::Done;
+            }
             (same, _) => same,
         };
         *self = next;
@@ -112,11 +127,19 @@ impl Homing {
     }
 
     fn prepare(place: usize, plan: &HomingPlan) -> Self {
-        if place < plan.settings().len() { Self::Prepare(place) } else { Self::On(Power::towards(Goal::On)) }
+        if place < plan.settings().len() {
+            Self::Prepare(place)
+        } else {
+            Self::On(Power::towards(Goal::On))
+        }
     }
 
     fn restore(place: usize, plan: &HomingPlan) -> Self {
-        if place < plan.restored().len() { Self::Restore(place) } else { Self::SetModeBack }
+        if place < plan.restored().len() {
+            Self::Restore(place)
+        } else {
+            Self::SetModeBack
+        }
     }
 
     /// The drive refused a step.
@@ -132,7 +155,11 @@ impl Homing {
 
     /// A step was not answered. All may be asked for again but the start.
     pub(super) fn unanswered(self) -> Progress {
-        if self == Self::Start { Progress::Failed(Failure::Unanswered) } else { Progress::Going }
+        if self == Self::Start {
+            Progress::Failed(Failure::Unanswered)
+        } else {
+            Progress::Going
+        }
     }
 
     /// The drive is meant to be powered: leaving operation enabled is an error.
@@ -144,9 +171,11 @@ impl Homing {
 /// Compares what was read back with the setting at a place of a list.
 fn compare(list: &[Setting], place: usize, found: u32) -> Result<(), Failure> {
     match list.get(place) {
-        Some(setting) if setting.raw != found => {
-            Err(Failure::ReadBack { object: setting.object, written: setting.raw, found })
-        }
+        Some(setting) if setting.raw != found => Err(Failure::ReadBack {
+            object: setting.object,
+            written: setting.raw,
+            found,
+        }),
         _ => Ok(()),
     }
 }
@@ -155,7 +184,13 @@ fn compare(list: &[Setting], place: usize, found: u32) -> Result<(), Failure> {
 fn pass(mut power: Power, ask: Ask, raw: u32, same: fn(Power) -> Homing, next: Homing) -> Homing {
     match ask {
         Ask::Control(_) => power.commanded(),
-        Ask::Status if Statusword(u16::from_raw(raw)).state().is_some_and(|state| power.look(state)) => return next,
+        Ask::Status
+            if Statusword(u16::from_raw(raw))
+                .state()
+                .is_some_and(|state| power.look(state)) =>
+        {
+            return next;
+        }
         _ => {}
     }
     same(power)

@@ -20,7 +20,8 @@ const RESET_DEADLINE: Nanos = Nanos::from_millis(500);
 /// Exchanges in a row without an answer, on a line that is in step, that make an axis lost.
 const MISSES: u32 = 3;
 
-/// Distance between two positions in a row that counts as standing still: an encoder may waver by a count.
+/// Distance between two positions in a row that counts as standing still: an encoder may waver by a
+/// count.
 const STILL_COUNTS: u32 = 1;
 
 impl Axis {
@@ -32,10 +33,16 @@ impl Axis {
         now: Nanos,
         events: Events<'_>,
     ) {
-        let none = Reply { raw: 0, sent: now, received: now };
+        let none = Reply {
+            raw: 0,
+            sent: now,
+            received: now,
+        };
         match outcome {
             // A history without an entry.
-            Err(LinkError::Refused(_)) if ask == Ask::ErrorCode && self.drive.parts().error_code_is_history => {
+            Err(LinkError::Refused(_))
+                if ask == Ask::ErrorCode && self.drive.parts().error_code_is_history =>
+            {
                 self.misses = 0;
                 self.note(ask, &none);
                 self.advance(ask, none.raw, now, events);
@@ -48,7 +55,9 @@ impl Axis {
                 }
                 self.advance(ask, reply.raw, now, events);
             }
-            Err(LinkError::Refused(AbortCode::NO_NODE) | LinkError::Unanswered) => self.unanswered(now, events),
+            Err(LinkError::Refused(AbortCode::NO_NODE) | LinkError::Unanswered) => {
+                self.unanswered(now, events)
+            }
             Err(LinkError::Refused(code)) => {
                 self.misses = 0;
                 self.refused(ask, code, now, events);
@@ -57,11 +66,14 @@ impl Axis {
         }
     }
 
-    /// Time passed without an answer: long enough for the drive to have been restarted, with another mode and another
-    /// target than it was given. Its next steps must not build on what was true before.
+    /// Time passed without an answer: long enough for the drive to have been restarted, with
+    /// another mode and another target than it was given. Its next steps must not build on what was
+    /// true before.
     pub(in crate::drive) fn disturbed(&mut self, now: Nanos, events: Events<'_>) {
         match self.stage {
-            Stage::Enabling(_, deadline) => self.stage = Stage::Enabling(Enabling::LimitMin, deadline),
+            Stage::Enabling(_, deadline) => {
+                self.stage = Stage::Enabling(Enabling::LimitMin, deadline)
+            }
             Stage::Homing(..) => self.fail_homing(Failure::Interrupted, now, events),
             _ => {}
         }
@@ -86,7 +98,8 @@ impl Axis {
                 feedback.homed = homed && !self.displaced;
             }
             Ask::ErrorCode => {
-                let gone = self.drive.parts().error_code_is_history && !self.state().is_some_and(State::is_fault);
+                let gone = self.drive.parts().error_code_is_history
+                    && !self.state().is_some_and(State::is_fault);
                 self.feedback.error_code = if gone { 0 } else { u16::from_raw(reply.raw) };
             }
             Ask::Current => feedback.current_ma = self.drive.parts().current.signed(reply.raw),
@@ -117,12 +130,17 @@ impl Axis {
         });
     }
 
-    /// Compares the state of the drive with the stage, and leaves the stage when they contradict each other: then the
-    /// result is true.
+    /// Compares the state of the drive with the stage, and leaves the stage when they contradict
+    /// each other: then the result is true.
     fn judge(&mut self, now: Nanos, events: Events<'_>) -> bool {
         let Some(state) = self.state() else {
             // What is not understood is brought up again from the start.
-            self.refuse(AxisFault::UnknownState { statusword: self.feedback.statusword }, events);
+            self.refuse(
+                AxisFault::UnknownState {
+                    statusword: self.feedback.statusword,
+                },
+                events,
+            );
             self.enter(Stage::Lost, events);
             return true;
         };
@@ -146,7 +164,9 @@ impl Axis {
             (Stage::Enabled, State::OperationEnabled)
             | (Stage::QuickStopped(..), State::QuickStopActive)
             | (Stage::Disabled, State::SwitchOnDisabled | State::Ready | State::NotReady) => false,
-            (Stage::Homing(homing, ..), state) if homing.is_powered() && state != State::OperationEnabled => {
+            (Stage::Homing(homing, ..), state)
+                if homing.is_powered() && state != State::OperationEnabled =>
+            {
                 self.report(PortEventKind::StateLost { state }, events);
                 self.fail_homing(Failure::Interrupted, now, events);
                 true
@@ -175,9 +195,17 @@ impl Axis {
         }
     }
 
-    /// The power is off. What homing changed and did not put back, the port thread does by bringing the axis up again.
+    /// The power is off. What homing changed and did not put back, the port thread does by bringing
+    /// the axis up again.
     fn settle_off(&mut self, events: Events<'_>) {
-        self.enter(if self.unrestored { Stage::Lost } else { Stage::Disabled }, events);
+        self.enter(
+            if self.unrestored {
+                Stage::Lost
+            } else {
+                Stage::Disabled
+            },
+            events,
+        );
     }
 
     /// Moves the present procedure on.
@@ -209,7 +237,11 @@ impl Axis {
                 }
             }
             Stage::Faulted(step) => self.advance_fault(step, ask, now, events),
-            Stage::Starting | Stage::Disabled | Stage::Enabled | Stage::QuickStopped(..) | Stage::Lost => {}
+            Stage::Starting
+            | Stage::Disabled
+            | Stage::Enabled
+            | Stage::QuickStopped(..)
+            | Stage::Lost => {}
         }
     }
 
@@ -220,7 +252,9 @@ impl Axis {
                 self.report(PortEventKind::Fault(fault), events);
                 FaultStep::Rest
             }
-            (FaultStep::Lower(count), Ask::Control(Controlword::DISABLE_VOLTAGE)) => FaultStep::Raise(count),
+            (FaultStep::Lower(count), Ask::Control(Controlword::DISABLE_VOLTAGE)) => {
+                FaultStep::Raise(count)
+            }
             (FaultStep::Raise(count), Ask::Control(Controlword::FAULT_RESET)) => {
                 FaultStep::Watch(count, now + RESET_DEADLINE)
             }
@@ -252,7 +286,8 @@ impl Axis {
             Progress::Failed(failure) => {
                 self.report(PortEventKind::EnableFailed(failure), events);
                 if failure == Failure::Restarted {
-                    // Nothing of the configuration stands any more: the port thread brings it up again.
+                    // Nothing of the configuration stands any more: the port thread brings it up
+                    // again.
                     self.enter(Stage::Lost, events);
                 } else {
                     self.give_up(now, events);
@@ -282,7 +317,11 @@ impl Axis {
         let object = ask.object(self.drive.parts());
         match self.stage {
             Stage::Enabling(..) => {
-                self.end_enabling(Progress::Failed(Failure::Refused { object, code }), now, events);
+                self.end_enabling(
+                    Progress::Failed(Failure::Refused { object, code }),
+                    now,
+                    events,
+                );
             }
             Stage::Homing(mut homing, deadline, count) => {
                 let progress = homing.refused(object, code);
@@ -290,7 +329,10 @@ impl Axis {
                 self.end_homing(progress, now, events);
             }
             Stage::QuickStopping(..) => {
-                self.report(PortEventKind::QuickStopFailed(Failure::Refused { object, code }), events);
+                self.report(
+                    PortEventKind::QuickStopFailed(Failure::Refused { object, code }),
+                    events,
+                );
                 self.give_up(now, events);
             }
             Stage::Faulted(FaultStep::Lower(count) | FaultStep::Raise(count)) => {

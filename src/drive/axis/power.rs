@@ -3,7 +3,8 @@
 use super::ask::Ask;
 use crate::drive::cia402::{Controlword, Goal, State, Step, step};
 
-/// On the way to a goal. Looks before every command, and waits for a command to show before the next.
+/// On the way to a goal. Looks before every command, and waits for a command to show before the
+/// next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Power {
     goal: Goal,
@@ -22,7 +23,10 @@ enum Stage {
 
 impl Power {
     pub(super) fn towards(goal: Goal) -> Self {
-        Self { goal, stage: Stage::Look }
+        Self {
+            goal,
+            stage: Stage::Look,
+        }
     }
 
     pub(super) fn ask(self) -> Ask {
@@ -67,7 +71,11 @@ mod tests {
         power.commanded();
         assert_eq!(power.ask(), Ask::Status);
         assert!(!power.look(State::SwitchOnDisabled));
-        assert_eq!(power.ask(), Ask::Status, "no second command while the first does not show");
+        assert_eq!(
+            power.ask(),
+            Ask::Status,
+            "no second command while the first does not show"
+        );
         assert!(!power.look(State::Ready));
         assert_eq!(power.ask(), Ask::Control(Controlword::ENABLE_OPERATION));
         power.commanded();

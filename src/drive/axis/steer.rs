@@ -1,4 +1,5 @@
-//! Set-points that take effect by an edge: written, taken, and the bit lowered again before the next.
+//! Set-points that take effect by an edge: written, taken, and the bit lowered again before the
+//! next.
 
 use super::ask::Ask;
 use crate::drive::AxisRequest;
@@ -38,7 +39,8 @@ impl Steer {
         *self = Self::Ready;
     }
 
-    /// An exchange failed. Whether the edge arrived is not known, so the bit is lowered; a newer set-point follows.
+    /// An exchange failed. Whether the edge arrived is not known, so the bit is lowered; a newer
+    /// set-point follows.
     pub(super) fn unanswered(&mut self) {
         if matches!(self, Self::Written(_)) {
             *self = Self::Raised;
@@ -52,19 +54,32 @@ mod tests {
 
     #[test]
     fn the_bit_is_lowered_before_the_next_set_point_whatever_happens() {
-        let request = AxisRequest { sequence: 3, ..AxisRequest::default() };
+        let request = AxisRequest {
+            sequence: 3,
+            ..AxisRequest::default()
+        };
         let mut steer = Steer::default();
         assert_eq!(steer.ask(), None);
         steer.written(request);
         assert_eq!(steer.ask(), Some(Ask::Take(request)));
         steer.taken();
-        assert_eq!(steer.ask(), Some(Ask::Control(Controlword::ENABLE_OPERATION)));
+        assert_eq!(
+            steer.ask(),
+            Some(Ask::Control(Controlword::ENABLE_OPERATION))
+        );
         steer.unanswered();
-        assert_eq!(steer.ask(), Some(Ask::Control(Controlword::ENABLE_OPERATION)), "until it is acknowledged");
+        assert_eq!(
+            steer.ask(),
+            Some(Ask::Control(Controlword::ENABLE_OPERATION)),
+            "until it is acknowledged"
+        );
         steer.lowered();
         assert_eq!(steer.ask(), None);
         steer.written(request);
         steer.unanswered();
-        assert_eq!(steer.ask(), Some(Ask::Control(Controlword::ENABLE_OPERATION)));
+        assert_eq!(
+            steer.ask(),
+            Some(Ask::Control(Controlword::ENABLE_OPERATION))
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! Requests of the EPOS2: opcodes of the first EPOS, and index, subindex, node in this order.
 //!
-//! Sources: maxon's EPOS Communication Guide (2006) for RS232; for USB the public driver of the University of Osnabrueck, which
-//! sends the same requests in V2 frames.
+//! Sources: maxon's EPOS Communication Guide (2006) for RS232; for USB the public driver of the
+//! University of Osnabrueck, which sends the same requests in V2 frames.
 
 use super::segmented::SegmentedRead;
 use crate::drive::dialect::{Dialect, LongRead, READ_REPLY_WORDS, WRITE_REPLY_WORDS};
@@ -47,24 +47,58 @@ mod tests {
     #[test]
     fn requests_have_the_layout_of_the_worked_frames() {
         let read = Epos2Dialect.read(2, object::CURRENT.address());
-        assert_eq!(read.frame(), Frame { opcode: 0x10, data: &[0x78, 0x60, 0x00, 0x02] });
+        assert_eq!(
+            read.frame(),
+            Frame {
+                opcode: 0x10,
+                data: &[0x78, 0x60, 0x00, 0x02]
+            }
+        );
         let write = Epos2Dialect.write(1, object::TARGET.set(1000));
-        assert_eq!(write.frame(), Frame { opcode: 0x11, data: &[0x62, 0x20, 0x00, 0x01, 0xE8, 0x03, 0, 0] });
+        assert_eq!(
+            write.frame(),
+            Frame {
+                opcode: 0x11,
+                data: &[0x62, 0x20, 0x00, 0x01, 0xE8, 0x03, 0, 0]
+            }
+        );
     }
 
     #[test]
     fn frames_on_usb_are_those_of_the_reference() {
         let mut encoder = Encoder::default();
         for (request, wire) in [
-            (Epos2Dialect.read(1, STATUSWORD.address()), "90 02 10 02 41 60 00 01 64 CF"),
-            (Epos2Dialect.read(1, POSITION.address()), "90 02 10 02 64 60 00 01 52 A2"),
-            (Epos2Dialect.write(1, CONTROLWORD.set(0x000F)), "90 02 11 04 40 60 00 01 0F 00 00 00 2D 2C"),
-            (Epos2Dialect.write(1, MODE.set(-1)), "90 02 11 04 60 60 00 01 FF 00 00 00 89 A1"),
-            (Epos2Dialect.write(1, object::TARGET.set(1000)), "90 02 11 04 62 20 00 01 E8 03 00 00 95 6A"),
-            (Epos2Dialect.write(2, object::TARGET.set(1000)), "90 02 11 04 62 20 00 02 E8 03 00 00 75 A4"),
+            (
+                Epos2Dialect.read(1, STATUSWORD.address()),
+                "90 02 10 02 41 60 00 01 64 CF",
+            ),
+            (
+                Epos2Dialect.read(1, POSITION.address()),
+                "90 02 10 02 64 60 00 01 52 A2",
+            ),
+            (
+                Epos2Dialect.write(1, CONTROLWORD.set(0x000F)),
+                "90 02 11 04 40 60 00 01 0F 00 00 00 2D 2C",
+            ),
+            (
+                Epos2Dialect.write(1, MODE.set(-1)),
+                "90 02 11 04 60 60 00 01 FF 00 00 00 89 A1",
+            ),
+            (
+                Epos2Dialect.write(1, object::TARGET.set(1000)),
+                "90 02 11 04 62 20 00 01 E8 03 00 00 95 6A",
+            ),
+            (
+                Epos2Dialect.write(2, object::TARGET.set(1000)),
+                "90 02 11 04 62 20 00 02 E8 03 00 00 75 A4",
+            ),
         ] {
-            let bytes: Vec<String> =
-                encoder.encode(request.frame()).unwrap().iter().map(|byte| format!("{byte:02X}")).collect();
+            let bytes: Vec<String> = encoder
+                .encode(request.frame())
+                .unwrap()
+                .iter()
+                .map(|byte| format!("{byte:02X}"))
+                .collect();
             assert_eq!(bytes.join(" "), wire);
         }
     }

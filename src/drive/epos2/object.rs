@@ -1,16 +1,21 @@
 //! Objects that only the EPOS2 has, or has under another number.
 //!
-//! Numbers and sizes are those that public EPOS2 code uses on real drives. That 0x1018:04 holds a serial number of four bytes
-//! as on the EPOS4, and what 0x6410 holds, is to be confirmed on a unit: bring-up compares every value that it writes, so a
-//! wrong number ends in a refusal and not in motion.
+//! Numbers and sizes are those that public EPOS2 code uses on real drives. That 0x1018:04 holds a
+//! serial number of four bytes as on the EPOS4, and what 0x6410 holds, is to be confirmed on a
+//! unit: bring-up compares every value that it writes, so a wrong number ends in a refusal and not
+//! in motion.
 
 use crate::drive::object::{Address, Object};
 
 /// Firmware version.
 pub(super) const FIRMWARE: Object<u16> = Object::new(0x2003, 1, "software version");
 /// Full serial number, 8 bytes: read in segments.
-pub(super) const FULL_SERIAL_NUMBER: Address =
-    Address { index: 0x2004, subindex: 0, size: 8, name: "full serial number" };
+pub(super) const FULL_SERIAL_NUMBER: Address = Address {
+    index: 0x2004,
+    subindex: 0,
+    size: 8,
+    name: "full serial number",
+};
 /// Set-point of the position mode, counts: acts at once.
 pub(super) const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
 /// Motor current that tells a hard stop, mA.

@@ -1,7 +1,8 @@
 //! Reading objects of more than four bytes from an EPOS2.
 //!
-//! The control byte of a segment holds its length (bits 0 to 5), the toggle bit (6) and whether more follow (7). The reply that
-//! opens the transfer brings an error code; whether it brings the first segment too is not known, so both are taken.
+//! The control byte of a segment holds its length (bits 0 to 5), the toggle bit (6) and whether
+//! more follow (7). The reply that opens the transfer brings an error code; whether it brings the
+//! first segment too is not known, so both are taken.
 
 use super::dialect::selector;
 use crate::drive::dialect::{LONGEST, LongRead, after_error_code};
@@ -38,17 +39,26 @@ enum Stage {
 
 impl SegmentedRead {
     pub(super) fn new(node: u8, object: Address) -> Self {
-        Self { node, object, bytes: Vec::new(), stage: Stage::First }
+        Self {
+            node,
+            object,
+            bytes: Vec::new(),
+            stage: Stage::First,
+        }
     }
 
     fn take_segment(&mut self, rest: &[u8], toggle: u8) -> Result<bool, ReplyError> {
         let (&control, data) = rest.split_first().ok_or(ReplyError::OutOfStep)?;
-        let segment = data.get(..usize::from(control & LENGTH)).ok_or(ReplyError::OutOfStep)?;
+        let segment = data
+            .get(..usize::from(control & LENGTH))
+            .ok_or(ReplyError::OutOfStep)?;
         if control & TOGGLE != toggle || self.bytes.len() + segment.len() > LONGEST {
             return Err(ReplyError::OutOfStep);
         }
         self.bytes.extend_from_slice(segment);
-        self.stage = Stage::Next { toggle: toggle ^ TOGGLE };
+        self.stage = Stage::Next {
+            toggle: toggle ^ TOGGLE,
+        };
         Ok(control & MORE == 0)
     }
 }
@@ -56,7 +66,11 @@ impl SegmentedRead {
 impl LongRead for SegmentedRead {
     fn request(&self) -> Request {
         match self.stage {
-            Stage::First => Request::new(INITIATE_SEGMENTED_READ, selector(self.node, self.object), REPLY_WORDS),
+            Stage::First => Request::new(
+                INITIATE_SEGMENTED_READ,
+                selector(self.node, self.object),
+                REPLY_WORDS,
+            ),
             Stage::Next { toggle } => Request::new(SEGMENT_READ, [toggle, 0], REPLY_WORDS),
         }
     }
@@ -88,17 +102,41 @@ mod tests {
     use crate::drive::dialect::REPLY;
 
     fn reply(data: &[u8]) -> Frame<'_> {
-        Frame { opcode: REPLY, data }
+        Frame {
+            opcode: REPLY,
+            data,
+        }
     }
 
     #[test]
     fn segments_alternate_their_toggle_bit() {
         let mut read = SegmentedRead::new(1, FULL_SERIAL_NUMBER);
-        assert_eq!(read.request().frame(), Frame { opcode: 0x12, data: &[0x04, 0x20, 0, 1] });
+        assert_eq!(
+            read.request().frame(),
+            Frame {
+                opcode: 0x12,
+                data: &[0x04, 0x20, 0, 1]
+            }
+        );
         assert_eq!(read.take(reply(&[0; 4])), Ok(false));
-        assert_eq!(read.request().frame(), Frame { opcode: 0x14, data: &[0, 0] });
-        assert_eq!(read.take(reply(&[0, 0, 0, 0, 0x85, 1, 2, 3, 4, 5])), Ok(false));
-        assert_eq!(read.request().frame(), Frame { opcode: 0x14, data: &[0x40, 0] });
+        assert_eq!(
+            read.request().frame(),
+            Frame {
+                opcode: 0x14,
+                data: &[0, 0]
+            }
+        );
+        assert_eq!(
+            read.take(reply(&[0, 0, 0, 0, 0x85, 1, 2, 3, 4, 5])),
+            Ok(false)
+        );
+        assert_eq!(
+            read.request().frame(),
+            Frame {
+                opcode: 0x14,
+                data: &[0x40, 0]
+            }
+        );
         assert_eq!(read.take(reply(&[0, 0, 0, 0, 0x43, 6, 7, 8])), Ok(true));
         assert_eq!(read.bytes(), [1, 2, 3, 4, 5, 6, 7, 8]);
     }
@@ -115,8 +153,14 @@ mod tests {
         let mut read = SegmentedRead::new(1, FULL_SERIAL_NUMBER);
         read.take(reply(&[0; 4])).unwrap();
         read.take(reply(&[0, 0, 0, 0, 0x81, 1])).unwrap();
-        assert_eq!(read.take(reply(&[0, 0, 0, 0, 0x81, 1])), Err(ReplyError::OutOfStep));
-        assert_eq!(read.take(reply(&[0, 0, 0, 0, 0x49, 1])), Err(ReplyError::OutOfStep));
+        assert_eq!(
+            read.take(reply(&[0, 0, 0, 0, 0x81, 1])),
+            Err(ReplyError::OutOfStep)
+        );
+        assert_eq!(
+            read.take(reply(&[0, 0, 0, 0, 0x49, 1])),
+            Err(ReplyError::OutOfStep)
+        );
     }
 
     proptest! {

@@ -43,20 +43,38 @@ mod tests {
     use crate::drive::request::{AbortCode, ReplyError};
 
     fn reply(data: &[u8]) -> Frame<'_> {
-        Frame { opcode: REPLY, data }
+        Frame {
+            opcode: REPLY,
+            data,
+        }
     }
 
     #[test]
     fn requests_have_the_layout_of_the_worked_frames() {
         let read = Epos4Dialect.read(1, object::CURRENT.address());
-        assert_eq!(read.frame(), Frame { opcode: 0x60, data: &[0x01, 0xD1, 0x30, 0x02] });
+        assert_eq!(
+            read.frame(),
+            Frame {
+                opcode: 0x60,
+                data: &[0x01, 0xD1, 0x30, 0x02]
+            }
+        );
         let write = Epos4Dialect.write(2, object::TARGET.set(-3988));
-        assert_eq!(write.frame(), Frame { opcode: 0x68, data: &[0x02, 0x7A, 0x60, 0x00, 0x6C, 0xF0, 0xFF, 0xFF] });
+        assert_eq!(
+            write.frame(),
+            Frame {
+                opcode: 0x68,
+                data: &[0x02, 0x7A, 0x60, 0x00, 0x6C, 0xF0, 0xFF, 0xFF]
+            }
+        );
     }
 
     #[test]
     fn values_follow_an_error_code_of_zero() {
-        assert_eq!(Epos4Dialect.read_reply(reply(&[0, 0, 0, 0, 0xC7, 0xCF, 0xFF, 0xFF])), Ok(-12345_i32 as u32));
+        assert_eq!(
+            Epos4Dialect.read_reply(reply(&[0, 0, 0, 0, 0xC7, 0xCF, 0xFF, 0xFF])),
+            Ok(-12345_i32 as u32)
+        );
         assert_eq!(Epos4Dialect.write_reply(reply(&[0; 4])), Ok(()));
     }
 
@@ -71,10 +89,28 @@ mod tests {
 
     #[test]
     fn a_reply_to_another_kind_of_request_is_out_of_step() {
-        assert_eq!(Epos4Dialect.read_reply(reply(&[0; 4])), Err(ReplyError::OutOfStep));
-        assert_eq!(Epos4Dialect.write_reply(reply(&[0; 8])), Err(ReplyError::OutOfStep));
-        assert_eq!(Epos4Dialect.write_reply(reply(&[])), Err(ReplyError::OutOfStep));
-        assert_eq!(Epos4Dialect.read_reply(Frame { opcode: 0x60, data: &[0; 8] }), Err(ReplyError::OutOfStep));
-        assert_eq!(Epos4Dialect.read_reply(reply(&[1, 0, 0, 0, 0, 0])), Err(ReplyError::OutOfStep));
+        assert_eq!(
+            Epos4Dialect.read_reply(reply(&[0; 4])),
+            Err(ReplyError::OutOfStep)
+        );
+        assert_eq!(
+            Epos4Dialect.write_reply(reply(&[0; 8])),
+            Err(ReplyError::OutOfStep)
+        );
+        assert_eq!(
+            Epos4Dialect.write_reply(reply(&[])),
+            Err(ReplyError::OutOfStep)
+        );
+        assert_eq!(
+            Epos4Dialect.read_reply(Frame {
+                opcode: 0x60,
+                data: &[0; 8]
+            }),
+            Err(ReplyError::OutOfStep)
+        );
+        assert_eq!(
+            Epos4Dialect.read_reply(reply(&[1, 0, 0, 0, 0, 0])),
+            Err(ReplyError::OutOfStep)
+        );
     }
 }

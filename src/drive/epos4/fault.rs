@@ -9,7 +9,13 @@ use crate::drive::family::{Fault, Row, look_up};
 const TABLE: &[Row] = &[
     (0x1000, 0x1000, "generic error", Off, false),
     (0x1080, 0x1088, "initialisation error", Off, false),
-    (0x1090, 0x1090, "firmware incompatible with the hardware", Off, false),
+    (
+        0x1090,
+        0x1090,
+        "firmware incompatible with the hardware",
+        Off,
+        false,
+    ),
     (0x2310, 0x2310, "overcurrent", Off, false),
     (0x2320, 0x2320, "power stage protection", Off, false),
     (0x3210, 0x3210, "overvoltage", Off, false),
@@ -22,7 +28,13 @@ const TABLE: &[Row] = &[
     (0x5282, 0x5282, "STO card", Off, false),
     (0x5480, 0x5483, "hardware error", Off, false),
     (0x6080, 0x6080, "sign of life", Off, false),
-    (0x6081, 0x6081, "watchdog of extension 1", ConnectionLost, false),
+    (
+        0x6081,
+        0x6081,
+        "watchdog of extension 1",
+        ConnectionLost,
+        false,
+    ),
     (0x6180, 0x61F0, "internal software error", Off, false),
     (0x6320, 0x6320, "software parameter", Ramp, false),
     (0x6380, 0x6380, "stored parameters corrupt", Off, false),
@@ -40,14 +52,50 @@ const TABLE: &[Row] = &[
     (0x7392, 0x7392, "main sensor direction", Off, true),
     (0x8110, 0x8111, "CAN overrun", ConnectionLost, false),
     (0x8120, 0x8120, "CAN passive", ConnectionLost, false),
-    (0x8130, 0x8130, "CAN heartbeat or life guard", ConnectionLost, false),
-    (0x8150, 0x8150, "CAN PDO identifier collision", ConnectionLost, false),
-    (0x8180, 0x8180, "EtherCAT communication", ConnectionLost, false),
+    (
+        0x8130,
+        0x8130,
+        "CAN heartbeat or life guard",
+        ConnectionLost,
+        false,
+    ),
+    (
+        0x8150,
+        0x8150,
+        "CAN PDO identifier collision",
+        ConnectionLost,
+        false,
+    ),
+    (
+        0x8180,
+        0x8180,
+        "EtherCAT communication",
+        ConnectionLost,
+        false,
+    ),
     (0x8181, 0x8181, "EtherCAT initialisation", Off, false),
-    (0x8182, 0x8184, "EtherCAT communication", ConnectionLost, false),
+    (
+        0x8182,
+        0x8184,
+        "EtherCAT communication",
+        ConnectionLost,
+        false,
+    ),
     (0x81FD, 0x81FD, "CAN bus off", ConnectionLost, false),
-    (0x81FE, 0x81FE, "CAN receive overflow", ConnectionLost, false),
-    (0x81FF, 0x81FF, "CAN transmit overflow", ConnectionLost, false),
+    (
+        0x81FE,
+        0x81FE,
+        "CAN receive overflow",
+        ConnectionLost,
+        false,
+    ),
+    (
+        0x81FF,
+        0x81FF,
+        "CAN transmit overflow",
+        ConnectionLost,
+        false,
+    ),
     (0x8210, 0x8210, "CAN PDO length", ConnectionLost, false),
     (0x8250, 0x8250, "RPDO time-out", ConnectionLost, false),
     (0x8280, 0x8280, "EtherCAT PDO", ConnectionLost, false),
@@ -77,7 +125,10 @@ mod tests {
 
     #[test]
     fn codes_are_named_with_their_consequence() {
-        assert_eq!(lookup(0x8611).to_string(), "0x8611 (following error), stopped by the ramp");
+        assert_eq!(
+            lookup(0x8611).to_string(),
+            "0x8611 (following error), stopped by the ramp"
+        );
         assert_eq!(lookup(0x8611).reaction, Ramp);
         assert_eq!(lookup(0x6195).name, "internal software error");
         assert!(lookup(0x7380).to_string().ends_with("home the axis"));
@@ -88,7 +139,12 @@ mod tests {
     #[test]
     fn ranges_do_not_overlap() {
         for pair in TABLE.windows(2) {
-            assert!(pair[0].1 < pair[1].0, "0x{:04X} and 0x{:04X}", pair[0].0, pair[1].0);
+            assert!(
+                pair[0].1 < pair[1].0,
+                "0x{:04X} and 0x{:04X}",
+                pair[0].0,
+                pair[1].0
+            );
         }
     }
 }

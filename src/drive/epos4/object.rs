@@ -7,8 +7,12 @@ pub(super) use crate::drive::object::TARGET;
 /// Revision; the high word is the firmware version.
 pub(super) const REVISION: Object<u32> = Object::new(0x1018, 3, "revision");
 /// Full serial number, 8 bytes: read in segments.
-pub(super) const FULL_SERIAL_NUMBER: Address =
-    Address { index: 0x2100, subindex: 1, size: 8, name: "full serial number" };
+pub(super) const FULL_SERIAL_NUMBER: Address = Address {
+    index: 0x2100,
+    subindex: 1,
+    size: 8,
+    name: "full serial number",
+};
 /// Supply voltage, tenths of a volt.
 pub(super) const SUPPLY_VOLTAGE: Object<u16> = Object::new(0x2200, 1, "supply voltage");
 /// Limit of the output current, mA.

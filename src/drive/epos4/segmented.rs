@@ -9,7 +9,8 @@ use crate::drive::request::{ReplyError, Request};
 const INITIATE_SEGMENTED_READ: u8 = 0x81;
 const SEGMENT_READ: u8 = 0x62;
 
-/// Words of data in the longest reply to the first request: error code, total length, length, 255 bytes.
+/// Words of data in the longest reply to the first request: error code, total length, length, 255
+/// bytes.
 const FIRST_REPLY_WORDS: u8 = 132;
 
 /// Words of data in the longest reply to the others: error code, length, control, 255 bytes.
@@ -37,7 +38,12 @@ enum Stage {
 
 impl SegmentedRead {
     pub(super) fn new(node: u8, object: Address) -> Self {
-        Self { node, object, bytes: Vec::new(), stage: Stage::First }
+        Self {
+            node,
+            object,
+            bytes: Vec::new(),
+            stage: Stage::First,
+        }
     }
 
     fn take_first(&mut self, rest: &[u8]) -> Result<bool, ReplyError> {
@@ -53,12 +59,17 @@ impl SegmentedRead {
     }
 
     fn take_next(&mut self, rest: &[u8], total: usize, toggle: u8) -> Result<bool, ReplyError> {
-        let &[length, control, ref data @ ..] = rest else { return Err(ReplyError::OutOfStep) };
+        let &[length, control, ref data @ ..] = rest else {
+            return Err(ReplyError::OutOfStep);
+        };
         if control & TOGGLE != toggle {
             return Err(ReplyError::OutOfStep);
         }
         self.append(length, data, total)?;
-        self.stage = Stage::Next { total, toggle: toggle ^ TOGGLE };
+        self.stage = Stage::Next {
+            total,
+            toggle: toggle ^ TOGGLE,
+        };
         match (control & LAST != 0, self.bytes.len() == total) {
             (_, true) => Ok(true),
             (false, false) => Ok(false),
@@ -67,7 +78,9 @@ impl SegmentedRead {
     }
 
     fn append(&mut self, length: u8, data: &[u8], total: usize) -> Result<(), ReplyError> {
-        let segment = data.get(..usize::from(length)).ok_or(ReplyError::OutOfStep)?;
+        let segment = data
+            .get(..usize::from(length))
+            .ok_or(ReplyError::OutOfStep)?;
         if self.bytes.len() + segment.len() > total {
             return Err(ReplyError::OutOfStep);
         }
@@ -79,7 +92,11 @@ impl SegmentedRead {
 impl LongRead for SegmentedRead {
     fn request(&self) -> Request {
         match self.stage {
-            Stage::First => Request::new(INITIATE_SEGMENTED_READ, selector(self.node, self.object), FIRST_REPLY_WORDS),
+            Stage::First => Request::new(
+                INITIATE_SEGMENTED_READ,
+                selector(self.node, self.object),
+                FIRST_REPLY_WORDS,
+            ),
             Stage::Next { toggle, .. } => Request::new(SEGMENT_READ, [toggle, 0], NEXT_REPLY_WORDS),
         }
     }
@@ -109,13 +126,22 @@ mod tests {
     use crate::drive::request::AbortCode;
 
     fn reply(data: &[u8]) -> Frame<'_> {
-        Frame { opcode: REPLY, data }
+        Frame {
+            opcode: REPLY,
+            data,
+        }
     }
 
     #[test]
     fn a_serial_number_comes_in_one_reply() {
         let mut read = SegmentedRead::new(1, FULL_SERIAL_NUMBER);
-        assert_eq!(read.request().frame(), Frame { opcode: 0x81, data: &[0x01, 0x00, 0x21, 0x01] });
+        assert_eq!(
+            read.request().frame(),
+            Frame {
+                opcode: 0x81,
+                data: &[0x01, 0x00, 0x21, 0x01]
+            }
+        );
         // Seventeen bytes, padded to whole words.
         let data = [0, 0, 0, 0, 8, 0, 0, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, 0];
         assert_eq!(read.take(reply(&data)), Ok(true));
@@ -125,10 +151,25 @@ mod tests {
     #[test]
     fn segments_alternate_their_toggle_bit() {
         let mut read = SegmentedRead::new(1, DEVICE_NAME);
-        assert_eq!(read.take(reply(&[0, 0, 0, 0, 5, 0, 0, 0, 1, b'E'])), Ok(false));
-        assert_eq!(read.request().frame(), Frame { opcode: 0x62, data: &[0, 0] });
+        assert_eq!(
+            read.take(reply(&[0, 0, 0, 0, 5, 0, 0, 0, 1, b'E'])),
+            Ok(false)
+        );
+        assert_eq!(
+            read.request().frame(),
+            Frame {
+                opcode: 0x62,
+                data: &[0, 0]
+            }
+        );
         assert_eq!(read.take(reply(&[0, 0, 0, 0, 2, 0, b'P', b'O'])), Ok(false));
-        assert_eq!(read.request().frame(), Frame { opcode: 0x62, data: &[1, 0] });
+        assert_eq!(
+            read.request().frame(),
+            Frame {
+                opcode: 0x62,
+                data: &[1, 0]
+            }
+        );
         assert_eq!(read.take(reply(&[0, 0, 0, 0, 2, 3, b'S', b'4'])), Ok(true));
         assert_eq!(read.bytes(), b"EPOS4");
     }
@@ -136,18 +177,31 @@ mod tests {
     #[test]
     fn a_refusal_is_passed_on_and_nonsense_is_out_of_step() {
         let take = |data: &[u8]| SegmentedRead::new(1, DEVICE_NAME).take(reply(data));
-        assert_eq!(take(&[0, 0, 2, 6]), Err(ReplyError::Refused(AbortCode(0x0602_0000))));
+        assert_eq!(
+            take(&[0, 0, 2, 6]),
+            Err(ReplyError::Refused(AbortCode(0x0602_0000)))
+        );
         assert_eq!(take(&[0; 4]), Err(ReplyError::OutOfStep));
-        assert_eq!(take(&[0, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0]), Err(ReplyError::OutOfStep));
-        assert_eq!(take(&[0, 0, 0, 0, 1, 0, 0, 0, 9, 1]), Err(ReplyError::OutOfStep));
+        assert_eq!(
+            take(&[0, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0]),
+            Err(ReplyError::OutOfStep)
+        );
+        assert_eq!(
+            take(&[0, 0, 0, 0, 1, 0, 0, 0, 9, 1]),
+            Err(ReplyError::OutOfStep)
+        );
     }
 
     #[test]
     fn a_repeated_segment_is_out_of_step() {
         let mut read = SegmentedRead::new(1, DEVICE_NAME);
-        read.take(reply(&[0, 0, 0, 0, 5, 0, 0, 0, 1, b'E'])).unwrap();
+        read.take(reply(&[0, 0, 0, 0, 5, 0, 0, 0, 1, b'E']))
+            .unwrap();
         read.take(reply(&[0, 0, 0, 0, 1, 0, b'P', 0])).unwrap();
-        assert_eq!(read.take(reply(&[0, 0, 0, 0, 1, 0, b'P', 0])), Err(ReplyError::OutOfStep));
+        assert_eq!(
+            read.take(reply(&[0, 0, 0, 0, 1, 0, b'P', 0])),
+            Err(ReplyError::OutOfStep)
+        );
     }
 
     proptest! {

@@ -37,8 +37,13 @@ impl From<io::Error> for Miss {
 pub(super) type Decode<'a, R> = &'a mut dyn FnMut(Frame<'_>) -> Result<R, ReplyError>;
 
 impl<T: Transport> Link<T> {
-    /// Sends a request once and waits for its reply. The line stays in step only if exactly one good reply arrives.
-    pub(super) fn attempt<R>(&mut self, request: &Request, decode: Decode<'_, R>) -> Result<Answer<R>, Miss> {
+    /// Sends a request once and waits for its reply. The line stays in step only if exactly one
+    /// good reply arrives.
+    pub(super) fn attempt<R>(
+        &mut self,
+        request: &Request,
+        decode: Decode<'_, R>,
+    ) -> Result<Answer<R>, Miss> {
         let begin = self.transport.now();
         let outcome = match self.framing {
             Framing::V2 => self.send(request, decode),
@@ -49,7 +54,11 @@ impl<T: Transport> Link<T> {
                 let received = self.transport.now();
                 self.counters.exchanges += 1;
                 self.counters.round_trips.record(received - begin);
-                Ok(Answer { value, sent, received })
+                Ok(Answer {
+                    value,
+                    sent,
+                    received,
+                })
             }
             Err(miss) => {
                 match miss {
@@ -69,23 +78,27 @@ impl<T: Transport> Link<T> {
         }
     }
 
-    /// Sends a request in one frame and reads its reply. Returns when the request had been handed over, and the value.
+    /// Sends a request in one frame and reads its reply. Returns when the request had been handed
+    /// over, and the value.
     fn send<R>(&mut self, request: &Request, decode: Decode<'_, R>) -> Result<(Nanos, R), Miss> {
         self.parser.reset();
         // A request holds eight bytes, so it always fits a frame.
-        let Ok(bytes) = self.encoder.encode(request.frame()) else { return Err(Miss::Disturbed) };
+        let Ok(bytes) = self.encoder.encode(request.frame()) else {
+            return Err(Miss::Disturbed);
+        };
         self.transport.write(bytes)?;
         let sent = self.transport.now();
         let on_wire = bytes.len() + FRAME_OVERHEAD + 4 * usize::from(request.reply_words());
         let wire_time = Nanos(self.byte_time.0 * on_wire as u64);
-        self.receive(sent + self.reply_timeout + wire_time, decode).map(|value| (sent, value))
+        self.receive(sent + self.reply_timeout + wire_time, decode)
+            .map(|value| (sent, value))
     }
 
     fn receive<R>(&mut self, deadline: Nanos, decode: Decode<'_, R>) -> Result<R, Miss> {
         let mut chunk = [0; CHUNK];
         let mut received = 0;
-        // What has arrived is read even after the deadline: this thread may have been late, not the drive. So a line
-        // that never falls silent is told by the number of bytes.
+        // What has arrived is read even after the deadline: this thread may have been late, not the
+        // drive. So a line that never falls silent is told by the number of bytes.
         while received <= 2 * MAX_ENCODED {
             let count = self.transport.read(&mut chunk, deadline)?;
             if count == 0 {

@@ -32,13 +32,25 @@ impl Inbox {
 }
 
 impl<T: Transport> Link<T> {
-    /// Sends a request part by part and reads its reply. Returns when the request had been handed over, and the value.
-    pub(super) fn shake<R>(&mut self, request: &Request, decode: Decode<'_, R>) -> Result<(Nanos, R), Miss> {
+    /// Sends a request part by part and reads its reply. Returns when the request had been handed
+    /// over, and the value.
+    pub(super) fn shake<R>(
+        &mut self,
+        request: &Request,
+        decode: Decode<'_, R>,
+    ) -> Result<(Nanos, R), Miss> {
         let frame = request.frame();
-        let Ok(rest) = Rest::of(frame) else { return Err(Miss::Disturbed) };
-        let mut inbox = Inbox { bytes: [0; CHUNK], next: 0, held: 0 };
+        let Ok(rest) = Rest::of(frame) else {
+            return Err(Miss::Disturbed);
+        };
+        let mut inbox = Inbox {
+            bytes: [0; CHUNK],
+            next: 0,
+            held: 0,
+        };
         let on_wire = SHAKES + rest.bytes().len() + 3 + 2 * usize::from(request.reply_words());
-        let deadline = self.transport.now() + self.reply_timeout + Nanos(self.byte_time.0 * on_wire as u64);
+        let deadline =
+            self.transport.now() + self.reply_timeout + Nanos(self.byte_time.0 * on_wire as u64);
         self.transport.write(&[frame.opcode])?;
         self.expect(&mut inbox, deadline, OKAY)?;
         self.transport.write(rest.bytes())?;
@@ -63,10 +75,12 @@ impl<T: Transport> Link<T> {
         if inbox.next().is_some() {
             return Err(Miss::Disturbed);
         }
-        decode(frame).map(|value| (sent, value)).map_err(|error| match error {
-            ReplyError::Refused(code) => Miss::Refused(code),
-            ReplyError::OutOfStep => Miss::Disturbed,
-        })
+        decode(frame)
+            .map(|value| (sent, value))
+            .map_err(|error| match error {
+                ReplyError::Refused(code) => Miss::Refused(code),
+                ReplyError::OutOfStep => Miss::Disturbed,
+            })
     }
 
     fn expect(&mut self, inbox: &mut Inbox, deadline: Nanos, wanted: u8) -> Result<(), Miss> {
@@ -77,7 +91,12 @@ impl<T: Transport> Link<T> {
         Err(Miss::Disturbed)
     }
 
-    fn rest<'a>(&mut self, inbox: &mut Inbox, into: &'a mut [u8; MAX_REST], deadline: Nanos) -> Result<&'a [u8], Miss> {
+    fn rest<'a>(
+        &mut self,
+        inbox: &mut Inbox,
+        into: &'a mut [u8; MAX_REST],
+        deadline: Nanos,
+    ) -> Result<&'a [u8], Miss> {
         let length = self.byte(inbox, deadline)?;
         let wanted = rest_length(length).ok_or(Miss::Disturbed)?;
         let Some((first, behind)) = into.get_mut(..wanted).and_then(<[u8]>::split_first_mut) else {

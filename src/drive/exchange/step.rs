@@ -1,11 +1,13 @@
 //! Getting in step: making sure that the next reply belongs to the next request.
 //!
-//! The line is drained until it is quiet, the parser is reset, and constants whose values are known are read and
-//! compared: the vendor number once, then the serial number. Late replies can interfere only as follows. The drive
-//! answers in the order of the requests, and at most once each. So if late replies are still on their way, the answers
-//! to these reads arrive behind them, shifted by their number `d`. The word "vendor, serial, serial, ..." of length `n`
-//! does not agree with itself shifted by any `d < n`, because the vendor stands only at its start. And `d` is at most the
-//! number of requests that were not answered. With one read more than that, a shifted line is always noticed.
+//! The line is drained until it is quiet, the parser is reset, and constants whose values are known
+//! are read and compared: the vendor number once, then the serial number. Late replies can
+//! interfere only as follows. The drive answers in the order of the requests, and at most once
+//! each. So if late replies are still on their way, the answers to these reads arrive behind them,
+//! shifted by their number `d`. The word "vendor, serial, serial, ..." of length `n` does not agree
+//! with itself shifted by any `d < n`, because the vendor stands only at its start. And `d` is at
+//! most the number of requests that were not answered. With one read more than that, a shifted line
+//! is always noticed.
 
 use std::io;
 
@@ -17,8 +19,8 @@ use crate::drive::object::Address;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
-/// The line counts as quiet after this long without a byte: several times the gap that USB adapters leave between the
-/// parts of one reply.
+/// The line counts as quiet after this long without a byte: several times the gap that USB adapters
+/// leave between the parts of one reply.
 const QUIET: Nanos = Nanos::from_millis(5);
 
 /// A line that is not quiet for this long is not talking to us.
@@ -27,8 +29,8 @@ const BABBLE: Nanos = Nanos::from_millis(100);
 /// Tries to get in step before the line is given up.
 const TRIES: u32 = 4;
 
-/// The most late replies that are reckoned with. More than this happens only on a line that was given up, and a drive
-/// that comes back from there is brought up again from the start.
+/// The most late replies that are reckoned with. More than this happens only on a line that was
+/// given up, and a drive that comes back from there is brought up again from the start.
 const MOST_LATE: u32 = 16;
 
 /// Bytes dropped at a time.
@@ -55,7 +57,9 @@ impl<T: Transport> Link<T> {
             Standing::InStep => 0,
             Standing::OutOfStep { late } => late,
         };
-        self.standing = Standing::OutOfStep { late: (late + unanswered).clamp(1, MOST_LATE) };
+        self.standing = Standing::OutOfStep {
+            late: (late + unanswered).clamp(1, MOST_LATE),
+        };
     }
 
     /// Bytes that arrive unasked mean that some reply is out of step.
@@ -79,7 +83,8 @@ impl<T: Transport> Link<T> {
         self.drain().map(|_| ()).map_err(broken)
     }
 
-    /// Makes sure that the next reply belongs to the next request. Does nothing on a line that is in step.
+    /// Makes sure that the next reply belongs to the next request. Does nothing on a line that is
+    /// in step.
     ///
     /// # Errors
     ///
@@ -91,7 +96,11 @@ impl<T: Transport> Link<T> {
             }
             self.try_to_get_in_step()?;
         }
-        if self.is_in_step() { Ok(()) } else { Err(LinkError::Lost) }
+        if self.is_in_step() {
+            Ok(())
+        } else {
+            Err(LinkError::Lost)
+        }
     }
 
     /// One try to get in step.
@@ -102,9 +111,10 @@ impl<T: Transport> Link<T> {
     pub fn try_to_get_in_step(&mut self) -> Result<(), LinkError> {
         self.fall_out_of_step(0);
         if self.framing == Framing::V1 {
-            // The drive may be waiting for any part of an exchange, and would take an opcode for it: it forgets the exchange
-            // after this silence.
-            self.discard_until(self.transport.now() + self.frame_timeout).map_err(broken)?;
+            // The drive may be waiting for any part of an exchange, and would take an opcode for
+            // it: it forgets the exchange after this silence.
+            self.discard_until(self.transport.now() + self.frame_timeout)
+                .map_err(broken)?;
         }
         match self.probe() {
             Ok(true) => self.standing = Standing::InStep,
@@ -112,7 +122,8 @@ impl<T: Transport> Link<T> {
             Err(Miss::Silent) if self.framing == Framing::V1 => {}
             Err(Miss::Silent) => {
                 // A drive that holds half a request forgets it after this silence.
-                self.discard_until(self.transport.now() + self.frame_timeout).map_err(broken)?;
+                self.discard_until(self.transport.now() + self.frame_timeout)
+                    .map_err(broken)?;
             }
             Err(Miss::Broken(kind)) => {
                 self.broken = true;
@@ -148,7 +159,10 @@ impl<T: Transport> Link<T> {
     fn reads_as(&mut self, object: Address, known: u32) -> Result<bool, Miss> {
         let dialect = self.drive.dialect();
         let request = dialect.read(LOCAL_NODE, object);
-        Ok(self.attempt(&request, &mut |reply| dialect.read_reply(reply))?.value == known)
+        Ok(self
+            .attempt(&request, &mut |reply| dialect.read_reply(reply))?
+            .value
+            == known)
     }
 
     /// Drops what arrives until the line is quiet; `false` if it never is.

@@ -4,9 +4,9 @@ use super::{CRC, DLE, Frame, HEADER, MAX_BODY, MAX_WORDS, STX, residue};
 
 /// Finds frames, byte by byte, and finds them again after damage.
 ///
-/// One case cannot be saved: a frame that is cut between the two halves of a doubled 0x90. The 0x90 that starts the
-/// next frame then looks like the second half, and that frame is lost with it. [`Parser::reset`] after a time-out
-/// forgets the cut frame.
+/// One case cannot be saved: a frame that is cut between the two halves of a doubled 0x90. The 0x90
+/// that starts the next frame then looks like the second half, and that frame is lost with it.
+/// [`Parser::reset`] after a time-out forgets the cut frame.
 #[derive(Debug, Clone)]
 pub struct Parser {
     pub(super) state: State,
@@ -29,8 +29,8 @@ pub enum Parsed<'a> {
 pub enum Damage {
     /// A frame was completed with a wrong CRC.
     Crc,
-    /// Something stands where a frame should start, a frame was cut, or its length cannot be. Reported once until the
-    /// next frame starts.
+    /// Something stands where a frame should start, a frame was cut, or its length cannot be.
+    /// Reported once until the next frame starts.
     LostSync,
 }
 
@@ -52,7 +52,10 @@ pub(super) enum State {
 
 impl Default for Parser {
     fn default() -> Self {
-        Self { state: State::Idle, body: [0; MAX_BODY] }
+        Self {
+            state: State::Idle,
+            body: [0; MAX_BODY],
+        }
     }
 }
 
@@ -89,7 +92,9 @@ impl Parser {
     }
 
     fn collect(&mut self, held: usize, byte: u8) -> Parsed<'_> {
-        let Some(place) = self.body.get_mut(held) else { return self.lose(State::Hunting) };
+        let Some(place) = self.body.get_mut(held) else {
+            return self.lose(State::Hunting);
+        };
         *place = byte;
         let held = held + 1;
         let words = usize::from(self.body[1]);
@@ -111,6 +116,9 @@ impl Parser {
         if residue(body) != 0 {
             return Parsed::Damaged(Damage::Crc);
         }
-        Parsed::Frame(Frame { opcode: body[0], data: &body[HEADER..held - CRC] })
+        Parsed::Frame(Frame {
+            opcode: body[0],
+            data: &body[HEADER..held - CRC],
+        })
     }
 }

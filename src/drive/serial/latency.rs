@@ -1,7 +1,7 @@
 //! The latency timer of FTDI adapters.
 //!
-//! These chips hold short replies back for as long as the timer says, 16 ms unless someone changed it, which leaves some 60
-//! exchanges per second. Linux offers the timer as a file under `/sys`.
+//! These chips hold short replies back for as long as the timer says, 16 ms unless someone changed
+//! it, which leaves some 60 exchanges per second. Linux offers the timer as a file under `/sys`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,8 @@ pub fn read(device: &Path) -> Option<u32> {
     read_from(&file(Path::new(ADAPTERS), device)?)
 }
 
-/// Shortens the timer where there is one and we may; the setting in force then. A udev rule does it for good, see the README.
+/// Shortens the timer where there is one and we may; the setting in force then. A udev rule does it
+/// for good, see the README.
 pub fn shorten(device: &Path) -> Option<u32> {
     shorten_at(&file(Path::new(ADAPTERS), device)?)
 }

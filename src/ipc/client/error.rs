@@ -14,7 +14,8 @@ pub enum ClientError {
     /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// Nobody serves the domain. Worth trying again: every client finds a controller that is started later.
+    /// Nobody serves the domain. Worth trying again: every client finds a controller that is
+    /// started later.
     #[error("no controller serves domain `{domain}`; start i2ris-control, or name its domain")]
     NoController {
         /// The domain.
@@ -100,7 +101,11 @@ pub enum ClientError {
 }
 
 fn either(message: &str, refusal: Refusal) -> String {
-    if message.is_empty() { refusal.to_string() } else { message.to_owned() }
+    if message.is_empty() {
+        refusal.to_string()
+    } else {
+        message.to_owned()
+    }
 }
 
 fn name(state: Option<OperatingState>) -> &'static str {

@@ -1,8 +1,9 @@
 //! Passing on what clients elsewhere ask, under their own identities.
 //!
-//! For programs that stand between a controller and clients that cannot reach its memory, on another computer say. What a
-//! client wrote into a payload stays as it is: identity, sequence and deadline are the client's, so lease and deadlines are
-//! judged by the controller as ever. **The stamp has to be one of this machine's clock**, and no younger than the command is.
+//! For programs that stand between a controller and clients that cannot reach its memory, on
+//! another computer say. What a client wrote into a payload stays as it is: identity, sequence and
+//! deadline are the client's, so lease and deadlines are judged by the controller as ever. **The
+//! stamp has to be one of this machine's clock**, and no younger than the command is.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,15 +18,16 @@ use crate::clock;
 use crate::ipc::caller::Note;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::{
-    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, ServoActuator, ServoJp, StateCommandReply,
-    StateCommandRequest, Version, VersionRequest,
+    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, ServoActuator, ServoJp,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use crate::ipc::service;
 
 /// Clients that are known by name at the same time. More are served as well, without a name.
 const NAMES: usize = 32;
 
-/// Passes on streams of servo commands. The controller sees the client's number; who looks up its name finds this process.
+/// Passes on streams of servo commands. The controller sees the client's number; who looks up its
+/// name finds this process.
 ///
 /// `Send`: create it in one thread and use it in another if you like.
 #[derive(Debug)]
@@ -55,11 +57,13 @@ impl Forwarder {
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoController`] while nobody serves the domain, [`ClientError::Interface`] when the controller is of
-    /// another version, [`ClientError::Transport`] when iceoryx2 refuses.
+    /// [`ClientError::NoController`] while nobody serves the domain, [`ClientError::Interface`]
+    /// when the controller is of another version, [`ClientError::Transport`] when iceoryx2 refuses.
     pub fn servo_jp(&mut self, command: ServoJp) -> Result<(), ClientError> {
         self.name(command.client_id)?;
-        let publisher = self.servo.get(&self.link, clock::now(), |session| open(session, service::SERVO_JP))?;
+        let publisher = self.servo.get(&self.link, clock::now(), |session| {
+            open(session, service::SERVO_JP)
+        })?;
         send(publisher, command, &self.link, service::SERVO_JP)
     }
 
@@ -70,8 +74,9 @@ impl Forwarder {
     /// As [`Forwarder::servo_jp`].
     pub fn servo_actuators(&mut self, command: ServoActuator) -> Result<(), ClientError> {
         self.name(command.client_id)?;
-        let publisher =
-            self.actuators.get(&self.link, clock::now(), |session| open(session, service::SERVO_ACTUATORS))?;
+        let publisher = self.actuators.get(&self.link, clock::now(), |session| {
+            open(session, service::SERVO_ACTUATORS)
+        })?;
         send(publisher, command, &self.link, service::SERVO_ACTUATORS)
     }
 
@@ -83,7 +88,10 @@ impl Forwarder {
         }
         self.notes.retain(|(boot, _), _| *boot == boot_id);
         if self.notes.len() < NAMES {
-            self.notes.insert((boot_id, client_id), Note::leave(&self.domain, boot_id, client_id));
+            self.notes.insert(
+                (boot_id, client_id),
+                Note::leave(&self.domain, boot_id, client_id),
+            );
         }
         Ok(())
     }
@@ -118,9 +126,12 @@ impl RequestForwarder {
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoController`], [`ClientError::NoReply`], [`ClientError::Interface`], [`ClientError::Transport`]; so for
-    /// every request below.
-    pub fn state_command(&mut self, request: StateCommandRequest) -> Result<StateCommandReply, ClientError> {
+    /// [`ClientError::NoController`], [`ClientError::NoReply`], [`ClientError::Interface`],
+    /// [`ClientError::Transport`]; so for every request below.
+    pub fn state_command(
+        &mut self,
+        request: StateCommandRequest,
+    ) -> Result<StateCommandReply, ClientError> {
         self.state_commands.ask(&self.link, request)
     }
 

@@ -1,8 +1,8 @@
 //! The connection to whatever controller serves a domain, across its restarts.
 //!
-//! Every start of the controller has shared memory of its own, so everything that a client opened before belongs to the
-//! past. The link looks at the announcement every few milliseconds and gives out a new session when the boot id
-//! changed; ports that belong to an old session are opened anew.
+//! Every start of the controller has shared memory of its own, so everything that a client opened
+//! before belongs to the past. The link looks at the announcement every few milliseconds and gives
+//! out a new session when the boot id changed; ports that belong to an old session are opened anew.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -21,7 +21,8 @@ use crate::units::Nanos;
 /// How often the announcement is looked at. One look takes about 20 microseconds.
 const PROBE_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// Clients use the flavour of iceoryx2 whose ports can change threads; it talks to the controller's all the same.
+/// Clients use the flavour of iceoryx2 whose ports can change threads; it talks to the controller's
+/// all the same.
 pub(super) type Flavour = ipc_threadsafe::Service;
 
 /// One start of one controller, as a client sees it.
@@ -78,7 +79,10 @@ impl Link {
         }
         match (&state.session, state.foreign) {
             (Some(session), _) => Ok(Arc::clone(session)),
-            (None, Some(found)) => Err(ClientError::Interface { domain: self.domain.name().to_owned(), found }),
+            (None, Some(found)) => Err(ClientError::Interface {
+                domain: self.domain.name().to_owned(),
+                found,
+            }),
             (None, None) => Err(self.no_controller()),
         }
     }
@@ -94,22 +98,37 @@ impl Link {
     }
 
     fn no_controller(&self) -> ClientError {
-        ClientError::NoController { domain: self.domain.name().to_owned() }
+        ClientError::NoController {
+            domain: self.domain.name().to_owned(),
+        }
     }
 }
 
 impl State {
     fn probe(&mut self, domain: &Domain, client_id: u64) -> Result<(), Transport> {
         let ready = Ready::read(domain);
-        self.foreign = ready.map(|ready| ready.interface).filter(|interface| *interface != INTERFACE_VERSION);
+        self.foreign = ready
+            .map(|ready| ready.interface)
+            .filter(|interface| *interface != INTERFACE_VERSION);
         let Some(ready) = ready.filter(|ready| ready.interface == INTERFACE_VERSION) else {
             self.session = None;
             return Ok(());
         };
-        if self.session.as_ref().is_none_or(|session| session.ready != ready) {
+        if self
+            .session
+            .as_ref()
+            .is_none_or(|session| session.ready != ready)
+        {
             self.session = None;
-            let (node, note) = (create_node(domain, ready.boot_id)?, Note::leave(domain, ready.boot_id, client_id));
-            self.session = Some(Arc::new(Session { ready, _note: note, node }));
+            let (node, note) = (
+                create_node(domain, ready.boot_id)?,
+                Note::leave(domain, ready.boot_id, client_id),
+            );
+            self.session = Some(Arc::new(Session {
+                ready,
+                _note: note,
+                node,
+            }));
         }
         Ok(())
     }
@@ -125,7 +144,10 @@ pub(super) struct Port<P> {
 
 impl<P> Default for Port<P> {
     fn default() -> Self {
-        Self { opened: None, failed: None }
+        Self {
+            opened: None,
+            failed: None,
+        }
     }
 }
 
@@ -138,7 +160,11 @@ impl<P> Port<P> {
         open: impl FnOnce(&Session) -> Result<P, Transport>,
     ) -> Result<&P, ClientError> {
         let session = link.session(now).inspect_err(|_| self.opened = None)?;
-        let opened = match self.opened.take().filter(|(old, _)| Arc::ptr_eq(old, &session)) {
+        let opened = match self
+            .opened
+            .take()
+            .filter(|(old, _)| Arc::ptr_eq(old, &session))
+        {
             Some(opened) => opened,
             None => (Arc::clone(&session), self.open(&session, now, open)?),
         };
@@ -156,12 +182,15 @@ impl<P> Port<P> {
                 self.failed = Some((reason.clone(), next_try));
                 Err(reason)
             }
-            _ => open(session).inspect_err(|reason| self.failed = Some((reason.clone(), now + PROBE_PERIOD))),
+            _ => open(session)
+                .inspect_err(|reason| self.failed = Some((reason.clone(), now + PROBE_PERIOD))),
         }
     }
 
     /// Towards which start of the controller the port is open.
     pub fn boot_id(&self) -> Option<u64> {
-        self.opened.as_ref().map(|(session, _)| session.ready.boot_id)
+        self.opened
+            .as_ref()
+            .map(|(session, _)| session.ready.boot_id)
     }
 }

@@ -22,10 +22,10 @@
 //! # }
 //! ```
 //!
-//! No call waits for the controller except those that say so. Everything is `Send` and nothing is shared behind your
-//! back except the connection itself, so every object may live in the thread that suits it. When the controller is
-//! started anew, all objects find the new one by themselves within 20 ms; between the two they say
-//! [`ClientError::NoController`].
+//! No call waits for the controller except those that say so. Everything is `Send` and nothing is
+//! shared behind your back except the connection itself, so every object may live in the thread
+//! that suits it. When the controller is started anew, all objects find the new one by themselves
+//! within 20 ms; between the two they say [`ClientError::NoController`].
 
 mod commander;
 mod error;
@@ -47,8 +47,8 @@ pub use watcher::{Latest, Subscription, Watcher};
 
 use super::domain::Domain;
 use super::payload::{
-    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, StateCommandReply,
-    StateCommandRequest, Version, VersionRequest, text_of,
+    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest, text_of,
 };
 use super::service;
 use super::word::{OperatingState, Refusal, StateCommand};
@@ -77,15 +77,17 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoController`] when there is none in time, [`ClientError::Interface`] when it is of another
-    /// version, [`ClientError::Transport`] when iceoryx2 refuses.
+    /// [`ClientError::NoController`] when there is none in time, [`ClientError::Interface`] when it
+    /// is of another version, [`ClientError::Transport`] when iceoryx2 refuses.
     pub fn connect(domain: &Domain, timeout: Nanos) -> Result<Self, ClientError> {
         let link = Link::new(domain);
         let start = clock::now();
         loop {
             match link.session(clock::now()) {
                 Ok(_) => break,
-                Err(error) if error.is_absent() && clock::now().since(start) < timeout => clock::sleep(POLL_PERIOD),
+                Err(error) if error.is_absent() && clock::now().since(start) < timeout => {
+                    clock::sleep(POLL_PERIOD)
+                }
                 Err(error) => return Err(error),
             }
         }
@@ -115,48 +117,63 @@ impl Client {
         self.versions.ask(&self.link, VersionRequest::default())
     }
 
-    /// Asks for a change of state and returns the state right after. Waits for the answer, at most 1 s; what takes
-    /// longer goes on after it, see [`OperatingStateMsg::BUSY`] and [`Client::wait_for`].
+    /// Asks for a change of state and returns the state right after. Waits for the answer, at most
+    /// 1 s; what takes longer goes on after it, see [`OperatingStateMsg::BUSY`] and
+    /// [`Client::wait_for`].
     ///
     /// # Errors
     ///
-    /// [`ClientError::Refused`] with the reason; [`ClientError::NoController`], [`ClientError::NoReply`],
-    /// [`ClientError::Transport`].
+    /// [`ClientError::Refused`] with the reason; [`ClientError::NoController`],
+    /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn state_command(&mut self, command: StateCommand) -> Result<OperatingState, ClientError> {
-        let request = StateCommandRequest { client_id: self.id(), command: command.number(), reserved: 0 };
+        let request = StateCommandRequest {
+            client_id: self.id(),
+            command: command.number(),
+            reserved: 0,
+        };
         let reply = self.state_commands.ask(&self.link, request)?;
         judge(command, reply)
     }
 
-    /// Asks the robot to go to a pose (pitch and yaw, rad), from rest to rest on a straight line with limited jerk, and
-    /// returns the state right after. It is busy until it has arrived: [`OperatingStateMsg::BUSY`], [`Client::wait_for`].
+    /// Asks the robot to go to a pose (pitch and yaw, rad), from rest to rest on a straight line
+    /// with limited jerk, and returns the state right after. It is busy until it has arrived:
+    /// [`OperatingStateMsg::BUSY`], [`Client::wait_for`].
     ///
     /// # Errors
     ///
     /// As [`Client::state_command`], and [`ClientError::Count`] for a wrong number of values.
     pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
         let (position, count) = commander::padded(position)?;
-        let request = MoveRequest { client_id: self.id(), position, count, reserved: 0 };
+        let request = MoveRequest {
+            client_id: self.id(),
+            position,
+            count,
+            reserved: 0,
+        };
         let reply = self.moves.ask(&self.link, request)?;
         judge(StateCommand::Move, reply)
     }
 
-    /// The newest `operating_state`; `None` until the first one has arrived, up to 50 ms after connecting.
+    /// The newest `operating_state`; `None` until the first one has arrived, up to 50 ms after
+    /// connecting.
     ///
     /// # Errors
     ///
     /// As [`Subscription::read`].
     pub fn operating_state(&mut self) -> Result<Option<OperatingStateMsg>, ClientError> {
-        self.operating_state.refresh().map(|message| message.copied())
+        self.operating_state
+            .refresh()
+            .map(|message| message.copied())
     }
 
-    /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it. States from before the call
-    /// do not count: they may not know yet of a request that has just been answered.
+    /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it.
+    /// States from before the call do not count: they may not know yet of a request that has just
+    /// been answered.
     ///
     /// # Errors
     ///
-    /// [`ClientError::Timeout`] when it does not, and as [`Subscription::read`]: a controller that ends meanwhile ends
-    /// the waiting.
+    /// [`ClientError::Timeout`] when it does not, and as [`Subscription::read`]: a controller that
+    /// ends meanwhile ends the waiting.
     pub fn wait_for(
         &mut self,
         timeout: Nanos,
@@ -166,23 +183,34 @@ impl Client {
         loop {
             match self.operating_state()? {
                 Some(state) if state.stamp_ns > start.0 && condition(&state) => return Ok(state),
-                _ if clock::now().since(start) > timeout => return Err(ClientError::Timeout { waited: timeout }),
+                _ if clock::now().since(start) > timeout => {
+                    return Err(ClientError::Timeout { waited: timeout });
+                }
                 _ => clock::sleep(POLL_PERIOD),
             }
         }
     }
 
-    /// Has the controller write down the last seconds of every tick, and returns the path of the file. Waits for the answer,
-    /// up to 30 s.
+    /// Has the controller write down the last seconds of every tick, and returns the path of the
+    /// file. Waits for the answer, up to 30 s.
     ///
     /// # Errors
     ///
-    /// [`ClientError::BlackBox`] with the reason; [`ClientError::NoController`], [`ClientError::NoReply`],
-    /// [`ClientError::Transport`].
+    /// [`ClientError::BlackBox`] with the reason; [`ClientError::NoController`],
+    /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn write_black_box(&mut self) -> Result<PathBuf, ClientError> {
-        let reply = self.black_boxes.ask(&self.link, BlackBoxRequest { client_id: self.id() })?;
+        let reply = self.black_boxes.ask(
+            &self.link,
+            BlackBoxRequest {
+                client_id: self.id(),
+            },
+        )?;
         let text = text_of(&reply.text);
-        if reply.ticks > 0 { Ok(text.into()) } else { Err(ClientError::BlackBox { reason: text }) }
+        if reply.ticks > 0 {
+            Ok(text.into())
+        } else {
+            Err(ClientError::BlackBox { reason: text })
+        }
     }
 
     /// Streams servo commands as this client.
@@ -199,11 +227,18 @@ impl Client {
 }
 
 fn judge(command: StateCommand, reply: StateCommandReply) -> Result<OperatingState, ClientError> {
-    let unknown = |number| ClientError::Unknown { request: service::STATE_COMMAND, number };
+    let unknown = |number| ClientError::Unknown {
+        request: service::STATE_COMMAND,
+        number,
+    };
     let state = OperatingState::from_number(reply.state);
     match Refusal::from_number(reply.refusal) {
         Some(Refusal::None) => state.ok_or_else(|| unknown(reply.state)),
-        Some(refusal) => Err(ClientError::Refused { command, refusal, state }),
+        Some(refusal) => Err(ClientError::Refused {
+            command,
+            refusal,
+            state,
+        }),
         None => Err(unknown(reply.refusal)),
     }
 }
@@ -218,7 +253,12 @@ mod tests {
 
     #[test]
     fn a_refusal_becomes_a_sentence_with_the_reason() {
-        let text = reply(Refusal::NotHomed.number(), OperatingState::Disabled.number()).unwrap_err().to_string();
+        let text = reply(
+            Refusal::NotHomed.number(),
+            OperatingState::Disabled.number(),
+        )
+        .unwrap_err()
+        .to_string();
         assert_eq!(
             text,
             "the controller refuses `enable` in state DISABLED: not homed: an axis does not know its zero"
@@ -227,13 +267,22 @@ mod tests {
 
     #[test]
     fn an_accepted_command_gives_the_state() {
-        assert_eq!(reply(0, OperatingState::Enabled.number()).unwrap(), OperatingState::Enabled);
+        assert_eq!(
+            reply(0, OperatingState::Enabled.number()).unwrap(),
+            OperatingState::Enabled
+        );
     }
 
     #[test]
     fn numbers_of_a_newer_controller_are_not_guessed() {
-        assert!(matches!(reply(99, 0), Err(ClientError::Unknown { number: 99, .. })));
-        assert!(matches!(reply(0, 42), Err(ClientError::Unknown { number: 42, .. })));
+        assert!(matches!(
+            reply(99, 0),
+            Err(ClientError::Unknown { number: 99, .. })
+        ));
+        assert!(matches!(
+            reply(0, 42),
+            Err(ClientError::Unknown { number: 42, .. })
+        ));
     }
 
     #[test]

@@ -9,7 +9,8 @@ use crate::ipc::word::{ModelAction, Refusal};
 use crate::model::ModelId;
 use crate::units::Nanos;
 
-/// A model is read, checked over its whole hull, and compared: seconds on a machine that does other things, too.
+/// A model is read, checked over its whole hull, and compared: seconds on a machine that does other
+/// things, too.
 pub(super) const PATIENCE: Nanos = Nanos::from_millis(30_000);
 
 impl Client {
@@ -17,14 +18,14 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`ClientError::ModelRefused`] with the reason; [`ClientError::NoController`], [`ClientError::NoReply`],
-    /// [`ClientError::Transport`].
+    /// [`ClientError::ModelRefused`] with the reason; [`ClientError::NoController`],
+    /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn models(&mut self) -> Result<ModelReply, ClientError> {
         self.ask_models(ModelAction::List, ModelRequest::default())
     }
 
-    /// Has the controller read, check and compare a model file, and lead the model along with the motors. The model in use
-    /// stays in use. Waits for the answer, up to 30 s.
+    /// Has the controller read, check and compare a model file, and lead the model along with the
+    /// motors. The model in use stays in use. Waits for the answer, up to 30 s.
     ///
     /// # Errors
     ///
@@ -35,39 +36,74 @@ impl Client {
         let bytes = absolute.as_os_str().as_encoded_bytes();
         // One byte less than there is room: the end of the path has to show.
         if bytes.len() >= request.path.len() || bytes.contains(&0) {
-            return Err(ClientError::Path { path: absolute, limit: request.path.len() - 1 });
+            return Err(ClientError::Path {
+                path: absolute,
+                limit: request.path.len() - 1,
+            });
         }
-        request.path.iter_mut().zip(bytes).for_each(|(to, from)| *to = *from);
+        request
+            .path
+            .iter_mut()
+            .zip(bytes)
+            .for_each(|(to, from)| *to = *from);
         self.ask_models(ModelAction::Stage, request)
     }
 
-    /// Lets the staged model take over, if it is this one. `force`: also while its hysteresis memory is unknown.
+    /// Lets the staged model take over, if it is this one. `force`: also while its hysteresis
+    /// memory is unknown.
     ///
     /// # Errors
     ///
     /// As [`Client::models`].
-    pub fn activate_model(&mut self, model: ModelId, force: bool) -> Result<ModelReply, ClientError> {
-        let request = ModelRequest { model_id: model.0, flags: flags(force), ..ModelRequest::default() };
+    pub fn activate_model(
+        &mut self,
+        model: ModelId,
+        force: bool,
+    ) -> Result<ModelReply, ClientError> {
+        let request = ModelRequest {
+            model_id: model.0,
+            flags: flags(force),
+            ..ModelRequest::default()
+        };
         self.ask_models(ModelAction::Activate, request)
     }
 
-    /// Lets the model that was in use before take over again. `force` as in [`Client::activate_model`].
+    /// Lets the model that was in use before take over again. `force` as in
+    /// [`Client::activate_model`].
     ///
     /// # Errors
     ///
     /// As [`Client::models`].
     pub fn roll_back_model(&mut self, force: bool) -> Result<ModelReply, ClientError> {
-        let request = ModelRequest { flags: flags(force), ..ModelRequest::default() };
+        let request = ModelRequest {
+            flags: flags(force),
+            ..ModelRequest::default()
+        };
         self.ask_models(ModelAction::Rollback, request)
     }
 
-    fn ask_models(&mut self, action: ModelAction, request: ModelRequest) -> Result<ModelReply, ClientError> {
-        let request = ModelRequest { client_id: self.id(), action: action.number(), ..request };
+    fn ask_models(
+        &mut self,
+        action: ModelAction,
+        request: ModelRequest,
+    ) -> Result<ModelReply, ClientError> {
+        let request = ModelRequest {
+            client_id: self.id(),
+            action: action.number(),
+            ..request
+        };
         let reply = self.models.ask(&self.link, request)?;
         match Refusal::from_number(reply.refusal) {
             Some(Refusal::None) => Ok(reply),
-            Some(refusal) => Err(ClientError::ModelRefused { action, refusal, message: text_of(&reply.message) }),
-            None => Err(ClientError::Unknown { request: service::MODEL, number: reply.refusal }),
+            Some(refusal) => Err(ClientError::ModelRefused {
+                action,
+                refusal,
+                message: text_of(&reply.message),
+            }),
+            None => Err(ClientError::Unknown {
+                request: service::MODEL,
+                number: reply.refusal,
+            }),
         }
     }
 }

@@ -34,7 +34,11 @@ where
     R: ZeroCopySend + Debug + Copy + 'static,
 {
     pub fn new(name: &'static str, patience: Nanos) -> Self {
-        Self { port: Port::default(), name, patience }
+        Self {
+            port: Port::default(),
+            name,
+            patience,
+        }
     }
 
     /// Asks and waits for the answer.
@@ -50,18 +54,27 @@ where
             let now = clock::now();
             link.session(now)?;
             if now.since(start) > self.patience {
-                return Err(ClientError::NoReply { request: name, waited: self.patience });
+                return Err(ClientError::NoReply {
+                    request: name,
+                    waited: self.patience,
+                });
             }
             clock::sleep(POLL_PERIOD);
         }
     }
 }
 
-fn open<Q, R>(session: &Session, name: &'static str) -> Result<client::Client<Flavour, Q, (), R, ()>, Transport>
+fn open<Q, R>(
+    session: &Session,
+    name: &'static str,
+) -> Result<client::Client<Flavour, Q, (), R, ()>, Transport>
 where
     Q: ZeroCopySend + Debug + 'static,
     R: ZeroCopySend + Debug + 'static,
 {
     let factory = open_request::<Flavour, Q, R>(&session.node, name)?;
-    factory.client_builder().create().map_err(transport("ask", name))
+    factory
+        .client_builder()
+        .create()
+        .map_err(transport("ask", name))
 }

@@ -11,7 +11,8 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp,
 };
 use crate::ipc::service::{self, Stream, Transport, transport};
 use crate::units::Nanos;
@@ -28,11 +29,15 @@ impl Watcher {
     /// A watcher of this domain. Opens nothing yet.
     #[must_use]
     pub fn new(domain: &Domain) -> Self {
-        Self { link: Link::new(domain) }
+        Self {
+            link: Link::new(domain),
+        }
     }
 
     pub(super) fn on(link: &Arc<Link>) -> Self {
-        Self { link: Arc::clone(link) }
+        Self {
+            link: Arc::clone(link),
+        }
     }
 
     /// `measured_js`: the model's estimate from the encoders.
@@ -103,8 +108,9 @@ impl Watcher {
 
 /// A stream of messages.
 ///
-/// Whoever joins gets the last message of the controller within 50 ms, also if nothing new is sent. Up to 128 unread messages wait, then
-/// the oldest are lost, which [`Subscription::missed`] counts. `Send`.
+/// Whoever joins gets the last message of the controller within 50 ms, also if nothing new is sent.
+/// Up to 128 unread messages wait, then the oldest are lost, which [`Subscription::missed`] counts.
+/// `Send`.
 #[derive(Debug)]
 pub struct Subscription<T: Message> {
     link: Arc<Link>,
@@ -120,8 +126,8 @@ impl<T: Message> Subscription<T> {
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoController`] while nobody serves the domain, [`ClientError::Interface`] when the controller is
-    /// of another version, [`ClientError::Transport`] when iceoryx2 refuses.
+    /// [`ClientError::NoController`] while nobody serves the domain, [`ClientError::Interface`]
+    /// when the controller is of another version, [`ClientError::Transport`] when iceoryx2 refuses.
     pub fn read(&mut self) -> Result<Option<T>, ClientError> {
         self.read_at(clock::now())
     }
@@ -155,14 +161,15 @@ impl<T: Message> Subscription<T> {
         Ok(count)
     }
 
-    /// Messages lost so far because they were not read in time. Means something only for streams of one sender: the
-    /// controller's, and a sensor's or a commander's as long as it is the only one.
+    /// Messages lost so far because they were not read in time. Means something only for streams of
+    /// one sender: the controller's, and a sensor's or a commander's as long as it is the only one.
     #[must_use]
     pub fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// Which start of the controller the messages come from; `None` before the first successful call.
+    /// Which start of the controller the messages come from; `None` before the first successful
+    /// call.
     #[must_use]
     pub fn boot_id(&self) -> Option<u64> {
         self.port.boot_id()
@@ -171,8 +178,13 @@ impl<T: Message> Subscription<T> {
     fn read_at(&mut self, now: Nanos) -> Result<Option<T>, ClientError> {
         let stream = self.stream;
         let before = self.port.boot_id();
-        let port = self.port.get(&self.link, now, |session| open(session, stream))?;
-        let message = port.receive().map_err(transport("receive", stream.name))?.map(|sample| *sample);
+        let port = self
+            .port
+            .get(&self.link, now, |session| open(session, stream))?;
+        let message = port
+            .receive()
+            .map_err(transport("receive", stream.name))?
+            .map(|sample| *sample);
         if self.port.boot_id() != before {
             self.last = None;
         }
@@ -191,9 +203,15 @@ impl<T: Message> Subscription<T> {
     }
 }
 
-fn open<T: Message>(session: &Session, stream: Stream) -> Result<Subscriber<Flavour, T, ()>, Transport> {
+fn open<T: Message>(
+    session: &Session,
+    stream: Stream,
+) -> Result<Subscriber<Flavour, T, ()>, Transport> {
     let factory = stream.open::<Flavour, T>(&session.node)?;
-    factory.subscriber_builder().create().map_err(transport("subscribe to", stream.name))
+    factory
+        .subscriber_builder()
+        .create()
+        .map_err(transport("subscribe to", stream.name))
 }
 
 /// The last message of a stream, kept: for displays and for waiting.
@@ -207,7 +225,10 @@ impl<T: Message> Latest<T> {
     /// Keeps the last message of this stream.
     #[must_use]
     pub fn new(subscription: Subscription<T>) -> Self {
-        Self { subscription, value: None }
+        Self {
+            subscription,
+            value: None,
+        }
     }
 
     /// Takes in what arrived. What a controller said that is gone is forgotten.
@@ -217,7 +238,10 @@ impl<T: Message> Latest<T> {
     /// As [`Subscription::read`].
     pub fn refresh(&mut self) -> Result<Option<&T>, ClientError> {
         let before = self.subscription.boot_id();
-        let newest = self.subscription.newest().inspect_err(|_| self.value = None)?;
+        let newest = self
+            .subscription
+            .newest()
+            .inspect_err(|_| self.value = None)?;
         if self.subscription.boot_id() != before {
             self.value = None;
         }
@@ -236,7 +260,9 @@ impl<T: Message> Latest<T> {
     /// Whether there is no message, or one older than `limit` at `now`.
     #[must_use]
     pub fn is_stale(&self, now: Nanos, limit: Nanos) -> bool {
-        self.value.as_ref().is_none_or(|message| message.age(now) > limit)
+        self.value
+            .as_ref()
+            .is_none_or(|message| message.age(now) > limit)
     }
 
     /// Messages lost so far because they were not read in time.

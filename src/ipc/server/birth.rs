@@ -1,7 +1,8 @@
 //! Creating the node and the services, under a watchdog.
 //!
-//! iceoryx2 0.10 can loop for ever on what a process killed at a bad moment left behind. The wipe before should leave
-//! it nothing to loop on; if it hangs all the same, one more wipe takes its obstacle away and a second try follows.
+//! iceoryx2 0.10 can loop for ever on what a process killed at a bad moment left behind. The wipe
+//! before should leave it nothing to loop on; if it hangs all the same, one more wipe takes its
+//! obstacle away and a second try follows.
 
 use std::sync::mpsc;
 use std::thread;
@@ -15,9 +16,9 @@ use super::IpcError;
 use crate::ipc::domain::Domain;
 use crate::ipc::guard::DomainGuard;
 use crate::ipc::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest, MoveRequest,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
+    ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -57,18 +58,28 @@ pub(super) fn create(guard: &mut DomainGuard) -> Result<Services, IpcError> {
 
 fn attempt(guard: &DomainGuard) -> Result<Services, IpcError> {
     let (domain, boot_id) = (guard.domain().clone(), guard.boot_id());
-    let hangs = IpcError::Hangs { domain: domain.name().to_owned(), seconds: PATIENCE.as_secs() };
+    let hangs = IpcError::Hangs {
+        domain: domain.name().to_owned(),
+        seconds: PATIENCE.as_secs(),
+    };
     watched(PATIENCE, move || Services::create(&domain, boot_id)).unwrap_or(Err(hangs))
 }
 
-/// Runs `work` in a thread of its own and waits for it. A thread that does not come back in time cannot be ended; it is
-/// left alone, under a boot id that nobody uses any more.
-fn watched<T: Send + 'static>(patience: Duration, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+/// Runs `work` in a thread of its own and waits for it. A thread that does not come back in time
+/// cannot be ended; it is left alone, under a boot id that nobody uses any more.
+fn watched<T: Send + 'static>(
+    patience: Duration,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
     let (sender, receiver) = mpsc::sync_channel(1);
-    let spawned = thread::Builder::new().name("ipc-create".to_owned()).spawn(move || {
-        let _ = sender.send(work());
-    });
-    spawned.ok().and_then(|_| receiver.recv_timeout(patience).ok())
+    let spawned = thread::Builder::new()
+        .name("ipc-create".to_owned())
+        .spawn(move || {
+            let _ = sender.send(work());
+        });
+    spawned
+        .ok()
+        .and_then(|_| receiver.recv_timeout(patience).ok())
 }
 
 impl Services {
@@ -106,12 +117,18 @@ mod tests {
     #[test]
     fn work_that_hangs_is_left_alone() {
         let (release, released) = mpsc::channel::<()>();
-        assert_eq!(watched(Duration::from_millis(20), move || released.recv().is_ok()), None);
+        assert_eq!(
+            watched(Duration::from_millis(20), move || released.recv().is_ok()),
+            None
+        );
         release.send(()).unwrap();
     }
 
     #[test]
     fn work_that_panics_counts_as_not_done() {
-        assert_eq!(watched(Duration::from_secs(10), || -> u8 { panic!("on purpose") }), None);
+        assert_eq!(
+            watched(Duration::from_secs(10), || -> u8 { panic!("on purpose") }),
+            None
+        );
     }
 }

@@ -1,16 +1,17 @@
 //! The controller's side of shared memory.
 //!
-//! One thread creates a [`Server`] and uses it: its ports cannot change threads. Calls may map memory when a client
-//! comes or goes, and sending allocates, so that thread is never the control loop. The server knows no control logic:
-//! raw payloads in and out.
+//! One thread creates a [`Server`] and uses it: its ports cannot change threads. Calls may map
+//! memory when a client comes or goes, and sending allocates, so that thread is never the control
+//! loop. The server knows no control logic: raw payloads in and out.
 //!
 //! # The way of a servo command
 //!
-//! The thread of the server polls the newest command once per tick, [`RELAY_LEAD`] ahead of it, and leaves it in a
-//! mailbox for the loop. The rival is a blackboard, which the loop reads itself. Measured with
-//! `cargo run --release --package i2ris-cli --example servo_path`, 1 kHz, loop under SCHED_FIFO 80, relay under 60, on two virtual
-//! processors under a foreign load of 13 to 16; age of the command when the loop has it, and what looking costs the
-//! loop, ranges of three runs, microseconds:
+//! The thread of the server polls the newest command once per tick, [`RELAY_LEAD`] ahead of it, and
+//! leaves it in a mailbox for the loop. The rival is a blackboard, which the loop reads itself.
+//! Measured with `cargo run --release --package i2ris-cli --example servo_path`, 1 kHz, loop under
+//! SCHED_FIFO 80, relay under 60, on two virtual processors under a foreign load of 13 to 16; age
+//! of the command when the loop has it, and what looking costs the loop, ranges of three runs,
+//! microseconds:
 //!
 //! | way | age p50 | age p99 | age p99.9 | look p99 | look max |
 //! |---|---|---|---|---|---|
@@ -20,11 +21,12 @@
 //! | blackboard | 448-451 | 984-989 | 1000-1045 | 0.8-1.0 | 20-118 |
 //! | blackboard, faulty client | | | | 5-17 | 434-1420 |
 //!
-//! The blackboard is 0.1 ms quicker, and that is what the relay costs. It was turned down because the loop would depend
-//! on the good conduct of every client: the read repeats for as long as the value changes under it, without a bound, so
-//! a faulty client holds up the loop; a writer that is killed keeps its entry for ever, so each commander would need a
-//! blackboard of its own, handed to the loop and taken back; and commands could not be watched. Behind the relay a client
-//! can do no more than be refused.
+//! The blackboard is 0.1 ms quicker, and that is what the relay costs. It was turned down because
+//! the loop would depend on the good conduct of every client: the read repeats for as long as the
+//! value changes under it, without a bound, so a faulty client holds up the loop; a writer that is
+//! killed keeps its entry for ever, so each commander would need a blackboard of its own, handed to
+//! the loop and taken back; and commands could not be watched. Behind the relay a client can do no
+//! more than be refused.
 
 mod birth;
 mod out;
@@ -37,9 +39,9 @@ use iceoryx2::prelude::{ZeroCopySend, ipc};
 use super::domain::DomainError;
 use super::guard::DomainGuard;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply, ModelRequest, MoveRequest,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
+    ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use super::pulse::Pulse;
 use super::ready::{INTERFACE_VERSION, Ready};
@@ -49,16 +51,19 @@ use birth::Services;
 use out::Out;
 use requests::Requests;
 
-/// How long before each tick to poll servo commands, under SCHED_FIFO. Later than this, waking up now and then takes
-/// too long and the command waits for the next tick: at 50 microseconds the 99th percentile is a whole tick worse.
+/// How long before each tick to poll servo commands, under SCHED_FIFO. Later than this, waking up
+/// now and then takes too long and the command waits for the next tick: at 50 microseconds the 99th
+/// percentile is a whole tick worse.
 pub const RELAY_LEAD: Nanos = Nanos::from_micros(100);
 /// How often late joiners are served the last message of a stream that is not sent just now.
 const JOIN_PERIOD: Nanos = Nanos::from_millis(50);
-/// How often the leftovers of killed clients are cleared. Costs 0.4 ms, and about 1 ms per killed client.
+/// How often the leftovers of killed clients are cleared. Costs 0.4 ms, and about 1 ms per killed
+/// client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
 /// Age of a request at which nobody waits for an answer any more.
 const FORGET_AFTER: Nanos = Nanos::from_millis(2000);
-/// The same for requests that take long: a model is checked over its whole hull, a file is forced to the disk.
+/// The same for requests that take long: a model is checked over its whole hull, a file is forced
+/// to the disk.
 const FORGET_SLOW_AFTER: Nanos = Nanos::from_millis(60_000);
 /// More commands than this at once can only come from a client that sends as fast as we read.
 const MAX_DRAINED: usize = 64;
@@ -73,7 +78,9 @@ pub enum IpcError {
     #[error("{0}; if other programs left files in /dev/shm, remove those of this domain")]
     Transport(#[from] Transport),
     /// Creating the services did not end, twice.
-    #[error("creating the shared memory of domain `{domain}` did not end within {seconds} s, also after a clean-up")]
+    #[error(
+        "creating the shared memory of domain `{domain}` did not end within {seconds} s, also after a clean-up"
+    )]
     Hangs {
         /// The domain.
         domain: String,
@@ -110,7 +117,8 @@ pub struct Server {
 }
 
 impl Server {
-    /// Creates node, services and ports, then announces the controller to clients. Takes 10 to 20 ms, 2 s at worst.
+    /// Creates node, services and ports, then announces the controller to clients. Takes 10 to 20
+    /// ms, 2 s at worst.
     ///
     /// # Errors
     ///
@@ -142,10 +150,26 @@ impl Server {
             setpoint: Out::new(&services.setpoint, service::SETPOINT_JS, boot_id)?,
             goal: Out::new(&services.goal, service::GOAL_JS, boot_id)?,
             actuators: Out::new(&services.actuators, service::ACTUATORS, boot_id)?,
-            operating_state: Out::new(&services.operating_state, service::OPERATING_STATE, boot_id)?,
-            period_statistics: Out::new(&services.period_statistics, service::PERIOD_STATISTICS, boot_id)?,
-            state_commands: Requests::new(&services.state_commands, service::STATE_COMMAND, FORGET_AFTER)?,
-            black_boxes: Requests::new(&services.black_boxes, service::BLACK_BOX, FORGET_SLOW_AFTER)?,
+            operating_state: Out::new(
+                &services.operating_state,
+                service::OPERATING_STATE,
+                boot_id,
+            )?,
+            period_statistics: Out::new(
+                &services.period_statistics,
+                service::PERIOD_STATISTICS,
+                boot_id,
+            )?,
+            state_commands: Requests::new(
+                &services.state_commands,
+                service::STATE_COMMAND,
+                FORGET_AFTER,
+            )?,
+            black_boxes: Requests::new(
+                &services.black_boxes,
+                service::BLACK_BOX,
+                FORGET_SLOW_AFTER,
+            )?,
             models: Requests::new(&services.models, service::MODEL, FORGET_SLOW_AFTER)?,
             moves: Requests::new(&services.moves, service::MOVE_JP, FORGET_AFTER)?,
             versions: Requests::new(&services.versions, service::VERSION, FORGET_AFTER)?,
@@ -169,17 +193,29 @@ impl Server {
 
     /// The newest `servo_jp` command since the last call.
     ///
-    /// If several clients sent, the one that holds the lease comes first, so that nobody else can crowd it out; pass 0
-    /// while nobody holds it.
+    /// If several clients sent, the one that holds the lease comes first, so that nobody else can
+    /// crowd it out; pass 0 while nobody holds it.
     pub fn poll_servo(&mut self, lease_client_id: u64) -> Option<ServoJp> {
-        let rank = |command: &ServoJp| (command.client_id == lease_client_id, command.stamp_ns, command.sequence);
+        let rank = |command: &ServoJp| {
+            (
+                command.client_id == lease_client_id,
+                command.stamp_ns,
+                command.sequence,
+            )
+        };
         let newest = newest_by(&self.servo_jp, rank);
         self.count(newest, service::SERVO_JP.name)
     }
 
     /// The same for `actuators/servo_jp`.
     pub fn poll_actuator(&mut self, lease_client_id: u64) -> Option<ServoActuator> {
-        let rank = |command: &ServoActuator| (command.client_id == lease_client_id, command.stamp_ns, command.sequence);
+        let rank = |command: &ServoActuator| {
+            (
+                command.client_id == lease_client_id,
+                command.stamp_ns,
+                command.sequence,
+            )
+        };
         let newest = newest_by(&self.servo_actuators, rank);
         self.count(newest, service::SERVO_ACTUATORS.name)
     }
@@ -190,8 +226,8 @@ impl Server {
         self.count(newest, service::EXTERNAL.name)
     }
 
-    /// Hands every new state command to `take`, with the token that [`Server::reply`] wants. Requests that nobody
-    /// answered within 2 s are dropped; the client has given up by then.
+    /// Hands every new state command to `take`, with the token that [`Server::reply`] wants.
+    /// Requests that nobody answered within 2 s are dropped; the client has given up by then.
     pub fn poll_state_commands(&mut self, now: Nanos, take: impl FnMut(u64, StateCommandRequest)) {
         let polled = self.state_commands.poll(now, take);
         self.count(polled, service::STATE_COMMAND);
@@ -239,7 +275,8 @@ impl Server {
         self.count(sent, service::BLACK_BOX);
     }
 
-    /// `measured_js`. As with every message that goes out, `sequence` and `boot_id` are filled in here.
+    /// `measured_js`. As with every message that goes out, `sequence` and `boot_id` are filled in
+    /// here.
     pub fn publish_measured(&mut self, message: JointState) {
         let sent = self.measured.send(message);
         self.count(sent, service::MEASURED_JS.name);
@@ -281,14 +318,24 @@ impl Server {
         self.guard.boot_id()
     }
 
-    /// What the controller answers to `version` about its robot and its model: motors and outputs, identity of the
-    /// model (all 0: none), names of the outputs (UTF-8, padded with 0).
-    pub fn describe(&mut self, shape: [u8; 2], model_id: [u8; 32], output_names: [[u8; 16]; MAX_OUTPUTS]) {
-        self.version = Version { shape, model_id, output_names, ..self.version };
+    /// What the controller answers to `version` about its robot and its model: motors and outputs,
+    /// identity of the model (all 0: none), names of the outputs (UTF-8, padded with 0).
+    pub fn describe(
+        &mut self,
+        shape: [u8; 2],
+        model_id: [u8; 32],
+        output_names: [[u8; 16]; MAX_OUTPUTS],
+    ) {
+        self.version = Version {
+            shape,
+            model_id,
+            output_names,
+            ..self.version
+        };
     }
 
-    /// Housekeeping, to be called in every pass: answers `version`, gives late joiners the last message of every
-    /// stream, and twice a second clears what killed clients left.
+    /// Housekeeping, to be called in every pass: answers `version`, gives late joiners the last
+    /// message of every stream, and twice a second clears what killed clients left.
     pub fn maintain(&mut self, now: Nanos) {
         let answered = self.versions.answer_all(now, self.version);
         self.count(answered, service::VERSION);
@@ -303,8 +350,8 @@ impl Server {
         }
     }
 
-    /// Calls into iceoryx2 that failed since the start, and the last of them. The controller goes on without the
-    /// message; a client that was killed at a bad moment can cause one.
+    /// Calls into iceoryx2 that failed since the start, and the last of them. The controller goes
+    /// on without the message; a client that was killed at a bad moment can cause one.
     #[must_use]
     pub fn failures(&self) -> (u64, Option<&Transport>) {
         (self.failures, self.last_failure.as_ref())
@@ -319,7 +366,11 @@ impl Server {
         self.period_statistics.join()
     }
 
-    fn count<T: Default, E: std::fmt::Debug>(&mut self, outcome: Result<T, E>, service: &'static str) -> T {
+    fn count<T: Default, E: std::fmt::Debug>(
+        &mut self,
+        outcome: Result<T, E>,
+        service: &'static str,
+    ) -> T {
         outcome.unwrap_or_else(|error| {
             self.failures = self.failures.saturating_add(1);
             self.last_failure = Some(transport("use", service)(error));
@@ -352,11 +403,18 @@ fn version(boot_id: u64) -> Version {
 }
 
 /// Of every sender only the newest message counts: a queue would be delay.
-fn subscribe<T>(factory: &birth::PubSub<T>, name: &'static str) -> Result<Subscriber<ipc::Service, T, ()>, Transport>
+fn subscribe<T>(
+    factory: &birth::PubSub<T>,
+    name: &'static str,
+) -> Result<Subscriber<ipc::Service, T, ()>, Transport>
 where
     T: ZeroCopySend + std::fmt::Debug + 'static,
 {
-    factory.subscriber_builder().buffer_size(1).create().map_err(transport("subscribe to", name))
+    factory
+        .subscriber_builder()
+        .buffer_size(1)
+        .create()
+        .map_err(transport("subscribe to", name))
 }
 
 /// Reads everything and keeps the message with the highest rank; later ones win a tie.
@@ -370,9 +428,14 @@ where
 {
     let mut best: Option<T> = None;
     for _ in 0..MAX_DRAINED {
-        let Some(sample) = subscriber.receive()? else { break };
+        let Some(sample) = subscriber.receive()? else {
+            break;
+        };
         let candidate = *sample;
-        if best.as_ref().is_none_or(|best| rank(&candidate) >= rank(best)) {
+        if best
+            .as_ref()
+            .is_none_or(|best| rank(&candidate) >= rank(best))
+        {
             best = Some(candidate);
         }
     }

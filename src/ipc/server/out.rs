@@ -21,18 +21,30 @@ pub(super) struct Out<T: ZeroCopySend + Debug + Copy + 'static> {
 
 impl<T: Outgoing> Out<T> {
     pub fn new(factory: &PubSub<T>, stream: Stream, boot_id: u64) -> Result<Self, Transport> {
-        let publisher = factory.publisher_builder().create().map_err(transport("publish", stream.name))?;
-        Ok(Self { publisher, name: stream.name, boot_id, sequence: 0 })
+        let publisher = factory
+            .publisher_builder()
+            .create()
+            .map_err(transport("publish", stream.name))?;
+        Ok(Self {
+            publisher,
+            name: stream.name,
+            boot_id,
+            sequence: 0,
+        })
     }
 
     pub fn send(&mut self, message: T) -> Result<usize, Transport> {
         self.sequence += 1;
         let message = message.marked(self.boot_id, self.sequence);
-        self.publisher.send_copy(message).map_err(transport("send", self.name))
+        self.publisher
+            .send_copy(message)
+            .map_err(transport("send", self.name))
     }
 
     /// Gives the last message to whoever subscribed since the last send.
     pub fn join(&self) -> Result<(), Transport> {
-        self.publisher.update_connections().map_err(transport("update", self.name))
+        self.publisher
+            .update_connections()
+            .map_err(transport("update", self.name))
     }
 }

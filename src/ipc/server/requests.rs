@@ -34,15 +34,33 @@ where
     Q: ZeroCopySend + Debug + Copy + 'static,
     R: ZeroCopySend + Debug + Copy + 'static,
 {
-    pub fn new(factory: &Request<Q, R>, name: &'static str, forget_after: Nanos) -> Result<Self, Transport> {
-        let port = factory.server_builder().create().map_err(transport("serve", name))?;
-        Ok(Self { waiting: BTreeMap::new(), next_token: 1, port, name, forget_after })
+    pub fn new(
+        factory: &Request<Q, R>,
+        name: &'static str,
+        forget_after: Nanos,
+    ) -> Result<Self, Transport> {
+        let port = factory
+            .server_builder()
+            .create()
+            .map_err(transport("serve", name))?;
+        Ok(Self {
+            waiting: BTreeMap::new(),
+            next_token: 1,
+            port,
+            name,
+            forget_after,
+        })
     }
 
     /// Takes in what arrived, each with a token for the answer, and forgets what is too old.
     pub fn poll(&mut self, now: Nanos, mut take: impl FnMut(u64, Q)) -> Result<(), Transport> {
-        self.waiting.retain(|_, (since, _)| now.since(*since) < self.forget_after);
-        while let Some(request) = self.port.receive().map_err(transport("receive", self.name))? {
+        self.waiting
+            .retain(|_, (since, _)| now.since(*since) < self.forget_after);
+        while let Some(request) = self
+            .port
+            .receive()
+            .map_err(transport("receive", self.name))?
+        {
             let token = self.next_token;
             self.next_token += 1;
             let question = *request;
@@ -55,7 +73,9 @@ where
     /// Answers one request. Unknown tokens are ignored.
     pub fn reply(&mut self, token: u64, answer: R) -> Result<(), Transport> {
         match self.waiting.remove(&token) {
-            Some((_, request)) => request.send_copy(answer).map_err(transport("answer", self.name)),
+            Some((_, request)) => request
+                .send_copy(answer)
+                .map_err(transport("answer", self.name)),
             None => Ok(()),
         }
     }
@@ -64,6 +84,8 @@ where
     pub fn answer_all(&mut self, now: Nanos, answer: R) -> Result<(), Transport> {
         let mut tokens = Vec::new();
         self.poll(now, |token, _| tokens.push(token))?;
-        tokens.into_iter().try_for_each(|token| self.reply(token, answer))
+        tokens
+            .into_iter()
+            .try_for_each(|token| self.reply(token, answer))
     }
 }

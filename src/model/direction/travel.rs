@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Which way a motor travels, with a dead-band: it has turned when it has come back by the dead-band, so a reading that
-/// flickers by a count turns nothing. The dead-band is in counts, above 0.
+/// Which way a motor travels, with a dead-band: it has turned when it has come back by the
+/// dead-band, so a reading that flickers by a count turns nothing. The dead-band is in counts,
+/// above 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Travel {
     /// Not known: so far the motor has stayed within less than the dead-band.
@@ -38,11 +39,18 @@ impl Travel {
         match self {
             Self::Unknown { low, .. } if at - low >= dead_band => Self::Up { highest: at },
             Self::Unknown { high, .. } if high - at >= dead_band => Self::Down { lowest: at },
-            Self::Unknown { low, high } => Self::Unknown { low: low.min(at), high: high.max(at) },
+            Self::Unknown { low, high } => Self::Unknown {
+                low: low.min(at),
+                high: high.max(at),
+            },
             Self::Up { highest } if highest - at >= dead_band => Self::Down { lowest: at },
-            Self::Up { highest } => Self::Up { highest: highest.max(at) },
+            Self::Up { highest } => Self::Up {
+                highest: highest.max(at),
+            },
             Self::Down { lowest } if at - lowest >= dead_band => Self::Up { highest: at },
-            Self::Down { lowest } => Self::Down { lowest: lowest.min(at) },
+            Self::Down { lowest } => Self::Down {
+                lowest: lowest.min(at),
+            },
         }
     }
 

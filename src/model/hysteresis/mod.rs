@@ -1,11 +1,13 @@
 //! Hysteresis: the part of a model that remembers.
 //!
-//! A model with memory is a chain. A **hysteresis operator** turns encoder counts, and what it remembers of the past, into
-//! **virtual counts**: where the motors would have to stand to bend the snake so, were there no gap, slack or friction. A
-//! memoryless regression reads the outputs off the virtual counts. A **residual** that is linear in features of the
-//! operator's state takes up what is left; it changes slowly, so the inverse takes it as given.
+//! A model with memory is a chain. A **hysteresis operator** turns encoder counts, and what it
+//! remembers of the past, into **virtual counts**: where the motors would have to stand to bend the
+//! snake so, were there no gap, slack or friction. A memoryless regression reads the outputs off
+//! the virtual counts. A **residual** that is linear in features of the operator's state takes up
+//! what is left; it changes slowly, so the inverse takes it as given.
 //!
-//! The inverse runs the chain backwards: subtract the residual, invert the regression, invert the operator.
+//! The inverse runs the chain backwards: subtract the residual, invert the regression, invert the
+//! operator.
 //!
 //! | file | holds |
 //! |---|---|
@@ -32,30 +34,39 @@ use crate::units::MotorVec;
 /// The most normalised lags that an operator shows; see [`Lags`].
 pub const MAX_LAGS: usize = 64;
 
-/// A hysteresis operator on D motors. Rate-independent: what matters is where the motors went, not how fast.
+/// A hysteresis operator on D motors. Rate-independent: what matters is where the motors went, not
+/// how fast.
 ///
-/// All of it runs in the control loop: bounded work, no allocation, no panic, finite for finite counts.
+/// All of it runs in the control loop: bounded work, no allocation, no panic, finite for finite
+/// counts.
 pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// What it remembers, including where the motors are.
     type State: Copy + Debug + PartialEq;
 
-    /// The state when nothing but the present position is known: friction and gaps centred as far as they can be.
+    /// The state when nothing but the present position is known: friction and gaps centred as far
+    /// as they can be.
     fn begin(&self, counts: &SVector<f64, D>) -> Self::State;
 
     /// The motors moved straight to `counts`.
     fn advance(&self, state: &mut Self::State, counts: &SVector<f64, D>);
 
-    /// The virtual counts, and their derivative, if the motors moved straight from the state to `counts`. Increasing:
-    /// the principal minors of the derivative are positive, so no two positions have the same virtual counts (D. Gale
-    /// and H. Nikaido 1965).
+    /// The virtual counts, and their derivative, if the motors moved straight from the state to
+    /// `counts`. Increasing: the principal minors of the derivative are positive, so no two
+    /// positions have the same virtual counts (D. Gale and H. Nikaido 1965).
     fn local(&self, state: &Self::State, counts: &SVector<f64, D>) -> Local<D, D>;
 
-    /// The counts that bring the virtual counts to `goal`, from the state. `compensation` scales the part of the way
-    /// that only crosses gaps and overcomes friction: 1 is the inverse of [`Operator::local`]; 0 goes to where the counts
-    /// would be without memory.
-    fn invert(&self, state: &Self::State, goal: &SVector<f64, D>, compensation: f64) -> SVector<f64, D>;
+    /// The counts that bring the virtual counts to `goal`, from the state. `compensation` scales
+    /// the part of the way that only crosses gaps and overcomes friction: 1 is the inverse of
+    /// [`Operator::local`]; 0 goes to where the counts would be without memory.
+    fn invert(
+        &self,
+        state: &Self::State,
+        goal: &SVector<f64, D>,
+        compensation: f64,
+    ) -> SVector<f64, D>;
 
-    /// How far each part of the operator is from its middle, scaled to about -1...1: the features of the residual.
+    /// How far each part of the operator is from its middle, scaled to about -1...1: the features
+    /// of the residual.
     fn lags(&self, state: &Self::State) -> Lags;
 
     /// The range that every motor has to cover to wipe out what it remembered before, counts.
@@ -79,7 +90,10 @@ pub struct Lags {
 
 impl Default for Lags {
     fn default() -> Self {
-        Self { values: [0.0; MAX_LAGS], len: 0 }
+        Self {
+            values: [0.0; MAX_LAGS],
+            len: 0,
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! The regression of a model with memory by itself, for the fit: with the very code that the controller runs.
+//! The regression of a model with memory by itself, for the fit: with the very code that the
+//! controller runs.
 
 use nalgebra::SVector;
 

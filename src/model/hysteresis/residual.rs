@@ -1,7 +1,8 @@
 //! The residual of a model with memory: linear in features of the operator's state.
 //!
-//! The features are the monomials of the scaled virtual counts up to a degree, and every lag times such monomials up to
-//! a lower degree: a friction force that grows with the bend is a lag times a shape. Fitted by ridge regression.
+//! The features are the monomials of the scaled virtual counts up to a degree, and every lag times
+//! such monomials up to a lower degree: a friction force that grows with the bend is a lag times a
+//! shape. Fitted by ridge regression.
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -38,20 +39,44 @@ pub(in crate::model) struct Residual<const D: usize, const M: usize> {
 }
 
 impl<const D: usize, const M: usize> Residual<D, M> {
-    /// Checks the parameters of a file and scales its outputs by `si`. `lags` is the number of lags of the operator.
+    /// Checks the parameters of a file and scales its outputs by `si`. `lags` is the number of lags
+    /// of the operator.
     pub fn prepare(file: &ResidualParameters, lags: usize, si: f64) -> Result<Self, ModelError> {
-        let ResidualParameters { scale_counts, shape_degree, lag_degree, ref coefficients } = *file;
+        let ResidualParameters {
+            scale_counts,
+            shape_degree,
+            lag_degree,
+            ref coefficients,
+        } = *file;
         let key = || "family.residual.scale_counts".to_owned();
         parameters(&[scale_counts], key)?;
         require(scale_counts > 0.0, key, scale_counts, "must be above 0")?;
         let key = || "family.residual.shape_degree".to_owned();
-        require(shape_degree <= MAX_DEGREE, key, shape_degree, "must be at most 5")?;
+        require(
+            shape_degree <= MAX_DEGREE,
+            key,
+            shape_degree,
+            "must be at most 5",
+        )?;
         let key = || "family.residual.lag_degree".to_owned();
-        require(lag_degree <= shape_degree, key, lag_degree, "must be at most the shape degree")?;
+        require(
+            lag_degree <= shape_degree,
+            key,
+            lag_degree,
+            "must be at most the shape degree",
+        )?;
         let features = count::<D>(shape_degree, lag_degree, lags);
-        let matrix = matrix(coefficients, M, features, || "family.residual.coefficients".to_owned())?;
-        let column = |j: usize| SVector::<f64, M>::from_iterator(matrix.column(j).iter().map(|c| c * si));
-        Ok(Self { scale_counts, shape_degree, lag_degree, coefficients: (0..features).map(column).collect() })
+        let matrix = matrix(coefficients, M, features, || {
+            "family.residual.coefficients".to_owned()
+        })?;
+        let column =
+            |j: usize| SVector::<f64, M>::from_iterator(matrix.column(j).iter().map(|c| c * si));
+        Ok(Self {
+            scale_counts,
+            shape_degree,
+            lag_degree,
+            coefficients: (0..features).map(column).collect(),
+        })
     }
 
     /// The residual where the operator stands.
@@ -59,18 +84,28 @@ impl<const D: usize, const M: usize> Residual<D, M> {
         let mut coefficients = self.coefficients.iter();
         let mut sum = SVector::<f64, M>::zeros();
         let scaled = virtual_counts / self.scale_counts;
-        features(&scaled, lags, self.shape_degree, self.lag_degree, |feature| {
-            if let Some(column) = coefficients.next() {
-                sum += column * feature;
-            }
-        });
+        features(
+            &scaled,
+            lags,
+            self.shape_degree,
+            self.lag_degree,
+            |feature| {
+                if let Some(column) = coefficients.next() {
+                    sum += column * feature;
+                }
+            },
+        );
         sum
     }
 }
 
 /// Number of monomials of D variables up to a degree.
 fn monomials<const D: usize>(degree: usize) -> usize {
-    if D == 1 { degree + 1 } else { (degree + 1) * (degree + 2) / 2 }
+    if D == 1 {
+        degree + 1
+    } else {
+        (degree + 1) * (degree + 2) / 2
+    }
 }
 
 /// Number of features.
@@ -79,8 +114,8 @@ pub fn count<const D: usize>(shape_degree: usize, lag_degree: usize, lags: usize
     monomials::<D>(shape_degree) + lags.min(MAX_LAGS) * monomials::<D>(lag_degree)
 }
 
-/// Hands out the features in order: the monomials 1, x, y, x^2, xy, y^2, ... of the scaled virtual counts, then every lag
-/// times the same monomials up to the lag degree.
+/// Hands out the features in order: the monomials 1, x, y, x^2, xy, y^2, ... of the scaled virtual
+/// counts, then every lag times the same monomials up to the lag degree.
 pub fn features<const D: usize>(
     scaled: &SVector<f64, D>,
     lags: &Lags,
@@ -93,7 +128,11 @@ pub fn features<const D: usize>(
         for total in 0..=degree.min(MAX_DEGREE) {
             let splits = if D == 1 { 0..=0 } else { 0..=total };
             for second in splits {
-                take(factor * powers[(total - second, 0)] * if D == 1 { 1.0 } else { powers[(second, D - 1)] });
+                take(
+                    factor
+                        * powers[(total - second, 0)]
+                        * if D == 1 { 1.0 } else { powers[(second, D - 1)] },
+                );
             }
         }
     };
@@ -123,11 +162,15 @@ mod tests {
         let mut lags = Lags::default();
         lags.push(10.0);
         let mut found = Vec::new();
-        features(&SVector::from([2.0, 3.0]), &lags, 2, 1, |feature| found.push(feature));
+        features(&SVector::from([2.0, 3.0]), &lags, 2, 1, |feature| {
+            found.push(feature)
+        });
         assert_eq!(found, [1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 10.0, 20.0, 30.0]);
         assert_eq!(found.len(), count::<2>(2, 1, 1));
         let mut found = Vec::new();
-        features(&SVector::from([2.0]), &lags, 3, 1, |feature| found.push(feature));
+        features(&SVector::from([2.0]), &lags, 3, 1, |feature| {
+            found.push(feature)
+        });
         assert_eq!(found, [1.0, 2.0, 4.0, 8.0, 10.0, 20.0]);
         assert_eq!(found.len(), count::<1>(3, 1, 1));
     }
@@ -145,6 +188,9 @@ mod tests {
         lags.push(-1.0);
         let found = residual.at(&SVector::from([100.0, 300.0]), &lags);
         assert_eq!(found, SVector::from([0.5 * (1.0 + 2.0 - 4.0), 0.5 * 3.0]));
-        assert!(Residual::<2, 2>::prepare(&file, 2, 0.5).is_err(), "one coefficient per feature");
+        assert!(
+            Residual::<2, 2>::prepare(&file, 2, 0.5).is_err(),
+            "one coefficient per feature"
+        );
     }
 }

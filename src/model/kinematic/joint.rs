@@ -1,14 +1,15 @@
 //! One rolling joint: the wires over it, its angle, its stop.
 //!
-//! Two surfaces of radius `R` roll on each other. At the angle `theta` a wire through holes at the lateral offset `s d` is
-//! as long between them as
+//! Two surfaces of radius `R` roll on each other. At the angle `theta` a wire through holes at the
+//! lateral offset `s d` is as long between them as
 //!
 //! ```text
 //! l(s) = 2 [R - b cos(theta / 2) - s d sin(theta / 2)]        b = sqrt(R^2 - d^2)
 //! ```
 //!
-//! A motor winds one wire of a pair up as it lets the other one out. What both have in common, the first two terms, is
-//! slack or strain and turns nothing; half the difference is what the joint follows: `2 s d sin(theta / 2)`.
+//! A motor winds one wire of a pair up as it lets the other one out. What both have in common, the
+//! first two terms, is slack or strain and turns nothing; half the difference is what the joint
+//! follows: `2 s d sin(theta / 2)`.
 
 /// Radius of the rolling surfaces, mm (the robot's drawing).
 pub(super) const ROLLING_RADIUS_MM: f64 = 0.75;
@@ -19,8 +20,8 @@ pub(super) const HOLE_OFFSET_MM: f64 = 0.194;
 /// Where a joint meets its stop, rad (8.75 deg by the robot's drawing).
 pub(super) const STOP_RAD: f64 = 8.75 * std::f64::consts::PI / 180.0;
 
-/// How much a joint still turns beyond its stop, relative to before: wires and links give way. Without it the model would
-/// be flat there, and a search would not find back.
+/// How much a joint still turns beyond its stop, relative to before: wires and links give way.
+/// Without it the model would be flat there, and a search would not find back.
 const GIVE: f64 = 0.01;
 
 /// The angle of a joint, rad, and its derivative, from the sine of its half.
@@ -30,7 +31,11 @@ pub(super) fn angle(half_sine: f64) -> (f64, f64) {
     let slope = 2.0 / (1.0 - free * free).sqrt();
     let beyond = half_sine - free;
     // Also when it is not a number.
-    if beyond == 0.0 { (2.0 * free.asin(), slope) } else { (2.0 * free.asin() + GIVE * slope * beyond, GIVE * slope) }
+    if beyond == 0.0 {
+        (2.0 * free.asin(), slope)
+    } else {
+        (2.0 * free.asin() + GIVE * slope * beyond, GIVE * slope)
+    }
 }
 
 /// The sine of half the angle of a joint, from the angle, rad: the inverse of [`angle`].
@@ -62,8 +67,9 @@ mod tests {
 
     #[test]
     fn a_wire_is_as_long_as_the_chord_between_its_holes() {
-        // Both surfaces as circles that touch at the origin, the hole of each a quarter turn less acos(d / R) from the
-        // contact: at the angle theta the lower circle has rolled by theta / 2, and so has the upper one.
+        // Both surfaces as circles that touch at the origin, the hole of each a quarter turn less
+        // acos(d / R) from the contact: at the angle theta the lower circle has rolled by theta /
+        // 2, and so has the upper one.
         let (r, d, theta) = (ROLLING_RADIUS_MM, HOLE_OFFSET_MM, 0.1_f64);
         let from_contact = (d / r).asin();
         let depth = |roll: f64| r * (1.0 - (from_contact - roll).cos());

@@ -1,9 +1,10 @@
 //! From the angles of the joints to the position of the tip.
 //!
-//! Along the snake joints that pitch take turns with joints that yaw, the first one pitches. When a joint turns by `theta`,
-//! the point where its surfaces touched goes with the upper one: from the lower centre of curvature, `R` below, half the
-//! angle, `2 R` along, half the angle, and `R` back. With `u(a) = (sin a, cos a)` in the plane of the joint it comes to
-//! lie at `R (2 u(theta / 2) - u(theta) - u(0))`, and the direction of the snake turns by `theta`.
+//! Along the snake joints that pitch take turns with joints that yaw, the first one pitches. When a
+//! joint turns by `theta`, the point where its surfaces touched goes with the upper one: from the
+//! lower centre of curvature, `R` below, half the angle, `2 R` along, half the angle, and `R` back.
+//! With `u(a) = (sin a, cos a)` in the plane of the joint it comes to lie at
+//! `R (2 u(theta / 2) - u(theta) - u(0))`, and the direction of the snake turns by `theta`.
 //!
 //! Axes at the base: z along the straight snake, yaw bends it towards x, pitch towards y.
 
@@ -15,7 +16,8 @@ use super::joint::ROLLING_RADIUS_MM;
 /// Distance of neighbouring joints when straight, mm (the robot's drawing).
 const JOINT_PITCH_MM: f64 = 0.1495;
 
-/// Where the tip is, mm, and its derivative with respect to pitch and yaw of a single joint, mm per rad.
+/// Where the tip is, mm, and its derivative with respect to pitch and yaw of a single joint, mm per
+/// rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Tip {
     pub position_mm: Vector3<f64>,
@@ -25,14 +27,20 @@ pub(super) struct Tip {
 
 /// The tip of a snake all of whose joints of an axis turn by the same angle, rad.
 pub(super) fn tip(pitch: f64, yaw: f64) -> Tip {
-    let joints = [Joint::new(pitch, Vector3::y()), Joint::new(yaw, Vector3::x())];
+    let joints = [
+        Joint::new(pitch, Vector3::y()),
+        Joint::new(yaw, Vector3::x()),
+    ];
     let mut frame = Frame::default();
     for _ in 0..JOINTS_PER_AXIS {
         for (axis, joint) in joints.iter().enumerate() {
             frame.cross(axis, joint);
         }
     }
-    Tip { position_mm: frame.at, slope: SMatrix::from_columns(&frame.at_slopes) }
+    Tip {
+        position_mm: frame.at,
+        slope: SMatrix::from_columns(&frame.at_slopes),
+    }
 }
 
 /// What a joint does to the frame before it, and the derivatives of that.
@@ -86,7 +94,12 @@ impl Frame {
     /// Goes over a joint of an axis to the end of the next link.
     fn cross(&mut self, axis: usize, joint: &Joint) {
         let link = Vector3::z() * JOINT_PITCH_MM;
-        for (slope_of, (at, axes)) in self.at_slopes.iter_mut().zip(&mut self.axes_slopes).enumerate() {
+        for (slope_of, (at, axes)) in self
+            .at_slopes
+            .iter_mut()
+            .zip(&mut self.axes_slopes)
+            .enumerate()
+        {
             *at += *axes * joint.shift;
             *axes *= joint.turn;
             if slope_of == axis {
@@ -110,7 +123,9 @@ mod tests {
     #[test]
     fn a_straight_snake_is_as_long_as_its_links() {
         let straight = tip(0.0, 0.0);
-        assert!((straight.position_mm - Vector3::new(0.0, 0.0, 12.0 * JOINT_PITCH_MM)).norm() < 1e-12);
+        assert!(
+            (straight.position_mm - Vector3::new(0.0, 0.0, 12.0 * JOINT_PITCH_MM)).norm() < 1e-12
+        );
     }
 
     #[test]
@@ -128,14 +143,21 @@ mod tests {
         let mut sum = [0.0; 2];
         for joint in 0..6 {
             let before = f64::from(joint) * theta;
-            let (half, whole, none) = (unit(before + 0.5 * theta), unit(before + theta), unit(before));
+            let (half, whole, none) = (
+                unit(before + 0.5 * theta),
+                unit(before + theta),
+                unit(before),
+            );
             for (i, sum) in sum.iter_mut().enumerate() {
                 let rolled = 2.0 * half[i] - whole[i] - none[i];
                 *sum += ROLLING_RADIUS_MM * rolled + 2.0 * JOINT_PITCH_MM * whole[i];
             }
         }
         let found = tip(theta, 0.0).position_mm;
-        assert!((found.y - sum[0]).abs() < 1e-12 && (found.z - sum[1]).abs() < 1e-12, "{found} is not {sum:?}");
+        assert!(
+            (found.y - sum[0]).abs() < 1e-12 && (found.z - sum[1]).abs() < 1e-12,
+            "{found} is not {sum:?}"
+        );
     }
 
     proptest! {

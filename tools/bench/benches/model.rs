@@ -13,24 +13,38 @@ use i2ris_calibration::progress::Silent;
 use i2ris_calibration::table::Table;
 
 /// Measures a call at one tick after the other.
-fn each<T>(criterion: &mut Criterion, group: &str, components: usize, plays: usize, call: impl Fn(&Model, &Tick) -> T) {
+fn each<T>(
+    criterion: &mut Criterion,
+    group: &str,
+    components: usize,
+    plays: usize,
+    call: impl Fn(&Model, &Tick) -> T,
+) {
     let model = model(components, plays).unwrap();
     let ticks = way(&model);
     let mut next = ticks.iter().cycle();
     let id = BenchmarkId::from_parameter(format!("K{components}/plays{plays}"));
     let mut group = criterion.benchmark_group(group);
-    group.bench_function(id, |bencher| bencher.iter(|| call(&model, black_box(next.next().unwrap()))));
+    group.bench_function(id, |bencher| {
+        bencher.iter(|| call(&model, black_box(next.next().unwrap())))
+    });
 }
 
 fn calls(criterion: &mut Criterion) {
     for components in COMPONENTS {
         for plays in PLAYS {
-            each(criterion, "inverse", components, plays, |m, tick| m.invert(&tick.goal, &tick.memory, &tick.query));
-            each(criterion, "forward", components, plays, |m, tick| m.predict(&tick.query.start, &tick.memory));
+            each(criterion, "inverse", components, plays, |m, tick| {
+                m.invert(&tick.goal, &tick.memory, &tick.query)
+            });
+            each(criterion, "forward", components, plays, |m, tick| {
+                m.predict(&tick.query.start, &tick.memory)
+            });
         }
     }
     for plays in PLAYS {
-        each(criterion, "correction", 10, plays, |m, tick| m.correction(&tick.memory));
+        each(criterion, "correction", 10, plays, |m, tick| {
+            m.correction(&tick.memory)
+        });
         each(criterion, "advance", 10, plays, |m, tick| {
             let mut memory = tick.memory;
             m.advance(&mut memory, &tick.query.start);
@@ -46,7 +60,12 @@ fn rows() -> Table {
         let a = REACH * (0.6 * (0.31 * t).sin() + 0.4 * (1.13 * t).sin());
         let b = REACH * (0.6 * (0.23 * t).cos() + 0.4 * (0.97 * t).sin());
         let noise = |frequency: f64| 0.1 * (frequency * t * t).sin();
-        [a, b, 20.0 * ((a - b) / 1500.0).tanh() + noise(7.7), 20.0 * ((a + b) / 1500.0).tanh() + noise(9.1)]
+        [
+            a,
+            b,
+            20.0 * ((a - b) / 1500.0).tanh() + noise(7.7),
+            20.0 * ((a + b) / 1500.0).tanh() + noise(9.1),
+        ]
     };
     Table::from_rows(4, (0..10_000).map(at))
 }
@@ -56,7 +75,10 @@ fn fits(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("fit");
     group.sample_size(10);
     for components in COMPONENTS {
-        let options = EmOptions { restarts: 1, ..EmOptions::default() };
+        let options = EmOptions {
+            restarts: 1,
+            ..EmOptions::default()
+        };
         group.bench_function(format!("10000 rows/K{components}/1 start"), |bencher| {
             bencher.iter(|| fit_mixture(&rows, components, &options, &Silent).unwrap());
         });

@@ -1,12 +1,14 @@
-//! The fault campaign: seeded injections of every kind at random moments while two motors move, and what became of them.
+//! The fault campaign: seeded injections of every kind at random moments while two motors move, and
+//! what became of them.
 //!
 //! ```text
 //! cargo run --release -p i2ris-bench --example fault_campaign [INJECTIONS] [SEED] [RIGS]
 //! ```
 //!
-//! Every rig is two emulated drives on two ports and the drive layer with its port threads. Something like the control loop
-//! sends set-points of a slow sine, acknowledges faults, homes and enables again. Counted are set-points that a drive accepted
-//! outside its limits, positions that were believed and were none, states without an event that explains them, and hangs.
+//! Every rig is two emulated drives on two ports and the drive layer with its port threads.
+//! Something like the control loop sends set-points of a slow sine, acknowledges faults, homes and
+//! enables again. Counted are set-points that a drive accepted outside its limits, positions that
+//! were believed and were none, states without an event that explains them, and hangs.
 #![allow(clippy::print_stdout, reason = "it prints what it counted")]
 
 use std::collections::{BTreeMap, VecDeque};
@@ -19,7 +21,9 @@ use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
 use i2ris::config::{AxisConfig, PortConfig};
-use i2ris::drive::{AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortEventKind};
+use i2ris::drive::{
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortEventKind,
+};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
@@ -44,7 +48,8 @@ const EXPLANATION: Nanos = Nanos::from_millis(500);
 /// How far back the truth about positions is kept.
 const MEMORY: Nanos = Nanos::from_millis(4000);
 
-/// A position may be as old as the exchange that brought it: a reply time-out and its retry, at most.
+/// A position may be as old as the exchange that brought it: a reply time-out and its retry, at
+/// most.
 const OLDEST: Nanos = Nanos::from_millis(1500);
 
 /// What the plant moves between two samples of the truth, counts.
@@ -61,21 +66,28 @@ struct Tally {
     unexplained: Vec<String>,
     hangs: Vec<String>,
     host_bugs: u64,
-    /// By kind: the time until the axis is known to be safe, and how often it moved on without leaving enabled.
+    /// By kind: the time until the axis is known to be safe, and how often it moved on without
+    /// leaving enabled.
     safe: BTreeMap<&'static str, Vec<Nanos>>,
     rode_through: BTreeMap<&'static str, usize>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let mut number = |default: u64| arguments.next().map_or(Ok(default), |text| text.parse::<u64>());
+    let mut number = |default: u64| {
+        arguments
+            .next()
+            .map_or(Ok(default), |text| text.parse::<u64>())
+    };
     let (injections, seed, rigs) = (number(2000)?, number(1)?, number(4)?.max(1));
     let begin = clock::now();
     let threads: Vec<_> = (0..rigs)
         .map(|rig| {
             let share = injections / rigs + u64::from(rig < injections % rigs);
             thread::spawn(move || {
-                Rig::start(seed * 1000 + rig).map(|rig| rig.run(share as usize)).map_err(|e| e.to_string())
+                Rig::start(seed * 1000 + rig)
+                    .map(|rig| rig.run(share as usize))
+                    .map_err(|e| e.to_string())
             })
         })
         .collect();
@@ -84,9 +96,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         total.add(thread.join().map_err(|_| "a rig panicked")??);
     }
     total.print((clock::now() - begin).as_seconds());
-    let clean =
-        total.outside.is_empty() && total.wrong.is_empty() && total.unexplained.is_empty() && total.hangs.is_empty();
-    if clean { Ok(()) } else { Err("see above".into()) }
+    let clean = total.outside.is_empty()
+        && total.wrong.is_empty()
+        && total.unexplained.is_empty()
+        && total.hangs.is_empty();
+    if clean {
+        Ok(())
+    } else {
+        Err("see above".into())
+    }
 }
 
 /// Splitmix64, by Vigna.
@@ -121,16 +139,30 @@ impl Random {
             17 | 18 => Injection::DoubleReply { place },
             19 | 20 => Injection::CutReply { place },
             21 | 22 => Injection::CutReplyInPair,
-            23..=26 => Injection::LateReply { delay_ms: self.between(1, 300) },
+            23..=26 => Injection::LateReply {
+                delay_ms: self.between(1, 300),
+            },
             27 | 28 => Injection::WrongLength,
             29 | 30 => Injection::StrayReply,
-            31 => Injection::HangUp { for_ms: self.between(50, 400) },
-            32 => Injection::Mute { for_ms: self.between(20, 600) },
+            31 => Injection::HangUp {
+                for_ms: self.between(50, 400),
+            },
+            32 => Injection::Mute {
+                for_ms: self.between(20, 600),
+            },
             33 => Injection::Reset,
-            34 => Injection::Fault { code: [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][self.between(0, 5) as usize] },
-            35 => Injection::FreezeEncoder { for_ms: self.between(50, 500) },
-            36 => Injection::SlipEncoder { counts: self.between(0, 600) as i32 - 300 },
-            37 => Injection::SlackWire { counts: self.between(20, 200) as u32 },
+            34 => Injection::Fault {
+                code: [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][self.between(0, 5) as usize],
+            },
+            35 => Injection::FreezeEncoder {
+                for_ms: self.between(50, 500),
+            },
+            36 => Injection::SlipEncoder {
+                counts: self.between(0, 600) as i32 - 300,
+            },
+            37 => Injection::SlackWire {
+                counts: self.between(20, 200) as u32,
+            },
             38 => Injection::BreakWire,
             _ => Injection::MendWire,
         }
@@ -167,25 +199,36 @@ impl Rig {
     fn start(seed: u64) -> Result<Self, Box<dyn Error>> {
         let folder = tempfile::tempdir()?;
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml");
-        let mut config = EmulatorConfig::new(SnakeConfig::load(&snake)?, &folder.path().join("ports"));
+        let mut config =
+            EmulatorConfig::new(SnakeConfig::load(&snake)?, &folder.path().join("ports"));
         config.seed = seed;
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
         let emulator = Emulator::start(config)?;
         let mut sides = Vec::new();
         for (motor, serial_number) in serial_numbers.into_iter().enumerate() {
             let axis = AxisConfig::new(motor, serial_number, [Counts(-LIMIT), Counts(LIMIT)]);
-            let port =
-                PortConfig { reply_timeout_ms: 60, ..PortConfig::new(emulator.device(motor).to_owned(), vec![axis]) };
+            let port = PortConfig {
+                reply_timeout_ms: 60,
+                ..PortConfig::new(emulator.device(motor).to_owned(), vec![axis])
+            };
             sides.push(Side::start(&port)?);
         }
-        Ok(Self { emulator, sides, random: Random(seed), tally: Tally::default(), _folder: folder })
+        Ok(Self {
+            emulator,
+            sides,
+            random: Random(seed),
+            tally: Tally::default(),
+            _folder: folder,
+        })
     }
 
     fn run(mut self, injections: usize) -> Tally {
         for count in 0..injections {
             let (axis, what) = (self.random.between(0, 2) as usize, self.random.injection());
             if !self.wait_for_motion() {
-                self.tally.hangs.push(format!("before injection {count} ({})", what.name()));
+                self.tally
+                    .hangs
+                    .push(format!("before injection {count} ({})", what.name()));
                 break;
             }
             let moment = clock::now() + Nanos::from_millis(self.random.between(20, 200));
@@ -197,11 +240,27 @@ impl Rig {
         self.wait_for_motion();
         let log = self.emulator.log();
         let outside = |kind| matches!(kind, EventKind::Setpoint(counts) if !(-LIMIT..=LIMIT).contains(&counts));
-        for (place, event) in log.iter().enumerate().filter(|(_, event)| outside(event.kind)) {
-            let before =
-                || log[..place].iter().rev().filter(|earlier| earlier.axis == event.axis).map(|earlier| earlier.kind);
-            let state = before().find_map(|kind| if let EventKind::State { to, .. } = kind { Some(to) } else { None });
-            // An axis that lost its zero stands anywhere. Before it is homed, its target is put to where it stands.
+        for (place, event) in log
+            .iter()
+            .enumerate()
+            .filter(|(_, event)| outside(event.kind))
+        {
+            let before = || {
+                log[..place]
+                    .iter()
+                    .rev()
+                    .filter(|earlier| earlier.axis == event.axis)
+                    .map(|earlier| earlier.kind)
+            };
+            let state = before().find_map(|kind| {
+                if let EventKind::State { to, .. } = kind {
+                    Some(to)
+                } else {
+                    None
+                }
+            });
+            // An axis that lost its zero stands anywhere. Before it is homed, its target is put to
+            // where it stands.
             if state.is_some_and(|state| state != State::OperationEnabled) {
                 self.tally.preloads += 1;
             } else {
@@ -231,16 +290,21 @@ impl Rig {
             // Followed and watched; or off; or powered and holding still, and known to be so.
             let fresh = feedback.stamp > begin + Nanos::from_millis(10);
             let drive = self.emulator.snapshot().axes[axis].drive.state;
-            let off =
-                matches!(drive, State::SwitchOnDisabled | State::ReadyToSwitchOn | State::Fault | State::SwitchedOn);
-            let safe = (feedback.phase == AxisPhase::Enabled && fresh) || (feedback.phase != AxisPhase::Enabled && off);
+            let off = matches!(
+                drive,
+                State::SwitchOnDisabled | State::ReadyToSwitchOn | State::Fault | State::SwitchedOn
+            );
+            let safe = (feedback.phase == AxisPhase::Enabled && fresh)
+                || (feedback.phase != AxisPhase::Enabled && off);
             if safe || clock::now() - begin > HANG {
                 break;
             }
         }
         let span = clock::now() - begin;
         if span > HANG {
-            self.tally.hangs.push(format!("{}: {:?}", what.name(), self.sides[axis].last));
+            self.tally
+                .hangs
+                .push(format!("{}: {:?}", what.name(), self.sides[axis].last));
         }
         self.tally.safe.entry(what.name()).or_default().push(span);
         *self.tally.rode_through.entry(what.name()).or_default() += usize::from(!left);
@@ -249,7 +313,11 @@ impl Rig {
     /// Lets both axes move again.
     fn wait_for_motion(&mut self) -> bool {
         let begin = clock::now();
-        while !self.sides.iter().all(|side| side.last.phase == AxisPhase::Enabled) {
+        while !self
+            .sides
+            .iter()
+            .all(|side| side.last.phase == AxisPhase::Enabled)
+        {
             if clock::now() - begin > HANG {
                 return false;
             }
@@ -297,7 +365,11 @@ impl Side {
 
     fn remember(&mut self, stamp: Nanos, position: i32) {
         self.truth.push_back((stamp, position));
-        while self.truth.front().is_some_and(|(old, _)| *old + MEMORY < stamp) {
+        while self
+            .truth
+            .front()
+            .is_some_and(|(old, _)| *old + MEMORY < stamp)
+        {
             self.truth.pop_front();
         }
     }
@@ -309,12 +381,26 @@ impl Side {
         }
         let feedback = *self.link.feedback.read();
         if feedback.sequence != self.last.sequence && !self.is_true(&feedback) {
-            tally.wrong.push(format!("position {} at {:?}", feedback.position, feedback.stamp));
+            tally.wrong.push(format!(
+                "position {} at {:?}",
+                feedback.position, feedback.stamp
+            ));
         }
-        let (fell, now) = (self.last.phase == AxisPhase::Enabled && feedback.phase != AxisPhase::Enabled, clock::now());
+        let (fell, now) = (
+            self.last.phase == AxisPhase::Enabled && feedback.phase != AxisPhase::Enabled,
+            clock::now(),
+        );
         if fell && self.request.demand == Demand::Enabled {
-            let AxisFeedback { phase, statusword, error_code, .. } = feedback;
-            self.fell = Some((now, format!("{phase:?}, statusword {statusword:04X}, error code {error_code:04X}")));
+            let AxisFeedback {
+                phase,
+                statusword,
+                error_code,
+                ..
+            } = feedback;
+            self.fell = Some((
+                now,
+                format!("{phase:?}, statusword {statusword:04X}, error code {error_code:04X}"),
+            ));
         }
         if self.explained {
             self.fell = None;
@@ -327,8 +413,14 @@ impl Side {
     /// Whether the encoder was at a position while it may have been asked for it.
     fn is_true(&self, feedback: &AxisFeedback) -> bool {
         let (from, to) = (feedback.stamp - OLDEST, feedback.stamp + TICK + TICK);
-        let span = self.truth.iter().filter(|(stamp, _)| *stamp >= from && *stamp <= to).map(|(_, position)| *position);
-        let (low, high) = span.fold((i32::MAX, i32::MIN), |(low, high), at| (low.min(at), high.max(at)));
+        let span = self
+            .truth
+            .iter()
+            .filter(|(stamp, _)| *stamp >= from && *stamp <= to)
+            .map(|(_, position)| *position);
+        let (low, high) = span.fold((i32::MAX, i32::MIN), |(low, high), at| {
+            (low.min(at), high.max(at))
+        });
         low > high || (low - TOLERANCE..=high + TOLERANCE).contains(&feedback.position.0)
     }
 
@@ -350,9 +442,14 @@ impl Side {
                     request.fault_resets += 1;
                 }
             }
-            AxisPhase::Disabled if request.demand == Demand::Enabled => request.demand = Demand::Disabled,
-            // Where its encoder slips to is as good a zero as any; an axis outside its limits is not enabled.
-            AxisPhase::Disabled if !feedback.homed || feedback.position.0.abs() > LIMIT - AMPLITUDE as i32 => {
+            AxisPhase::Disabled if request.demand == Demand::Enabled => {
+                request.demand = Demand::Disabled
+            }
+            // Where its encoder slips to is as good a zero as any; an axis outside its limits is
+            // not enabled.
+            AxisPhase::Disabled
+                if !feedback.homed || feedback.position.0.abs() > LIMIT - AMPLITUDE as i32 =>
+            {
                 if request.homings == feedback.homings {
                     request.homings += 1;
                 }
@@ -397,21 +494,47 @@ impl Tally {
 
     fn print(&mut self, seconds: f64) {
         println!("{} injections in {seconds:.0} s", self.injections);
-        println!("set-points accepted outside the limits by a drive with power: {}", self.outside.len());
-        println!("targets put to where an axis without a zero stood, power off: {}", self.preloads);
+        println!(
+            "set-points accepted outside the limits by a drive with power: {}",
+            self.outside.len()
+        );
+        println!(
+            "targets put to where an axis without a zero stood, power off: {}",
+            self.preloads
+        );
         println!("wrong values believed: {}", self.wrong.len());
         println!("hangs: {}", self.hangs.len());
         println!("unexplained states: {}", self.unexplained.len());
-        println!("rules broken by the host: {} (a reply that comes late looks like it)", self.host_bugs);
-        for line in self.outside.iter().chain(&self.wrong).chain(&self.unexplained).chain(&self.hangs).take(20) {
+        println!(
+            "rules broken by the host: {} (a reply that comes late looks like it)",
+            self.host_bugs
+        );
+        for line in self
+            .outside
+            .iter()
+            .chain(&self.wrong)
+            .chain(&self.unexplained)
+            .chain(&self.hangs)
+            .take(20)
+        {
             println!("  {line}");
         }
-        println!("| kind | number | rode through | ms to safe: median | p90 | max |\n|---|---|---|---|---|---|");
+        println!(
+            "| kind | number | rode through | ms to safe: median | p90 | max |\n|---|---|---|---|---|---|"
+        );
         for (kind, spans) in &mut self.safe {
             spans.sort_unstable();
-            let ms = |quantile: f64| spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3;
+            let ms = |quantile: f64| {
+                spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3
+            };
             let through = self.rode_through.get(kind).copied().unwrap_or(0);
-            println!("| {kind} | {} | {through} | {:.0} | {:.0} | {:.0} |", spans.len(), ms(0.5), ms(0.9), ms(1.0));
+            println!(
+                "| {kind} | {} | {through} | {:.0} | {:.0} | {:.0} |",
+                spans.len(),
+                ms(0.5),
+                ms(0.9),
+                ms(1.0)
+            );
         }
     }
 }

@@ -1,12 +1,14 @@
-//! Random bytes into the frame parser and the decoders of replies: no panic, and every good frame behind rubbish is found.
+//! Random bytes into the frame parser and the decoders of replies: no panic, and every good frame
+//! behind rubbish is found.
 //!
 //! ```text
 //! cargo run --release -p i2ris-bench --example parser_soak [BYTES] [SEED]
 //! ```
 //!
-//! Rubbish and good frames alternate. After every piece of rubbish the parser is reset, as the driver does after every time-out;
-//! then the frame must be found. Without the reset, one that follows a frame cut short may be taken for the rest of it: those
-//! are counted, because the protocol cannot save them (there is no way to tell).
+//! Rubbish and good frames alternate. After every piece of rubbish the parser is reset, as the
+//! driver does after every time-out; then the frame must be found. Without the reset, one that
+//! follows a frame cut short may be taken for the rest of it: those are counted, because the
+//! protocol cannot save them (there is no way to tell).
 #![allow(clippy::print_stdout, reason = "it prints what it found")]
 
 use std::error::Error;
@@ -18,7 +20,8 @@ use i2ris::drive::frame::{Encoder, Frame, Parsed, Parser};
 use i2ris::drive::handshake;
 use i2ris::drive::object;
 
-/// A small generator of our own: the library's random numbers are for other packages. Splitmix64, by Vigna.
+/// A small generator of our own: the library's random numbers are for other packages. Splitmix64,
+/// by Vigna.
 struct Random(u64);
 
 impl Random {
@@ -46,14 +49,21 @@ impl Random {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let total: u64 = arguments.next().map_or(Ok(100_000_000), |text| text.parse())?;
+    let total: u64 = arguments
+        .next()
+        .map_or(Ok(100_000_000), |text| text.parse())?;
     let mut random = Random(arguments.next().map_or(Ok(1), |text| text.parse())?);
     let dialects = [Family::Epos4, Family::Epos2].map(|family| {
-        let port = PortConfig { family, ..PortConfig::new("/dev/null".into(), Vec::new()) };
+        let port = PortConfig {
+            family,
+            ..PortConfig::new("/dev/null".into(), Vec::new())
+        };
         family::of_port(&port).dialect()
     });
-    let (mut parser, mut unreset, mut encoder) = (Parser::default(), Parser::default(), Encoder::default());
-    let (mut bytes, mut frames, mut found, mut found_unreset, mut spurious) = (0u64, 0u64, 0u64, 0u64, 0u64);
+    let (mut parser, mut unreset, mut encoder) =
+        (Parser::default(), Parser::default(), Encoder::default());
+    let (mut bytes, mut frames, mut found, mut found_unreset, mut spurious) =
+        (0u64, 0u64, 0u64, 0u64, 0u64);
     let mut rest = Vec::new();
     while bytes < total {
         for _ in 0..random.below(300) {
@@ -73,7 +83,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         rest.clear();
         parser.reset();
         let data: Vec<u8> = (0..2 * random.below(8)).map(|_| random.byte()).collect();
-        let frame = Frame { opcode: 0, data: &data };
+        let frame = Frame {
+            opcode: 0,
+            data: &data,
+        };
         frames += 1;
         for byte in encoder.encode(frame)? {
             bytes += 1;
@@ -83,5 +96,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("{bytes} bytes, no panic; rubbish was a frame with a good CRC {spurious} times");
     println!("{found} of {frames} good frames found after a reset, {found_unreset} without one");
-    if found == frames { Ok(()) } else { Err("a good frame was lost".into()) }
+    if found == frames {
+        Ok(())
+    } else {
+        Err("a good frame was lost".into())
+    }
 }

@@ -1,5 +1,5 @@
-//! Instructions per call: this program runs itself under valgrind, once with one round of calls and once with three, and
-//! takes the difference.
+//! Instructions per call: this program runs itself under valgrind, once with one round of calls and
+//! once with three, and takes the difference.
 
 use std::env;
 use std::error::Error;
@@ -13,7 +13,12 @@ use i2ris_bench::{COMPONENTS, PLAYS};
 const CALLS: [&str; 4] = ["inverse", "forward", "advance", "correction"];
 
 /// Calls a model at every tick, `rounds` times.
-pub fn repeat(call: &str, components: usize, plays: usize, rounds: usize) -> Result<(), Box<dyn Error>> {
+pub fn repeat(
+    call: &str,
+    components: usize,
+    plays: usize,
+    rounds: usize,
+) -> Result<(), Box<dyn Error>> {
     let model = model(components, plays)?;
     let ticks = way(&model);
     for tick in (0..rounds).flat_map(|_| &ticks) {
@@ -42,10 +47,14 @@ pub fn repeat(call: &str, components: usize, plays: usize, rounds: usize) -> Res
 /// Prints instructions per call of all sizes.
 pub fn table() -> Result<(), Box<dyn Error>> {
     println!("Instructions per call, two motors and two angles");
-    println!("{:>4}{:>7}{:>10}{:>10}{:>10}{:>12}", "K", "plays", CALLS[0], CALLS[1], CALLS[2], CALLS[3]);
+    println!(
+        "{:>4}{:>7}{:>10}{:>10}{:>10}{:>12}",
+        "K", "plays", CALLS[0], CALLS[1], CALLS[2], CALLS[3]
+    );
     for components in COMPONENTS {
         for plays in PLAYS {
-            let [inverse, forward, advance, correction] = CALLS.map(|call| per_call(call, components, plays));
+            let [inverse, forward, advance, correction] =
+                CALLS.map(|call| per_call(call, components, plays));
             println!(
                 "{components:>4}{plays:>7}{:>10.0}{:>10.0}{:>10.0}{:>12.0}",
                 inverse?, forward?, advance?, correction?
@@ -61,15 +70,28 @@ fn per_call(call: &str, components: usize, plays: usize) -> Result<f64, Box<dyn 
 }
 
 /// Instructions of a whole run.
-fn count(call: &str, components: usize, plays: usize, rounds: usize) -> Result<f64, Box<dyn Error>> {
+fn count(
+    call: &str,
+    components: usize,
+    plays: usize,
+    rounds: usize,
+) -> Result<f64, Box<dyn Error>> {
     let run = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
         .arg(env::current_exe()?)
-        .args(["repeat", call, &components.to_string(), &plays.to_string(), &rounds.to_string()])
+        .args([
+            "repeat",
+            call,
+            &components.to_string(),
+            &plays.to_string(),
+            &rounds.to_string(),
+        ])
         .output()
         .map_err(|error| format!("cannot run valgrind: {error}; install it"))?;
     let text = String::from_utf8_lossy(&run.stderr);
-    let collected = text.lines().find_map(|line| line.split("Collected :").nth(1));
+    let collected = text
+        .lines()
+        .find_map(|line| line.split("Collected :").nth(1));
     let collected = collected.ok_or_else(|| format!("valgrind did not count: {text}"))?;
     Ok(collected.trim().parse()?)
 }

@@ -7,9 +7,9 @@
 //! | instructions, which no other load on the machine changes; takes valgrind | `cargo run --release -p i2ris-bench -- instructions` |
 //! | scikit-learn and the Python package `gmr` in the same run | `python3 tools/bench/peers.py` |
 //!
-//! A latency means little without what the machine itself needs for it. So every measurement is an [`Outcome`]: ways of
-//! doing a thing, among them a floor, measured in the same run and in turns with the others, and what everybody has as
-//! peers.
+//! A latency means little without what the machine itself needs for it. So every measurement is an
+//! [`Outcome`]: ways of doing a thing, among them a floor, measured in the same run and in turns
+//! with the others, and what everybody has as peers.
 //!
 //! | module | holds |
 //! |---|---|

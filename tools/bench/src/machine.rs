@@ -32,13 +32,24 @@ pub struct Machine {
 #[must_use]
 pub fn look() -> Machine {
     let cpu = read("/proc/cpuinfo");
-    let line = |name: &str| cpu.lines().find(|line| line.starts_with(name)).and_then(|line| line.split(": ").nth(1));
+    let line = |name: &str| {
+        cpu.lines()
+            .find(|line| line.starts_with(name))
+            .and_then(|line| line.split(": ").nth(1))
+    };
     Machine {
         processor: line("model name").unwrap_or("unknown").to_owned(),
         // Not those that this thread may use: it may be pinned.
-        processors: cpu.lines().filter(|line| line.starts_with("processor")).count().max(1),
+        processors: cpu
+            .lines()
+            .filter(|line| line.starts_with("processor"))
+            .count()
+            .max(1),
         kernel: read("/proc/sys/kernel/osrelease"),
-        preemption: preemption(&read("/proc/sys/kernel/version"), Path::new("/sys/kernel/realtime").exists()),
+        preemption: preemption(
+            &read("/proc/sys/kernel/version"),
+            Path::new("/sys/kernel/realtime").exists(),
+        ),
         clock: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
         governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
         isolated: read("/sys/devices/system/cpu/isolated"),
@@ -46,12 +57,16 @@ pub fn look() -> Machine {
             &read("/proc/sys/kernel/sched_rt_runtime_us"),
             &read("/proc/sys/kernel/sched_rt_period_us"),
         ),
-        is_virtual: line("flags").is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
+        is_virtual: line("flags")
+            .is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
     }
 }
 
 fn read(path: &str) -> String {
-    fs::read_to_string(path).unwrap_or_default().trim().to_owned()
+    fs::read_to_string(path)
+        .unwrap_or_default()
+        .trim()
+        .to_owned()
 }
 
 /// The word of the kernel's version that tells of preemption.
@@ -59,8 +74,12 @@ fn preemption(version: &str, real_time: bool) -> String {
     if real_time {
         return "PREEMPT_RT".to_owned();
     }
-    let word = version.split_whitespace().find(|word| word.starts_with("PREEMPT") || word.starts_with("(PREEMPT"));
-    word.unwrap_or("no preemption named").trim_matches(['(', ')']).to_owned()
+    let word = version
+        .split_whitespace()
+        .find(|word| word.starts_with("PREEMPT") || word.starts_with("(PREEMPT"));
+    word.unwrap_or("no preemption named")
+        .trim_matches(['(', ')'])
+        .to_owned()
 }
 
 fn real_time_share(runtime: &str, period: &str) -> Option<f64> {
@@ -72,12 +91,29 @@ impl Machine {
     /// One sentence.
     #[must_use]
     pub fn words(&self) -> String {
-        let Self { processor, processors, kernel, preemption, clock, .. } = self;
-        let kind = if self.is_virtual { "virtual machine" } else { "no virtual machine" };
-        let governor =
-            if self.governor.is_empty() { String::new() } else { format!(", frequency governor {}", self.governor) };
-        let isolated =
-            if self.isolated.is_empty() { String::new() } else { format!(", processors {} isolated", self.isolated) };
+        let Self {
+            processor,
+            processors,
+            kernel,
+            preemption,
+            clock,
+            ..
+        } = self;
+        let kind = if self.is_virtual {
+            "virtual machine"
+        } else {
+            "no virtual machine"
+        };
+        let governor = if self.governor.is_empty() {
+            String::new()
+        } else {
+            format!(", frequency governor {}", self.governor)
+        };
+        let isolated = if self.isolated.is_empty() {
+            String::new()
+        } else {
+            format!(", processors {} isolated", self.isolated)
+        };
         format!(
             "{processor}, {processors} processors, {kind}; Linux {kernel}, {preemption}, clock {clock}{governor}{isolated}"
         )
@@ -86,9 +122,17 @@ impl Machine {
     /// What numbers of such a machine show, and what they do not.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = if self.is_virtual { of_a_virtual_one() } else { of_a_real_one() };
+        let mut notes = if self.is_virtual {
+            of_a_virtual_one()
+        } else {
+            of_a_real_one()
+        };
         if cfg!(debug_assertions) {
-            notes.insert(0, "This is a debug build: build with --release for figures that mean something.".to_owned());
+            notes.insert(
+                0,
+                "This is a debug build: build with --release for figures that mean something."
+                    .to_owned(),
+            );
         }
         notes
     }
@@ -148,17 +192,29 @@ impl Watch {
         let share = |before: u64, after: u64| 100.0 * after.saturating_sub(before) as f64 / total;
         let stolen_percent = share(before.stolen, after.stolen);
         let busy = 100.0 - share(before.idle, after.idle) - stolen_percent;
-        Weather { busy_percent: busy.clamp(0.0, 100.0), stolen_percent }
+        Weather {
+            busy_percent: busy.clamp(0.0, 100.0),
+            stolen_percent,
+        }
     }
 }
 
-/// Ticks of all processors since the start, of `/proc/stat`: user, nice, system, idle, waiting for disks, interrupts, soft
-/// interrupts, stolen.
+/// Ticks of all processors since the start, of `/proc/stat`: user, nice, system, idle, waiting for
+/// disks, interrupts, soft interrupts, stolen.
 fn times(stat: &str) -> Times {
     let first = stat.lines().next().unwrap_or_default();
-    let fields: Vec<u64> = first.split_whitespace().skip(1).take(8).map(|field| field.parse().unwrap_or(0)).collect();
+    let fields: Vec<u64> = first
+        .split_whitespace()
+        .skip(1)
+        .take(8)
+        .map(|field| field.parse().unwrap_or(0))
+        .collect();
     let field = |index: usize| fields.get(index).copied().unwrap_or(0);
-    Times { idle: field(3) + field(4), stolen: field(7), total: fields.iter().sum() }
+    Times {
+        idle: field(3) + field(4),
+        stolen: field(7),
+        total: fields.iter().sum(),
+    }
 }
 
 #[cfg(test)]
@@ -167,9 +223,16 @@ mod tests {
 
     #[test]
     fn what_the_kernel_says_is_read() {
-        let Times { idle, stolen, total } = times("cpu  100 1 50 800 20 3 4 22 5 6\ncpu0 1 2 3");
+        let Times {
+            idle,
+            stolen,
+            total,
+        } = times("cpu  100 1 50 800 20 3 4 22 5 6\ncpu0 1 2 3");
         assert_eq!((idle, stolen, total), (820, 22, 1000));
-        assert_eq!(preemption("#1 SMP PREEMPT_DYNAMIC Debian 6.1", false), "PREEMPT_DYNAMIC");
+        assert_eq!(
+            preemption("#1 SMP PREEMPT_DYNAMIC Debian 6.1", false),
+            "PREEMPT_DYNAMIC"
+        );
         assert_eq!(preemption("#1 SMP", false), "no preemption named");
         assert_eq!(preemption("", true), "PREEMPT_RT");
         assert_eq!(real_time_share("950000", "1000000"), Some(95.0));
@@ -178,8 +241,16 @@ mod tests {
 
     #[test]
     fn a_virtual_machine_is_told_what_it_cannot_show() {
-        let machine = Machine { is_virtual: true, ..look() };
-        assert!(machine.notes().iter().any(|note| note.contains("Cannot be shown here")));
+        let machine = Machine {
+            is_virtual: true,
+            ..look()
+        };
+        assert!(
+            machine
+                .notes()
+                .iter()
+                .any(|note| note.contains("Cannot be shown here"))
+        );
         assert!(machine.words().contains("virtual machine"));
     }
 }

@@ -1,5 +1,5 @@
-//! What the benchmarks cannot do in one process: count instructions under valgrind, and fit what another program hands
-//! over; see the crate's documentation.
+//! What the benchmarks cannot do in one process: count instructions under valgrind, and fit what
+//! another program hands over; see the crate's documentation.
 #![allow(clippy::print_stdout, reason = "a program that prints results")]
 
 mod instructions;

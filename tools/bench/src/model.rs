@@ -1,8 +1,8 @@
 //! Models of any size, made of numbers: two motors that bend two planes, about 40 degrees each way.
 
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile, OutputMetrics, OutputSpec,
-    OutputUnit, SCHEMA_VERSION, TrainingRecord,
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
+    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
@@ -17,19 +17,29 @@ const GAIN_DEG: f64 = 0.022;
 /// The largest threshold of a play, counts.
 const WIDEST: f64 = 120.0;
 
-/// A model with a mixture of `components`, and `plays` per motor beside that of threshold 0; without any it is `gmr`.
+/// A model with a mixture of `components`, and `plays` per motor beside that of threshold 0;
+/// without any it is `gmr`.
 ///
 /// # Errors
 ///
 /// When the model is refused.
 pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     let mixture = mixture(components);
-    let hull = HullParameters { corners: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(reach).to_vec() };
+    let hull = HullParameters {
+        corners: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(reach)
+            .to_vec(),
+    };
     let family = if plays == 0 {
         FamilyParameters::Gmr { mixture }
     } else {
         let residual = Some(residual(2 * plays));
-        FamilyParameters::GmrPlay { plays: play_parameters(plays), mixture, residual, virtual_hull: hull.clone() }
+        FamilyParameters::GmrPlay {
+            plays: play_parameters(plays),
+            mixture,
+            residual,
+            virtual_hull: hull.clone(),
+        }
     };
     Model::from_file(file(family, hull))
 }
@@ -38,14 +48,20 @@ fn reach(corner: [f64; 2]) -> Vec<f64> {
     corner.map(|c| c * REACH).to_vec()
 }
 
-/// What the mixture follows: angles, deg, and their slope at counts. The planes lie at 45 degrees to the motors, and the
-/// slope changes along the way.
+/// What the mixture follows: angles, deg, and their slope at counts. The planes lie at 45 degrees
+/// to the motors, and the slope changes along the way.
 fn map(counts: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
     let s = REACH / 2.0;
     let curve = |c: f64| (c + 0.25 * s * (c / s).sin(), 1.0 + 0.25 * (c / s).cos());
     let [(a, a_slope), (b, b_slope)] = counts.map(curve);
     let gain = GAIN_DEG * 0.5_f64.sqrt();
-    ([gain * (a - b), gain * (a + b)], [[gain * a_slope, -gain * b_slope], [gain * a_slope, gain * b_slope]])
+    (
+        [gain * (a - b), gain * (a + b)],
+        [
+            [gain * a_slope, -gain * b_slope],
+            [gain * a_slope, gain * b_slope],
+        ],
+    )
 }
 
 /// Components on a spiral over the hull, each tangent to the map.
@@ -53,7 +69,10 @@ fn mixture(components: usize) -> MixtureParameters {
     const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
     let width = 1.1 * REACH / (components as f64).sqrt();
     let at = |k: usize| {
-        let (radius, angle) = (REACH * ((k as f64 + 0.5) / components as f64).sqrt(), GOLDEN_ANGLE * k as f64);
+        let (radius, angle) = (
+            REACH * ((k as f64 + 0.5) / components as f64).sqrt(),
+            GOLDEN_ANGLE * k as f64,
+        );
         [radius * angle.cos(), radius * angle.sin()]
     };
     let mean = |k: usize| at(k).into_iter().chain(map(at(k)).0).collect();
@@ -61,9 +80,12 @@ fn mixture(components: usize) -> MixtureParameters {
         let slope = map(at(k)).1;
         let rows = [[1.0, 0.0], [0.0, 1.0], slope[0], slope[1]];
         let noise = |i: usize, j: usize| if i == j && i >= 2 { 0.04 } else { 0.0 };
-        let entry =
-            |i: usize, j: usize| width * width * (rows[i][0] * rows[j][0] + rows[i][1] * rows[j][1]) + noise(i, j);
-        (0..4).map(|i| (0..4).map(|j| entry(i, j)).collect()).collect()
+        let entry = |i: usize, j: usize| {
+            width * width * (rows[i][0] * rows[j][0] + rows[i][1] * rows[j][1]) + noise(i, j)
+        };
+        (0..4)
+            .map(|i| (0..4).map(|j| entry(i, j)).collect())
+            .collect()
     };
     MixtureParameters {
         weights: vec![1.0 / components as f64; components],
@@ -73,8 +95,12 @@ fn mixture(components: usize) -> MixtureParameters {
 }
 
 fn play_parameters(plays: usize) -> PlayParameters {
-    let thresholds: Vec<f64> = (0..=plays).map(|j| WIDEST * j as f64 / plays as f64).collect();
-    let weights: Vec<f64> = (0..=plays).map(|j| if j == 0 { 0.4 } else { 0.6 / plays as f64 }).collect();
+    let thresholds: Vec<f64> = (0..=plays)
+        .map(|j| WIDEST * j as f64 / plays as f64)
+        .collect();
+    let weights: Vec<f64> = (0..=plays)
+        .map(|j| if j == 0 { 0.4 } else { 0.6 / plays as f64 })
+        .collect();
     PlayParameters {
         thresholds_counts: vec![thresholds; 2],
         weights: vec![weights; 2],
@@ -86,17 +112,39 @@ fn play_parameters(plays: usize) -> PlayParameters {
 fn residual(lags: usize) -> ResidualParameters {
     let (shape_degree, lag_degree) = (5, 2);
     let features = count::<2>(shape_degree, lag_degree, lags);
-    let coefficients = (0..2).map(|i| (0..features).map(|j| 0.01 * ((i + 3 * j) as f64).sin()).collect()).collect();
-    ResidualParameters { scale_counts: REACH, shape_degree, lag_degree, coefficients }
+    let coefficients = (0..2)
+        .map(|i| {
+            (0..features)
+                .map(|j| 0.01 * ((i + 3 * j) as f64).sin())
+                .collect()
+        })
+        .collect();
+    ResidualParameters {
+        scale_counts: REACH,
+        shape_degree,
+        lag_degree,
+        coefficients,
+    }
 }
 
 fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
-    let fit = FitMetrics { r2: 1.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
+    let fit = FitMetrics {
+        r2: 1.0,
+        rmsd: 0.0,
+        nrmsd: 0.0,
+        mae: 0.0,
+        max: 0.0,
+    };
     ModelFile {
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
-        outputs: ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg }).to_vec(),
+        outputs: ["pitch", "yaw"]
+            .map(|name| OutputSpec {
+                name: name.to_owned(),
+                unit: OutputUnit::Deg,
+            })
+            .to_vec(),
         family,
         hull,
         training: TrainingRecord {
@@ -109,6 +157,12 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
             bic: None,
             software: "i2ris-bench".to_owned(),
         },
-        metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
+        metrics: vec![
+            OutputMetrics {
+                training: fit,
+                held_out: None
+            };
+            2
+        ],
     }
 }

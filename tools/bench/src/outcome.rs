@@ -22,7 +22,8 @@ pub enum Role {
 pub struct Way {
     /// What it is called.
     pub name: String,
-    /// Ways of one group are compared with the floor of the group, its first way with [`Role::Floor`].
+    /// Ways of one group are compared with the floor of the group, its first way with
+    /// [`Role::Floor`].
     pub group: &'static str,
     /// What it is there for.
     pub role: Role,
@@ -45,7 +46,11 @@ impl Quantity {
     /// A number with its name and unit.
     #[must_use]
     pub fn new(name: impl Into<String>, value: f64, unit: &'static str) -> Self {
-        Self { name: name.into(), value, unit }
+        Self {
+            name: name.into(),
+            value,
+            unit,
+        }
     }
 }
 
@@ -92,16 +97,23 @@ impl Outcome {
         groups
     }
 
-    /// How a way compares with the floor of its group; `None` for the floor itself, and where there is none.
+    /// How a way compares with the floor of its group; `None` for the floor itself, and where there
+    /// is none.
     #[must_use]
     pub fn ratio(&self, way: &Way) -> Option<Ratio> {
-        let floor = self.ways.iter().find(|other| other.group == way.group && other.role == Role::Floor)?;
+        let floor = self
+            .ways
+            .iter()
+            .find(|other| other.group == way.group && other.role == Role::Floor)?;
         if way.role == Role::Floor || floor.spans.is_empty() || way.spans.is_empty() {
             return None;
         }
         let (own, least) = (way.spans.summary(), floor.spans.summary());
         let ratio = |own: u64, least: u64| own as f64 / least.max(1) as f64;
-        Some(Ratio { p50: ratio(own.p50, least.p50), p99: ratio(own.p99, least.p99) })
+        Some(Ratio {
+            p50: ratio(own.p50, least.p50),
+            p99: ratio(own.p99, least.p99),
+        })
     }
 }
 
@@ -115,7 +127,12 @@ pub(crate) mod tests {
     pub(crate) fn way(name: &str, group: &'static str, role: Role, ns: u64) -> Way {
         let mut spans = Spans::new(0);
         (0..1000).for_each(|step| spans.push(Nanos(ns + step)));
-        Way { name: name.to_owned(), group, role, spans }
+        Way {
+            name: name.to_owned(),
+            group,
+            role,
+            spans,
+        }
     }
 
     pub(crate) fn outcome(ways: Vec<Way>) -> Outcome {

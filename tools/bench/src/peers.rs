@@ -56,13 +56,22 @@ pub fn answer(file: &str) -> Result<(), Box<dyn Error>> {
     let read_out = ReadOut::<2>::prepare(&question.mixture, 2)?;
     let predict = || -> Vec<[f64; 2]> {
         let at = |row: &[f64]| read_out.at(&[row[0], row[1]].into());
-        data.rows().map(at).map(|[pitch, yaw, _]| [pitch, yaw]).collect()
+        data.rows()
+            .map(at)
+            .map(|[pitch, yaw, _]| [pitch, yaw])
+            .collect()
     };
     let begin = Instant::now();
     (0..ROUNDS).for_each(|_| drop(black_box(predict())));
     let prediction_s = begin.elapsed().as_secs_f64() / ROUNDS as f64;
     let (log_likelihood, iterations) = (fit.log_likelihood, fit.iterations);
-    let answer = Answer { fit_s, log_likelihood, iterations, prediction_s, predictions: predict() };
+    let answer = Answer {
+        fit_s,
+        log_likelihood,
+        iterations,
+        prediction_s,
+        predictions: predict(),
+    };
     println!("{}", serde_json::to_string(&answer)?);
     Ok(())
 }

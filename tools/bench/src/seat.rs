@@ -31,7 +31,11 @@ impl Seats {
     /// Seats the calling thread, and says what it got.
     #[must_use]
     pub fn take(self, who: Who) -> String {
-        let granted = request(Wanted { priority: self.priority, cpu: self.cpu(who), lock_memory: self.priority > 0 });
+        let granted = request(Wanted {
+            priority: self.priority,
+            cpu: self.cpu(who),
+            lock_memory: self.priority > 0,
+        });
         format!("{}: {}", who.name(), words(&granted))
     }
 
@@ -62,14 +66,25 @@ pub fn words(granted: &Granted) -> String {
         0 => "normal scheduling".to_owned(),
         priority => format!("SCHED_FIFO {priority}"),
     };
-    let place = granted.cpu.map_or_else(|| "on any processor".to_owned(), |cpu| format!("on processor {cpu} only"));
-    let memory = if granted.memory_locked { ", memory locked" } else { "" };
-    let refused: String = granted.warnings.iter().map(|warning| format!("; {warning}")).collect();
+    let place = granted.cpu.map_or_else(
+        || "on any processor".to_owned(),
+        |cpu| format!("on processor {cpu} only"),
+    );
+    let memory = if granted.memory_locked {
+        ", memory locked"
+    } else {
+        ""
+    };
+    let refused: String = granted
+        .warnings
+        .iter()
+        .map(|warning| format!("; {warning}"))
+        .collect();
     format!("{scheduling}, {place}{memory}{refused}")
 }
 
-/// Runs `work` in a thread of its own, so that whatever it is granted ends with it, and tells it to stop when
-/// `interrupted` says so.
+/// Runs `work` in a thread of its own, so that whatever it is granted ends with it, and tells it to
+/// stop when `interrupted` says so.
 pub(crate) fn apart<T: Send>(
     interrupted: &dyn Fn() -> bool,
     work: impl FnOnce(&AtomicBool) -> Result<T, BenchError> + Send,
@@ -81,6 +96,8 @@ pub(crate) fn apart<T: Send>(
             stop.fetch_or(interrupted(), Ordering::Relaxed);
             clock::sleep(Nanos::from_millis(10));
         }
-        working.join().map_err(|_| BenchError::Nothing { what: "the measuring thread ended without a word" })?
+        working.join().map_err(|_| BenchError::Nothing {
+            what: "the measuring thread ended without a word",
+        })?
     })
 }

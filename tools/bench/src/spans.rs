@@ -97,7 +97,13 @@ mod tests {
         let mut spans = Spans::new(10);
         (0..10).for_each(|_| spans.push(Nanos(1_000_000_000)));
         (1..=1000).for_each(|ns| spans.push(Nanos(ns)));
-        let Summary { count, p50, p99, max, .. } = spans.summary();
+        let Summary {
+            count,
+            p50,
+            p99,
+            max,
+            ..
+        } = spans.summary();
         assert_eq!((count, p50, max), (1000, 500, 1000));
         assert!((989..=991).contains(&p99), "{p99}");
     }
@@ -112,6 +118,9 @@ mod tests {
         turn.push(Nanos(u64::MAX));
         all.add(&turn);
         assert_eq!(all.summary().count, 4);
-        assert!(all.summary().max <= LONGEST_NS + LONGEST_NS / 1000, "what is longer counts as the longest");
+        assert!(
+            all.summary().max <= LONGEST_NS + LONGEST_NS / 1000,
+            "what is longer counts as the longest"
+        );
     }
 }

@@ -64,17 +64,42 @@ fn measured(of: Loop, stop: &AtomicBool) -> Result<Outcome, BenchError> {
         spans.ticker(of, &mut cycle)?;
     }
     let machine = machine::look();
-    let way = |name: &str, group, role, spans| Way { name: name.to_owned(), group, role, spans };
+    let way = |name: &str, group, role, spans| Way {
+        name: name.to_owned(),
+        group,
+        role,
+        spans,
+    };
     Ok(Outcome {
         bench: "loop",
         about: "A periodic loop: lateness of its ticks, and the time that a tick of the controller computes",
         weather: watch.stop(),
         scheduling: vec![scheduling.replace("receiving thread", "loop")],
         ways: vec![
-            way("bare timer (clock_nanosleep)", "lateness", Role::Floor, spans.timer),
-            way("ticker of the controller", "lateness", Role::Ours, spans.ticker),
-            way("two readings of the clock", "compute", Role::Floor, spans.nothing),
-            way("one tick: gate, inverse, limits, states", "compute", Role::Ours, spans.cycle),
+            way(
+                "bare timer (clock_nanosleep)",
+                "lateness",
+                Role::Floor,
+                spans.timer,
+            ),
+            way(
+                "ticker of the controller",
+                "lateness",
+                Role::Ours,
+                spans.ticker,
+            ),
+            way(
+                "two readings of the clock",
+                "compute",
+                Role::Floor,
+                spans.nothing,
+            ),
+            way(
+                "one tick: gate, inverse, limits, states",
+                "compute",
+                Role::Ours,
+                spans.cycle,
+            ),
         ],
         quantities: vec![
             Quantity::new("ticks per second", 1e9 / of.period.0 as f64, "1/s"),
@@ -97,7 +122,12 @@ struct Spread {
 impl Default for Spread {
     fn default() -> Self {
         let [timer, ticker, nothing, cycle] = [WARM_UP; 4].map(Spans::new);
-        Self { timer, ticker, nothing, cycle }
+        Self {
+            timer,
+            ticker,
+            nothing,
+            cycle,
+        }
     }
 }
 
@@ -150,7 +180,11 @@ impl Cycle {
         config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
         let model = Arc::new(model(SIZE.0, SIZE.1)?);
         let rehearsal = Rehearsal::new(&config, &model, &[])?;
-        Ok(Self { rehearsal, seconds: 0.0, period_s: period.as_seconds() })
+        Ok(Self {
+            rehearsal,
+            seconds: 0.0,
+            period_s: period.as_seconds(),
+        })
     }
 
     /// Two frequencies that come back to the same place seldom: both motors turn at many places.
@@ -158,6 +192,9 @@ impl Cycle {
         self.seconds += self.period_s;
         let axis = |hz: f64| 5.0_f64.to_radians() * (TAU * hz * self.seconds).sin();
         let goal = Goal::Joint([axis(0.5), axis(0.31), 0.0], 2);
-        self.rehearsal.follow(goal).map(drop).map_err(BenchError::from)
+        self.rehearsal
+            .follow(goal)
+            .map(drop)
+            .map_err(BenchError::from)
     }
 }

@@ -1,4 +1,5 @@
-//! What a control loop asks of a model over two seconds: goals on a circle that breathes, so both motors turn often.
+//! What a control loop asks of a model over two seconds: goals on a circle that breathes, so both
+//! motors turn often.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +16,8 @@ pub struct Tick {
     pub memory: Memory,
     /// The goal, rad.
     pub goal: OutputVec,
-    /// From the answer of the tick before, with the model's correction given, as the loop does after filtering it.
+    /// From the answer of the tick before, with the model's correction given, as the loop does
+    /// after filtering it.
     pub query: Query,
 }
 
@@ -32,8 +34,15 @@ pub fn way(model: &Model) -> Vec<Tick> {
         let turn = TAU * number as f64 / TICKS as f64;
         let radius = (12.0 + 4.0 * (7.0 * turn).sin()) * PI / 180.0;
         let goal = [radius * turn.cos(), radius * turn.sin(), 0.0];
-        let query = Query { correction: Some(model.correction(&memory)), ..Query::new(start) };
-        let tick = Tick { memory, goal, query };
+        let query = Query {
+            correction: Some(model.correction(&memory)),
+            ..Query::new(start)
+        };
+        let tick = Tick {
+            memory,
+            goal,
+            query,
+        };
         start = model.invert(&goal, &memory, &query).counts;
         model.advance(&mut memory, &start);
         tick

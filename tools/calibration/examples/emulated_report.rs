@@ -34,7 +34,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let file = folder.join("recording.csv");
     record(Path::new(snake), seconds.parse()?, &file)?;
     let (recording, read) = Recording::read(&file, &ColumnMap::default())?;
-    let options = FitOptions { choice: family.parse()?, hold_out: HoldOut::Fraction(0.25), ..FitOptions::default() };
+    let options = FitOptions {
+        choice: family.parse()?,
+        hold_out: HoldOut::Fraction(0.25),
+        ..FitOptions::default()
+    };
     let outcome = fit(&recording, &options, &Silent)?;
     let start = Instant::now();
     let text = html(&of_fit(&recording, &read, &options, &outcome));
@@ -52,14 +56,21 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn counts(t_s: f64) -> [f64; 2] {
     let triangle = |phase: f64| 1.0 - 4.0 * ((phase + 0.25).rem_euclid(1.0) - 0.5).abs();
     let depth = |period: f64| 0.7 - 0.3 * (TAU * t_s / period).cos();
-    [depth(47.0) * triangle(t_s / 7.3), depth(61.0) * triangle(t_s / 5.1)].map(|share| (AMPLITUDE * share).round())
+    [
+        depth(47.0) * triangle(t_s / 7.3),
+        depth(61.0) * triangle(t_s / 5.1),
+    ]
+    .map(|share| (AMPLITUDE * share).round())
 }
 
 fn record(snake: &Path, seconds: f64, file: &Path) -> Result<(), Box<dyn Error>> {
     let mut snake = Snake::new(&SnakeConfig::load(snake)?, 1);
     let mut random = rand_pcg::Pcg64::new(7, 1);
     let mut noise = || NOISE_DEG * (0..12).map(|_| random.random::<f64>() - 0.5).sum::<f64>();
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
+    let outputs = ["pitch", "yaw"].map(|name| OutputSpec {
+        name: name.to_owned(),
+        unit: OutputUnit::Deg,
+    });
     let mut writer = RecordingWriter::new(fs::File::create(file)?, true, 2, &outputs)?;
     for index in 0..(seconds * RATE_HZ) as usize {
         let time = index as f64 / RATE_HZ;
@@ -67,7 +78,13 @@ fn record(snake: &Path, seconds: f64, file: &Path) -> Result<(), Box<dyn Error>>
         snake.step(1.0 / RATE_HZ, counts);
         let [pitch, yaw] = snake.angles_deg();
         let outputs = [pitch + noise(), yaw + noise(), 0.0];
-        writer.row(&Row { line: 0, time_s: Some(time), counts, outputs, place: 0 })?;
+        writer.row(&Row {
+            line: 0,
+            time_s: Some(time),
+            counts,
+            outputs,
+            place: 0,
+        })?;
     }
     writer.finish()?;
     Ok(())

@@ -1,10 +1,13 @@
-//! What follows a hysteresis operator in a model with memory: a regression on the virtual counts, and a residual.
+//! What follows a hysteresis operator in a model with memory: a regression on the virtual counts,
+//! and a residual.
 //!
-//! 1. A ridge regression of the outputs on all features tells which part of them goes with the lags.
-//! 2. That part is taken off, and a Gaussian mixture is fitted to `[virtual counts; outputs]`: without it, the mixture
-//!    would take the loop for noise and its responsibilities for shape. The number of components is chosen by leaving out
-//!    contiguous blocks.
-//! 3. What the mixture leaves of the outputs goes to the residual, if that helps with blocks it has not seen.
+//! 1. A ridge regression of the outputs on all features tells which part of them goes with the
+//!    lags.
+//! 2. That part is taken off, and a Gaussian mixture is fitted to `[virtual counts; outputs]`:
+//!    without it, the mixture would take the loop for noise and its responsibilities for shape. The
+//!    number of components is chosen by leaving out contiguous blocks.
+//! 3. What the mixture leaves of the outputs goes to the residual, if that helps with blocks it has
+//!    not seen.
 
 use i2ris::model::file::{HullParameters, MixtureParameters};
 use i2ris::model::hysteresis::Operator;
@@ -40,7 +43,11 @@ pub struct ChainOptions {
 
 impl Default for ChainOptions {
     fn default() -> Self {
-        Self { components: None, residual: true, em: EmOptions::default() }
+        Self {
+            components: None,
+            residual: true,
+            em: EmOptions::default(),
+        }
     }
 }
 
@@ -89,8 +96,15 @@ pub fn fit_chain<O: Operator<D>, const D: usize>(
     progress: &dyn Progress,
 ) -> Result<ChainFit, ChainError> {
     let points = series.trace(operator);
-    let data = Data { points: &points, outputs: series.outputs(), scale_counts: scale(&points) };
-    let virtual_points: Vec<MotorVec> = points.iter().map(|point| padded(&point.virtual_counts)).collect();
+    let data = Data {
+        points: &points,
+        outputs: series.outputs(),
+        scale_counts: scale(&points),
+    };
+    let virtual_points: Vec<MotorVec> = points
+        .iter()
+        .map(|point| padded(&point.virtual_counts))
+        .collect();
     let virtual_hull = Hull::from_points(D, &virtual_points)?.parameters();
     let joint = data.joint(&data.without_lags()?);
     let components = match options.components {
@@ -99,10 +113,26 @@ pub fn fit_chain<O: Operator<D>, const D: usize>(
     };
     let mixture = mixture(&joint, components, &options.em, progress)?;
     let left = data.left_by(&ReadOut::prepare(&mixture.parameters, series.outputs())?);
-    let (residual, error) = if options.residual { data.residual(&left) } else { (None, mean_square(&left)) };
-    let MixtureFit { parameters, log_likelihood, bic, .. } = mixture;
+    let (residual, error) = if options.residual {
+        data.residual(&left)
+    } else {
+        (None, mean_square(&left))
+    };
+    let MixtureFit {
+        parameters,
+        log_likelihood,
+        bic,
+        ..
+    } = mixture;
     let cross_validated_rms = error.sqrt();
-    Ok(ChainFit { mixture: parameters, residual, virtual_hull, log_likelihood, bic, cross_validated_rms })
+    Ok(ChainFit {
+        mixture: parameters,
+        residual,
+        virtual_hull,
+        log_likelihood,
+        bic,
+        cross_validated_rms,
+    })
 }
 
 /// A mixture of so many components, or of fewer where some of them starve.
@@ -113,7 +143,10 @@ fn mixture(
     progress: &dyn Progress,
 ) -> Result<MixtureFit, EmError> {
     loop {
-        match (fit_mixture(joint, components, em, progress), fewer(components)) {
+        match (
+            fit_mixture(joint, components, em, progress),
+            fewer(components),
+        ) {
             (Err(EmError::NoStartSucceeded { .. }), Some(fewer)) => components = fewer,
             (fit, _) => return fit,
         }
@@ -128,21 +161,35 @@ struct Data<'a, const D: usize> {
 
 impl<const D: usize> Data<'_, D> {
     fn features(&self, (shape_degree, lag_degree): (usize, usize)) -> DMatrix<f64> {
-        let lags = self.points.first().map_or(0, |point| point.lags.as_slice().len());
-        let mut matrix = DMatrix::zeros(self.points.len(), count::<D>(shape_degree, lag_degree, lags));
+        let lags = self
+            .points
+            .first()
+            .map_or(0, |point| point.lags.as_slice().len());
+        let mut matrix = DMatrix::zeros(
+            self.points.len(),
+            count::<D>(shape_degree, lag_degree, lags),
+        );
         for (mut row, point) in matrix.row_iter_mut().zip(self.points) {
             let mut cells = row.iter_mut();
-            features(&(point.virtual_counts / self.scale_counts), &point.lags, shape_degree, lag_degree, |feature| {
-                if let Some(cell) = cells.next() {
-                    *cell = feature;
-                }
-            });
+            features(
+                &(point.virtual_counts / self.scale_counts),
+                &point.lags,
+                shape_degree,
+                lag_degree,
+                |feature| {
+                    if let Some(cell) = cells.next() {
+                        *cell = feature;
+                    }
+                },
+            );
         }
         matrix
     }
 
     fn measured(&self) -> DMatrix<f64> {
-        DMatrix::from_fn(self.points.len(), self.outputs, |row, output| self.points[row].outputs[output])
+        DMatrix::from_fn(self.points.len(), self.outputs, |row, output| {
+            self.points[row].outputs[output]
+        })
     }
 
     /// The outputs without what goes with the lags.
@@ -151,7 +198,9 @@ impl<const D: usize> Data<'_, D> {
         let degrees = DEGREES[0];
         let mut features = self.features(degrees);
         let fit = ridge(&features, &measured).ok_or(ChainError::Degenerate)?;
-        features.columns_mut(0, count::<D>(degrees.0, 0, 0)).fill(0.0);
+        features
+            .columns_mut(0, count::<D>(degrees.0, 0, 0))
+            .fill(0.0);
         Ok(measured - features * fit.coefficients)
     }
 
@@ -159,7 +208,12 @@ impl<const D: usize> Data<'_, D> {
         let rows = self.points.iter().zip(outputs.row_iter());
         let rows = rows.map(|(point, outputs)| {
             let outputs: Vec<f64> = outputs.iter().copied().collect();
-            point.virtual_counts.iter().copied().chain(outputs).collect::<Vec<_>>()
+            point
+                .virtual_counts
+                .iter()
+                .copied()
+                .chain(outputs)
+                .collect::<Vec<_>>()
         });
         Table::from_rows(D + self.outputs, rows)
     }
@@ -169,15 +223,22 @@ impl<const D: usize> Data<'_, D> {
         let mut left = self.measured();
         for (mut row, point) in left.row_iter_mut().zip(self.points) {
             let predicted = read_out.at(&point.virtual_counts);
-            row.iter_mut().zip(predicted).for_each(|(left, predicted)| *left -= predicted);
+            row.iter_mut()
+                .zip(predicted)
+                .for_each(|(left, predicted)| *left -= predicted);
         }
         left
     }
 
     /// The residual that does best on blocks left out, and the mean square of its error there.
     fn residual(&self, left: &DMatrix<f64>) -> (Option<ResidualParameters>, f64) {
-        let tried: Vec<_> = DEGREES.iter().filter_map(|d| Some((d, ridge(&self.features(*d), left)?))).collect();
-        let best = tried.into_iter().min_by(|a, b| a.1.left_out_error.total_cmp(&b.1.left_out_error));
+        let tried: Vec<_> = DEGREES
+            .iter()
+            .filter_map(|d| Some((d, ridge(&self.features(*d), left)?)))
+            .collect();
+        let best = tried
+            .into_iter()
+            .min_by(|a, b| a.1.left_out_error.total_cmp(&b.1.left_out_error));
         let alone = mean_square(left);
         match best {
             Some((degrees, fit)) if fit.left_out_error < alone * (1.0 - WORTH_IT) => {
@@ -187,15 +248,31 @@ impl<const D: usize> Data<'_, D> {
         }
     }
 
-    fn parameters(&self, (shape_degree, lag_degree): (usize, usize), fit: &RidgeFit) -> ResidualParameters {
-        let coefficients = fit.coefficients.column_iter().map(|column| column.iter().copied().collect()).collect();
-        ResidualParameters { scale_counts: self.scale_counts, shape_degree, lag_degree, coefficients }
+    fn parameters(
+        &self,
+        (shape_degree, lag_degree): (usize, usize),
+        fit: &RidgeFit,
+    ) -> ResidualParameters {
+        let coefficients = fit
+            .coefficients
+            .column_iter()
+            .map(|column| column.iter().copied().collect())
+            .collect();
+        ResidualParameters {
+            scale_counts: self.scale_counts,
+            shape_degree,
+            lag_degree,
+            coefficients,
+        }
     }
 }
 
 /// The largest virtual count: powers of what is divided by it stay near 1.
 fn scale<const D: usize>(points: &[Point<D>]) -> f64 {
-    points.iter().map(|point| point.virtual_counts.amax()).fold(1.0, f64::max)
+    points
+        .iter()
+        .map(|point| point.virtual_counts.amax())
+        .fold(1.0, f64::max)
 }
 
 fn mean_square(errors: &DMatrix<f64>) -> f64 {
@@ -204,7 +281,10 @@ fn mean_square(errors: &DMatrix<f64>) -> f64 {
 
 fn padded<const D: usize>(virtual_counts: &SVector<f64, D>) -> MotorVec {
     let mut padded = MotorVec::default();
-    padded.iter_mut().zip(virtual_counts.iter()).for_each(|(to, from)| *to = *from);
+    padded
+        .iter_mut()
+        .zip(virtual_counts.iter())
+        .for_each(|(to, from)| *to = *from);
     padded
 }
 
@@ -242,16 +322,36 @@ mod tests {
 
     fn fit(recording: &Recording, residual: bool) -> ChainFit {
         let series = Series::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>());
-        let em = EmOptions { restarts: 2, ..EmOptions::default() };
-        fit_chain(&plays(), &series, &ChainOptions { components: Some(1), residual, em }, &Silent).unwrap()
+        let em = EmOptions {
+            restarts: 2,
+            ..EmOptions::default()
+        };
+        fit_chain(
+            &plays(),
+            &series,
+            &ChainOptions {
+                components: Some(1),
+                residual,
+                em,
+            },
+            &Silent,
+        )
+        .unwrap()
     }
 
     #[test]
     fn a_straight_read_out_needs_no_residual() {
         let found = fit(&dragged(0.0), true);
-        assert!(found.cross_validated_rms < 0.01, "{}", found.cross_validated_rms);
+        assert!(
+            found.cross_validated_rms < 0.01,
+            "{}",
+            found.cross_validated_rms
+        );
         let corners = found.virtual_hull.corners;
-        assert!(corners.iter().flatten().all(|corner| corner.abs() < 450.0), "{corners:?}");
+        assert!(
+            corners.iter().flatten().all(|corner| corner.abs() < 450.0),
+            "{corners:?}"
+        );
     }
 
     #[test]
@@ -259,7 +359,15 @@ mod tests {
         let recording = dragged(0.5);
         let (without, with) = (fit(&recording, false), fit(&recording, true));
         assert!(with.residual.is_some() && without.residual.is_none());
-        assert!(without.cross_validated_rms > 0.2, "{}", without.cross_validated_rms);
-        assert!(with.cross_validated_rms < 0.02, "{}", with.cross_validated_rms);
+        assert!(
+            without.cross_validated_rms > 0.2,
+            "{}",
+            without.cross_validated_rms
+        );
+        assert!(
+            with.cross_validated_rms < 0.02,
+            "{}",
+            with.cross_validated_rms
+        );
     }
 }

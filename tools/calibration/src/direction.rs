@@ -1,10 +1,11 @@
-//! Gaussian mixture regression on the counts and the direction of travel: its dead-bands, and its mixture.
+//! Gaussian mixture regression on the counts and the direction of travel: its dead-bands, and its
+//! mixture.
 //!
-//! 1. The dead-band of every motor is the one whose directions say most about the outputs: a ridge regression on cubic
-//!    monomials of the counts, and on every direction times the linear ones, is tried with each and judged by blocks left
-//!    out.
-//! 2. A Gaussian mixture is fitted to `[counts; directions; outputs]`, a direction being 1 or -1. The number of components
-//!    is chosen by leaving out contiguous blocks.
+//! 1. The dead-band of every motor is the one whose directions say most about the outputs: a ridge
+//!    regression on cubic monomials of the counts, and on every direction times the linear ones, is
+//!    tried with each and judged by blocks left out.
+//! 2. A Gaussian mixture is fitted to `[counts; directions; outputs]`, a direction being 1 or -1.
+//!    The number of components is chosen by leaving out contiguous blocks.
 
 use i2ris::model::direction::{Direction, LEAST_DEAD_BAND_COUNTS, Travel};
 use i2ris::model::file::FamilyParameters;
@@ -21,7 +22,19 @@ use crate::series::Series;
 use crate::table::Table;
 
 /// Dead-bands that are tried, counts.
-const DEAD_BANDS_COUNTS: [f64; 11] = [LEAST_DEAD_BAND_COUNTS, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0];
+const DEAD_BANDS_COUNTS: [f64; 11] = [
+    LEAST_DEAD_BAND_COUNTS,
+    2.0,
+    3.0,
+    5.0,
+    8.0,
+    12.0,
+    20.0,
+    30.0,
+    50.0,
+    80.0,
+    120.0,
+];
 
 /// The widest dead-band that is tried, as a part of the range of the motor.
 const WIDEST: f64 = 0.25;
@@ -90,11 +103,23 @@ pub fn fit_direction(
         (None, 1) => choose_components::<2>(&joint, series.outputs(), &options.em, progress),
         (None, _) => choose_components::<4>(&joint, series.outputs(), &options.em, progress),
     };
-    let MixtureFit { parameters: mixture, log_likelihood, bic, .. } =
-        fit_mixture(&joint, components, &options.em, progress)?;
+    let MixtureFit {
+        parameters: mixture,
+        log_likelihood,
+        bic,
+        ..
+    } = fit_mixture(&joint, components, &options.em, progress)?;
     let dead_bands_counts = dead_bands.into_iter().take(series.motors()).collect();
-    let parameters = FamilyParameters::GmrDirection { dead_bands_counts, mixture };
-    Ok(DirectionFit { parameters, components, log_likelihood, bic })
+    let parameters = FamilyParameters::GmrDirection {
+        dead_bands_counts,
+        mixture,
+    };
+    Ok(DirectionFit {
+        parameters,
+        components,
+        log_likelihood,
+        bic,
+    })
 }
 
 /// A sample, with the directions where they are known.
@@ -112,7 +137,9 @@ impl Row {
 
 /// The samples from where every direction is known.
 fn rows(series: &Series, dead_bands: &MotorVec) -> Vec<Row> {
-    let Some(first) = series.path().first() else { return Vec::new() };
+    let Some(first) = series.path().first() else {
+        return Vec::new();
+    };
     let mut travels = first.map(Travel::begin);
     let mut next = 0;
     let mut rows = Vec::with_capacity(series.samples().len());
@@ -125,16 +152,30 @@ fn rows(series: &Series, dead_bands: &MotorVec) -> Vec<Row> {
         next = sample.place + 1;
         let counts = series.path()[sample.place];
         let directions = travels.map(|travel| travel.direction().variable());
-        rows.push(Row { counts, directions, outputs: sample.outputs });
+        rows.push(Row {
+            counts,
+            directions,
+            outputs: sample.outputs,
+        });
     }
-    rows.retain(|row| row.directions.iter().take(series.motors()).all(Option::is_some));
+    rows.retain(|row| {
+        row.directions
+            .iter()
+            .take(series.motors())
+            .all(Option::is_some)
+    });
     rows
 }
 
 fn every_motor_turns(rows: &[Row], motors: usize) -> Result<(), DirectionError> {
-    let goes = |motor: usize, way: Direction| rows.iter().any(|row| row.directions[motor] == way.variable());
+    let goes = |motor: usize, way: Direction| {
+        rows.iter()
+            .any(|row| row.directions[motor] == way.variable())
+    };
     let turns = |motor: &usize| goes(*motor, Direction::Up) && goes(*motor, Direction::Down);
-    (0..motors).find(|motor| !turns(motor)).map_or(Ok(()), |motor| Err(DirectionError::NeverTurns { motor }))
+    (0..motors)
+        .find(|motor| !turns(motor))
+        .map_or(Ok(()), |motor| Err(DirectionError::NeverTurns { motor }))
 }
 
 fn joint(rows: &[Row], series: &Series) -> Table {
@@ -142,7 +183,10 @@ fn joint(rows: &[Row], series: &Series) -> Table {
     let cells = |row: &Row| {
         let directions = (0..motors).map(|motor| row.direction(motor));
         let counts = row.counts.into_iter().take(motors);
-        counts.chain(directions).chain(row.outputs.into_iter().take(outputs)).collect::<Vec<_>>()
+        counts
+            .chain(directions)
+            .chain(row.outputs.into_iter().take(outputs))
+            .collect::<Vec<_>>()
     };
     Table::from_rows(2 * motors + outputs, rows.iter().map(cells))
 }
@@ -150,21 +194,36 @@ fn joint(rows: &[Row], series: &Series) -> Table {
 /// The best dead-band for all motors together, and then for each by itself.
 fn choose_dead_bands(series: &Series) -> MotorVec {
     let ranges = ranges(series);
-    let fits = |motor: usize, band: f64| band <= (WIDEST * ranges[motor]).max(LEAST_DEAD_BAND_COUNTS);
+    let fits =
+        |motor: usize, band: f64| band <= (WIDEST * ranges[motor]).max(LEAST_DEAD_BAND_COUNTS);
     let best = |candidates: Vec<MotorVec>| {
-        let judged = candidates.into_iter().filter_map(|bands| Some((left_out_error(series, &bands)?, bands)));
-        judged.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, bands)| bands)
+        let judged = candidates
+            .into_iter()
+            .filter_map(|bands| Some((left_out_error(series, &bands)?, bands)));
+        judged
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, bands)| bands)
     };
-    let together = DEAD_BANDS_COUNTS.into_iter().filter(|band| (0..series.motors()).all(|motor| fits(motor, *band)));
+    let together = DEAD_BANDS_COUNTS
+        .into_iter()
+        .filter(|band| (0..series.motors()).all(|motor| fits(motor, *band)));
     let together = best(together.map(|band| [band; MAX_MOTORS]).collect());
     let mut bands = together.unwrap_or([LEAST_DEAD_BAND_COUNTS; MAX_MOTORS]);
-    for motor in 0..if series.motors() == 1 { 0 } else { series.motors() } {
+    for motor in 0..if series.motors() == 1 {
+        0
+    } else {
+        series.motors()
+    } {
         let one = |band: f64| {
             let mut bands = bands;
             bands[motor] = band;
             bands
         };
-        let candidates = DEAD_BANDS_COUNTS.into_iter().filter(|band| fits(motor, *band)).map(one).collect();
+        let candidates = DEAD_BANDS_COUNTS
+            .into_iter()
+            .filter(|band| fits(motor, *band))
+            .map(one)
+            .collect();
         bands = best(candidates).unwrap_or(bands);
     }
     bands
@@ -180,18 +239,31 @@ fn ranges(series: &Series) -> MotorVec {
     ends.map(|[low, high]| high - low)
 }
 
-/// Mean squared error of the ridge regression on blocks left out; `None` where the rows do not determine it.
+/// Mean squared error of the ridge regression on blocks left out; `None` where the rows do not
+/// determine it.
 fn left_out_error(series: &Series, dead_bands: &MotorVec) -> Option<f64> {
     let mut rows = rows(series, dead_bands);
     let step = rows.len().div_ceil(CHOICE_ROWS).max(1);
     rows = rows.into_iter().step_by(step).collect();
-    let features = if series.motors() == 1 { regressors::<1>(&rows) } else { regressors::<2>(&rows) };
-    let outputs = DMatrix::from_fn(rows.len(), series.outputs(), |row, output| rows[row].outputs[output]);
-    (rows.len() > features.ncols()).then(|| ridge(&features, &outputs)).flatten().map(|fit| fit.left_out_error)
+    let features = if series.motors() == 1 {
+        regressors::<1>(&rows)
+    } else {
+        regressors::<2>(&rows)
+    };
+    let outputs = DMatrix::from_fn(rows.len(), series.outputs(), |row, output| {
+        rows[row].outputs[output]
+    });
+    (rows.len() > features.ncols())
+        .then(|| ridge(&features, &outputs))
+        .flatten()
+        .map(|fit| fit.left_out_error)
 }
 
 fn regressors<const D: usize>(rows: &[Row]) -> DMatrix<f64> {
-    let scale = rows.iter().flat_map(|row| row.counts).fold(1.0, |scale: f64, count| scale.max(count.abs()));
+    let scale = rows
+        .iter()
+        .flat_map(|row| row.counts)
+        .fold(1.0, |scale: f64, count| scale.max(count.abs()));
     let mut matrix = DMatrix::zeros(rows.len(), count::<D>(DEGREES.0, DEGREES.1, D));
     for (mut cells, row) in matrix.row_iter_mut().zip(rows) {
         let mut directions = Lags::default();
@@ -219,7 +291,13 @@ mod tests {
     }
 
     fn options(components: Option<usize>) -> DirectionOptions {
-        DirectionOptions { components, em: EmOptions { restarts: 3, ..EmOptions::default() } }
+        DirectionOptions {
+            components,
+            em: EmOptions {
+                restarts: 3,
+                ..EmOptions::default()
+            },
+        }
     }
 
     /// A gap: the angle follows the counts by 20 counts behind.
@@ -236,11 +314,23 @@ mod tests {
     #[test]
     fn the_branches_of_a_gap_are_found_with_a_dead_band_that_bears_the_flicker() {
         let fit = fit_direction(&series(&backlash(2000)), &options(Some(1)), &Silent).unwrap();
-        let FamilyParameters::GmrDirection { dead_bands_counts, mixture } = &fit.parameters else { panic!() };
-        assert!((5.0..=50.0).contains(&dead_bands_counts[0]), "{dead_bands_counts:?}");
-        // Of the regression of the angle on counts and direction: 0.02 deg per count, and 20 counts behind.
-        let [counts, direction, cross] = [(0, 0), (1, 1), (0, 1)].map(|(i, j)| mixture.covariances[0][i][j]);
-        let [with_counts, with_direction] = [mixture.covariances[0][0][2], mixture.covariances[0][1][2]];
+        let FamilyParameters::GmrDirection {
+            dead_bands_counts,
+            mixture,
+        } = &fit.parameters
+        else {
+            panic!()
+        };
+        assert!(
+            (5.0..=50.0).contains(&dead_bands_counts[0]),
+            "{dead_bands_counts:?}"
+        );
+        // Of the regression of the angle on counts and direction: 0.02 deg per count, and 20 counts
+        // behind.
+        let [counts, direction, cross] =
+            [(0, 0), (1, 1), (0, 1)].map(|(i, j)| mixture.covariances[0][i][j]);
+        let [with_counts, with_direction] =
+            [mixture.covariances[0][0][2], mixture.covariances[0][1][2]];
         let determinant = counts * direction - cross * cross;
         let slope = (direction * with_counts - cross * with_direction) / determinant;
         let behind = (counts * with_direction - cross * with_counts) / determinant;
@@ -255,20 +345,35 @@ mod tests {
         let recording = recording(2000, |time| {
             let counts = wander(time);
             for motor in 0..2 {
-                lagging[motor] = lagging[motor].clamp(counts[motor] - gaps[motor], counts[motor] + gaps[motor]);
+                lagging[motor] =
+                    lagging[motor].clamp(counts[motor] - gaps[motor], counts[motor] + gaps[motor]);
             }
             (counts, straight(lagging))
         });
         let fit = fit_direction(&series(&recording), &options(None), &Silent).unwrap();
-        let FamilyParameters::GmrDirection { dead_bands_counts: bands, mixture } = &fit.parameters else { panic!() };
+        let FamilyParameters::GmrDirection {
+            dead_bands_counts: bands,
+            mixture,
+        } = &fit.parameters
+        else {
+            panic!()
+        };
         assert!(bands[0] < bands[1], "{bands:?}");
-        assert_eq!((mixture.means[0].len(), mixture.weights.len()), (6, fit.components));
+        assert_eq!(
+            (mixture.means[0].len(), mixture.weights.len()),
+            (6, fit.components)
+        );
     }
 
     #[test]
     fn a_motor_that_never_turns_is_named() {
-        let recording = recording(400, |time| ([wander(time)[0], 10.0 * time], straight(wander(time))));
+        let recording = recording(400, |time| {
+            ([wander(time)[0], 10.0 * time], straight(wander(time)))
+        });
         let error = fit_direction(&series(&recording), &options(Some(1)), &Silent).unwrap_err();
-        assert!(error.to_string().contains("motor 1 never turns back"), "{error}");
+        assert!(
+            error.to_string().contains("motor 1 never turns back"),
+            "{error}"
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! How far the measured outputs wander away from a model while a recording goes on.
 //!
-//! The mean of what a model leaves of an output, in every cycle of the motion: a cycle visits the same places, so what
-//! differs from one to the next is no shape of the curve. A motion without cycles is cut into equal parts.
+//! The mean of what a model leaves of an output, in every cycle of the motion: a cycle visits the
+//! same places, so what differs from one to the next is no shape of the curve. A motion without
+//! cycles is cut into equal parts.
 
 use i2ris::model::Model;
 use i2ris::units::MAX_OUTPUTS;
@@ -37,11 +38,17 @@ impl Drift {
         let mean = |part: &[usize]| {
             let used: Vec<usize> = (part[0]..part[1]).filter(|row| usable(*row)).collect();
             std::array::from_fn(|output| {
-                let sum: f64 = used.iter().map(|row| rows[*row].outputs[output] - predicted[*row][output]).sum();
+                let sum: f64 = used
+                    .iter()
+                    .map(|row| rows[*row].outputs[output] - predicted[*row][output])
+                    .sum();
                 sum / used.len().max(1) as f64
             })
         };
-        Self { means: bounds.windows(2).map(mean).collect(), cycles }
+        Self {
+            means: bounds.windows(2).map(mean).collect(),
+            cycles,
+        }
     }
 
     /// The largest change of an output from one part to the next.
@@ -51,7 +58,8 @@ impl Drift {
         self.means.windows(2).map(step).fold(0.0, f64::max)
     }
 
-    /// How far an output goes from part to part on the whole: the slope of the straight line through the means.
+    /// How far an output goes from part to part on the whole: the slope of the straight line
+    /// through the means.
     #[must_use]
     pub fn per_part(&self, output: usize) -> f64 {
         let middle = 0.5 * (self.means.len() as f64 - 1.0);
@@ -59,7 +67,9 @@ impl Drift {
             let along = part as f64 - middle;
             (along * means[output], along * along)
         });
-        let (cross, square) = moments.fold((0.0, 0.0), |sum, moment| (sum.0 + moment.0, sum.1 + moment.1));
+        let (cross, square) = moments.fold((0.0, 0.0), |sum, moment| {
+            (sum.0 + moment.0, sum.1 + moment.1)
+        });
         if square > 0.0 { cross / square } else { 0.0 }
     }
 }
@@ -74,7 +84,11 @@ mod tests {
     use crate::testing::{one_motor, recording, straight, wander};
 
     fn drift(recording: &Recording, hold_out: HoldOut) -> Drift {
-        let options = FitOptions { choice: Choice::One(Family::Linear), hold_out, ..FitOptions::default() };
+        let options = FitOptions {
+            choice: Choice::One(Family::Linear),
+            hold_out,
+            ..FitOptions::default()
+        };
         fit(recording, &options, &Silent).unwrap().report.drift
     }
 
@@ -88,13 +102,19 @@ mod tests {
         });
         let drift = drift(&wandering, HoldOut::Nothing);
         assert!(drift.cycles && drift.means.len() == 4);
-        assert!((drift.per_part(0) - 0.5).abs() < 0.03 && (drift.largest_step(0) - 0.5).abs() < 0.05, "{drift:?}");
+        assert!(
+            (drift.per_part(0) - 0.5).abs() < 0.03 && (drift.largest_step(0) - 0.5).abs() < 0.05,
+            "{drift:?}"
+        );
     }
 
     #[test]
     fn a_steady_snake_shows_none() {
         let steady = recording(600, |time| (wander(time), straight(wander(time))));
         let drift = drift(&steady, HoldOut::LastCycle);
-        assert!(drift.largest_step(0) < 1e-6 && drift.per_part(1).abs() < 1e-6, "{drift:?}");
+        assert!(
+            drift.largest_step(0) < 1e-6 && drift.per_part(1).abs() < 1e-6,
+            "{drift:?}"
+        );
     }
 }

@@ -4,7 +4,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use i2ris::model::file::{
-    FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, SCHEMA_VERSION, TrainingRecord,
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, SCHEMA_VERSION,
+    TrainingRecord,
 };
 use i2ris::model::{Model, ModelError};
 
@@ -45,8 +46,14 @@ impl fmt::Display for Family {
 
 impl Family {
     /// All of them, the simplest first.
-    pub const ALL: [Self; 6] =
-        [Self::Linear, Self::Kinematic, Self::Gmr, Self::GmrDirection, Self::GmrPlay, Self::GmrStop];
+    pub const ALL: [Self; 6] = [
+        Self::Linear,
+        Self::Kinematic,
+        Self::Gmr,
+        Self::GmrDirection,
+        Self::GmrPlay,
+        Self::GmrStop,
+    ];
 
     /// Whether models of the family remember the past.
     #[must_use]
@@ -73,8 +80,12 @@ impl FromStr for Family {
     type Err = ParseFamilyError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let named = Self::ALL.into_iter().find(|family| family.to_string() == text);
-        named.ok_or_else(|| ParseFamilyError { found: text.to_owned() })
+        let named = Self::ALL
+            .into_iter()
+            .find(|family| family.to_string() == text);
+        named.ok_or_else(|| ParseFamilyError {
+            found: text.to_owned(),
+        })
     }
 }
 
@@ -93,19 +104,38 @@ pub(crate) struct Fitted {
 impl Fitted {
     /// Of a family without a mixture.
     pub fn plain(family: FamilyParameters) -> Self {
-        Self { family, log_likelihood: None, bic: None, restarts: 0 }
+        Self {
+            family,
+            log_likelihood: None,
+            bic: None,
+            restarts: 0,
+        }
     }
 }
 
 impl From<&LinearFit> for Fitted {
     fn from(fit: &LinearFit) -> Self {
-        let LinearFit { gain, offset, covariance } = fit.clone();
-        Self::plain(FamilyParameters::Linear { gain, offset, covariance })
+        let LinearFit {
+            gain,
+            offset,
+            covariance,
+        } = fit.clone();
+        Self::plain(FamilyParameters::Linear {
+            gain,
+            offset,
+            covariance,
+        })
     }
 }
 
 /// No metrics.
-const NONE: FitMetrics = FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
+const NONE: FitMetrics = FitMetrics {
+    r2: 0.0,
+    rmsd: 0.0,
+    nrmsd: 0.0,
+    mae: 0.0,
+    max: 0.0,
+};
 
 /// What a model file says beside the parameters of the family.
 #[derive(Debug, Clone, Copy)]
@@ -131,7 +161,8 @@ impl Frame<'_> {
         Model::from_file(file)
     }
 
-    /// The model file, with metrics that only hold the place of those that take the model to compute.
+    /// The model file, with metrics that only hold the place of those that take the model to
+    /// compute.
     fn file(&self, fitted: &Fitted) -> ModelFile {
         ModelFile {
             format: FORMAT.to_owned(),
@@ -150,12 +181,18 @@ impl Frame<'_> {
                 bic: fitted.bic,
                 software: concat!("i2ris-calibration ", env!("CARGO_PKG_VERSION")).to_owned(),
             },
-            metrics: vec![OutputMetrics { training: NONE, held_out: None }; self.recording.outputs().len()],
+            metrics: vec![
+                OutputMetrics {
+                    training: NONE,
+                    held_out: None
+                };
+                self.recording.outputs().len()
+            ],
         }
     }
 
-    /// Metrics on the rows used for training and on all rows held out, flagged ones included: what is tested is not
-    /// chosen by how well it fits.
+    /// Metrics on the rows used for training and on all rows held out, flagged ones included: what
+    /// is tested is not chosen by how well it fits.
     fn measure(&self, model: &Model) -> Vec<OutputMetrics> {
         let predicted = predictions(model, self.recording);
         let rows = self.recording.rows();

@@ -85,7 +85,11 @@ impl FromStr for Choice {
     type Err = ParseFamilyError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if text == "best" { Ok(Self::Best) } else { text.parse().map(Self::One) }
+        if text == "best" {
+            Ok(Self::Best)
+        } else {
+            text.parse().map(Self::One)
+        }
     }
 }
 
@@ -94,8 +98,8 @@ impl FromStr for Choice {
 pub enum Components {
     /// So many.
     Exactly(usize),
-    /// From one to so many, or as many as the rows can carry: the least number that comes near the least error on blocks
-    /// left out, among those whose model can be inverted all over the hull.
+    /// From one to so many, or as many as the rows can carry: the least number that comes near the
+    /// least error on blocks left out, among those whose model can be inverted all over the hull.
     UpTo(usize),
 }
 
@@ -106,7 +110,8 @@ pub struct FitOutcome {
     pub model: Arc<Model>,
     /// Its family.
     pub family: Family,
-    /// The affine model of the same rows, to compare with. It is the same model if `family` is linear.
+    /// The affine model of the same rows, to compare with. It is the same model if `family` is
+    /// linear.
     pub linear: Arc<Model>,
     /// What became of every family that was to be fitted, the simplest first.
     pub families: Vec<FamilyOutcome>,
@@ -156,7 +161,8 @@ pub struct FitReport {
     pub training: Vec<usize>,
     /// How far the outputs wander away from the model that was taken.
     pub drift: Drift,
-    /// Numbers of components that were tried for `gmr`, in rising order; none where it was not fitted.
+    /// Numbers of components that were tried for `gmr`, in rising order; none where it was not
+    /// fitted.
     pub candidates: Vec<Candidate>,
 }
 
@@ -164,7 +170,9 @@ impl FitReport {
     /// The number of components that was taken for `gmr`.
     #[must_use]
     pub fn chosen(&self) -> Option<&Candidate> {
-        self.candidates.iter().find(|candidate| matches!(candidate.verdict, Verdict::Chosen))
+        self.candidates
+            .iter()
+            .find(|candidate| matches!(candidate.verdict, Verdict::Chosen))
     }
 }
 
@@ -178,7 +186,9 @@ pub enum FitError {
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// An output that says nothing.
-    #[error("output `{output}` does not change in the rows used for training; record motion of it, or hold out others")]
+    #[error(
+        "output `{output}` does not change in the rows used for training; record motion of it, or hold out others"
+    )]
     Constant {
         /// Its name.
         output: String,
@@ -195,7 +205,9 @@ pub enum FitError {
         source: Box<dyn Error + Send + Sync>,
     },
     /// Every mixture is flat somewhere.
-    #[error("the mixture of {components} component(s) is refused: {spot}; record more of that region")]
+    #[error(
+        "the mixture of {components} component(s) is refused: {spot}; record more of that region"
+    )]
     TooFlat {
         /// How many.
         components: usize,
@@ -206,7 +218,9 @@ pub enum FitError {
     #[error("{0}")]
     NoHysteresis(Finding),
     /// Nothing is held out to choose by.
-    #[error("choosing the best family takes rows held out; name a family with --family, or hold something out")]
+    #[error(
+        "choosing the best family takes rows held out; name a family with --family, or hold something out"
+    )]
     NothingToChooseBy,
     /// The model is refused, as the controller would refuse it.
     #[error("the model of family `{family}` is refused: {source}")]
@@ -218,13 +232,18 @@ pub enum FitError {
     },
 }
 
-/// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller checks, and measures.
+/// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller
+/// checks, and measures.
 ///
 /// # Errors
 ///
-/// When the recording does not determine a model, or the model that was asked for is refused; see [`FitError`]. With
-/// [`Choice::Best`], families that fail are told in the outcome.
-pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress) -> Result<FitOutcome, FitError> {
+/// When the recording does not determine a model, or the model that was asked for is refused; see
+/// [`FitError`]. With [`Choice::Best`], families that fail are told in the outcome.
+pub fn fit(
+    recording: &Recording,
+    options: &FitOptions,
+    progress: &dyn Progress,
+) -> Result<FitOutcome, FitError> {
     let survey = Survey::new(recording, &options.spikes)?;
     let split = Split::new(recording, options.hold_out)?;
     if options.choice == Choice::Best && split.held_out().is_empty() {
@@ -233,9 +252,14 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
     let usable = |row: &usize| options.spikes.keep || !survey.is_flagged(*row);
     let training: Vec<usize> = split.training().filter(usable).collect();
     outputs_change(recording, &training)?;
-    let (inputs, outputs) = (inputs(recording, training.iter().copied()), outputs(recording, training.iter().copied()));
+    let (inputs, outputs) = (
+        inputs(recording, training.iter().copied()),
+        outputs(recording, training.iter().copied()),
+    );
     let straight = fit_linear(&inputs, &outputs)?;
-    let hull = hull(&inputs).map_err(|source| refused(Family::Linear, source))?.parameters();
+    let hull = hull(&inputs)
+        .map_err(|source| refused(Family::Linear, source))?
+        .parameters();
     let frame = Frame {
         recording,
         split: &split,
@@ -246,13 +270,41 @@ pub fn fit(recording: &Recording, options: &FitOptions, progress: &dyn Progress)
     };
     let series = Series::new(recording, &training);
     let hidden = survey.hides_hysteresis();
-    let mut work = Work { frame, series, hidden, inputs, outputs, straight, options, progress, candidates: Vec::new() };
-    let wanted: Vec<Family> = Family::ALL.into_iter().filter(|family| options.choice.wants(*family)).collect();
-    let mut families: Vec<FamilyOutcome> = wanted.into_iter().map(|family| work.attempt(family)).collect();
+    let mut work = Work {
+        frame,
+        series,
+        hidden,
+        inputs,
+        outputs,
+        straight,
+        options,
+        progress,
+        candidates: Vec::new(),
+    };
+    let wanted: Vec<Family> = Family::ALL
+        .into_iter()
+        .filter(|family| options.choice.wants(*family))
+        .collect();
+    let mut families: Vec<FamilyOutcome> = wanted
+        .into_iter()
+        .map(|family| work.attempt(family))
+        .collect();
     let candidates = work.candidates;
     let (linear, family, model) = choose(&mut families, options.choice)?;
     let drift = Drift::new(&model, recording, |row| usable(&row));
-    Ok(FitOutcome { model, family, linear, families, report: FitReport { split, survey, training, drift, candidates } })
+    Ok(FitOutcome {
+        model,
+        family,
+        linear,
+        families,
+        report: FitReport {
+            split,
+            survey,
+            training,
+            drift,
+            candidates,
+        },
+    })
 }
 
 impl Choice {
@@ -265,16 +317,27 @@ impl Choice {
 }
 
 /// The affine model, and the family and model to take. An error where there is none.
-fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<(Arc<Model>, Family, Arc<Model>), FitError> {
-    let model = |outcome: &FamilyOutcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone()));
-    let wanted = |outcome: &&FamilyOutcome| choice == Choice::Best || choice == Choice::One(outcome.family);
-    let linear = families.iter().find(|outcome| outcome.family == Family::Linear).and_then(model);
+fn choose(
+    families: &mut Vec<FamilyOutcome>,
+    choice: Choice,
+) -> Result<(Arc<Model>, Family, Arc<Model>), FitError> {
+    let model =
+        |outcome: &FamilyOutcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone()));
+    let wanted =
+        |outcome: &&FamilyOutcome| choice == Choice::Best || choice == Choice::One(outcome.family);
+    let linear = families
+        .iter()
+        .find(|outcome| outcome.family == Family::Linear)
+        .and_then(model);
     let models = families.iter().filter(wanted).filter_map(model);
     let best = models.min_by(|a, b| held_out_error(&a.1).total_cmp(&held_out_error(&b.1)));
     match (linear, best) {
         (Some((_, linear)), Some((family, model))) => Ok((linear, family, model)),
         _ => {
-            let failed = families.iter().position(|outcome| outcome.result.is_err()).unwrap_or_default();
+            let failed = families
+                .iter()
+                .position(|outcome| outcome.result.is_err())
+                .unwrap_or_default();
             let reason = families.swap_remove(failed).result.err();
             Err(reason.unwrap_or(FitError::NothingToChooseBy))
         }
@@ -283,20 +346,31 @@ fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<(Arc<Mode
 
 /// Mean square over the held-out rows of the length of the error, in the unit of the outputs.
 fn held_out_error(model: &Model) -> f64 {
-    let squares = model.file().metrics.iter().map(|metrics| metrics.held_out.map_or(0.0, |fit| fit.rmsd * fit.rmsd));
+    let squares = model
+        .file()
+        .metrics
+        .iter()
+        .map(|metrics| metrics.held_out.map_or(0.0, |fit| fit.rmsd * fit.rmsd));
     squares.sum()
 }
 
 fn refused(family: Family, source: ModelError) -> FitError {
-    FitError::Refused { family, source: Box::new(source) }
+    FitError::Refused {
+        family,
+        source: Box::new(source),
+    }
 }
 
 fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitError> {
     for (output, spec) in recording.outputs().iter().enumerate() {
-        let mut values = training.iter().map(|row| recording.rows()[*row].outputs[output]);
+        let mut values = training
+            .iter()
+            .map(|row| recording.rows()[*row].outputs[output]);
         let first = values.next();
         if values.all(|value| Some(value) == first) {
-            return Err(FitError::Constant { output: spec.name.clone() });
+            return Err(FitError::Constant {
+                output: spec.name.clone(),
+            });
         }
     }
     Ok(())
@@ -305,10 +379,16 @@ fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitEr
 fn hull(inputs: &Table) -> Result<Hull, ModelError> {
     let padded = |row: &[f64]| {
         let mut counts = MotorVec::default();
-        counts.iter_mut().zip(row).for_each(|(count, value)| *count = *value);
+        counts
+            .iter_mut()
+            .zip(row)
+            .for_each(|(count, value)| *count = *value);
         counts
     };
-    Hull::from_points(inputs.width(), &inputs.rows().map(padded).collect::<Vec<_>>())
+    Hull::from_points(
+        inputs.width(),
+        &inputs.rows().map(padded).collect::<Vec<_>>(),
+    )
 }
 
 #[cfg(test)]

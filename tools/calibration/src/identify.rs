@@ -1,13 +1,16 @@
-//! Whether a recording can tell hysteresis from the shape of the curve, judged by the way of the motors alone.
+//! Whether a recording can tell hysteresis from the shape of the curve, judged by the way of the
+//! motors alone.
 //!
-//! A **turning point** is where a motor turns back by more than a dead-band, so that play or friction can show.
+//! A **turning point** is where a motor turns back by more than a dead-band, so that play or
+//! friction can show.
 
 use std::fmt;
 
 use crate::motion::{circles, range, turns};
 use crate::series::Series;
 
-/// A motor has turned back when it is this part of its range away from its turning point: noise and jitter stay below.
+/// A motor has turned back when it is this part of its range away from its turning point: noise and
+/// jitter stay below.
 const REVERSAL_PART: f64 = 0.02;
 
 /// Turning points below which there is no loop to see.
@@ -50,8 +53,9 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// Whether the recording cannot tell hysteresis at all: a model with memory would be made up, and one without is all
-    /// that can be had from it. Otherwise such a model can be fitted, and is limited in the way that the sentence says.
+    /// Whether the recording cannot tell hysteresis at all: a model with memory would be made up,
+    /// and one without is all that can be had from it. Otherwise such a model can be fitted, and is
+    /// limited in the way that the sentence says.
     #[must_use]
     pub fn hides_hysteresis(&self) -> bool {
         matches!(self, Self::FewReversals { .. } | Self::Circulation { .. })
@@ -86,14 +90,16 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What the path of a series cannot tell; nothing for one that can tell hysteresis. Where it cannot tell any, lesser
-/// findings are left out.
+/// What the path of a series cannot tell; nothing for one that can tell hysteresis. Where it cannot
+/// tell any, lesser findings are left out.
 #[must_use]
 pub fn findings(series: &Series) -> Vec<Finding> {
     let motors = (0..series.motors()).filter_map(|motor| of_motor(series, motor));
     let all: Vec<Finding> = motors.chain(of_plane(series)).collect();
     let hidden = all.iter().any(Finding::hides_hysteresis);
-    all.into_iter().filter(|finding| finding.hides_hysteresis() || !hidden).collect()
+    all.into_iter()
+        .filter(|finding| finding.hides_hysteresis() || !hidden)
+        .collect()
 }
 
 fn of_motor(series: &Series, motor: usize) -> Option<Finding> {
@@ -101,7 +107,10 @@ fn of_motor(series: &Series, motor: usize) -> Option<Finding> {
     let (low, high) = range(counts());
     let points = turning_points(counts(), REVERSAL_PART * (high - low));
     if points.len() < LEAST_TURNING_POINTS {
-        return Some(Finding::FewReversals { motor, reversals: points.len() });
+        return Some(Finding::FewReversals {
+            motor,
+            reversals: points.len(),
+        });
     }
     // Upper and lower turning points alternate.
     let narrow = |first: usize| {
@@ -116,7 +125,9 @@ fn of_plane(series: &Series) -> Option<Finding> {
         return None;
     }
     if let Some(phases) = circles(series.path()) {
-        return Some(Finding::Circulation { turns: turns(&phases) });
+        return Some(Finding::Circulation {
+            turns: turns(&phases),
+        });
     }
     let spans = [0, 1].map(|motor| {
         let (low, high) = range(series.path().iter().map(|counts| counts[motor]));
@@ -127,9 +138,15 @@ fn of_plane(series: &Series) -> Option<Finding> {
         let [a, b] = [0, 1].map(|motor| (pair[1][motor] - pair[0][motor]).abs() / spans[motor]);
         let way = a.hypot(b);
         whole += way;
-        together += if a.min(b) >= TOGETHER_PART * a.max(b) { way } else { 0.0 };
+        together += if a.min(b) >= TOGETHER_PART * a.max(b) {
+            way
+        } else {
+            0.0
+        };
     }
-    let finding = Finding::OneAxisAtATime { percent: 100.0 * together / whole };
+    let finding = Finding::OneAxisAtATime {
+        percent: 100.0 * together / whole,
+    };
     (together < LEAST_TOGETHER * whole).then_some(finding)
 }
 
@@ -165,19 +182,41 @@ mod tests {
     use crate::testing::{one_motor, recording, straight, wander};
 
     fn of(recording: &Recording) -> Vec<Finding> {
-        findings(&Series::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>()))
+        findings(&Series::new(
+            recording,
+            &(0..recording.rows().len()).collect::<Vec<_>>(),
+        ))
     }
 
     #[test]
     fn many_reversals_of_many_sizes_in_the_plane_tell_hysteresis() {
-        assert_eq!(of(&recording(600, |time| (wander(time), straight(wander(time))))), []);
+        assert_eq!(
+            of(&recording(600, |time| (
+                wander(time),
+                straight(wander(time))
+            ))),
+            []
+        );
     }
 
     #[test]
     fn a_motor_that_hardly_turns_back_hides_it() {
-        let up = of(&one_motor(100, |time| (100.0 * time + 10.0 * (9.0 * time).sin(), time)));
-        assert_eq!(up, [Finding::FewReversals { motor: 0, reversals: 0 }]);
-        assert!(up[0].hides_hysteresis() && up[0].to_string().contains("motor 0 turns back 0 time(s) only"));
+        let up = of(&one_motor(100, |time| {
+            (100.0 * time + 10.0 * (9.0 * time).sin(), time)
+        }));
+        assert_eq!(
+            up,
+            [Finding::FewReversals {
+                motor: 0,
+                reversals: 0
+            }]
+        );
+        assert!(
+            up[0].hides_hysteresis()
+                && up[0]
+                    .to_string()
+                    .contains("motor 0 turns back 0 time(s) only")
+        );
     }
 
     #[test]
@@ -187,8 +226,13 @@ mod tests {
             (counts, straight(counts))
         });
         let found = of(&circle);
-        let [circulation @ Finding::Circulation { .. }] = &found[..] else { panic!("{found:?}") };
-        assert!(circulation.hides_hysteresis() && circulation.to_string().contains("one side only"), "{found:?}");
+        let [circulation @ Finding::Circulation { .. }] = &found[..] else {
+            panic!("{found:?}")
+        };
+        assert!(
+            circulation.hides_hysteresis() && circulation.to_string().contains("one side only"),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -196,7 +240,9 @@ mod tests {
         let found = of(&one_motor(300, |time| (500.0 * (0.8 * time).sin(), time)));
         assert_eq!(found, [Finding::OneLoop { motor: 0 }]);
         assert!(!found[0].hides_hysteresis());
-        let growing = of(&one_motor(300, |time| (10.0 * time * (0.8 * time).sin(), time)));
+        let growing = of(&one_motor(300, |time| {
+            (10.0 * time * (0.8 * time).sin(), time)
+        }));
         assert_eq!(growing, []);
     }
 
@@ -208,7 +254,10 @@ mod tests {
             (counts, straight(counts))
         });
         let found = of(&cross);
-        assert!(matches!(found[..], [Finding::OneAxisAtATime { percent }] if percent < 2.0), "{found:?}");
+        assert!(
+            matches!(found[..], [Finding::OneAxisAtATime { percent }] if percent < 2.0),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -222,11 +271,24 @@ mod tests {
     #[ignore = "needs the recordings beside the repository"]
     fn real_recordings_are_judged_as_they_are_known() {
         let read = |name: &str| {
-            let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
+            let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+                .join("../../../shared/data")
+                .join(name);
             of(&Recording::read(&path, &ColumnMap::default()).unwrap().0)
         };
-        assert!(read("i2ris/output_w_angles.csv").iter().any(Finding::hides_hysteresis));
-        assert!(!read("dvrk_wrist/random_first70.csv").iter().any(Finding::hides_hysteresis));
-        assert_eq!(read("tee_probe/motor1_first.csv"), [Finding::OneLoop { motor: 0 }]);
+        assert!(
+            read("i2ris/output_w_angles.csv")
+                .iter()
+                .any(Finding::hides_hysteresis)
+        );
+        assert!(
+            !read("dvrk_wrist/random_first70.csv")
+                .iter()
+                .any(Finding::hides_hysteresis)
+        );
+        assert_eq!(
+            read("tee_probe/motor1_first.csv"),
+            [Finding::OneLoop { motor: 0 }]
+        );
     }
 }

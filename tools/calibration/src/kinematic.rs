@@ -1,9 +1,10 @@
 //! The analytic chain of the robot: its few free numbers by least squares.
 //!
-//! Free are the radius of every pulley (counts per wire travel, because the encoder and the gear are given), the rotation
-//! of the axes, and the zero of every output. The start comes from the affine model: the rotation whose slopes at the
-//! straight pose come nearest to the affine ones. From there damped Gauss-Newton steps (K. Levenberg 1944,
-//! D. Marquardt 1963); the zeros are the means of what the rest leaves over.
+//! Free are the radius of every pulley (counts per wire travel, because the encoder and the gear
+//! are given), the rotation of the axes, and the zero of every output. The start comes from the
+//! affine model: the rotation whose slopes at the straight pose come nearest to the affine ones.
+//! From there damped Gauss-Newton steps (K. Levenberg 1944, D. Marquardt 1963); the zeros are the
+//! means of what the rest leaves over.
 
 use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::kinematic::{KinematicParameters, Kinematics};
@@ -42,11 +43,15 @@ pub struct KinematicOptions {
 }
 
 impl KinematicOptions {
-    /// For outputs in a unit: an encoder of 1024 quadrature counts, if it is not known, and the robot's gear of 64:1. A
-    /// wrong number of counts is made up for by the radii of the pulleys.
+    /// For outputs in a unit: an encoder of 1024 quadrature counts, if it is not known, and the
+    /// robot's gear of 64:1. A wrong number of counts is made up for by the radii of the pulleys.
     #[must_use]
     pub const fn new(unit: OutputUnit) -> Self {
-        Self { unit, counts_per_turn: 1024.0, gear_ratio: 64.0 }
+        Self {
+            unit,
+            counts_per_turn: 1024.0,
+            gear_ratio: 64.0,
+        }
     }
 }
 
@@ -66,21 +71,44 @@ pub enum KinematicError {
 /// # Errors
 ///
 /// When the motors cannot be told apart, or one of them moves nothing.
-pub fn fit_kinematic(series: &Series, options: &KinematicOptions) -> Result<FamilyParameters, KinematicError> {
-    if series.motors() == 1 { fit::<1>(series, options) } else { fit::<2>(series, options) }
+pub fn fit_kinematic(
+    series: &Series,
+    options: &KinematicOptions,
+) -> Result<FamilyParameters, KinematicError> {
+    if series.motors() == 1 {
+        fit::<1>(series, options)
+    } else {
+        fit::<2>(series, options)
+    }
 }
 
-fn fit<const D: usize>(series: &Series, options: &KinematicOptions) -> Result<FamilyParameters, KinematicError> {
+fn fit<const D: usize>(
+    series: &Series,
+    options: &KinematicOptions,
+) -> Result<FamilyParameters, KinematicError> {
     let problem = Problem::<D>::new(series, options);
-    let outputs = Table::from_rows(series.outputs(), series.samples().iter().map(|sample| sample.outputs));
-    let inputs = Table::from_rows(D, problem.counts.iter().map(|counts| counts.iter().copied().collect::<Vec<_>>()));
+    let outputs = Table::from_rows(
+        series.outputs(),
+        series.samples().iter().map(|sample| sample.outputs),
+    );
+    let inputs = Table::from_rows(
+        D,
+        problem
+            .counts
+            .iter()
+            .map(|counts| counts.iter().copied().collect::<Vec<_>>()),
+    );
     let gain = fit_linear(&inputs, &outputs)?.gain;
     let free = problem.descend(problem.start(&gain)?)?;
     let chain = problem.chain(&free);
     let (errors, offset) = problem.errors(&chain)?;
     let freedom = errors.nrows().saturating_sub(free.len() + 1).max(1) as f64;
     let covariance = rows_of(&residual_covariance(&errors, &outputs, freedom));
-    Ok(FamilyParameters::Kinematic { kinematics: canonical(chain), offset, covariance })
+    Ok(FamilyParameters::Kinematic {
+        kinematics: canonical(chain),
+        offset,
+        covariance,
+    })
 }
 
 struct Problem<'a, const D: usize> {
@@ -93,7 +121,15 @@ impl<'a, const D: usize> Problem<'a, D> {
     fn new(series: &'a Series, options: &'a KinematicOptions) -> Self {
         let at = |place: usize| series.path().get(place).copied().unwrap_or_default();
         let counts = |place| SVector::from_fn(|motor, _| at(place)[motor]);
-        Self { series, options, counts: series.samples().iter().map(|sample| counts(sample.place)).collect() }
+        Self {
+            series,
+            options,
+            counts: series
+                .samples()
+                .iter()
+                .map(|sample| counts(sample.place))
+                .collect(),
+        }
     }
 
     /// The radii, mm, and the rotation, rad, unless a single output leaves it open.
@@ -102,7 +138,9 @@ impl<'a, const D: usize> Problem<'a, D> {
             counts_per_turn: self.options.counts_per_turn,
             gear_ratio: self.options.gear_ratio,
             pulley_radii_mm: free.iter().copied().take(D).collect(),
-            axis_rotation_deg: free.get(D).map_or(DRAWN_ROTATION_DEG, |rotation| rotation.to_degrees()),
+            axis_rotation_deg: free
+                .get(D)
+                .map_or(DRAWN_ROTATION_DEG, |rotation| rotation.to_degrees()),
         }
     }
 
@@ -110,45 +148,72 @@ impl<'a, const D: usize> Problem<'a, D> {
     fn at(&self, chain: &Kinematics<D>, counts: &SVector<f64, D>) -> Local<D, MAX_OUTPUTS> {
         let local = chain.at(counts, self.options.unit);
         let si = self.options.unit.si();
-        Local { mean: local.mean / si, jacobian: local.jacobian / si }
+        Local {
+            mean: local.mean / si,
+            jacobian: local.jacobian / si,
+        }
     }
 
-    /// The rotation and the radii whose slopes at the straight pose come nearest to those of an affine model.
+    /// The rotation and the radii whose slopes at the straight pose come nearest to those of an
+    /// affine model.
     fn start(&self, gain: &[Vec<f64>]) -> Result<DVector<f64>, KinematicError> {
         let told = self.series.outputs() > 1;
         let rotations: Vec<f64> = if told {
-            (0..180).step_by(ROTATION_STEP_DEG).map(|degrees| (degrees as f64).to_radians()).collect()
+            (0..180)
+                .step_by(ROTATION_STEP_DEG)
+                .map(|degrees| (degrees as f64).to_radians())
+                .collect()
         } else {
             vec![DRAWN_ROTATION_DEG.to_radians()]
         };
         let mut best = (f64::INFINITY, DVector::zeros(0));
         for rotation in rotations {
             let unit = DVector::from_iterator(D + 1, std::iter::repeat_n(1.0, D).chain([rotation]));
-            let slope = self.at(&Kinematics::prepare(&self.chain(&unit))?, &SVector::zeros()).jacobian;
+            let slope = self
+                .at(&Kinematics::prepare(&self.chain(&unit))?, &SVector::zeros())
+                .jacobian;
             let (mut error, mut free) = (0.0, unit);
             for motor in 0..D {
-                let pairs = || gain.iter().enumerate().map(|(output, gain)| (gain[motor], slope[(output, motor)]));
-                let (cross, squares) =
-                    pairs().fold((0.0, 0.0), |(c, s), (g, slope)| (c + g * slope, s + slope * slope));
+                let pairs = || {
+                    gain.iter()
+                        .enumerate()
+                        .map(|(output, gain)| (gain[motor], slope[(output, motor)]))
+                };
+                let (cross, squares) = pairs().fold((0.0, 0.0), |(c, s), (g, slope)| {
+                    (c + g * slope, s + slope * slope)
+                });
                 free[motor] = if squares > 0.0 { cross / squares } else { 0.0 };
-                error += pairs().map(|(g, slope)| (g - free[motor] * slope).powi(2)).sum::<f64>();
+                error += pairs()
+                    .map(|(g, slope)| (g - free[motor] * slope).powi(2))
+                    .sum::<f64>();
             }
             if error < best.0 {
                 best = (error, free);
             }
         }
         let free = best.1;
-        Ok(if told { free } else { free.rows(0, D).into_owned() })
+        Ok(if told {
+            free
+        } else {
+            free.rows(0, D).into_owned()
+        })
     }
 
-    /// What a chain leaves of the outputs, a row per sample, and the zeros, which are taken off already.
+    /// What a chain leaves of the outputs, a row per sample, and the zeros, which are taken off
+    /// already.
     fn errors(&self, chain: &KinematicParameters) -> Result<(DMatrix<f64>, Vec<f64>), ModelError> {
         let chain = Kinematics::prepare(chain)?;
         let mut errors = DMatrix::zeros(self.counts.len(), self.series.outputs());
-        for ((mut row, sample), counts) in errors.row_iter_mut().zip(self.series.samples()).zip(&self.counts) {
+        for ((mut row, sample), counts) in errors
+            .row_iter_mut()
+            .zip(self.series.samples())
+            .zip(&self.counts)
+        {
             let predicted = self.at(&chain, counts).mean;
             let pairs = sample.outputs.iter().zip(predicted.iter());
-            row.iter_mut().zip(pairs).for_each(|(error, (measured, predicted))| *error = measured - predicted);
+            row.iter_mut()
+                .zip(pairs)
+                .for_each(|(error, (measured, predicted))| *error = measured - predicted);
         }
         let zeros = errors.row_mean();
         errors.row_iter_mut().for_each(|mut row| row -= &zeros);
@@ -167,7 +232,9 @@ impl<'a, const D: usize> Problem<'a, D> {
             let slopes = self.slopes(&free)?;
             let squared = slopes.tr_mul(&slopes);
             let lifted = &squared + DMatrix::from_diagonal(&squared.diagonal()) * damping;
-            let Some(factor) = lifted.cholesky() else { break };
+            let Some(factor) = lifted.cholesky() else {
+                break;
+            };
             let there = &free - factor.solve(&slopes.tr_mul(&errors));
             let errors_there = self.error_vector(&there)?;
             let gain = errors.norm_squared() - errors_there.norm_squared();
@@ -199,7 +266,9 @@ impl<'a, const D: usize> Problem<'a, D> {
             };
             Ok((moved(step)? - moved(-step)?) / (2.0 * step))
         };
-        let columns: Vec<_> = (0..free.len()).map(column).collect::<Result<_, ModelError>>()?;
+        let columns: Vec<_> = (0..free.len())
+            .map(column)
+            .collect::<Result<_, ModelError>>()?;
         Ok(DMatrix::from_columns(&columns))
     }
 }
@@ -209,7 +278,10 @@ fn canonical(mut chain: KinematicParameters) -> KinematicParameters {
     let halves = (chain.axis_rotation_deg / 180.0).round();
     chain.axis_rotation_deg -= 180.0 * halves;
     if halves.rem_euclid(2.0) != 0.0 {
-        chain.pulley_radii_mm.iter_mut().for_each(|radius| *radius = -*radius);
+        chain
+            .pulley_radii_mm
+            .iter_mut()
+            .for_each(|radius| *radius = -*radius);
     }
     chain
 }
@@ -234,28 +306,53 @@ mod tests {
     }
 
     fn fitted(recording: &Recording) -> (KinematicParameters, Vec<f64>, Vec<Vec<f64>>) {
-        let fit = fit_kinematic(&series(recording), &KinematicOptions::new(OutputUnit::Deg)).unwrap();
-        let FamilyParameters::Kinematic { kinematics, offset, covariance } = fit else { panic!() };
+        let fit =
+            fit_kinematic(&series(recording), &KinematicOptions::new(OutputUnit::Deg)).unwrap();
+        let FamilyParameters::Kinematic {
+            kinematics,
+            offset,
+            covariance,
+        } = fit
+        else {
+            panic!()
+        };
         (kinematics, offset, covariance)
     }
 
     #[test]
     fn the_numbers_of_a_robot_are_found_again() {
-        for (rotation, radii) in [(45.0, [12.0, 11.0]), (-70.0, [9.0, -14.0]), (20.0, [-10.0, 8.0])] {
+        for (rotation, radii) in [
+            (45.0, [12.0, 11.0]),
+            (-70.0, [9.0, -14.0]),
+            (20.0, [-10.0, 8.0]),
+        ] {
             let truth = robot(rotation, &radii);
             let chain = Kinematics::<2>::prepare(&truth).unwrap();
             let mut random = noise(1);
             let recording = recording(600, |time| {
-                let at = chain.at(&SVector::from(wander(time)), OutputUnit::Deg).mean / OutputUnit::Deg.si();
-                (wander(time), [at[0] + 3.0 + 0.01 * random(), at[1] - 1.0 + 0.01 * random()])
+                let at = chain.at(&SVector::from(wander(time)), OutputUnit::Deg).mean
+                    / OutputUnit::Deg.si();
+                (
+                    wander(time),
+                    [at[0] + 3.0 + 0.01 * random(), at[1] - 1.0 + 0.01 * random()],
+                )
             });
             let (found, offset, covariance) = fitted(&recording);
             for (found, expected) in found.pulley_radii_mm.iter().zip(radii) {
                 assert!((found - expected).abs() < 0.02, "{found} is not {expected}");
             }
-            assert!((found.axis_rotation_deg - rotation).abs() < 0.05, "{found:?}");
-            assert!((offset[0] - 3.0).abs() < 0.01 && (offset[1] + 1.0).abs() < 0.01, "{offset:?}");
-            assert!((covariance[0][0].sqrt() - 0.01).abs() < 0.002, "{covariance:?}");
+            assert!(
+                (found.axis_rotation_deg - rotation).abs() < 0.05,
+                "{found:?}"
+            );
+            assert!(
+                (offset[0] - 3.0).abs() < 0.01 && (offset[1] + 1.0).abs() < 0.01,
+                "{offset:?}"
+            );
+            assert!(
+                (covariance[0][0].sqrt() - 0.01).abs() < 0.002,
+                "{covariance:?}"
+            );
         }
     }
 

@@ -1,8 +1,9 @@
 //! Calibration: from a recording of encoder counts and measured angles to a model file of i2ris.
 //!
-//! [`Recording::read`](recording::Recording::read) takes a CSV file, [`fit::fit`] makes a model of it. Nothing here moves
-//! a robot, and nothing here predicts: the metrics come from the code that the controller runs (`i2ris::model`), and
-//! a model that the controller would refuse is refused here first.
+//! [`Recording::read`](recording::Recording::read) takes a CSV file, [`fit::fit`] makes a model of
+//! it. Nothing here moves a robot, and nothing here predicts: the metrics come from the code that
+//! the controller runs (`i2ris::model`), and a model that the controller would refuse is refused
+//! here first.
 //!
 //! # Map
 //!

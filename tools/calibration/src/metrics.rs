@@ -6,15 +6,17 @@ use i2ris::units::{MAX_OUTPUTS, OutputVec};
 
 use crate::recording::{Recording, Row};
 
-/// What a model says at every row of a recording, in the units of the recording; entries beyond the number of outputs
-/// are 0. The code is that of the controller, and its memory follows the way of the motors from the first position on.
+/// What a model says at every row of a recording, in the units of the recording; entries beyond the
+/// number of outputs are 0. The code is that of the controller, and its memory follows the way of
+/// the motors from the first position on.
 #[must_use]
 pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
     let mut memory = model.new_memory();
     let mut next = 0;
     let mut predict = |row: &Row| {
         let way = recording.path().get(next..=row.place).unwrap_or_default();
-        way.iter().for_each(|position| model.advance(&mut memory, &position.counts));
+        way.iter()
+            .for_each(|position| model.advance(&mut memory, &position.counts));
         next = row.place + 1;
         in_file_units(&model.predict(&row.counts, &memory).mean, recording)
     };
@@ -29,8 +31,9 @@ fn in_file_units(outputs: &OutputVec, recording: &Recording) -> [f64; MAX_OUTPUT
     values
 }
 
-/// Metrics of one output over pairs of measured and predicted values. `None` for fewer than two rows, or where the
-/// measured values are all the same: without a range, neither R2 nor NRMSD has a meaning.
+/// Metrics of one output over pairs of measured and predicted values. `None` for fewer than two
+/// rows, or where the measured values are all the same: without a range, neither R2 nor NRMSD has a
+/// meaning.
 ///
 /// ```text
 /// R2    = 1 - sum (measured - predicted)^2 / sum (measured - mean)^2
@@ -42,7 +45,11 @@ fn in_file_units(outputs: &OutputVec, recording: &Recording) -> [f64; MAX_OUTPUT
 pub fn metrics(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<FitMetrics> {
     let rows = pairs.clone().count() as f64;
     let measured = pairs.clone().map(|(measured, _)| measured);
-    let (low, high) = measured.clone().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| (l.min(m), h.max(m)));
+    let (low, high) = measured
+        .clone()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), m| {
+            (l.min(m), h.max(m))
+        });
     if rows < 2.0 || low >= high {
         return None;
     }
@@ -60,7 +67,8 @@ pub fn metrics(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Option<FitMet
     })
 }
 
-/// The value that a share of all values does not exceed, by nearest rank; `None` for no values. Puts them in order.
+/// The value that a share of all values does not exceed, by nearest rank; `None` for no values.
+/// Puts them in order.
 #[must_use]
 pub fn percentile(values: &mut [f64], share: f64) -> Option<f64> {
     values.sort_unstable_by(f64::total_cmp);
@@ -70,14 +78,26 @@ pub fn percentile(values: &mut [f64], share: f64) -> Option<f64> {
 
 /// Length of the error over the first `outputs` outputs.
 #[must_use]
-pub fn length(measured: &[f64; MAX_OUTPUTS], predicted: &[f64; MAX_OUTPUTS], outputs: usize) -> f64 {
-    measured.iter().zip(predicted).take(outputs).map(|(m, p)| (m - p) * (m - p)).sum::<f64>().sqrt()
+pub fn length(
+    measured: &[f64; MAX_OUTPUTS],
+    predicted: &[f64; MAX_OUTPUTS],
+    outputs: usize,
+) -> f64 {
+    measured
+        .iter()
+        .zip(predicted)
+        .take(outputs)
+        .map(|(m, p)| (m - p) * (m - p))
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// Root mean square; `None` for no values.
 #[must_use]
 pub fn root_mean_square(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (count, sum) = values.fold((0_usize, 0.0), |(count, sum), value| (count + 1, sum + value * value));
+    let (count, sum) = values.fold((0_usize, 0.0), |(count, sum), value| {
+        (count + 1, sum + value * value)
+    });
     (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
@@ -105,7 +125,10 @@ mod tests {
             (found.mae, expected.mae),
             (found.max, expected.max),
         ] {
-            assert!((found - expected).abs() < 1e-15, "{found} instead of {expected}");
+            assert!(
+                (found - expected).abs() < 1e-15,
+                "{found} instead of {expected}"
+            );
         }
     }
 
@@ -129,7 +152,10 @@ mod tests {
     #[test]
     fn lengths_are_over_the_outputs_that_there_are() {
         assert_eq!(length(&[3.0, 4.0, 9.0], &[0.0, 0.0, 0.0], 2), 5.0);
-        assert_eq!(root_mean_square([3.0, -4.0].into_iter()), Some(12.5_f64.sqrt()));
+        assert_eq!(
+            root_mean_square([3.0, -4.0].into_iter()),
+            Some(12.5_f64.sqrt())
+        );
         assert_eq!(root_mean_square(std::iter::empty()), None);
     }
 

@@ -1,12 +1,16 @@
-//! The noise of the measurement itself, from the recording alone: the floor below which no model can get.
+//! The noise of the measurement itself, from the recording alone: the floor below which no model
+//! can get.
 //!
-//! Two estimators, both robust against spikes and against the few places where their assumption fails:
+//! Two estimators, both robust against spikes and against the few places where their assumption
+//! fails:
 //!
-//! - **repeats**: pairs of neighbouring rows with the same counts. If the snake stands still while the motors do, they
-//!   differ by noise only, with the variance `2 sigma^2`. Creep between the rows adds to it.
-//! - **differences**: second differences of what a linear model leaves over. If that changes steadily over three rows,
-//!   they are noise only, with the variance `(1 + 4 + 1) sigma^2`. Curvature adds to it, so for motion that is fast
-//!   against the rate of the rows it is an upper bound.
+//! - **repeats**: pairs of neighbouring rows with the same counts. If the snake stands still while
+//!   the motors do, they differ by noise only, with the variance `2 sigma^2`. Creep between the
+//!   rows adds to it.
+//! - **differences**: second differences of what a linear model leaves over. If that changes
+//!   steadily over three rows, they are noise only, with the variance `(1 + 4 + 1) sigma^2`.
+//!   Curvature adds to it, so for motion that is fast against the rate of the rows it is an upper
+//!   bound.
 //!
 //! Both see only what changes from row to row: a slow drift of the camera is not noise for them.
 
@@ -14,7 +18,8 @@ use std::fmt;
 
 use crate::recording::Row;
 
-/// A sensor that repeats more than this part of its readings while the motors move is slower than the rows.
+/// A sensor that repeats more than this part of its readings while the motors move is slower than
+/// the rows.
 const MOST_HELD: f64 = 0.5;
 
 /// Fewer samples than these say nothing.
@@ -52,9 +57,10 @@ impl fmt::Display for NoiseMethod {
     }
 }
 
-/// The noise of one output: `rows`, its measured values, and what a linear model leaves of them. From repeats where
-/// there are enough, otherwise from differences. `None` when there are too few rows, or when a sensor that is slower
-/// than the rows repeats its values so often that neighbours say nothing.
+/// The noise of one output: `rows`, its measured values, and what a linear model leaves of them.
+/// From repeats where there are enough, otherwise from differences. `None` when there are too few
+/// rows, or when a sensor that is slower than the rows repeats its values so often that neighbours
+/// say nothing.
 pub(crate) fn noise_floor(rows: &[Row], measured: &[f64], residuals: &[f64]) -> Option<NoiseFloor> {
     let pairs = || rows.windows(2).zip(measured.windows(2));
     let moving = || pairs().filter(|(rows, _)| rows[0].counts != rows[1].counts);
@@ -64,7 +70,9 @@ pub(crate) fn noise_floor(rows: &[Row], measured: &[f64], residuals: &[f64]) -> 
     }
     let still = pairs().filter(|(rows, _)| rows[0].counts == rows[1].counts);
     let repeats = still.map(|(_, pair)| pair[1] - pair[0]);
-    let differences = residuals.windows(3).map(|triple| triple[0] - 2.0 * triple[1] + triple[2]);
+    let differences = residuals
+        .windows(3)
+        .map(|triple| triple[0] - 2.0 * triple[1] + triple[2]);
     deviation(repeats.collect(), 2.0, NoiseMethod::Repeats)
         .or_else(|| deviation(differences.collect(), 6.0, NoiseMethod::Differences))
 }
@@ -73,7 +81,11 @@ fn deviation(differences: Vec<f64>, variances: f64, method: NoiseMethod) -> Opti
     let samples = differences.len();
     let middle = median(&mut differences.into_iter().map(f64::abs).collect::<Vec<_>>())?;
     let deviation = DEVIATION_PER_MAD * middle / variances.sqrt();
-    (samples >= LEAST_SAMPLES && deviation > 0.0).then_some(NoiseFloor { deviation, method, samples })
+    (samples >= LEAST_SAMPLES && deviation > 0.0).then_some(NoiseFloor {
+        deviation,
+        method,
+        samples,
+    })
 }
 
 /// The median, the upper one of two; reorders the values.
@@ -96,9 +108,17 @@ mod tests {
     #[test]
     fn noise_on_a_slow_motion_is_found() {
         let mut random = noise(3);
-        let slow = one_motor(2000, |time| (500.0 * (0.1 * time).sin(), 10.0 * (0.1 * time).sin() + 0.3 * random()));
+        let slow = one_motor(2000, |time| {
+            (
+                500.0 * (0.1 * time).sin(),
+                10.0 * (0.1 * time).sin() + 0.3 * random(),
+            )
+        });
         let floor = floor(&slow).unwrap();
-        assert_eq!((floor.method, floor.samples), (NoiseMethod::Differences, 1998));
+        assert_eq!(
+            (floor.method, floor.samples),
+            (NoiseMethod::Differences, 1998)
+        );
         assert!((floor.deviation - 0.3).abs() < 0.03, "{floor:?}");
     }
 
@@ -118,7 +138,11 @@ mod tests {
     fn a_few_spikes_do_not_matter() {
         let mut random = noise(3);
         let spiky = one_motor(400, |time| {
-            let spike = if (time * 5.0).round() % 40.0 == 0.0 { 50.0 } else { 0.0 };
+            let spike = if (time * 5.0).round() % 40.0 == 0.0 {
+                50.0
+            } else {
+                0.0
+            };
             (500.0 * (0.1 * time).sin(), 0.3 * random() + spike)
         });
         assert!((floor(&spiky).unwrap().deviation - 0.3).abs() < 0.06);
@@ -126,8 +150,13 @@ mod tests {
 
     #[test]
     fn a_slow_sensor_tells_nothing() {
-        let held = one_motor(400, |time| (500.0 * (0.1 * time).sin(), (0.5 * time).floor()));
+        let held = one_motor(400, |time| {
+            (500.0 * (0.1 * time).sin(), (0.5 * time).floor())
+        });
         assert_eq!(floor(&held), None);
-        assert_eq!(floor(&one_motor(20, |time| (time, (7.0 * time).sin()))), None);
+        assert_eq!(
+            floor(&one_motor(20, |time| (time, (7.0 * time).sin()))),
+            None
+        );
     }
 }

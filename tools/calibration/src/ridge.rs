@@ -1,7 +1,8 @@
 //! Ridge regression whose penalty is chosen by leaving out contiguous blocks.
 //!
-//! Features are standardised first, so that one penalty suits all of them; the first feature is the constant 1 and is
-//! not penalised. (A. Hoerl and R. Kennard, "Ridge regression", Technometrics, 1970.)
+//! Features are standardised first, so that one penalty suits all of them; the first feature is the
+//! constant 1 and is not penalised. (A. Hoerl and R. Kennard, "Ridge regression", Technometrics,
+//! 1970.)
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -34,21 +35,38 @@ pub(crate) fn ridge(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<R
         .into_par_iter()
         .map(|rows| {
             let (from, height) = (rows.start, rows.len());
-            Moments::of(&standard.rows(from, height).into_owned(), &outputs.rows(from, height).into_owned())
+            Moments::of(
+                &standard.rows(from, height).into_owned(),
+                &outputs.rows(from, height).into_owned(),
+            )
         })
         .collect();
-    let whole = parts.iter().skip(1).fold(parts.first()?.clone(), |sum, part| sum.plus(part, 1.0));
+    let whole = parts
+        .iter()
+        .skip(1)
+        .fold(parts.first()?.clone(), |sum, part| sum.plus(part, 1.0));
     let tried: Vec<Option<f64>> = PENALTIES
         .into_par_iter()
         .map(|penalty| {
-            let left_out = parts.iter().map(|part| whole.plus(part, -1.0).solve(penalty).map(|w| part.error(&w)));
+            let left_out = parts.iter().map(|part| {
+                whole
+                    .plus(part, -1.0)
+                    .solve(penalty)
+                    .map(|w| part.error(&w))
+            });
             left_out.sum::<Option<f64>>()
         })
         .collect();
-    let best = tried.iter().zip(PENALTIES).filter_map(|(error, penalty)| error.map(|error| (error, penalty)));
+    let best = tried
+        .iter()
+        .zip(PENALTIES)
+        .filter_map(|(error, penalty)| error.map(|error| (error, penalty)));
     let (error, penalty) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let coefficients = scaling.undo(whole.solve(penalty)?);
-    Some(RidgeFit { coefficients, left_out_error: error / features.nrows() as f64 })
+    Some(RidgeFit {
+        coefficients,
+        left_out_error: error / features.nrows() as f64,
+    })
 }
 
 /// Means and deviations of the features.
@@ -61,7 +79,13 @@ impl Scaling {
     fn of(features: &DMatrix<f64>) -> Self {
         let mut means = features.row_mean().transpose();
         let mut deviations = features.row_variance().transpose().map(f64::sqrt);
-        deviations.iter_mut().for_each(|d| *d = if *d < LEAST_DEVIATION { f64::INFINITY } else { *d });
+        deviations.iter_mut().for_each(|d| {
+            *d = if *d < LEAST_DEVIATION {
+                f64::INFINITY
+            } else {
+                *d
+            }
+        });
         means[0] = 0.0;
         deviations[0] = 1.0;
         Self { means, deviations }
@@ -69,7 +93,10 @@ impl Scaling {
 
     fn apply(&self, features: &DMatrix<f64>) -> DMatrix<f64> {
         let mut standard = features.clone();
-        for (mut column, (mean, deviation)) in standard.column_iter_mut().zip(self.means.iter().zip(&self.deviations)) {
+        for (mut column, (mean, deviation)) in standard
+            .column_iter_mut()
+            .zip(self.means.iter().zip(&self.deviations))
+        {
             column.apply(|value| *value = (*value - mean) / deviation);
         }
         standard
@@ -124,7 +151,8 @@ impl Moments {
 
     /// Sum of the squared errors of given coefficients.
     fn error(&self, coefficients: &DMatrix<f64>) -> f64 {
-        let explained = coefficients.dot(&(&self.features * coefficients)) - 2.0 * coefficients.dot(&self.cross);
+        let explained = coefficients.dot(&(&self.features * coefficients))
+            - 2.0 * coefficients.dot(&self.cross);
         (self.outputs + explained).max(0.0)
     }
 }
@@ -144,13 +172,25 @@ mod tests {
             2 => noise(),
             _ => 7.0,
         });
-        let outputs =
-            DMatrix::from_fn(rows, 2, |row, column| if column == 0 { 3.0 * features[(row, 1)] + 2.0 } else { noise() });
+        let outputs = DMatrix::from_fn(rows, 2, |row, column| {
+            if column == 0 {
+                3.0 * features[(row, 1)] + 2.0
+            } else {
+                noise()
+            }
+        });
         let fit = ridge(&features, &outputs).unwrap();
         let found = &fit.coefficients;
-        assert!((found[(1, 0)] - 3.0).abs() < 1e-3 && (found[(0, 0)] - 2.0).abs() < 1e-2, "{found}");
+        assert!(
+            (found[(1, 0)] - 3.0).abs() < 1e-3 && (found[(0, 0)] - 2.0).abs() < 1e-2,
+            "{found}"
+        );
         assert!(found[(2, 1)].abs() < 0.15, "{found}");
         assert_eq!(found[(3, 0)], 0.0, "what never moves takes no part");
-        assert!((fit.left_out_error - 1.0).abs() < 0.2, "{}", fit.left_out_error);
+        assert!(
+            (fit.left_out_error - 1.0).abs() < 0.2,
+            "{}",
+            fit.left_out_error
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! The part of a recording that a model with memory is fitted to: the way of the motors, and samples along it.
+//! The part of a recording that a model with memory is fitted to: the way of the motors, and
+//! samples along it.
 
 use std::ops::Range;
 
@@ -38,14 +39,30 @@ pub struct Point<const D: usize> {
 }
 
 impl Series {
-    /// The samples of the given rows of a recording, in rising order, and the path up to the last of them.
+    /// The samples of the given rows of a recording, in rising order, and the path up to the last
+    /// of them.
     #[must_use]
     pub fn new(recording: &Recording, rows: &[usize]) -> Self {
         let rows = rows.iter().filter_map(|row| recording.rows().get(*row));
-        let samples: Vec<Sample> = rows.map(|row| Sample { place: row.place, outputs: row.outputs }).collect();
+        let samples: Vec<Sample> = rows
+            .map(|row| Sample {
+                place: row.place,
+                outputs: row.outputs,
+            })
+            .collect();
         let end = samples.last().map_or(0, |sample| sample.place + 1);
-        let path = recording.path().iter().take(end).map(|position| position.counts).collect();
-        Self { motors: recording.motors(), outputs: recording.outputs().len(), path, samples }
+        let path = recording
+            .path()
+            .iter()
+            .take(end)
+            .map(|position| position.counts)
+            .collect();
+        Self {
+            motors: recording.motors(),
+            outputs: recording.outputs().len(),
+            path,
+            samples,
+        }
     }
 
     /// Number of motors, 1 or 2.
@@ -72,23 +89,34 @@ impl Series {
         &self.samples
     }
 
-    /// Runs an operator along the path. Samples before its memory is known are left out, unless that leaves less than
-    /// half of them.
+    /// Runs an operator along the path. Samples before its memory is known are left out, unless
+    /// that leaves less than half of them.
     #[must_use]
     pub fn trace<O: Operator<D>, const D: usize>(&self, operator: &O) -> Vec<Point<D>> {
-        let Some(first) = self.path.first() else { return Vec::new() };
+        let Some(first) = self.path.first() else {
+            return Vec::new();
+        };
         let mut state = operator.begin(&inner(first));
         let mut points = Vec::with_capacity(self.samples.len());
         let mut next = 0;
         for sample in &self.samples {
-            let Some(way) = self.path.get(next..=sample.place) else { continue };
-            way.iter().for_each(|counts| operator.advance(&mut state, &inner(counts)));
+            let Some(way) = self.path.get(next..=sample.place) else {
+                continue;
+            };
+            way.iter()
+                .for_each(|counts| operator.advance(&mut state, &inner(counts)));
             next = sample.place + 1;
             let Some(counts) = way.last() else { continue };
             let virtual_counts = operator.local(&state, &inner(counts)).mean;
-            points.push(Point { virtual_counts, lags: operator.lags(&state), outputs: sample.outputs });
+            points.push(Point {
+                virtual_counts,
+                lags: operator.lags(&state),
+                outputs: sample.outputs,
+            });
         }
-        let unknown = self.samples.partition_point(|sample| sample.place < self.wiped(&operator.wipe_counts()));
+        let unknown = self
+            .samples
+            .partition_point(|sample| sample.place < self.wiped(&operator.wipe_counts()));
         if 2 * unknown <= points.len() {
             points.drain(..unknown);
         }
@@ -97,7 +125,9 @@ impl Series {
 
     /// The place from which on every motor has covered a range.
     pub(crate) fn wiped(&self, ranges: &MotorVec) -> usize {
-        let Some(first) = self.path.first() else { return 0 };
+        let Some(first) = self.path.first() else {
+            return 0;
+        };
         let (mut low, mut high) = (*first, *first);
         let covers = |counts: &MotorVec| {
             let mut all = true;
@@ -112,12 +142,14 @@ impl Series {
     }
 }
 
-/// Contiguous blocks of nearly equal size: what cross-validation leaves out one at a time. Neighbouring rows are nearly
-/// the same, so single rows prove nothing.
+/// Contiguous blocks of nearly equal size: what cross-validation leaves out one at a time.
+/// Neighbouring rows are nearly the same, so single rows prove nothing.
 #[must_use]
 pub fn blocks(rows: usize, count: usize) -> Vec<Range<usize>> {
     let count = count.clamp(1, rows.max(1));
-    (0..count).map(|block| block * rows / count..(block + 1) * rows / count).collect()
+    (0..count)
+        .map(|block| block * rows / count..(block + 1) * rows / count)
+        .collect()
 }
 
 fn inner<const D: usize>(counts: &MotorVec) -> SVector<f64, D> {
@@ -144,12 +176,18 @@ mod tests {
     fn every_sample_gets_the_state_of_its_own_position() {
         let recording = one_motor(40, |time| (50.0 * (2.0 * time).sin(), time));
         let rows: Vec<usize> = (0..40).step_by(3).collect();
-        let (all, some) = (Series::new(&recording, &(0..40).collect::<Vec<_>>()), Series::new(&recording, &rows));
+        let (all, some) = (
+            Series::new(&recording, &(0..40).collect::<Vec<_>>()),
+            Series::new(&recording, &rows),
+        );
         let operator = plays(0.5);
         let (all, some) = (all.trace(&operator), some.trace(&operator));
         assert_eq!(
             some,
-            rows[rows.len() - some.len()..].iter().map(|row| all[all.len() + row - 40]).collect::<Vec<_>>()
+            rows[rows.len() - some.len()..]
+                .iter()
+                .map(|row| all[all.len() + row - 40])
+                .collect::<Vec<_>>()
         );
     }
 
@@ -160,7 +198,11 @@ mod tests {
         let series = Series::new(&recording, &rows);
         // 2 counts a row, and a play of 10 counts is known after a range of 20.
         assert_eq!(series.trace(&plays(10.0)).len(), 90);
-        assert_eq!(series.trace(&plays(80.0)).len(), 100, "it never is, so all of them are taken");
+        assert_eq!(
+            series.trace(&plays(80.0)).len(),
+            100,
+            "it never is, so all of them are taken"
+        );
     }
 
     #[test]
@@ -168,7 +210,10 @@ mod tests {
         for (rows, count) in [(10, 3), (3, 10), (0, 5), (9000, 10)] {
             let blocks = blocks(rows, count);
             assert!(blocks.len() <= count.max(1));
-            assert_eq!(blocks.iter().cloned().flatten().collect::<Vec<_>>(), (0..rows).collect::<Vec<_>>());
+            assert_eq!(
+                blocks.iter().cloned().flatten().collect::<Vec<_>>(),
+                (0..rows).collect::<Vec<_>>()
+            );
         }
     }
 }

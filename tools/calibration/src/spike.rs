@@ -1,11 +1,12 @@
-//! Spikes: readings that neither their neighbours nor the motion of the motors explain, as when a camera takes something
-//! else for the marker.
+//! Spikes: readings that neither their neighbours nor the motion of the motors explain, as when a
+//! camera takes something else for the marker.
 //!
-//! A Hampel filter (F. R. Hampel, "The influence curve and its role in robust estimation", 1974) on what a linear model
-//! of the counts leaves over: a row is flagged when it is further from the median of its neighbourhood than `threshold`
-//! robust standard deviations **plus** what the linear model says that the motors can have done in that neighbourhood.
-//! The addition keeps fast motion, steps of the motors and the branches of hysteresis from being taken for spikes. A
-//! step that stays is never flagged: from the step on, it is its own neighbourhood.
+//! A Hampel filter (F. R. Hampel, "The influence curve and its role in robust estimation", 1974) on
+//! what a linear model of the counts leaves over: a row is flagged when it is further from the
+//! median of its neighbourhood than `threshold` robust standard deviations **plus** what the linear
+//! model says that the motors can have done in that neighbourhood. The addition keeps fast motion,
+//! steps of the motors and the branches of hysteresis from being taken for spikes. A step that
+//! stays is never flagged: from the step on, it is its own neighbourhood.
 
 use crate::linear::LinearFit;
 use crate::noise::{DEVIATION_PER_MAD, median};
@@ -18,7 +19,8 @@ pub struct SpikeOptions {
     pub half_window: usize,
     /// Robust standard deviations of the recording beyond which a reading is a spike.
     pub threshold: f64,
-    /// Least distance of a spike, in the unit of the output: without noise, rounding would be flagged.
+    /// Least distance of a spike, in the unit of the output: without noise, rounding would be
+    /// flagged.
     pub least: f64,
     /// Whether flagged rows are used for training all the same.
     pub keep: bool,
@@ -26,7 +28,12 @@ pub struct SpikeOptions {
 
 impl Default for SpikeOptions {
     fn default() -> Self {
-        Self { half_window: 3, threshold: 6.0, least: 0.1, keep: false }
+        Self {
+            half_window: 3,
+            threshold: 6.0,
+            least: 0.1,
+            keep: false,
+        }
     }
 }
 
@@ -45,9 +52,9 @@ pub struct Spike {
     pub distance: f64,
 }
 
-/// Flags the readings of one output. `residuals` are what `linear` leaves of them, one per row; `noise` is the standard
-/// deviation of the measurement where it is known, so that a slow motion with little to say about noise does not make
-/// the filter too keen.
+/// Flags the readings of one output. `residuals` are what `linear` leaves of them, one per row;
+/// `noise` is the standard deviation of the measurement where it is known, so that a slow motion
+/// with little to say about noise does not make the filter too keen.
 pub(crate) fn spikes(
     rows: &[Row],
     residuals: &[f64],
@@ -56,15 +63,24 @@ pub(crate) fn spikes(
     noise: f64,
     options: &SpikeOptions,
 ) -> Vec<Spike> {
-    let window = |row: usize| row.saturating_sub(options.half_window)..(row + options.half_window + 1).min(rows.len());
+    let window = |row: usize| {
+        row.saturating_sub(options.half_window)..(row + options.half_window + 1).min(rows.len())
+    };
     let median_of = |mut values: Vec<f64>| median(&mut values).unwrap_or(0.0);
     let distance = |row: usize| residuals[row] - median_of(residuals[window(row)].to_vec());
     let distances: Vec<f64> = (0..rows.len()).map(distance).collect();
-    let spread = DEVIATION_PER_MAD * median_of(distances.iter().map(|distance| distance.abs()).collect());
+    let spread =
+        DEVIATION_PER_MAD * median_of(distances.iter().map(|distance| distance.abs()).collect());
     let threshold = (options.threshold * spread.max(noise)).max(options.least);
     let gain = linear.gain.get(output).map_or([].as_slice(), Vec::as_slice);
-    let motion =
-        |row: usize| median_of(rows[window(row)].iter().map(|other| travel(gain, &rows[row], other)).collect());
+    let motion = |row: usize| {
+        median_of(
+            rows[window(row)]
+                .iter()
+                .map(|other| travel(gain, &rows[row], other))
+                .collect(),
+        )
+    };
     let beyond = |(row, distance): &(usize, f64)| distance.abs() > threshold + motion(*row);
     let flagged = distances.into_iter().enumerate().filter(beyond);
     flagged
@@ -80,7 +96,10 @@ pub(crate) fn spikes(
 
 /// How far the motors can have moved an output between two rows, whatever way they took.
 fn travel(gain: &[f64], from: &Row, to: &Row) -> f64 {
-    gain.iter().zip(from.counts.iter().zip(&to.counts)).map(|(gain, (from, to))| (gain * (to - from)).abs()).sum()
+    gain.iter()
+        .zip(from.counts.iter().zip(&to.counts))
+        .map(|(gain, (from, to))| (gain * (to - from)).abs())
+        .sum()
 }
 
 #[cfg(test)]
@@ -95,7 +114,11 @@ mod tests {
     /// Rows and outputs that are flagged.
     fn flagged(recording: &Recording) -> Vec<(usize, usize)> {
         let survey = Survey::new(recording, &SpikeOptions::default()).unwrap();
-        survey.spikes.iter().map(|spike| (spike.row, spike.output)).collect()
+        survey
+            .spikes
+            .iter()
+            .map(|spike| (spike.row, spike.output))
+            .collect()
     }
 
     /// A wandering snake with some noise whose readings in `spikes` are wrong.
@@ -104,7 +127,10 @@ mod tests {
         let mut index = 0;
         recording(300, |time| {
             let mut angles = straight(wander(time)).map(|angle| angle + deviation * random());
-            spikes.iter().filter(|(row, ..)| *row == index).for_each(|(_, output, size)| angles[*output] += size);
+            spikes
+                .iter()
+                .filter(|(row, ..)| *row == index)
+                .for_each(|(_, output, size)| angles[*output] += size);
             index += 1;
             (wander(time), angles)
         })
@@ -132,14 +158,24 @@ mod tests {
         let mut random = noise(6);
         let slipped = recording(300, |time| {
             let slip = if time > 30.0 { 8.0 } else { 0.0 };
-            (wander(time), straight(wander(time)).map(|angle| angle + slip + 0.1 * random()))
+            (
+                wander(time),
+                straight(wander(time)).map(|angle| angle + slip + 0.1 * random()),
+            )
         });
         assert_eq!(flagged(&slipped), []);
     }
 
     #[test]
     fn spikes_are_flagged_and_nothing_else() {
-        let spikes = [(40, 0, 25.0), (41, 0, 25.0), (120, 1, -12.0), (200, 0, 9.0), (200, 1, 60.0), (299, 1, 40.0)];
+        let spikes = [
+            (40, 0, 25.0),
+            (41, 0, 25.0),
+            (120, 1, -12.0),
+            (200, 0, 9.0),
+            (200, 1, 60.0),
+            (299, 1, 40.0),
+        ];
         let expected = spikes.map(|(row, output, _)| (row, output));
         assert_eq!(flagged(&with_spikes(0.2, &spikes)), expected);
         assert_eq!(flagged(&with_spikes(0.0, &spikes)), expected);
@@ -147,7 +183,11 @@ mod tests {
 
     #[test]
     fn a_spike_says_where_it_is_and_how_large() {
-        let survey = Survey::new(&with_spikes(0.2, &[(120, 1, -12.0)]), &SpikeOptions::default()).unwrap();
+        let survey = Survey::new(
+            &with_spikes(0.2, &[(120, 1, -12.0)]),
+            &SpikeOptions::default(),
+        )
+        .unwrap();
         let spike = survey.spikes[0];
         assert_eq!(spike.line, 122);
         assert!((spike.distance + 12.0).abs() < 2.5, "{spike:?}");

@@ -1,6 +1,6 @@
-//! Which rows are used for training and which are held out to test the fit: whole cycles or one block at the end, never
-//! single rows in between. Neighbouring rows are nearly the same, so a fit tested on rows between those that it was
-//! trained on would be tested on its own training.
+//! Which rows are used for training and which are held out to test the fit: whole cycles or one
+//! block at the end, never single rows in between. Neighbouring rows are nearly the same, so a fit
+//! tested on rows between those that it was trained on would be tested on its own training.
 
 use std::fmt;
 use std::ops::Range;
@@ -20,7 +20,8 @@ pub enum HoldOut {
     LastCycle,
     /// The last part of the rows, as a fraction above 0 and below 1.
     Fraction(f64),
-    /// Nothing: everything is used for training, and nothing shows how the fit does on other motion.
+    /// Nothing: everything is used for training, and nothing shows how the fit does on other
+    /// motion.
     Nothing,
 }
 
@@ -54,7 +55,8 @@ impl fmt::Display for HoldOut {
     }
 }
 
-/// A recording, cut in two: the rows before `boundary` are for training, those from it on are held out.
+/// A recording, cut in two: the rows before `boundary` are for training, those from it on are held
+/// out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Split {
     boundary: usize,
@@ -119,9 +121,17 @@ impl Split {
             },
         };
         if boundary < MIN_ROWS {
-            return Err(SplitError { rows, held_out: rows - boundary, training: boundary });
+            return Err(SplitError {
+                rows,
+                held_out: rows - boundary,
+                training: boundary,
+            });
         }
-        Ok(Self { boundary, rows, kind })
+        Ok(Self {
+            boundary,
+            rows,
+            kind,
+        })
     }
 
     /// Indices of the rows for training.
@@ -158,7 +168,10 @@ mod tests {
             (HoldOut::Nothing, 0),
         ] {
             let split = Split::new(&wander, hold_out).unwrap();
-            assert_eq!((split.training(), split.held_out()), (0..200 - held_out, 200 - held_out..200));
+            assert_eq!(
+                (split.training(), split.held_out()),
+                (0..200 - held_out, 200 - held_out..200)
+            );
         }
     }
 
@@ -166,7 +179,9 @@ mod tests {
     fn a_cycle_is_held_out_where_there_are_cycles() {
         let sweeps = one_motor(200, |time| (500.0 * (TAU_OVER_8 * time).sin(), time));
         let split = Split::new(&sweeps, HoldOut::LastCycle).unwrap();
-        assert!(matches!(split.kind(), SplitKind::LastCycle { cycles } if (cycles - 4.97).abs() < 0.05));
+        assert!(
+            matches!(split.kind(), SplitKind::LastCycle { cycles } if (cycles - 4.97).abs() < 0.05)
+        );
         assert!((39..=41).contains(&split.held_out().len()));
     }
 
@@ -175,8 +190,13 @@ mod tests {
     #[test]
     fn too_little_training_is_refused() {
         let short = one_motor(25, |time| (time, time));
-        let error = Split::new(&short, HoldOut::Fraction(0.5)).unwrap_err().to_string();
-        assert!(error.contains("holding out 13 of 25 rows leaves 12 for training"), "{error}");
+        let error = Split::new(&short, HoldOut::Fraction(0.5))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("holding out 13 of 25 rows leaves 12 for training"),
+            "{error}"
+        );
     }
 
     #[test]

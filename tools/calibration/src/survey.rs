@@ -64,15 +64,26 @@ impl Survey {
         let inputs = inputs(recording, indices());
         let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
         let warnings = warnings(recording, &inputs);
-        let mut survey = Self { noise: Vec::new(), spikes: Vec::new(), latency: None, warnings };
+        let mut survey = Self {
+            noise: Vec::new(),
+            spikes: Vec::new(),
+            latency: None,
+            warnings,
+        };
         // Where hysteresis looks like a shift in phase, a shift in time does too.
-        survey.latency = if survey.hides_hysteresis().is_none() { recording.latency() } else { None };
+        survey.latency = if survey.hides_hysteresis().is_none() {
+            recording.latency()
+        } else {
+            None
+        };
         for output in 0..recording.outputs().len() {
             let measured: Vec<f64> = rows.iter().map(|row| row.outputs[output]).collect();
             let residuals = residuals(&measured, &inputs, &linear, output);
             let noise = noise_floor(rows, &measured, &residuals);
             let deviation = noise.map_or(0.0, |noise| noise.deviation);
-            survey.spikes.extend(spikes(rows, &residuals, output, &linear, deviation, options));
+            survey.spikes.extend(spikes(
+                rows, &residuals, output, &linear, deviation, options,
+            ));
             survey.noise.push(noise);
         }
         survey.spikes.sort_by_key(|spike| (spike.row, spike.output));
@@ -97,7 +108,11 @@ impl Survey {
 
 fn residuals(measured: &[f64], inputs: &Table, linear: &LinearFit, output: usize) -> Vec<f64> {
     let predicted = |counts| linear.predict(counts).nth(output).unwrap_or_default();
-    measured.iter().zip(inputs.rows()).map(|(measured, counts)| measured - predicted(counts)).collect()
+    measured
+        .iter()
+        .zip(inputs.rows())
+        .map(|(measured, counts)| measured - predicted(counts))
+        .collect()
 }
 
 fn warnings(recording: &Recording, inputs: &Table) -> Vec<Warning> {
@@ -105,7 +120,9 @@ fn warnings(recording: &Recording, inputs: &Table) -> Vec<Warning> {
     let percent = 100.0 * independent;
     let hardly = (independent < HARDLY_SEPARABLE).then_some(Warning::HardlySeparable { percent });
     let rows: Vec<usize> = (0..recording.rows().len()).collect();
-    let findings = findings(&Series::new(recording, &rows)).into_iter().map(Warning::Hysteresis);
+    let findings = findings(&Series::new(recording, &rows))
+        .into_iter()
+        .map(Warning::Hysteresis);
     hardly.into_iter().chain(findings).collect()
 }
 

@@ -11,12 +11,19 @@ impl Table {
     /// An empty table whose rows will have `width` numbers.
     #[must_use]
     pub fn new(width: usize) -> Self {
-        Self { width, values: Vec::new() }
+        Self {
+            width,
+            values: Vec::new(),
+        }
     }
 
-    /// A table of the given rows. Of a row longer than `width` the rest is left out; a shorter one is filled with 0.
+    /// A table of the given rows. Of a row longer than `width` the rest is left out; a shorter one
+    /// is filled with 0.
     #[must_use]
-    pub fn from_rows<Row: IntoIterator<Item = f64>>(width: usize, rows: impl IntoIterator<Item = Row>) -> Self {
+    pub fn from_rows<Row: IntoIterator<Item = f64>>(
+        width: usize,
+        rows: impl IntoIterator<Item = Row>,
+    ) -> Self {
         let mut table = Self::new(width);
         rows.into_iter().for_each(|row| table.push(row));
         table
@@ -72,7 +79,10 @@ mod tests {
     #[test]
     fn an_odd_row_never_shifts_the_next() {
         let table = Table::from_rows(2, [vec![1.0], vec![2.0, 3.0, 4.0], vec![5.0, 6.0]]);
-        assert_eq!(table.rows().collect::<Vec<_>>(), [[1.0, 0.0], [2.0, 3.0], [5.0, 6.0]]);
+        assert_eq!(
+            table.rows().collect::<Vec<_>>(),
+            [[1.0, 0.0], [2.0, 3.0], [5.0, 6.0]]
+        );
     }
 
     #[test]

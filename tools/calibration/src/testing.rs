@@ -6,8 +6,8 @@ use rand_pcg::Pcg64;
 
 use crate::recording::{ColumnMap, Recording, RecordingWriter, Row};
 
-/// A recording of pitch and yaw with two motors, 5 rows a second, that was written and read. `row` gives counts and
-/// angles at a time.
+/// A recording of pitch and yaw with two motors, 5 rows a second, that was written and read. `row`
+/// gives counts and angles at a time.
 pub(crate) fn recording(rows: usize, row: impl FnMut(f64) -> ([f64; 2], [f64; 2])) -> Recording {
     recorded(rows, 2, row)
 }
@@ -20,17 +20,34 @@ pub(crate) fn one_motor(rows: usize, mut row: impl FnMut(f64) -> (f64, f64)) -> 
     })
 }
 
-fn recorded(rows: usize, size: usize, mut row: impl FnMut(f64) -> ([f64; 2], [f64; 2])) -> Recording {
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
+fn recorded(
+    rows: usize,
+    size: usize,
+    mut row: impl FnMut(f64) -> ([f64; 2], [f64; 2]),
+) -> Recording {
+    let outputs = ["pitch", "yaw"].map(|name| OutputSpec {
+        name: name.to_owned(),
+        unit: OutputUnit::Deg,
+    });
     let mut file = tempfile::NamedTempFile::new().unwrap();
     let mut writer = RecordingWriter::new(&mut file, true, size, &outputs[..size]).unwrap();
     for index in 0..rows {
         let time = index as f64 * 0.2;
         let (counts, [pitch, yaw]) = row(time);
-        writer.row(&Row { line: 0, time_s: Some(time), counts, outputs: [pitch, yaw, 0.0], place: 0 }).unwrap();
+        writer
+            .row(&Row {
+                line: 0,
+                time_s: Some(time),
+                counts,
+                outputs: [pitch, yaw, 0.0],
+                place: 0,
+            })
+            .unwrap();
     }
     writer.finish().unwrap();
-    Recording::read(file.path(), &ColumnMap::default()).unwrap().0
+    Recording::read(file.path(), &ColumnMap::default())
+        .unwrap()
+        .0
 }
 
 /// Noise of standard deviation 1, nearly Gaussian: the sum of twelve uniform numbers.

@@ -1,5 +1,5 @@
-//! The laboratory's own recording of the robot. It is not part of the repository; where it is absent, these tests say so
-//! and pass.
+//! The laboratory's own recording of the robot. It is not part of the repository; where it is
+//! absent, these tests say so and pass.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
@@ -21,7 +21,9 @@ fn recording() -> Option<(Recording, ReadReport)> {
 }
 
 fn read(name: &str) -> Option<(Recording, ReadReport)> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../../../shared/data")
+        .join(name);
     if !path.exists() {
         println!("skipped: {} is absent", path.display());
         return None;
@@ -31,22 +33,51 @@ fn read(name: &str) -> Option<(Recording, ReadReport)> {
 
 #[test]
 fn the_file_is_read_as_it_is() {
-    let Some((recording, report)) = recording() else { return };
+    let Some((recording, report)) = recording() else {
+        return;
+    };
     assert_eq!((report.rows, recording.rows().len()), (249, 244));
-    assert_eq!(report.dropped.iter().map(|row| row.line).collect::<Vec<_>>(), [38, 74, 97, 155, 160]);
+    assert_eq!(
+        report
+            .dropped
+            .iter()
+            .map(|row| row.line)
+            .collect::<Vec<_>>(),
+        [38, 74, 97, 155, 160]
+    );
     assert!(report.dropped.iter().all(|row| row.column == "yaws"));
     let first = recording.rows()[0];
-    assert_eq!((first.line, first.time_s, first.counts), (2, Some(1_746_051_712.544_110_3), [257.0, -237.0]));
-    assert_eq!(first.outputs, [0.025_360_903_652_710_93, -2.566_746_434_736_078_4, 0.0]);
+    assert_eq!(
+        (first.line, first.time_s, first.counts),
+        (2, Some(1_746_051_712.544_110_3), [257.0, -237.0])
+    );
+    assert_eq!(
+        first.outputs,
+        [0.025_360_903_652_710_93, -2.566_746_434_736_078_4, 0.0]
+    );
 }
 
 #[test]
 fn the_fourth_turn_is_held_out_and_fitted_better_than_by_a_straight_model() {
-    let Some((recording, _)) = recording() else { return };
-    let options = FitOptions { em: EmOptions { restarts: 5, ..EmOptions::default() }, ..FitOptions::default() };
+    let Some((recording, _)) = recording() else {
+        return;
+    };
+    let options = FitOptions {
+        em: EmOptions {
+            restarts: 5,
+            ..EmOptions::default()
+        },
+        ..FitOptions::default()
+    };
     let outcome = fit(&recording, &options, &Silent).unwrap();
     assert_eq!(outcome.report.split.held_out().len(), 63);
-    for (gmr, linear) in outcome.model.file().metrics.iter().zip(&outcome.linear.file().metrics) {
+    for (gmr, linear) in outcome
+        .model
+        .file()
+        .metrics
+        .iter()
+        .zip(&outcome.linear.file().metrics)
+    {
         assert!(gmr.training.rmsd < linear.training.rmsd);
         assert!(gmr.held_out.unwrap().rmsd < linear.held_out.unwrap().rmsd);
     }
@@ -54,11 +85,26 @@ fn the_fourth_turn_is_held_out_and_fitted_better_than_by_a_straight_model() {
 
 #[test]
 fn its_noise_and_its_limits_are_told() {
-    let Some((recording, _)) = recording() else { return };
-    let options = FitOptions { em: EmOptions { restarts: 1, ..EmOptions::default() }, ..FitOptions::default() };
+    let Some((recording, _)) = recording() else {
+        return;
+    };
+    let options = FitOptions {
+        em: EmOptions {
+            restarts: 1,
+            ..EmOptions::default()
+        },
+        ..FitOptions::default()
+    };
     let survey = fit(&recording, &options, &Silent).unwrap().report.survey;
-    let noise: Vec<_> = survey.noise.iter().map(|noise| noise.unwrap().deviation).collect();
-    assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");
+    let noise: Vec<_> = survey
+        .noise
+        .iter()
+        .map(|noise| noise.unwrap().deviation)
+        .collect();
+    assert!(
+        (noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05,
+        "{noise:?}"
+    );
     assert!(survey.spikes.is_empty());
     let [Warning::Hysteresis(Finding::Circulation { turns })] = survey.warnings[..] else {
         panic!("{:?}", survey.warnings)
@@ -71,19 +117,35 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
     let options = FitOptions {
         choice: Choice::One(Family::Gmr),
         components: Components::Exactly(components),
-        em: EmOptions { restarts: 5, ..EmOptions::default() },
+        em: EmOptions {
+            restarts: 5,
+            ..EmOptions::default()
+        },
         ..FitOptions::default()
     };
     let outcome = fit(recording, &options, &Silent).unwrap();
-    let rows = || outcome.report.training.iter().map(|row| &recording.rows()[*row]);
+    let rows = || {
+        outcome
+            .report
+            .training
+            .iter()
+            .map(|row| &recording.rows()[*row])
+    };
     let inputs = Table::from_rows(recording.motors(), rows().map(|row| row.counts));
     let outputs = Table::from_rows(recording.outputs().len(), rows().map(|row| row.outputs));
-    flat_spot(&outcome.model, &inputs, &outputs, &fit_linear(&inputs, &outputs).unwrap())
+    flat_spot(
+        &outcome.model,
+        &inputs,
+        &outputs,
+        &fit_linear(&inputs, &outputs).unwrap(),
+    )
 }
 
 #[test]
 fn three_components_are_flat_inside_the_ring_and_two_are_not() {
-    let Some((recording, _)) = recording() else { return };
+    let Some((recording, _)) = recording() else {
+        return;
+    };
     let spot = flat(&recording, 3).unwrap();
     assert!(spot.slope < LEAST_SHARE * spot.straight, "{spot}");
     assert_eq!(flat(&recording, 2), None);
@@ -92,9 +154,15 @@ fn three_components_are_flat_inside_the_ring_and_two_are_not() {
 #[test]
 fn the_slack_zone_of_the_echo_probe_is_honest() {
     for name in ["tee_probe/motor1_first.csv", "tee_probe/motor1_second.csv"] {
-        let Some((recording, _)) = read(name) else { return };
+        let Some((recording, _)) = read(name) else {
+            return;
+        };
         for components in [4, 6] {
-            assert_eq!(flat(&recording, components), None, "{name}, {components} components");
+            assert_eq!(
+                flat(&recording, components),
+                None,
+                "{name}, {components} components"
+            );
         }
     }
 }

@@ -1,16 +1,18 @@
-//! Measures the two ways by which a servo command can reach the control loop, and what a faulty client does to them:
-//! `cargo run --release --package i2ris-cli --example servo_path`.
+//! Measures the two ways by which a servo command can reach the control loop, and what a faulty
+//! client does to them: `cargo run --release --package i2ris-cli --example servo_path`.
 //!
-//! A process sends a command about every millisecond at no fixed phase; a loop of 1 kHz (SCHED_FIFO, pinned, spinning,
-//! where granted) looks for the newest one at every tick. Printed: the age of the command when the loop has it, at best
-//! uniform over one period, and what the look costs the loop.
+//! A process sends a command about every millisecond at no fixed phase; a loop of 1 kHz
+//! (SCHED_FIFO, pinned, spinning, where granted) looks for the newest one at every tick. Printed:
+//! the age of the command when the loop has it, at best uniform over one period, and what the look
+//! costs the loop.
 //!
 //! | way | how |
 //! |---|---|
 //! | relay | a thread polls publish-subscribe and fills a mailbox that the loop reads; this is what the controller does |
 //! | blackboard | the loop reads the memory that the client writes |
 //!
-//! The faulty client sends as fast as it can. At the end a writer of the blackboard is killed, and the next one tries.
+//! The faulty client sends as fast as it can. At the end a writer of the blackboard is killed, and
+//! the next one tries.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::process::{Child, Command};
@@ -26,7 +28,9 @@ use i2ris::ipc::{Domain, DomainGuard, Server, random_id, server};
 use i2ris::rt::{self, Ticker, Wanted};
 use i2ris::units::Nanos;
 use iceoryx2::node::Node;
-use iceoryx2::prelude::{Config, FileName, NodeBuilder, Path, SemanticString, SignalHandlingMode, ipc};
+use iceoryx2::prelude::{
+    Config, FileName, NodeBuilder, Path, SemanticString, SignalHandlingMode, ipc,
+};
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
 type Board = PortFactory<ipc::Service, u32>;
@@ -48,9 +52,22 @@ fn main() {
 }
 
 fn measure() {
-    println!("{:<38} {:>34} {:>24}", "", "age p50 / p99 / p99.9 / max us", "look p50 / p99 / max us");
-    relay("relay, every 250 us", Nanos::from_micros(250), Nanos::ZERO, "steady");
-    relay("relay, once ahead of every tick", PERIOD, server::RELAY_LEAD, "steady");
+    println!(
+        "{:<38} {:>34} {:>24}",
+        "", "age p50 / p99 / p99.9 / max us", "look p50 / p99 / max us"
+    );
+    relay(
+        "relay, every 250 us",
+        Nanos::from_micros(250),
+        Nanos::ZERO,
+        "steady",
+    );
+    relay(
+        "relay, once ahead of every tick",
+        PERIOD,
+        server::RELAY_LEAD,
+        "steady",
+    );
     relay("relay, faulty client", PERIOD, server::RELAY_LEAD, "faulty");
     blackboard("blackboard", "steady");
     blackboard("blackboard, faulty client", "faulty");
@@ -59,7 +76,11 @@ fn measure() {
 
 /// Runs the loop with `look` at every tick, and prints what came of it.
 fn run_loop(name: &str, first: Nanos, mut look: impl FnMut() -> ServoJp) {
-    let granted = rt::request(Wanted { priority: 80, cpu: Some(LOOP_CPU), lock_memory: true });
+    let granted = rt::request(Wanted {
+        priority: 80,
+        cpu: Some(LOOP_CPU),
+        lock_memory: true,
+    });
     let [mut ages, mut looks] = [(); 2].map(|()| Histogram::<u64>::new(3).unwrap());
     let mut last = 0;
     let mut ticker = Ticker::new(first, PERIOD, SPIN);
@@ -78,16 +99,32 @@ fn run_loop(name: &str, first: Nanos, mut look: impl FnMut() -> ServoJp) {
         }
     }
     rt::keep_normal(Some(LOOP_CPU));
-    let (age, look) = (row(&ages, &[0.5, 0.99, 0.999, 1.0]), row(&looks, &[0.5, 0.99, 1.0]));
-    println!("{name:<38} {age:>34} {look:>24}  ({} commands, FIFO {})", ages.len(), granted.priority);
+    let (age, look) = (
+        row(&ages, &[0.5, 0.99, 0.999, 1.0]),
+        row(&looks, &[0.5, 0.99, 1.0]),
+    );
+    println!(
+        "{name:<38} {age:>34} {look:>24}  ({} commands, FIFO {})",
+        ages.len(),
+        granted.priority
+    );
 }
 
 fn row(histogram: &Histogram<u64>, quantiles: &[f64]) -> String {
     if histogram.is_empty() {
         return "-".to_owned();
     }
-    let microseconds = |quantile: &f64| format!("{:.1}", histogram.value_at_quantile(*quantile) as f64 / 1000.0);
-    quantiles.iter().map(microseconds).collect::<Vec<_>>().join(" / ")
+    let microseconds = |quantile: &f64| {
+        format!(
+            "{:.1}",
+            histogram.value_at_quantile(*quantile) as f64 / 1000.0
+        )
+    };
+    quantiles
+        .iter()
+        .map(microseconds)
+        .collect::<Vec<_>>()
+        .join(" / ")
 }
 
 fn relay(title: &str, period: Nanos, lead: Nanos, pace: &str) {
@@ -100,7 +137,10 @@ fn relay(title: &str, period: Nanos, lead: Nanos, pace: &str) {
         move || {
             rt::keep_normal(Some(LOOP_CPU));
             let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
-            let _ = rt::request(Wanted { priority: 60, ..Wanted::default() });
+            let _ = rt::request(Wanted {
+                priority: 60,
+                ..Wanted::default()
+            });
             let mut ticker = Ticker::new(first - lead, period, Nanos::ZERO);
             while !stop.load(Ordering::Relaxed) {
                 let tick = ticker.wait();
@@ -130,9 +170,16 @@ fn blackboard(title: &str, pace: &str) {
     let name = board_name();
     let node = board_node(&name);
     let board = create_board(&node);
-    let entry = board.reader_builder().create().unwrap().entry::<ServoJp>(&0).unwrap();
+    let entry = board
+        .reader_builder()
+        .create()
+        .unwrap()
+        .entry::<ServoJp>(&0)
+        .unwrap();
     let mut sender = start(["blackboard", pace, &name]);
-    run_loop(title, clock::now() + Nanos::from_millis(500), || *entry.get());
+    run_loop(title, clock::now() + Nanos::from_millis(500), || {
+        *entry.get()
+    });
     end(&mut sender);
     drop((entry, board, node));
     remove_board(&name);
@@ -140,13 +187,21 @@ fn blackboard(title: &str, pace: &str) {
 
 fn send_to_board(pace: &str, name: &str) {
     let node = board_node(name);
-    let board: Board = node.service_builder(&"servo".try_into().unwrap()).blackboard_opener().open().unwrap();
+    let board: Board = node
+        .service_builder(&"servo".try_into().unwrap())
+        .blackboard_opener()
+        .open()
+        .unwrap();
     let writer = board.writer_builder().create().unwrap();
     match writer.entry::<ServoJp>(&0) {
         Ok(entry) => send(pace, |sequence| {
             // The faulty client does not even look at the clock.
             let stamp_ns = if pace == "steady" { clock::now().0 } else { 0 };
-            entry.update_with_copy(ServoJp { sequence, stamp_ns, ..ServoJp::default() });
+            entry.update_with_copy(ServoJp {
+                sequence,
+                stamp_ns,
+                ..ServoJp::default()
+            });
         }),
         Err(error) => println!("the next writer is refused: {error:?}"),
     }
@@ -157,12 +212,20 @@ fn kill_a_writer() {
     let name = board_name();
     let node = board_node(&name);
     let board = create_board(&node);
-    let entry = board.reader_builder().create().unwrap().entry::<ServoJp>(&0).unwrap();
+    let entry = board
+        .reader_builder()
+        .create()
+        .unwrap()
+        .entry::<ServoJp>(&0)
+        .unwrap();
     for round in 1..=2 {
         let before = entry.get().sequence;
         let mut sender = start(["blackboard", "steady", &name]);
         clock::sleep(Nanos::from_millis(300));
-        println!("blackboard, writer {round}: its commands arrive: {}", entry.get().sequence != before);
+        println!(
+            "blackboard, writer {round}: its commands arrive: {}",
+            entry.get().sequence != before
+        );
         end(&mut sender);
         node.try_cleanup_dead_nodes();
     }
@@ -176,14 +239,25 @@ fn board_name() -> String {
 
 fn board_node(name: &str) -> Node<ipc::Service> {
     let mut config = Config::default();
-    config.global.set_root_path(&Path::new(format!("/dev/shm/{name}").as_bytes()).unwrap());
+    config
+        .global
+        .set_root_path(&Path::new(format!("/dev/shm/{name}").as_bytes()).unwrap());
     config.global.prefix = FileName::new(format!("{name}_").as_bytes()).unwrap();
-    NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled).create().unwrap()
+    NodeBuilder::new()
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create()
+        .unwrap()
 }
 
 fn create_board(node: &Node<ipc::Service>) -> Board {
-    let creator = node.service_builder(&"servo".try_into().unwrap()).blackboard_creator::<u32>();
-    creator.add::<ServoJp>(0, ServoJp::default()).create().unwrap()
+    let creator = node
+        .service_builder(&"servo".try_into().unwrap())
+        .blackboard_creator::<u32>();
+    creator
+        .add::<ServoJp>(0, ServoJp::default())
+        .create()
+        .unwrap()
 }
 
 fn remove_board(name: &str) {
@@ -206,7 +280,10 @@ fn send(pace: &str, mut send: impl FnMut(u64)) {
 }
 
 fn start(arguments: [&str; 3]) -> Child {
-    Command::new(std::env::current_exe().unwrap()).args(arguments).spawn().unwrap()
+    Command::new(std::env::current_exe().unwrap())
+        .args(arguments)
+        .spawn()
+        .unwrap()
 }
 
 fn end(child: &mut Child) {

@@ -1,4 +1,5 @@
-//! `i2ris bench`: how fast it is on this machine, each figure beside what the machine itself needs, in the same run.
+//! `i2ris bench`: how fast it is on this machine, each figure beside what the machine itself needs,
+//! in the same run.
 //!
 //! | file | holds |
 //! |---|---|
@@ -48,8 +49,15 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
-    let seats = i2ris_bench::Seats { priority: arguments.priority, pinned: !arguments.unpinned };
-    let run = what::Run { seats, interrupt: &interrupt, quiet: arguments.json };
+    let seats = i2ris_bench::Seats {
+        priority: arguments.priority,
+        pinned: !arguments.unpinned,
+    };
+    let run = what::Run {
+        seats,
+        interrupt: &interrupt,
+        quiet: arguments.json,
+    };
     let outcomes = run.measure(&arguments.what)?;
     if arguments.json {
         println!("{:#}", as_json(&outcomes));
@@ -59,7 +67,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.output {
         let written = show::write(folder, &outcomes)?;
         if !arguments.json {
-            println!("\nwritten: {} and {} more", folder.join("index.html").display(), written.len() - 1);
+            println!(
+                "\nwritten: {} and {} more",
+                folder.join("index.html").display(),
+                written.len() - 1
+            );
         }
     }
     Ok(())

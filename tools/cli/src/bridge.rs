@@ -54,7 +54,10 @@ struct Shared {
 
 impl Shared {
     fn key(&self) -> Result<Key, Failure> {
-        Ok(self.key.as_deref().map_or_else(|| Ok(Key::open()), Key::load)?)
+        Ok(self
+            .key
+            .as_deref()
+            .map_or_else(|| Ok(Key::open()), Key::load)?)
     }
 
     fn lost_after(&self) -> Nanos {
@@ -97,7 +100,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn make_key(file: &Path) -> Result<(), Failure> {
     Key::make(file)?;
-    until_closed(Screen::stdout().say(&format!("{}: a new key; take it to both computers", file.display())))?;
+    until_closed(Screen::stdout().say(&format!(
+        "{}: a new key; take it to both computers",
+        file.display()
+    )))?;
     Ok(())
 }
 
@@ -113,33 +119,55 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     };
     let interrupt = Interrupt::catch()?;
     let gate = gate.open()?;
-    let what = if arguments.command { "to watch and to command" } else { "to watch only" };
+    let what = if arguments.command {
+        "to watch and to command"
+    } else {
+        "to watch only"
+    };
     let mut news = News::new();
-    news.say(&format!("listening at {}, {what}; Ctrl-C ends", gate.address()));
+    news.say(&format!(
+        "listening at {}, {what}; Ctrl-C ends",
+        gate.address()
+    ));
     gate.run(|| interrupt.came(), |told| news.tell(&told));
     Ok(())
 }
 
 fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
-    let address = arguments.gate.to_socket_addrs().map_err(|error| format!("{}: {error}", arguments.gate))?.next();
+    let address = arguments
+        .gate
+        .to_socket_addrs()
+        .map_err(|error| format!("{}: {error}", arguments.gate))?
+        .next();
     let gate = address.ok_or_else(|| format!("{}: no such address", arguments.gate))?;
     let domain = shared.domain.domain()?;
     let mut news = News::new();
     let interrupt = Interrupt::catch()?;
-    news.say(&format!("calling {gate} for domain {}; Ctrl-C ends", domain.name()));
-    let console = Console { domain, gate, key: shared.key()?, lost_after: shared.lost_after() };
+    news.say(&format!(
+        "calling {gate} for domain {}; Ctrl-C ends",
+        domain.name()
+    ));
+    let console = Console {
+        domain,
+        gate,
+        key: shared.key()?,
+        lost_after: shared.lost_after(),
+    };
     Ok(console.run(|| interrupt.came(), |told| news.tell(&told))?)
 }
 
-/// What people read. A reader that went away does not end the bridge: it may be all that holds the robot.
+/// What people read. A reader that went away does not end the bridge: it may be all that holds the
+/// robot.
 struct News {
     screen: Screen,
 }
 
 impl News {
     fn new() -> Self {
-        Self { screen: Screen::stdout() }
+        Self {
+            screen: Screen::stdout(),
+        }
     }
 
     fn say(&mut self, line: &str) {
@@ -149,7 +177,9 @@ impl News {
     fn tell(&mut self, told: &Told) {
         match told {
             // Every second anew, on a screen that shows the last one only.
-            Told::RoundTrip(_) if self.screen.is_terminal() => drop(self.screen.draw(&[told.to_string()])),
+            Told::RoundTrip(_) if self.screen.is_terminal() => {
+                drop(self.screen.draw(&[told.to_string()]))
+            }
             Told::RoundTrip(_) => {}
             told => self.say(&told.to_string()),
         }

@@ -58,7 +58,8 @@ struct TeleopOptions {
     /// Lead the snake with a gamepad
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "/dev/input/js0")]
     gamepad: Option<PathBuf>,
-    /// Number of the button of the gamepad that has to be held; 5 is the right shoulder button of most
+    /// Number of the button of the gamepad that has to be held; 5 is the right shoulder button of
+    /// most
     #[arg(long, default_value_t = 5, value_name = "NUMBER")]
     dead_man: u8,
     /// How much of the motion of keys and stick reaches the snake
@@ -71,17 +72,26 @@ struct TeleopOptions {
 
 impl TeleopOptions {
     fn device(&self) -> Option<Device> {
-        let gamepad = |path: &PathBuf| Device::Gamepad { path: path.clone(), dead_man: self.dead_man };
-        if self.keyboard { Some(Device::Keyboard) } else { self.gamepad.as_ref().map(gamepad) }
+        let gamepad = |path: &PathBuf| Device::Gamepad {
+            path: path.clone(),
+            dead_man: self.dead_man,
+        };
+        if self.keyboard {
+            Some(Device::Keyboard)
+        } else {
+            self.gamepad.as_ref().map(gamepad)
+        }
     }
 }
 
 #[derive(Debug, clap::Args)]
 struct StreamOptions {
-    /// Commands per second; slower than the deadline of the controller allows, the robot stops in between
+    /// Commands per second; slower than the deadline of the controller allows, the robot stops in
+    /// between
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate, global = true)]
     rate_hz: f64,
-    /// Speed limit on the way to the start of the path, and of the master that keys or a gamepad lead
+    /// Speed limit on the way to the start of the path, and of the master that keys or a gamepad
+    /// lead
     #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive, global = true)]
     speed_deg_s: f64,
     /// Home and enable the robot first, where necessary
@@ -126,7 +136,8 @@ enum What {
         #[command(flatten)]
         periodic: Periodic,
     },
-    /// Follow the angles of a CSV file with the columns t_s, pitch_deg and yaw_deg, joined by straight lines
+    /// Follow the angles of a CSV file with the columns t_s, pitch_deg and yaw_deg, joined by
+    /// straight lines
     File {
         /// The file
         csv: PathBuf,
@@ -196,45 +207,111 @@ impl StateWord {
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments { domain, stream, teleop, what } = arguments;
+    let Arguments {
+        domain,
+        stream,
+        teleop,
+        what,
+    } = arguments;
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
         (None, Some(device)) => return lead(&domain, &stream, &teleop, device),
-        (Some(_), Some(_)) => wrong_usage("give either --keyboard or --gamepad or a subcommand, not both"),
-        (None, None) => wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`"),
+        (Some(_), Some(_)) => {
+            wrong_usage("give either --keyboard or --gamepad or a subcommand, not both")
+        }
+        (None, None) => {
+            wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`")
+        }
     };
     // A file with a mistake is refused before the robot moves.
-    let table = if let What::File { csv } = &what { Some(Table::load(csv)?) } else { None };
+    let table = if let What::File { csv } = &what {
+        Some(Table::load(csv)?)
+    } else {
+        None
+    };
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;
     let (name, path, duration_s) = match what {
         What::State { command, json } => return change_state(&mut client, command.command(), json),
         What::Hold { duration_s } => ("hold", None, duration_s),
-        What::Pose { pitch_deg, yaw_deg, duration_s } => ("pose", Some(Path::Point([pitch_deg, yaw_deg])), duration_s),
-        What::Sine { amplitude_deg, periodic } => {
+        What::Pose {
+            pitch_deg,
+            yaw_deg,
+            duration_s,
+        } => ("pose", Some(Path::Point([pitch_deg, yaw_deg])), duration_s),
+        What::Sine {
+            amplitude_deg,
+            periodic,
+        } => {
             let (center, amplitude) = (pair(&periodic.center), pair(&amplitude_deg));
-            ("sine", Some(Path::Sine { center, amplitude, period_s: periodic.period_s }), periodic.duration_s)
+            (
+                "sine",
+                Some(Path::Sine {
+                    center,
+                    amplitude,
+                    period_s: periodic.period_s,
+                }),
+                periodic.duration_s,
+            )
         }
-        What::Circle { radius_deg, periodic } => {
+        What::Circle {
+            radius_deg,
+            periodic,
+        } => {
             let center = pair(&periodic.center);
-            let path = Path::Circle { center, radius: radius_deg, period_s: periodic.period_s };
+            let path = Path::Circle {
+                center,
+                radius: radius_deg,
+                period_s: periodic.period_s,
+            };
             ("circle", Some(path), periodic.duration_s)
         }
         What::File { .. } => ("file", table.map(Path::Table), None),
     };
-    let StreamOptions { rate_hz, speed_deg_s, enable } = stream;
-    stream::run(&mut client, Plan { name, path, duration_s, rate_hz, speed_deg_s, enable }, &interrupt)
+    let StreamOptions {
+        rate_hz,
+        speed_deg_s,
+        enable,
+    } = stream;
+    stream::run(
+        &mut client,
+        Plan {
+            name,
+            path,
+            duration_s,
+            rate_hz,
+            speed_deg_s,
+            enable,
+        },
+        &interrupt,
+    )
 }
 
 /// Ends the program as any command line that makes no sense.
 fn wrong_usage(what: &str) -> ! {
-    Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
+    Cli::command()
+        .error(ErrorKind::ArgumentConflict, what)
+        .exit()
 }
 
-fn lead(domain: &DomainOption, stream: &StreamOptions, options: &TeleopOptions, device: Device) -> Result<(), Failure> {
+fn lead(
+    domain: &DomainOption,
+    stream: &StreamOptions,
+    options: &TeleopOptions,
+    device: Device,
+) -> Result<(), Failure> {
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;
-    let (TeleopOptions { scale, step_deg, .. }, StreamOptions { rate_hz, speed_deg_s, enable }) = (options, stream);
+    let (
+        TeleopOptions {
+            scale, step_deg, ..
+        },
+        StreamOptions {
+            rate_hz,
+            speed_deg_s,
+            enable,
+        },
+    ) = (options, stream);
     let plan = teleop::Plan {
         device,
         speed_deg_s: *speed_deg_s,
@@ -259,29 +336,51 @@ fn change_state(client: &mut Client, command: StateCommand, json: bool) -> Resul
 
 /// The command line takes exactly two values.
 fn pair(values: &[f64]) -> Angles {
-    [values.first().copied().unwrap_or(0.0), values.get(1).copied().unwrap_or(0.0)]
+    [
+        values.first().copied().unwrap_or(0.0),
+        values.get(1).copied().unwrap_or(0.0),
+    ]
 }
 
 fn finite(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if number.is_finite() { Ok(number) } else { Err("must be finite".to_owned()) }
+    if number.is_finite() {
+        Ok(number)
+    } else {
+        Err("must be finite".to_owned())
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|number| if number > 0.0 { Ok(number) } else { Err("must be above 0".to_owned()) })
+    finite(text).and_then(|number| {
+        if number > 0.0 {
+            Ok(number)
+        } else {
+            Err("must be above 0".to_owned())
+        }
+    })
 }
 
 fn rate(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (10.0..=1000.0).contains(number);
-    finite(text).ok().filter(in_range).ok_or_else(|| "must be 10 to 1000".to_owned())
+    finite(text)
+        .ok()
+        .filter(in_range)
+        .ok_or_else(|| "must be 10 to 1000".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (0.01..=1.0).contains(number);
-    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 1".to_owned())
+    finite(text)
+        .ok()
+        .filter(in_range)
+        .ok_or_else(|| "must be 0.01 to 1".to_owned())
 }
 
 fn step(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (0.01..=2.0).contains(number);
-    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 2".to_owned())
+    finite(text)
+        .ok()
+        .filter(in_range)
+        .ok_or_else(|| "must be 0.01 to 2".to_owned())
 }

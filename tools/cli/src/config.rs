@@ -26,7 +26,8 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Print a configuration with every key and what it means, those that the file leaves out with their defaults
+    /// Print a configuration with every key and what it means, those that the file leaves out with
+    /// their defaults
     Print {
         /// The configuration
         file: PathBuf,
@@ -46,9 +47,15 @@ pub enum Command {
 pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Check { file, json } => check(file.clone(), *json)?,
-        Command::Print { file, json: true } => println!("{}", serde_json::to_string_pretty(&Config::load(file)?)?),
-        Command::Print { file, json: false } => print!("{}", describe::describe(&Config::load(file)?)?),
-        Command::Schema { kind } => println!("{}", serde_json::to_string_pretty(&schema::of(*kind))?),
+        Command::Print { file, json: true } => {
+            println!("{}", serde_json::to_string_pretty(&Config::load(file)?)?)
+        }
+        Command::Print { file, json: false } => {
+            print!("{}", describe::describe(&Config::load(file)?)?)
+        }
+        Command::Schema { kind } => {
+            println!("{}", serde_json::to_string_pretty(&schema::of(*kind))?)
+        }
     }
     Ok(())
 }
@@ -57,9 +64,15 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     let config = Config::load(&file)?;
     let (robot, motors) = (&config.robot_id, config.motors());
     if json {
-        println!("{}", serde_json::json!({ "file": file, "valid": true, "robot_id": robot, "motors": motors }));
+        println!(
+            "{}",
+            serde_json::json!({ "file": file, "valid": true, "robot_id": robot, "motors": motors })
+        );
     } else {
-        println!("{}: valid; robot {robot}, {motors} motor(s)", file.display());
+        println!(
+            "{}: valid; robot {robot}, {motors} motor(s)",
+            file.display()
+        );
     }
     Ok(())
 }

@@ -1,4 +1,5 @@
-//! What the subcommands that talk to a controller share: the domain, interruption, output that may end.
+//! What the subcommands that talk to a controller share: the domain, interruption, output that may
+//! end.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::sync::Arc;
@@ -10,7 +11,13 @@ use i2ris::ipc::{Domain, DomainError};
 #[derive(Debug, clap::Args)]
 pub struct DomainOption {
     /// Domain of the controller in shared memory
-    #[arg(long, env = "I2RIS_DOMAIN", default_value = "i2ris", value_name = "NAME", global = true)]
+    #[arg(
+        long,
+        env = "I2RIS_DOMAIN",
+        default_value = "i2ris",
+        value_name = "NAME",
+        global = true
+    )]
     domain: String,
 }
 
@@ -26,7 +33,8 @@ impl DomainOption {
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Catches SIGINT, SIGTERM and SIGHUP. The second one ends the program at once, with the exit code of a shell.
+    /// Catches SIGINT, SIGTERM and SIGHUP. The second one ends the program at once, with the exit
+    /// code of a shell.
     pub fn catch() -> Result<Self, ctrlc::Error> {
         Self::catch_with(|| ())
     }
@@ -50,7 +58,8 @@ impl Interrupt {
     }
 }
 
-/// Standard output as a screen: a block of lines that is drawn over again on a terminal, and appended elsewhere.
+/// Standard output as a screen: a block of lines that is drawn over again on a terminal, and
+/// appended elsewhere.
 #[derive(Debug)]
 pub struct Screen {
     terminal: bool,
@@ -60,7 +69,10 @@ pub struct Screen {
 impl Screen {
     /// The standard output.
     pub fn stdout() -> Self {
-        Self { terminal: io::stdout().is_terminal(), drawn: 0 }
+        Self {
+            terminal: io::stdout().is_terminal(),
+            drawn: 0,
+        }
     }
 
     /// Whether a person looks at it.
@@ -72,7 +84,8 @@ impl Screen {
     pub fn draw(&mut self, lines: &[String]) -> io::Result<()> {
         let mut text = String::new();
         if self.terminal {
-            // A line that the terminal breaks in two would spoil the count of lines: cut it instead.
+            // A line that the terminal breaks in two would spoil the count of lines: cut it
+            // instead.
             text.push_str("\x1b[?7l");
         }
         if self.terminal && self.drawn > 0 {

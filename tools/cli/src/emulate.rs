@@ -93,7 +93,10 @@ impl Arguments {
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
         if self.family == FamilyName::Epos2 {
-            config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
+            config
+                .drives
+                .iter_mut()
+                .for_each(|drive| drive.family = Family::Epos2);
         }
         if self.framing == FramingName::V1 {
             config.line.framing = Framing::V1;
@@ -125,10 +128,16 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         emulator.publish_camera(&domain)?;
     }
     for (axis, serial_number) in serial_numbers.iter().enumerate() {
-        say(&format!("axis {axis}: {} (serial number {serial_number})", emulator.device(axis).display()));
+        say(&format!(
+            "axis {axis}: {} (serial number {serial_number})",
+            emulator.device(axis).display()
+        ));
     }
-    let camera =
-        if arguments.no_camera { "no camera".to_owned() } else { format!("camera on domain {}", domain.name()) };
+    let camera = if arguments.no_camera {
+        "no camera".to_owned()
+    } else {
+        format!("camera on domain {}", domain.name())
+    };
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
     watch(&emulator, &stop, arguments.duration);
     say(&summary(&emulator.snapshot(), emulator.host_bugs()));
@@ -157,7 +166,12 @@ fn status(snapshot: &Snapshot, host_bugs: u64) -> String {
     let [pitch, yaw] = snapshot.angles_deg;
     let mut line = format!("pitch {pitch:+7.2} yaw {yaw:+7.2} deg");
     for (number, axis) in snapshot.axes.iter().enumerate() {
-        let _ = write!(line, " | axis {number} {} {:+}", axis.drive.state.name(), axis.drive.position);
+        let _ = write!(
+            line,
+            " | axis {number} {} {:+}",
+            axis.drive.state.name(),
+            axis.drive.position
+        );
     }
     let _ = write!(line, " | broken rules {host_bugs}");
     line
@@ -181,7 +195,10 @@ fn print_over(line: &str) {
 
 /// Parses a standard deviation.
 fn noise(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|deg: &f64| (0.0..=10.0).contains(deg));
+    let value = text
+        .parse()
+        .ok()
+        .filter(|deg: &f64| (0.0..=10.0).contains(deg));
     value.ok_or_else(|| "must be a number of degrees from 0 to 10".to_owned())
 }
 
@@ -189,5 +206,9 @@ fn noise(text: &str) -> Result<f64, String> {
 fn seconds(text: &str) -> Result<Nanos, String> {
     let wrong = || "must be a number of seconds above 0".to_owned();
     let value: f64 = text.parse().map_err(|_| wrong())?;
-    if value.is_finite() && value > 0.0 && value < 1e9 { Ok(Nanos((value * 1e9) as u64)) } else { Err(wrong()) }
+    if value.is_finite() && value > 0.0 && value < 1e9 {
+        Ok(Nanos((value * 1e9) as u64))
+    } else {
+        Err(wrong())
+    }
 }

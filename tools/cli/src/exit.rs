@@ -1,4 +1,5 @@
-//! What the program says to the shell: a number per kind of failure, so that scripts can tell them apart.
+//! What the program says to the shell: a number per kind of failure, so that scripts can tell them
+//! apart.
 
 use std::process::ExitCode;
 
@@ -53,14 +54,29 @@ mod tests {
 
     #[test]
     fn every_kind_of_failure_has_the_number_that_the_help_tells() {
-        let refused = ClientError::Refused { command: StateCommand::Enable, refusal: Refusal::NotHomed, state: None };
+        let refused = ClientError::Refused {
+            command: StateCommand::Enable,
+            refusal: Refusal::NotHomed,
+            state: None,
+        };
         let cases: [(Failure, u8); 6] = [
             ("something".into(), 1),
-            (ClientError::NoController { domain: "x".to_owned() }.into(), 3),
+            (
+                ClientError::NoController {
+                    domain: "x".to_owned(),
+                }
+                .into(),
+                3,
+            ),
             (refused.into(), 4),
             (Stop::Lease(7).into(), 4),
             (Stop::Fault(Fault::Drive).into(), 5),
-            (i2ris::config::Config::load(std::path::Path::new("/nowhere")).unwrap_err().into(), 6),
+            (
+                i2ris::config::Config::load(std::path::Path::new("/nowhere"))
+                    .unwrap_err()
+                    .into(),
+                6,
+            ),
         ];
         for (failure, expected) in cases {
             assert_eq!(number(&failure), expected, "{failure}");

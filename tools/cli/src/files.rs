@@ -10,7 +10,10 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     name.push(".part");
     let part = PathBuf::from(name);
     let mut file = fs::File::create(&part)?;
-    let done = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&part, path));
+    let done = file
+        .write_all(bytes)
+        .and_then(|()| file.sync_all())
+        .and_then(|()| fs::rename(&part, path));
     if done.is_err() {
         let _ = fs::remove_file(&part);
     }

@@ -1,7 +1,12 @@
 //! The command line of i2ris.
 //!
-//! One file per subcommand: its arguments, and `run`. What they do lives in the libraries; here is what a person sees.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command line prints")]
+//! One file per subcommand: its arguments, and `run`. What they do lives in the libraries; here is
+//! what a person sees.
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command line prints"
+)]
 
 use std::process::ExitCode;
 
@@ -79,11 +84,16 @@ enum Task {
 }
 
 impl Task {
-    /// Whether it only prints. Such a one ends without a word when its reader goes away (`| head`), as every tool of a shell
-    /// does; one that moves the robot, or holds something that has to be given back, finishes in order.
+    /// Whether it only prints. Such a one ends without a word when its reader goes away (`| head`),
+    /// as every tool of a shell does; one that moves the robot, or holds something that has to be
+    /// given back, finishes in order.
     fn only_prints(&self) -> bool {
         match self {
-            Self::Model(_) | Self::Doctor(_) | Self::Config(_) | Self::Completions(_) | Self::Replay(_) => true,
+            Self::Model(_)
+            | Self::Doctor(_)
+            | Self::Config(_)
+            | Self::Completions(_)
+            | Self::Replay(_) => true,
             Self::Bench(_) | Self::Vision(_) | Self::Report(_) => true,
             Self::Calibrate(command) => command.only_prints(),
             Self::Emulate(_) | Self::Command(_) | Self::Monitor(_) | Self::Bridge(_) => false,
@@ -142,9 +152,18 @@ mod tests {
     fn every_subcommand_has_an_example_that_names_it_and_what_is_told_of_options_is_consistent() {
         let mut command = Cli::command();
         command.build();
-        for subcommand in command.get_subcommands_mut().filter(|it| it.get_name() != "help") {
-            let (name, help) = (subcommand.get_name().to_owned(), subcommand.render_long_help().to_string());
-            assert!(help.contains("Example") && help.contains(&format!("i2ris {name}")), "{name}: {help}");
+        for subcommand in command
+            .get_subcommands_mut()
+            .filter(|it| it.get_name() != "help")
+        {
+            let (name, help) = (
+                subcommand.get_name().to_owned(),
+                subcommand.render_long_help().to_string(),
+            );
+            assert!(
+                help.contains("Example") && help.contains(&format!("i2ris {name}")),
+                "{name}: {help}"
+            );
         }
         command.debug_assert();
     }

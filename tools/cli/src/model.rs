@@ -1,4 +1,5 @@
-//! `i2ris model`: what a model says, to a person and to a script, without a robot; and which models a controller has.
+//! `i2ris model`: what a model says, to a person and to a script, without a robot; and which models
+//! a controller has.
 
 mod activate;
 mod invert;
@@ -57,7 +58,9 @@ pub fn run(command: Command) -> Result<(), Failure> {
 
 /// The columns of a model's motors.
 fn counts_columns(model: &Model) -> Vec<String> {
-    (0..model.motors()).map(|motor| format!("q{motor}_counts")).collect()
+    (0..model.motors())
+        .map(|motor| format!("q{motor}_counts"))
+        .collect()
 }
 
 /// The columns of a model's outputs.
@@ -66,17 +69,28 @@ fn output_columns(model: &Model) -> Vec<String> {
         OutputUnit::Deg => "deg",
         OutputUnit::Mm => "mm",
     };
-    model.file().outputs.iter().map(|output| format!("{}_{}", output.name, suffix(output))).collect()
+    model
+        .file()
+        .outputs
+        .iter()
+        .map(|output| format!("{}_{}", output.name, suffix(output)))
+        .collect()
 }
 
 /// The unit of a model's outputs, in radians or metres.
 fn si(model: &Model) -> f64 {
-    model.file().outputs.first().map_or(1.0, |output| output.unit.si())
+    model
+        .file()
+        .outputs
+        .first()
+        .map_or(1.0, |output| output.unit.si())
 }
 
 /// The way of the motors before anything is asked; none without a file.
 fn history(file: Option<&PathBuf>, model: &Model) -> Result<Vec<MotorVec>, Failure> {
-    let Some(file) = file else { return Ok(Vec::new()) };
+    let Some(file) = file else {
+        return Ok(Vec::new());
+    };
     let table = Table::read(file, &counts_columns(model))?;
     Ok(table.rows.iter().map(|row| motors(&row.values)).collect())
 }
@@ -84,14 +98,20 @@ fn history(file: Option<&PathBuf>, model: &Model) -> Result<Vec<MotorVec>, Failu
 /// Values of a row as one per motor.
 fn motors(values: &[f64]) -> MotorVec {
     let mut counts = [0.0; MAX_MOTORS];
-    counts.iter_mut().zip(values).for_each(|(to, from)| *to = *from);
+    counts
+        .iter_mut()
+        .zip(values)
+        .for_each(|(to, from)| *to = *from);
     counts
 }
 
 /// Values of a row, in the unit of the file, as one per output in radians or metres.
 fn outputs(values: &[f64], si: f64) -> OutputVec {
     let mut outputs = [0.0; MAX_OUTPUTS];
-    outputs.iter_mut().zip(values).for_each(|(to, from)| *to = from * si);
+    outputs
+        .iter_mut()
+        .zip(values)
+        .for_each(|(to, from)| *to = from * si);
     outputs
 }
 

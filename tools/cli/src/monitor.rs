@@ -1,4 +1,5 @@
-//! `i2ris monitor`: shows what the controller tells, as a screen, as lines, or as a page for a browser.
+//! `i2ris monitor`: shows what the controller tells, as a screen, as lines, or as a page for a
+//! browser.
 //!
 //! | part | does |
 //! |---|---|
@@ -7,7 +8,8 @@
 //! | `terminal` | the screen with keys; its `hands` are the only part that asks the controller to do something |
 //! | `web` | the page; holds a board and no client at all |
 //!
-//! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and the loop never waits.
+//! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and
+//! the loop never waits.
 
 mod board;
 mod hull;
@@ -68,7 +70,9 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let domain = arguments.domain.domain()?;
-    let span = arguments.duration_s.map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
+    let span = arguments
+        .duration_s
+        .map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
     if let Some(place) = arguments.web {
         return web::run(&domain, place, arguments.model, span);
     }
@@ -87,10 +91,19 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 /// Lines into a file or a pipe; the same page again and again on a terminal that has no keyboard.
-fn plain(sight: &mut Sight, interrupt: &Interrupt, title: &str, span: Option<Nanos>) -> Result<(), Failure> {
+fn plain(
+    sight: &mut Sight,
+    interrupt: &Interrupt,
+    title: &str,
+    span: Option<Nanos>,
+) -> Result<(), Failure> {
     let start = clock::now();
     let (mut screen, mut board) = (Screen::stdout(), Board::default());
-    let period = if screen.is_terminal() { DRAW_PERIOD } else { LINE_PERIOD };
+    let period = if screen.is_terminal() {
+        DRAW_PERIOD
+    } else {
+        LINE_PERIOD
+    };
     let (mut next_draw, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
     while open && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
         let now = clock::now();
@@ -138,5 +151,8 @@ fn title(client: &mut Client, domain: &str) -> Result<String, Failure> {
         [0, ..] if version.model_id == [0; 32] => "no model".to_owned(),
         id => format!("model {}", view::short_id(i2ris::model::ModelId(id))),
     };
-    Ok(format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {}, {model}", version.pid))
+    Ok(format!(
+        "i2ris {major}.{minor}.{patch}, domain {domain}, process {}, {model}",
+        version.pid
+    ))
 }

@@ -1,4 +1,5 @@
-//! `i2ris replay`: the last seconds of a controller once more, through the same cycle; and `i2ris dump`, which writes them down.
+//! `i2ris replay`: the last seconds of a controller once more, through the same cycle; and
+//! `i2ris dump`, which writes them down.
 
 use std::path::PathBuf;
 
@@ -38,7 +39,10 @@ pub struct DumpArguments {
 /// Has the controller write its black box, and prints where.
 pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    println!("{}", while_working("the controller writes", || client.write_black_box())?.display());
+    println!(
+        "{}",
+        while_working("the controller writes", || client.write_black_box())?.display()
+    );
     Ok(())
 }
 
@@ -50,12 +54,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         content.ticks.iter().for_each(|tick| events(&tick.outputs));
     }
     let replayed = while_working("replaying", || replay(&content))?;
-    let Replayed { ticks, swaps, skipped, difference } = &replayed;
+    let Replayed {
+        ticks,
+        swaps,
+        skipped,
+        difference,
+    } = &replayed;
     if *skipped > 0 {
-        println!("skipped    {skipped} ticks that come after a gap, or before the first state that was kept");
+        println!(
+            "skipped    {skipped} ticks that come after a gap, or before the first state that was kept"
+        );
     }
     match difference {
-        None => println!("replayed   {ticks} ticks with {swaps} swaps of models: all the same to the bit"),
+        None => println!(
+            "replayed   {ticks} ticks with {swaps} swaps of models: all the same to the bit"
+        ),
         Some(difference) => return Err(describe(difference, *ticks).into()),
     }
     Ok(())
@@ -71,12 +84,26 @@ fn header(content: &Content) {
     }
     let (first, last) = (content.ticks.first(), content.ticks.last());
     if let (Some(first), Some(last)) = (first, last) {
-        let seconds = last.timing.tick.started.since(first.timing.tick.started).as_seconds();
-        println!("ticks      {} to {}, {seconds:.3} s", first.number, last.number);
-        println!("state      {} at the end, last fault: {}", last.outputs.report.state, last.outputs.report.fault);
+        let seconds = last
+            .timing
+            .tick
+            .started
+            .since(first.timing.tick.started)
+            .as_seconds();
+        println!(
+            "ticks      {} to {}, {seconds:.3} s",
+            first.number, last.number
+        );
+        println!(
+            "state      {} at the end, last fault: {}",
+            last.outputs.report.state, last.outputs.report.fault
+        );
     }
     if header.lost > 0 {
-        println!("lost       {} ticks since the start, for which the recorder was too slow", header.lost);
+        println!(
+            "lost       {} ticks since the start, for which the recorder was too slow",
+            header.lost
+        );
     }
 }
 
@@ -90,7 +117,12 @@ fn events(outputs: &Outputs) {
 }
 
 fn describe(difference: &Difference, ticks: u64) -> String {
-    let Difference { number, field, recorded, replayed } = difference;
+    let Difference {
+        number,
+        field,
+        recorded,
+        replayed,
+    } = difference;
     format!(
         "tick {number} differs, after {} that came out the same; the first field that does is {field}\n  recorded: {recorded}\n  \
          replayed: {replayed}\nthe file was written by other software than this, or on another kind of machine, or here is \

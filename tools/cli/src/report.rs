@@ -56,7 +56,10 @@ fn print(report: &Report) {
     tracked("goal against camera", summary.camera.as_ref());
     tracked("goal against estimate", summary.estimate.as_ref());
     for own in &summary.hysteresis {
-        let width = own.width_deg.map_or_else(|| "cannot be told".to_owned(), |deg| format!("{deg:.2} deg"));
+        let width = own.width_deg.map_or_else(
+            || "cannot be told".to_owned(),
+            |deg| format!("{deg:.2} deg"),
+        );
         println!("  loop of {:<6} ({}): {width} wide", own.output, own.from);
     }
     let spread = |name: &str, spread: Option<&Spread>, unit: &str| {
@@ -65,16 +68,33 @@ fn print(report: &Report) {
         }
     };
     spread("command to line", summary.command_to_line_ms.as_ref(), "ms");
-    spread("loop late", summary.control_loop.as_ref().map(|own| &own.lateness_us), "us");
-    let troubles = summary.events.iter().filter(|event| event.is_trouble).count();
-    println!("  {} events, {troubles} of them not meant to happen", summary.events.len());
+    spread(
+        "loop late",
+        summary.control_loop.as_ref().map(|own| &own.lateness_us),
+        "us",
+    );
+    let troubles = summary
+        .events
+        .iter()
+        .filter(|event| event.is_trouble)
+        .count();
+    println!(
+        "  {} events, {troubles} of them not meant to happen",
+        summary.events.len()
+    );
     if let Some(why) = &summary.cut_off {
         eprintln!("warning: the recording is not whole: {why}");
     }
 }
 
 fn tracked(name: &str, tracked: Option<&Tracked>) {
-    if let Some(Tracked { length_rms_deg, length, samples, .. }) = tracked {
+    if let Some(Tracked {
+        length_rms_deg,
+        length,
+        samples,
+        ..
+    }) = tracked
+    {
         println!(
             "  {name:<24} RMS {length_rms_deg:.3} deg, p99 {:.3} deg, max {:.3} deg ({samples} samples)",
             length.p99, length.max

@@ -11,7 +11,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// How often it moves.
 const BEAT: Duration = Duration::from_millis(100);
 
-/// Does the work, and shows on stderr that it goes on, if stderr is a terminal and the work takes more than two seconds.
+/// Does the work, and shows on stderr that it goes on, if stderr is a terminal and the work takes
+/// more than two seconds.
 pub fn while_working<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
     let (done, is_done) = channel::<()>();
     thread::scope(|scope| {
@@ -19,7 +20,8 @@ pub fn while_working<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
             if is_done.recv_timeout(PATIENCE) != Err(RecvTimeoutError::Timeout) {
                 return;
             }
-            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()).with_message(what);
+            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr())
+                .with_message(what);
             // The template is fixed; were it wrong, the sign would look plain.
             if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}, {elapsed}") {
                 bar.set_style(style);

@@ -38,7 +38,11 @@ impl Bench {
     #[track_caller]
     fn succeeds(&self, options: &[&str]) -> String {
         let output = self.fit(options);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         assert!(output.stderr.is_empty());
         Model::load(&self.model()).unwrap();
         String::from_utf8(output.stdout).unwrap()
@@ -48,11 +52,20 @@ impl Bench {
     #[track_caller]
     fn fails(&self, options: &[&str], parts: &[&str]) {
         let sentence = failure(&self.fit(options));
-        assert!(sentence.contains(&*self.path("rows.csv").to_string_lossy()), "{sentence}");
+        assert!(
+            sentence.contains(&*self.path("rows.csv").to_string_lossy()),
+            "{sentence}"
+        );
         for part in parts {
-            assert!(sentence.contains(part), "`{part}` is missing in: {sentence}");
+            assert!(
+                sentence.contains(part),
+                "`{part}` is missing in: {sentence}"
+            );
         }
-        let left: Vec<_> = fs::read_dir(self.folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        let left: Vec<_> = fs::read_dir(self.folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
         assert_eq!(left, ["rows.csv"], "something was left behind");
     }
 }
@@ -73,7 +86,10 @@ fn calibrate(recording: &Path, model: &Path, options: &[&str]) -> Output {
 fn failure(output: &Output) -> String {
     let sentence = String::from_utf8(output.stderr.clone()).unwrap();
     assert!(!output.status.success() && output.stdout.is_empty());
-    assert!(sentence.starts_with("error: ") && sentence.lines().count() == 1, "{sentence}");
+    assert!(
+        sentence.starts_with("error: ") && sentence.lines().count() == 1,
+        "{sentence}"
+    );
     sentence
 }
 
@@ -85,14 +101,23 @@ fn rows(rows: u32) -> Vec<[f64; 5]> {
         let q1 = (300.0 * (0.23 * time + 1.0).cos() + 150.0 * (0.97 * time).sin()).round();
         let wobble = 0.1 * (57.0 * time).sin();
         let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + wobble;
-        [time, q0, q1, bend(0.02 * q0 - 0.015 * q1), bend(0.015 * q0 + 0.02 * q1)]
+        [
+            time,
+            q0,
+            q1,
+            bend(0.02 * q0 - 0.015 * q1),
+            bend(0.015 * q0 + 0.02 * q1),
+        ]
     };
     (0..rows).map(row).collect()
 }
 
 fn csv(rows: &[[f64; 5]]) -> String {
     let line = |row: &[f64; 5]| row.map(|number| number.to_string()).join(",");
-    std::iter::once(HEADER.to_owned()).chain(rows.iter().map(line)).collect::<Vec<_>>().join("\n")
+    std::iter::once(HEADER.to_owned())
+        .chain(rows.iter().map(line))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 /// A good recording with one cell replaced.
@@ -113,24 +138,47 @@ fn with_column(column: usize, cell: &str) -> String {
         cells.join(",")
     };
     let text = csv(&rows(100));
-    std::iter::once(HEADER.to_owned()).chain(text.lines().skip(1).map(replace)).collect::<Vec<_>>().join("\n")
+    std::iter::once(HEADER.to_owned())
+        .chain(text.lines().skip(1).map(replace))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[test]
 fn a_good_recording_gives_a_model_and_a_table() {
     let bench = Bench::new(&csv(&rows(300)));
-    let printed = bench.succeeds(&["--max-components", "4", "--restarts", "4", "--robot-id", "left"]);
-    for part in ["rows       300; 0 dropped", "spikes     0", "noise      pitch", "chosen", "held out   ", "RMSD"] {
+    let printed = bench.succeeds(&[
+        "--max-components",
+        "4",
+        "--restarts",
+        "4",
+        "--robot-id",
+        "left",
+    ]);
+    for part in [
+        "rows       300; 0 dropped",
+        "spikes     0",
+        "noise      pitch",
+        "chosen",
+        "held out   ",
+        "RMSD",
+    ] {
         assert!(printed.contains(part), "`{part}` is missing in:\n{printed}");
     }
     for name in ["pitch (deg)", "yaw (deg)"] {
         assert!(printed.contains(&format!("{name:<12}linear")), "{printed}");
     }
-    assert!(printed.lines().all(|line| line.chars().count() <= 100), "{printed}");
+    assert!(
+        printed.lines().all(|line| line.chars().count() <= 100),
+        "{printed}"
+    );
     let model = Model::load(&bench.model()).unwrap();
     assert_eq!(model.file().robot_id, "left");
     assert_eq!(model.file().training.data_file, "rows.csv");
-    assert!(printed.contains(&format!("model id   {}", model.id())), "{printed}");
+    assert!(
+        printed.contains(&format!("model id   {}", model.id())),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -138,16 +186,34 @@ fn a_report_with_figures_is_written_beside_the_model() {
     let bench = Bench::new(&csv(&rows(300)));
     let page = bench.path("report.html");
     let option = page.to_str().unwrap();
-    let printed = bench.succeeds(&["--components", "2", "--restarts", "2", "--robot-id", "a<b>&c", "--report", option]);
+    let printed = bench.succeeds(&[
+        "--components",
+        "2",
+        "--restarts",
+        "2",
+        "--robot-id",
+        "a<b>&c",
+        "--report",
+        option,
+    ]);
     assert!(printed.ends_with(&format!("wrote {option}\n")), "{printed}");
     let text = fs::read_to_string(&page).unwrap();
     let model = Model::load(&bench.model()).unwrap();
-    for part in [&model.id().to_string(), &model.file().training.data_sha256, "rows.csv", "a&lt;b&gt;&amp;c", "<svg "] {
+    for part in [
+        &model.id().to_string(),
+        &model.file().training.data_sha256,
+        "rows.csv",
+        "a&lt;b&gt;&amp;c",
+        "<svg ",
+    ] {
         assert!(text.contains(part), "`{part}` is missing");
     }
     let elsewhere = text.replace("http://www.w3.org/2000/svg", "");
     assert!(!elsewhere.contains("//") && !elsewhere.contains("<script") && !text.contains("NaN"));
-    let mut left: Vec<_> = fs::read_dir(bench.folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let mut left: Vec<_> = fs::read_dir(bench.folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
     left.sort();
     assert_eq!(left, ["model.json", "report.html", "rows.csv"]);
 }
@@ -168,7 +234,10 @@ fn a_report_that_cannot_be_written_is_found_before_the_work() {
 fn the_linear_family_needs_no_mixture() {
     let bench = Bench::new(&csv(&rows(100)));
     let printed = bench.succeeds(&["--family", "linear", "--hold-out", "none"]);
-    assert!(printed.contains("held out   nothing") && !printed.contains("gmr"), "{printed}");
+    assert!(
+        printed.contains("held out   nothing") && !printed.contains("gmr"),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -187,17 +256,35 @@ fn dropped_and_flagged_rows_are_named() {
     rows[58][4] += 70.0;
     let text = csv(&rows).replace(&format!("\n{},", rows[20][0]), "\n,");
     let printed = Bench::new(&text).succeeds(&["--components", "2", "--restarts", "2"]);
-    assert!(printed.contains("1 dropped for an empty cell:\n           line 22 (t_s)"), "{printed}");
-    assert!(printed.contains("1 reading(s) flagged:\n           line 60 (yaw "), "{printed}");
+    assert!(
+        printed.contains("1 dropped for an empty cell:\n           line 22 (t_s)"),
+        "{printed}"
+    );
+    assert!(
+        printed.contains("1 reading(s) flagged:\n           line 60 (yaw "),
+        "{printed}"
+    );
 }
 
 #[test]
 fn columns_can_be_named() {
     let text = csv(&rows(100)).replace(HEADER, "when,left,right,up,side");
     let bench = Bench::new(&text);
-    let columns = ["--counts", "left,right", "--angles", "up=pitch,side=yaw", "--time", "when", "--family", "linear"];
+    let columns = [
+        "--counts",
+        "left,right",
+        "--angles",
+        "up=pitch,side=yaw",
+        "--time",
+        "when",
+        "--family",
+        "linear",
+    ];
     let printed = bench.succeeds(&columns);
-    assert!(printed.contains("motor 0 `left`, motor 1 `right`, pitch `up`, yaw `side`, time `when`"), "{printed}");
+    assert!(
+        printed.contains("motor 0 `left`, motor 1 `right`, pitch `up`, yaw `side`, time `when`"),
+        "{printed}"
+    );
 }
 
 #[test]
@@ -226,16 +313,24 @@ fn wrong_columns_are_refused() {
     Bench::new(&csv(&rows(100)).replace("q0_counts", "q0"))
         .fails(&[], &["`q0_counts`", "`q0`, `q1_counts`", "--counts"]);
     let good = Bench::new(&csv(&rows(100)));
-    good.fails(&["--angles", "bend=pitch"], &["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"]);
+    good.fails(
+        &["--angles", "bend=pitch"],
+        &["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"],
+    );
     good.fails(&["--time", "clock"], &["no column `clock`", "--time"]);
-    good.fails(&["--counts", "q0_counts,q0_counts"], &["`q0_counts` is named for two purposes"]);
+    good.fails(
+        &["--counts", "q0_counts,q0_counts"],
+        &["`q0_counts` is named for two purposes"],
+    );
 }
 
 #[test]
 fn columns_that_say_nothing_are_refused() {
     Bench::new(&with_column(4, "")).fails(&[], &["column `yaw_deg` is empty on every row"]);
-    Bench::new(&with_column(2, "5")).fails(&[], &["column `q1_counts` is 5 on every row", "--counts"]);
-    Bench::new(&with_column(3, "0.5")).fails(&[], &["column `pitch_deg` is 0.5 on every row", "--angles"]);
+    Bench::new(&with_column(2, "5"))
+        .fails(&[], &["column `q1_counts` is 5 on every row", "--counts"]);
+    Bench::new(&with_column(3, "0.5"))
+        .fails(&[], &["column `pitch_deg` is 0.5 on every row", "--angles"]);
 }
 
 #[test]
@@ -244,36 +339,67 @@ fn too_few_rows_are_refused() {
     Bench::new(&csv(&rows(1))).fails(&[], &["1 complete row(s), and a model takes at least 20"]);
     let few = Bench::new(&csv(&rows(60)));
     let most = ["60 rows of 4 variables carry at most 4", "9 are asked for"];
-    few.fails(&["--family", "gmr", "--components", "9", "--hold-out", "none"], &most);
-    few.fails(&["--hold-out", "none"], &["takes rows held out", "--family"]);
-    few.fails(&["--hold-out", "0.9"], &["holding out 54 of 60 rows leaves 6 for training", "--hold-out"]);
+    few.fails(
+        &["--family", "gmr", "--components", "9", "--hold-out", "none"],
+        &most,
+    );
+    few.fails(
+        &["--hold-out", "none"],
+        &["takes rows held out", "--family"],
+    );
+    few.fails(
+        &["--hold-out", "0.9"],
+        &[
+            "holding out 54 of 60 rows leaves 6 for training",
+            "--hold-out",
+        ],
+    );
 }
 
 #[test]
 fn cells_that_make_no_sense_are_refused() {
-    Bench::new(&with_cell(7, 1, "left")).fails(&[], &["line 7, column `q0_counts`: `left` is not a number"]);
-    Bench::new(&with_cell(8, 3, "nan")).fails(&[], &["line 8, column `pitch_deg`: `nan` is not a finite number"]);
-    Bench::new(&with_cell(9, 4, "-181")).fails(&[], &["line 9, column `yaw_deg`: `-181` is not between -180 and 180"]);
-    Bench::new(&with_cell(9, 4, "1,2")).fails(&[], &["line 9: has 6 cells, and the header names 5"]);
+    Bench::new(&with_cell(7, 1, "left"))
+        .fails(&[], &["line 7, column `q0_counts`: `left` is not a number"]);
+    Bench::new(&with_cell(8, 3, "nan")).fails(
+        &[],
+        &["line 8, column `pitch_deg`: `nan` is not a finite number"],
+    );
+    Bench::new(&with_cell(9, 4, "-181")).fails(
+        &[],
+        &["line 9, column `yaw_deg`: `-181` is not between -180 and 180"],
+    );
+    Bench::new(&with_cell(9, 4, "1,2"))
+        .fails(&[], &["line 9: has 6 cells, and the header names 5"]);
 }
 
 #[test]
 fn time_that_does_not_go_forward_is_refused() {
-    Bench::new(&with_cell(10, 0, "0.3")).fails(&[], &["line 10, column `t_s`: time 0.3 s goes backwards"]);
+    Bench::new(&with_cell(10, 0, "0.3"))
+        .fails(&[], &["line 10, column `t_s`: time 0.3 s goes backwards"]);
     let twice = Bench::new(&with_cell(10, 0, &rows(10)[7][0].to_string()));
-    twice.fails(&[], &["line 10, column `t_s`: time 1.4000000000000001 s stands there twice", "line 9"]);
+    twice.fails(
+        &[],
+        &[
+            "line 10, column `t_s`: time 1.4000000000000001 s stands there twice",
+            "line 9",
+        ],
+    );
     twice.succeeds(&["--no-time", "--family", "linear"]);
 }
 
 #[test]
 fn motors_that_move_as_one_are_refused() {
-    let together: Vec<_> = rows(100).into_iter().map(|[t, q0, _, pitch, yaw]| [t, q0, 2.0 * q0, pitch, yaw]).collect();
+    let together: Vec<_> = rows(100)
+        .into_iter()
+        .map(|[t, q0, _, pitch, yaw]| [t, q0, 2.0 * q0, pitch, yaw])
+        .collect();
     Bench::new(&csv(&together)).fails(&[], &["the motors move together", "--counts"]);
 }
 
 #[test]
 fn a_model_that_cannot_be_inverted_is_not_written() {
-    // Both motors stay on one circle, so nothing is known of its middle, and many components make folds there.
+    // Both motors stay on one circle, so nothing is known of its middle, and many components make
+    // folds there.
     let on_a_circle = |i: u32| {
         let (time, phase) = (0.2 * f64::from(i), 0.1 * f64::from(i));
         let (q0, q1) = (350.0 * phase.cos(), 350.0 * phase.sin());
@@ -285,7 +411,10 @@ fn a_model_that_cannot_be_inverted_is_not_written() {
     let bench = Bench::new(&csv(&(0..250).map(on_a_circle).collect::<Vec<_>>()));
     bench.fails(
         &["--family", "gmr", "--components", "8"],
-        &["the model of family `gmr` is refused", "the inverse fails at counts"],
+        &[
+            "the model of family `gmr` is refused",
+            "the inverse fails at counts",
+        ],
     );
 }
 
@@ -313,14 +442,18 @@ fn options_that_make_no_sense_are_refused() {
     ] {
         let output = bench.fit(&options);
         let message = String::from_utf8(output.stderr).unwrap();
-        assert!(!output.status.success() && message.contains(part), "{message}");
+        assert!(
+            !output.status.success() && message.contains(part),
+            "{message}"
+        );
         assert!(!bench.model().exists());
     }
 }
 
 #[test]
 fn the_laboratorys_recording_is_fitted_as_it_is() {
-    let recording = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/i2ris/output_w_angles.csv");
+    let recording = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../../../shared/data/i2ris/output_w_angles.csv");
     if !recording.exists() {
         println!("skipped: {} is absent", recording.display());
         return;
@@ -329,12 +462,21 @@ fn the_laboratorys_recording_is_fitted_as_it_is() {
     let model = folder.path().join("model.json");
     let output = calibrate(&recording, &model, &["--restarts", "3"]);
     let printed = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(
-        printed.contains("249; 5 dropped for an empty cell:\n           line 38 (yaws), 74 (yaws), 97"),
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(
+        printed.contains(
+            "249; 5 dropped for an empty cell:\n           line 38 (yaws), 74 (yaws), 97"
+        ),
         "{printed}"
     );
     assert!(printed.contains("the last of 3.97 cycles"), "{printed}");
-    assert!(printed.contains("warning    both motors go round"), "{printed}");
+    assert!(
+        printed.contains("warning    both motors go round"),
+        "{printed}"
+    );
     assert_eq!(Model::load(&model).unwrap().outputs(), 2);
 }

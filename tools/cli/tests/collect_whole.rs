@@ -1,6 +1,6 @@
-//! The whole way of a calibration: emulated drives, snake and camera, the controller's own threads, `i2ris calibrate
-//! collect` and `i2ris calibrate fit` as processes; then the same through pictures of the snake, and a command with the
-//! model that came of them.
+//! The whole way of a calibration: emulated drives, snake and camera, the controller's own threads,
+//! `i2ris calibrate collect` and `i2ris calibrate fit` as processes; then the same through pictures
+//! of the snake, and a command with the model that came of them.
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
@@ -31,21 +31,37 @@ impl Rig {
         let folder = tempfile::tempdir().unwrap();
         let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
         let snake = SnakeConfig::load(&files.join("snakes/steel.toml")).unwrap();
-        let mut emulator = Emulator::start(EmulatorConfig::new(snake, &folder.path().join("ports"))).unwrap();
+        let mut emulator =
+            Emulator::start(EmulatorConfig::new(snake, &folder.path().join("ports"))).unwrap();
         let mut config = Config::load(&files.join("emulator.toml")).unwrap();
         config.ipc.domain = format!("t{:016x}", random_id());
-        emulator.publish_camera(&Domain::new(&config.ipc.domain).unwrap()).unwrap();
+        emulator
+            .publish_camera(&Domain::new(&config.ipc.domain).unwrap())
+            .unwrap();
         for (axis, port) in config.ports.iter_mut().enumerate() {
             port.device = emulator.device(axis).to_owned();
             port.reply_timeout_ms = 500;
         }
-        // Tests share the machine: nobody spins, stalls are not what this is about, and the stroke is a short one.
-        (config.control.spin_us, config.control.priority, config.control.lock_memory) = (0, 0, false);
-        (config.limits.feedback_stale_ms, config.limits.feedback_lost_ms) = (2000, 10_000);
+        // Tests share the machine: nobody spins, stalls are not what this is about, and the stroke
+        // is a short one.
+        (
+            config.control.spin_us,
+            config.control.priority,
+            config.control.lock_memory,
+        ) = (0, 0, false);
+        (
+            config.limits.feedback_stale_ms,
+            config.limits.feedback_lost_ms,
+        ) = (2000, 10_000);
         (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
         config.condition.half_width_counts = Some(400);
         (config.condition.turns, config.condition.velocity_counts_s) = (1, 2000.0);
-        let mut rig = Self { emulator, folder, config, controller: None };
+        let mut rig = Self {
+            emulator,
+            folder,
+            config,
+            controller: None,
+        };
         rig.control(None);
         rig
     }
@@ -54,10 +70,15 @@ impl Rig {
     fn control(&mut self, model: Option<&str>) {
         self.stop();
         self.config.control.model = model.map(|name| self.path(name));
-        std::fs::write(self.path("robot.toml"), toml::to_string(&self.config).unwrap()).unwrap();
+        std::fs::write(
+            self.path("robot.toml"),
+            toml::to_string(&self.config).unwrap(),
+        )
+        .unwrap();
         let (config, shutdown) = (self.config.clone(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&shutdown);
-        let thread = thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
+        let thread =
+            thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
         self.controller = Some((shutdown, thread));
     }
 
@@ -72,12 +93,22 @@ impl Rig {
         self.folder.path().join(name)
     }
 
-    /// Runs `i2ris` with arguments, those that begin with `@` being files of the rig; returns what it printed.
+    /// Runs `i2ris` with arguments, those that begin with `@` being files of the rig; returns what
+    /// it printed.
     fn tool(&self, arguments: &[&str]) -> String {
         let file = |name: &str| self.path(name).into_os_string();
-        let arguments = arguments.iter().map(|text| text.strip_prefix('@').map_or_else(|| text.into(), file));
-        let output: Output = Command::new(env!("CARGO_BIN_EXE_i2ris")).args(arguments).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let arguments = arguments
+            .iter()
+            .map(|text| text.strip_prefix('@').map_or_else(|| text.into(), file));
+        let output: Output = Command::new(env!("CARGO_BIN_EXE_i2ris"))
+            .args(arguments)
+            .output()
+            .unwrap();
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         String::from_utf8(output.stdout).unwrap()
     }
 }
@@ -88,27 +119,78 @@ impl Drop for Rig {
     }
 }
 
-/// Root mean square distance between the angles of two recordings at their common instants, and how many those are.
+/// Root mean square distance between the angles of two recordings at their common instants, and how
+/// many those are.
 fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
     let mut squares = Vec::new();
     for row in one.rows() {
-        let same = other.rows().iter().find(|seen| (seen.time_s.unwrap() - row.time_s.unwrap()).abs() < 1e-6);
-        squares
-            .extend(same.map(|seen| (0..2).map(|axis| (seen.outputs[axis] - row.outputs[axis]).powi(2)).sum::<f64>()));
+        let same = other
+            .rows()
+            .iter()
+            .find(|seen| (seen.time_s.unwrap() - row.time_s.unwrap()).abs() < 1e-6);
+        squares.extend(same.map(|seen| {
+            (0..2)
+                .map(|axis| (seen.outputs[axis] - row.outputs[axis]).powi(2))
+                .sum::<f64>()
+        }));
     }
-    ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len())
+    (
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt(),
+        squares.len(),
+    )
 }
 
 /// Pictures of what was recorded, the angles that are in them, and a model of those.
 fn through_pictures(rig: &Rig) -> Model {
-    let common = ["vision", "render", "--angles", "@take.csv", "--output", "@pictures", "--size", "640x480"];
+    let common = [
+        "vision",
+        "render",
+        "--angles",
+        "@take.csv",
+        "--output",
+        "@pictures",
+        "--size",
+        "640x480",
+    ];
     rig.tool(&[&common[..], &["--every", "6"]].concat());
-    let setup = ["vision", "calibrate", "--setup", "@pictures/vision.toml", "--output", "@vision.toml"];
-    rig.tool(&[&setup[..], &["--rest", "@pictures/rest0", "@pictures/rest1"]].concat());
-    let measure = ["vision", "--setup", "@vision.toml", "@pictures/view0", "@pictures/view1", "--rest-s", "0"];
+    let setup = [
+        "vision",
+        "calibrate",
+        "--setup",
+        "@pictures/vision.toml",
+        "--output",
+        "@vision.toml",
+    ];
+    rig.tool(
+        &[
+            &setup[..],
+            &["--rest", "@pictures/rest0", "@pictures/rest1"],
+        ]
+        .concat(),
+    );
+    let measure = [
+        "vision",
+        "--setup",
+        "@vision.toml",
+        "@pictures/view0",
+        "@pictures/view1",
+        "--rest-s",
+        "0",
+    ];
     rig.tool(&[&measure[..], &["--output", "@angles.csv"]].concat());
-    rig.tool(&["calibrate", "merge", "@take.csv", "@angles.csv", "--output", "@seen.csv"]);
-    let read = |name: &str| Recording::read(&rig.path(name), &ColumnMap::default()).unwrap().0;
+    rig.tool(&[
+        "calibrate",
+        "merge",
+        "@take.csv",
+        "@angles.csv",
+        "--output",
+        "@seen.csv",
+    ]);
+    let read = |name: &str| {
+        Recording::read(&rig.path(name), &ColumnMap::default())
+            .unwrap()
+            .0
+    };
     let (apart, common) = apart_deg(&read("seen.csv"), &read("take.csv"));
     assert!(common > 80 && apart < 0.1, "{common} pictures, {apart} deg");
     assert!(apart > 0.0, "the angles are those of the pictures");
@@ -116,7 +198,17 @@ fn through_pictures(rig: &Rig) -> Model {
 }
 
 fn fit(rig: &Rig, recording: &str, output: &str) -> Model {
-    let fit = ["calibrate", "fit", recording, "--robot-id", "i2ris-emulated", "--family", "gmr", "--output", output];
+    let fit = [
+        "calibrate",
+        "fit",
+        recording,
+        "--robot-id",
+        "i2ris-emulated",
+        "--family",
+        "gmr",
+        "--output",
+        output,
+    ];
     rig.tool(&[&fit[..], &["--components", "4", "--restarts", "2"]].concat());
     let model = Model::load(&rig.path(&output[1..])).unwrap();
     model.check_robot("i2ris-emulated", 2).unwrap();
@@ -149,10 +241,25 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let latency = sidecar["latency"]["estimate_ms"].as_f64().unwrap();
     assert!(latency.abs() < 15.0, "{printed}");
 
-    let (recording, report) = Recording::read(&rig.path("take.csv"), &ColumnMap::default()).unwrap();
-    assert!(recording.rows().len() > 300 && report.positions > recording.rows().len(), "{report:?}");
-    let reach = |motor: usize| recording.path().iter().map(|place| place.counts[motor].abs()).fold(0.0, f64::max);
-    assert!(reach(0) > 600.0 && reach(1) > 600.0 && reach(0).max(reach(1)) < 1205.0, "{} {}", reach(0), reach(1));
+    let (recording, report) =
+        Recording::read(&rig.path("take.csv"), &ColumnMap::default()).unwrap();
+    assert!(
+        recording.rows().len() > 300 && report.positions > recording.rows().len(),
+        "{report:?}"
+    );
+    let reach = |motor: usize| {
+        recording
+            .path()
+            .iter()
+            .map(|place| place.counts[motor].abs())
+            .fold(0.0, f64::max)
+    };
+    assert!(
+        reach(0) > 600.0 && reach(1) > 600.0 && reach(0).max(reach(1)) < 1205.0,
+        "{} {}",
+        reach(0),
+        reach(1)
+    );
     assert_eq!(rig.emulator.host_bugs(), 0);
 
     let direct = fit(&rig, "@take.csv", "@model.json");
@@ -166,9 +273,20 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     }
     rig.control(Some("seen.json"));
     let domain = rig.config.ipc.domain.clone();
-    let pose = ["command", "--domain", &domain, "--enable", "pose", "8", "-6", "--duration-s", "1"];
+    let pose = [
+        "command",
+        "--domain",
+        &domain,
+        "--enable",
+        "pose",
+        "8",
+        "-6",
+        "--duration-s",
+        "1",
+    ];
     rig.tool(&pose);
     let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
-    // The model has no memory: half the width of the loop, and what friction has left of the motion before.
+    // The model has no memory: half the width of the loop, and what friction has left of the motion
+    // before.
     assert!((pitch - 8.0).hypot(yaw + 6.0) < 4.0, "{pitch} {yaw}");
 }

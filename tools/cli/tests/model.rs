@@ -17,15 +17,19 @@ const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id"
         "log_likelihood": null, "bic": null, "software": "test"},
     "metrics": [METRICS, METRICS]}"#;
 
-const METRICS: &str =
-    r#"{"training": {"r2": 0.99, "rmsd": 1.0, "nrmsd": 0.1, "mae": 0.8, "max": 2.0}, "held_out": null}"#;
+const METRICS: &str = r#"{"training": {"r2": 0.99, "rmsd": 1.0, "nrmsd": 0.1, "mae": 0.8, "max": 2.0}, "held_out": null}"#;
 
 struct Bench(TempDir);
 
 impl Bench {
     fn new() -> Self {
         let bench = Self(tempfile::tempdir().unwrap());
-        bench.write("model.json", &MODEL.replace("METRICS", METRICS).replace("SHA", &"0".repeat(64)));
+        bench.write(
+            "model.json",
+            &MODEL
+                .replace("METRICS", METRICS)
+                .replace("SHA", &"0".repeat(64)),
+        );
         bench
     }
 
@@ -39,9 +43,17 @@ impl Bench {
 
     /// Runs `i2ris` in the folder: success, standard output, standard error.
     fn run(&self, arguments: &[&str]) -> (bool, String, String) {
-        let output = Command::new(env!("CARGO_BIN_EXE_i2ris")).args(arguments).current_dir(&self.0).output().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_i2ris"))
+            .args(arguments)
+            .current_dir(&self.0)
+            .output()
+            .unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
-        (output.status.success(), text(output.stdout), text(output.stderr))
+        (
+            output.status.success(),
+            text(output.stdout),
+            text(output.stderr),
+        )
     }
 
     /// Runs it and expects success.
@@ -56,18 +68,28 @@ impl Bench {
         let text = fs::read_to_string(self.path(name)).unwrap();
         let mut lines = text.lines();
         assert_eq!(lines.next(), Some(header));
-        lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
+        lines
+            .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+            .collect()
     }
 }
 
 #[test]
 fn show_tells_a_person_what_the_model_is() {
     let output = Bench::new().good(&["model", "show", "model.json"]);
-    for said in ["linear", "paper", "pitch (deg), yaw (deg)", "-900 to 900 counts", "0.01000 deg/count", "none.csv"] {
+    for said in [
+        "linear",
+        "paper",
+        "pitch (deg), yaw (deg)",
+        "-900 to 900 counts",
+        "0.01000 deg/count",
+        "none.csv",
+    ] {
         assert!(output.contains(said), "{said}: {output}");
     }
     let json: serde_json::Value =
-        serde_json::from_str(&Bench::new().good(&["model", "show", "model.json", "--json"])).unwrap();
+        serde_json::from_str(&Bench::new().good(&["model", "show", "model.json", "--json"]))
+            .unwrap();
     assert_eq!(json["file"]["robot_id"], "paper");
     assert_eq!(json["id"].as_str().map(str::len), Some(64));
 }
@@ -75,32 +97,80 @@ fn show_tells_a_person_what_the_model_is() {
 #[test]
 fn counts_lead_to_angles_and_angles_to_counts() {
     let bench = Bench::new();
-    bench.write("wanted.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,4,-2\n1.5,4,-2\n");
-    bench.good(&["model", "invert", "model.json", "--trajectory", "wanted.csv", "--output", "counts.csv"]);
+    bench.write(
+        "wanted.csv",
+        "t_s,pitch_deg,yaw_deg\n0,0,0\n1,4,-2\n1.5,4,-2\n",
+    );
+    bench.good(&[
+        "model",
+        "invert",
+        "model.json",
+        "--trajectory",
+        "wanted.csv",
+        "--output",
+        "counts.csv",
+    ]);
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(rows.len(), 1501, "one per tick of 1 ms");
     for row in &rows {
         // Coming up to 400 counts/s with 40,000 counts/s^2 takes 2 counts of the way; and rounding.
-        assert!((row[3] - 100.0 * row[1]).abs() <= 3.0 && (row[4] - 100.0 * row[2]).abs() <= 3.0, "{row:?}");
+        assert!(
+            (row[3] - 100.0 * row[1]).abs() <= 3.0 && (row[4] - 100.0 * row[2]).abs() <= 3.0,
+            "{row:?}"
+        );
     }
     assert_eq!(rows.last().unwrap()[1..], [4.0, -2.0, 400.0, -200.0]);
-    bench.good(&["model", "predict", "model.json", "--counts", "counts.csv", "--output", "angles.csv"]);
+    bench.good(&[
+        "model",
+        "predict",
+        "model.json",
+        "--counts",
+        "counts.csv",
+        "--output",
+        "angles.csv",
+    ]);
     let angles = bench.rows("angles.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(angles.len(), rows.len());
-    assert!(angles.iter().zip(&rows).all(|(angle, row)| (angle[1] - row[3] * 0.01).abs() < 1e-9));
+    assert!(
+        angles
+            .iter()
+            .zip(&rows)
+            .all(|(angle, row)| (angle[1] - row[3] * 0.01).abs() < 1e-9)
+    );
 }
 
 #[test]
 fn limits_hold_unless_they_are_lifted() {
     let bench = Bench::new();
-    bench.write("jump.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n0.001,8,0\n0.1,8,0\n");
-    let arguments = ["model", "invert", "model.json", "--trajectory", "jump.csv", "--output", "counts.csv"];
+    bench.write(
+        "jump.csv",
+        "t_s,pitch_deg,yaw_deg\n0,0,0\n0.001,8,0\n0.1,8,0\n",
+    );
+    let arguments = [
+        "model",
+        "invert",
+        "model.json",
+        "--trajectory",
+        "jump.csv",
+        "--output",
+        "counts.csv",
+    ];
     let (success, _, error) = bench.run(&arguments);
-    assert!(!success && error.contains("jump.csv at t_s = 0.001") && error.contains("--no-limits"), "{error}");
+    assert!(
+        !success && error.contains("jump.csv at t_s = 0.001") && error.contains("--no-limits"),
+        "{error}"
+    );
     assert!(!bench.path("counts.csv").exists());
-    let free: Vec<&str> = arguments.iter().copied().chain(["--no-limits", "--json"]).collect();
+    let free: Vec<&str> = arguments
+        .iter()
+        .copied()
+        .chain(["--no-limits", "--json"])
+        .collect();
     let outcome: serde_json::Value = serde_json::from_str(&bench.good(&free)).unwrap();
-    assert_eq!((&outcome["clipped_ticks"], &outcome["travel_counts"][0]), (&0.into(), &800.0.into()));
+    assert_eq!(
+        (&outcome["clipped_ticks"], &outcome["travel_counts"][0]),
+        (&0.into(), &800.0.into())
+    );
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!((rows[0][3], rows[1][3]), (0.0, 800.0));
 }
@@ -109,7 +179,15 @@ fn limits_hold_unless_they_are_lifted() {
 fn a_goal_outside_the_hull_is_clipped_and_said() {
     let bench = Bench::new();
     bench.write("far.csv", "t_s,pitch_deg,yaw_deg\n0,8,0\n4,12,0\n");
-    let output = bench.good(&["model", "invert", "model.json", "--trajectory", "far.csv", "--output", "counts.csv"]);
+    let output = bench.good(&[
+        "model",
+        "invert",
+        "model.json",
+        "--trajectory",
+        "far.csv",
+        "--output",
+        "counts.csv",
+    ]);
     assert!(output.contains("were clipped"), "{output}");
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(rows.last().unwrap()[3], 900.0);
@@ -123,18 +201,47 @@ fn models_are_compared_on_a_recording() {
         let t = f64::from(k) * 0.1;
         let (a, b) = ((500.0 * t.sin()).round(), (400.0 * (1.3 * t).cos()).round());
         // Off by 0.3 deg in pitch; positions without angles in between.
-        text += &format!("{t},{a},{b},{},{}\n{},{a},{b},,\n", 0.01 * a + 0.3, 0.01 * b, t + 0.05);
+        text += &format!(
+            "{t},{a},{b},{},{}\n{},{a},{b},,\n",
+            0.01 * a + 0.3,
+            0.01 * b,
+            t + 0.05
+        );
     }
     bench.write("unseen.csv", &text);
-    let output = bench.good(&["calibrate", "compare", "model.json", "model.json", "--recording", "unseen.csv"]);
-    assert!(output.contains("200 rows with angles on a way of 400 positions"), "{output}");
+    let output = bench.good(&[
+        "calibrate",
+        "compare",
+        "model.json",
+        "model.json",
+        "--recording",
+        "unseen.csv",
+    ]);
+    assert!(
+        output.contains("200 rows with angles on a way of 400 positions"),
+        "{output}"
+    );
     assert_eq!(output.matches("linear").count(), 2, "{output}");
-    let arguments = ["calibrate", "compare", "model.json", "--recording", "unseen.csv", "--json"];
+    let arguments = [
+        "calibrate",
+        "compare",
+        "model.json",
+        "--recording",
+        "unseen.csv",
+        "--json",
+    ];
     let json: serde_json::Value = serde_json::from_str(&bench.good(&arguments)).unwrap();
-    let near = |value: &serde_json::Value, wanted: f64| (value.as_f64().unwrap() - wanted).abs() < 1e-9;
+    let near =
+        |value: &serde_json::Value, wanted: f64| (value.as_f64().unwrap() - wanted).abs() < 1e-9;
     let [pitch, yaw] = [&json[0]["outputs"][0], &json[0]["outputs"][1]];
-    assert!(near(&pitch["rmsd"], 0.3) && near(&pitch["p99"], 0.3) && near(&pitch["max"], 0.3), "{json}");
-    assert!(near(&yaw["r2"], 1.0) && near(&json[0]["rms_length"], 0.3), "{json}");
+    assert!(
+        near(&pitch["rmsd"], 0.3) && near(&pitch["p99"], 0.3) && near(&pitch["max"], 0.3),
+        "{json}"
+    );
+    assert!(
+        near(&yaw["r2"], 1.0) && near(&json[0]["rms_length"], 0.3),
+        "{json}"
+    );
 }
 
 #[test]
@@ -144,15 +251,53 @@ fn mistakes_are_named_with_file_and_remedy() {
     bench.write("text.csv", "t_s,q0_counts,q1_counts\n0,1,2\n1,x,2\n");
     bench.write("other.toml", &config("other"));
     bench.write("good.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,1,1\n");
-    let invert = ["model", "invert", "model.json", "--output", "out.csv", "--trajectory"];
-    let with = |more: &[&'static str]| invert.iter().copied().chain(more.iter().copied()).collect::<Vec<_>>();
+    let invert = [
+        "model",
+        "invert",
+        "model.json",
+        "--output",
+        "out.csv",
+        "--trajectory",
+    ];
+    let with = |more: &[&'static str]| {
+        invert
+            .iter()
+            .copied()
+            .chain(more.iter().copied())
+            .collect::<Vec<_>>()
+    };
     for (arguments, said) in [
         (with(&["wanted.csv"]), "no column `yaw_deg`"),
         (with(&["nothing.csv"]), "cannot read nothing.csv"),
         (with(&["good.csv", "--config", "other.toml"]), "other"),
-        (with(&["good.csv", "--history", "wanted.csv"]), "no column `q0_counts`"),
-        (vec!["model", "predict", "model.json", "--counts", "text.csv", "--output", "out.csv"], "text.csv, line 3"),
-        (vec!["model", "predict", "model.json", "--counts", "text.csv", "--output", "text.csv"], "is the same file"),
+        (
+            with(&["good.csv", "--history", "wanted.csv"]),
+            "no column `q0_counts`",
+        ),
+        (
+            vec![
+                "model",
+                "predict",
+                "model.json",
+                "--counts",
+                "text.csv",
+                "--output",
+                "out.csv",
+            ],
+            "text.csv, line 3",
+        ),
+        (
+            vec![
+                "model",
+                "predict",
+                "model.json",
+                "--counts",
+                "text.csv",
+                "--output",
+                "text.csv",
+            ],
+            "is the same file",
+        ),
         (vec!["model", "show", "text.csv"], "text.csv"),
     ] {
         let (success, _, error) = bench.run(&arguments);
@@ -168,5 +313,9 @@ fn config(robot_id: &str) -> String {
              position_min_counts = -900\nposition_max_counts = 900\n"
         )
     };
-    format!("robot_id = \"{robot_id}\"\n[[ports]]\ndevice = \"/dev/null\"\n{}{}", axis(0), axis(1))
+    format!(
+        "robot_id = \"{robot_id}\"\n[[ports]]\ndevice = \"/dev/null\"\n{}{}",
+        axis(0),
+        axis(1)
+    )
 }

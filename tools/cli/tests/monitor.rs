@@ -1,4 +1,5 @@
-//! `i2ris monitor` and `i2ris record` against a controller without drives; what needs no controller.
+//! `i2ris monitor` and `i2ris record` against a controller without drives; what needs no
+//! controller.
 #![allow(clippy::unwrap_used)]
 
 #[path = "watching/browser.rs"]
@@ -32,7 +33,10 @@ use i2ris::ipc::{Domain, random_id};
 fn without_a_controller_it_says_so() {
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     let (success, _, error) = Program::run(&domain, &["monitor"]);
-    assert!(!success && error.contains("no controller serves domain"), "{error}");
+    assert!(
+        !success && error.contains("no controller serves domain"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -40,20 +44,38 @@ fn once_shows_everything_once() {
     let controller = Controller::enabled();
     let (success, output, error) = Program::run(&controller.domain, &["monitor", "--once"]);
     assert!(success, "{error}");
-    for part in [controller.domain.name(), "ENABLED", "homed", "+1.00", "-1.00", "motor 1", "loop", "real time"] {
+    for part in [
+        controller.domain.name(),
+        "ENABLED",
+        "homed",
+        "+1.00",
+        "-1.00",
+        "motor 1",
+        "loop",
+        "real time",
+    ] {
         assert!(output.contains(part), "{part}\n{output}");
     }
-    assert!(!output.contains('\u{1b}'), "no control characters into a file");
+    assert!(
+        !output.contains('\u{1b}'),
+        "no control characters into a file"
+    );
 }
 
 #[test]
 fn into_a_file_goes_one_line_a_second_until_the_time_is_over() {
     let controller = Controller::enabled();
-    let (success, output, error) = Program::run(&controller.domain, &["monitor", "--duration", "1.5"]);
+    let (success, output, error) =
+        Program::run(&controller.domain, &["monitor", "--duration", "1.5"]);
     assert!(success, "{error}");
     let lines: Vec<&str> = output.lines().collect();
     assert!((1..=3).contains(&lines.len()), "{output}");
-    assert!(lines.iter().all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 set-point")), "{output}");
+    assert!(
+        lines
+            .iter()
+            .all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 set-point")),
+        "{output}"
+    );
 }
 
 #[test]
@@ -105,5 +127,9 @@ fn on_a_terminal_the_page_is_drawn_over_again() {
     assert!(pages >= 2, "{text}");
     // Every page but the first goes up over the one before, as far as that was long.
     let lines = text.split("\u{1b}[J").next().unwrap().lines().count();
-    assert_eq!(text.matches(&format!("\u{1b}[{lines}A")).count(), pages - 1, "{text}");
+    assert_eq!(
+        text.matches(&format!("\u{1b}[{lines}A")).count(),
+        pages - 1,
+        "{text}"
+    );
 }

@@ -23,7 +23,11 @@ pub struct CameraConfig {
 
 impl Default for CameraConfig {
     fn default() -> Self {
-        Self { rate_hz: 30.0, noise_deg: 0.05, latency_ms: 40 }
+        Self {
+            rate_hz: 30.0,
+            noise_deg: 0.05,
+            latency_ms: 40,
+        }
     }
 }
 
@@ -43,7 +47,11 @@ impl Camera {
     /// A camera that takes its first picture at `now`. `seed` determines the noise.
     #[must_use]
     pub fn new(config: &CameraConfig, seed: u64, now: Nanos) -> Self {
-        let rate_hz = if config.rate_hz > 0.0 { config.rate_hz.min(1000.0) } else { 1.0 };
+        let rate_hz = if config.rate_hz > 0.0 {
+            config.rate_hz.min(1000.0)
+        } else {
+            1.0
+        };
         Self {
             config: config.clone(),
             random: Pcg64Mcg::seed_from_u64(seed),
@@ -58,7 +66,9 @@ impl Camera {
     #[must_use]
     pub fn next(&self) -> Nanos {
         let delivery = self.pending.front().map(|picture| self.delivery(picture));
-        delivery.map_or(self.next_exposure, |delivery| delivery.min(self.next_exposure))
+        delivery.map_or(self.next_exposure, |delivery| {
+            delivery.min(self.next_exposure)
+        })
     }
 
     /// Whether it is time for a picture.
@@ -67,8 +77,8 @@ impl Camera {
         now >= self.next_exposure
     }
 
-    /// Takes a picture of these angles (pitch and yaw, degrees) that are true at `stamp`. Exposures that were missed
-    /// meanwhile are left out.
+    /// Takes a picture of these angles (pitch and yaw, degrees) that are true at `stamp`. Exposures
+    /// that were missed meanwhile are left out.
     pub fn take_picture(&mut self, stamp: Nanos, angles_deg: [f64; 2]) {
         let noise = self.config.noise_deg.to_radians();
         let mut position = [0.0; 3];
@@ -92,7 +102,10 @@ impl Camera {
 
     /// The next picture whose time of delivery has come.
     pub fn deliver(&mut self, now: Nanos) -> Option<ExternalPosition> {
-        let due = self.pending.front().is_some_and(|picture| self.delivery(picture) <= now);
+        let due = self
+            .pending
+            .front()
+            .is_some_and(|picture| self.delivery(picture) <= now);
         if due { self.pending.pop_front() } else { None }
     }
 
@@ -123,7 +136,11 @@ mod tests {
     #[test]
     fn pictures_come_at_the_rate_and_after_the_latency() {
         let delivered = run(&CameraConfig::default(), 10_000);
-        assert!((298..=300).contains(&delivered.len()), "{}", delivered.len());
+        assert!(
+            (298..=300).contains(&delivered.len()),
+            "{}",
+            delivered.len()
+        );
         for (number, (now, picture)) in delivered.iter().enumerate() {
             assert_eq!(picture.sequence, number as u64 + 1);
             assert_eq!(now.0 - picture.stamp_ns, 40_000_000);
@@ -133,14 +150,24 @@ mod tests {
     #[test]
     fn the_noise_is_the_configured_one() {
         let delivered = run(&CameraConfig::default(), 60_000);
-        let squares: f64 = delivered.iter().map(|(_, picture)| (picture.position[1].to_degrees() + 20.0).powi(2)).sum();
+        let squares: f64 = delivered
+            .iter()
+            .map(|(_, picture)| (picture.position[1].to_degrees() + 20.0).powi(2))
+            .sum();
         let spread = (squares / delivered.len() as f64).sqrt();
         assert!((0.045..0.055).contains(&spread), "{spread}");
     }
 
     #[test]
     fn a_stall_leaves_pictures_out_and_causes_no_burst() {
-        let mut camera = Camera::new(&CameraConfig { rate_hz: 10.0, ..CameraConfig::default() }, 1, Nanos::ZERO);
+        let mut camera = Camera::new(
+            &CameraConfig {
+                rate_hz: 10.0,
+                ..CameraConfig::default()
+            },
+            1,
+            Nanos::ZERO,
+        );
         camera.take_picture(Nanos::from_millis(550), [0.0; 2]);
         assert!(!camera.wants_picture(Nanos::from_millis(599)));
         assert!(camera.wants_picture(Nanos::from_millis(600)));

@@ -56,7 +56,11 @@ fn attend(stream: UnixStream, shared: &Shared) -> io::Result<()> {
                 line.clear();
             }
             // What has been read of a line stays in it.
-            Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {}
+            Err(error)
+                if matches!(
+                    error.kind(),
+                    io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut
+                ) => {}
             Err(error) => return Err(error),
         }
     }
@@ -81,7 +85,13 @@ fn state(shared: &Shared) -> String {
     let world = shared.world();
     let axes = world.drives.iter().map(|drive| {
         let seen = drive.snapshot();
-        format!("{} position {} error 0x{:04X} homed {}", seen.state.name(), seen.position, seen.error_code, seen.homed)
+        format!(
+            "{} position {} error 0x{:04X} homed {}",
+            seen.state.name(),
+            seen.position,
+            seen.error_code,
+            seen.homed
+        )
     });
     axes.collect::<Vec<_>>().join("; ")
 }

@@ -49,8 +49,8 @@ pub struct EmulatorConfig {
     pub seed: u64,
     /// The serial lines.
     pub line: LineConfig,
-    /// One port: the first drive passes requests on to the second over CAN, which takes so many microseconds there and back.
-    /// Absent: a port for every drive.
+    /// One port: the first drive passes requests on to the second over CAN, which takes so many
+    /// microseconds there and back. Absent: a port for every drive.
     pub gateway_us: Option<u64>,
     /// What is done to drives, lines and wires, and when.
     pub scenario: Scenario,
@@ -63,11 +63,15 @@ pub struct EmulatorConfig {
 }
 
 impl EmulatorConfig {
-    /// Two drives with their defaults in front of this snake. Their serial numbers are 62000001 and 62000002.
+    /// Two drives with their defaults in front of this snake. Their serial numbers are 62000001 and
+    /// 62000002.
     #[must_use]
     pub fn new(snake: SnakeConfig, folder: &Path) -> Self {
         let first = DriveConfig::default();
-        let second = DriveConfig { serial_number: first.serial_number + 1, ..DriveConfig::default() };
+        let second = DriveConfig {
+            serial_number: first.serial_number + 1,
+            ..DriveConfig::default()
+        };
         Self {
             snake,
             folder: folder.to_owned(),
@@ -158,25 +162,35 @@ impl Shared {
     /// Does something to an axis, its line or its wire.
     pub(crate) fn inject(&self, axis: usize, what: Injection) {
         let now = clock::now();
-        self.world().note(axis, now, EventKind::Injected(what.name()));
+        self.world()
+            .note(axis, now, EventKind::Injected(what.name()));
         if what.is_of_the_line() {
             self.line(axis).trouble().exchanges.push_back(what);
             return;
         }
         match what {
-            Injection::HangUp { for_ms } => self.line(axis).trouble().hang_up = Some(Nanos::from_millis(for_ms)),
+            Injection::HangUp { for_ms } => {
+                self.line(axis).trouble().hang_up = Some(Nanos::from_millis(for_ms))
+            }
             Injection::Mute { for_ms } => {
                 self.line(axis).trouble().muted_until = now + Nanos::from_millis(for_ms);
             }
             Injection::Reset => self.world().disturb(axis, now, Drive::power_cycle),
-            Injection::Fault { code } => self.world().disturb(axis, now, |drive| drive.raise(Fault(code), false)),
+            Injection::Fault { code } => self
+                .world()
+                .disturb(axis, now, |drive| drive.raise(Fault(code), false)),
             Injection::FreezeEncoder { for_ms } => {
-                self.world().disturb(axis, now, |drive| drive.freeze_encoder(true));
+                self.world()
+                    .disturb(axis, now, |drive| drive.freeze_encoder(true));
                 let thaw = (now + Nanos::from_millis(for_ms), axis);
-                self.thaws.lock().unwrap_or_else(PoisonError::into_inner).push(thaw);
+                self.thaws
+                    .lock()
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .push(thaw);
             }
             Injection::SlipEncoder { counts } => {
-                self.world().disturb(axis, now, |drive| drive.slip_encoder(counts));
+                self.world()
+                    .disturb(axis, now, |drive| drive.slip_encoder(counts));
             }
             Injection::SlackWire { counts } => self.change_wire(axis, now, |wire, motor| {
                 wire.slacken(motor, f64::from(counts));
@@ -198,13 +212,18 @@ impl Shared {
     fn advance(&self, now: Nanos) {
         let due: Vec<usize> = {
             let mut thaws = self.thaws.lock().unwrap_or_else(PoisonError::into_inner);
-            let due = thaws.iter().filter(|(at, _)| *at <= now).map(|(_, axis)| *axis).collect();
+            let due = thaws
+                .iter()
+                .filter(|(at, _)| *at <= now)
+                .map(|(_, axis)| *axis)
+                .collect();
             thaws.retain(|(at, _)| *at > now);
             due
         };
         let mut world = self.world();
         world.advance_to(now);
-        due.into_iter().for_each(|axis| world.disturb(axis, now, |drive| drive.freeze_encoder(false)));
+        due.into_iter()
+            .for_each(|axis| world.disturb(axis, now, |drive| drive.freeze_encoder(false)));
     }
 
     pub(crate) fn stops(&self) -> bool {
@@ -252,9 +271,22 @@ impl Emulator {
     /// When folder, log, pseudo-terminals or threads cannot be had.
     pub fn start(config: EmulatorConfig) -> Result<Self, EmulatorError> {
         let mut folder = PortFolder::claim(&config.folder)?;
-        let log = Arc::new(config.log.as_deref().map_or_else(|| Ok(Log::default()), Log::to_file)?);
-        let drives = [Drive::new(&config.drives[0], 0.0), Drive::new(&config.drives[1], 0.0)];
-        let mut world = World::new(drives, Snake::new(&config.snake, config.seed), Arc::clone(&log), clock::now());
+        let log = Arc::new(
+            config
+                .log
+                .as_deref()
+                .map_or_else(|| Ok(Log::default()), Log::to_file)?,
+        );
+        let drives = [
+            Drive::new(&config.drives[0], 0.0),
+            Drive::new(&config.drives[1], 0.0),
+        ];
+        let mut world = World::new(
+            drives,
+            Snake::new(&config.snake, config.seed),
+            Arc::clone(&log),
+            clock::now(),
+        );
         if let Some(round_trip_us) = config.gateway_us {
             world = world.with_gateway(Nanos::from_micros(round_trip_us));
         }
@@ -270,25 +302,42 @@ impl Emulator {
         let mut ports = Vec::new();
         let mut devices = Vec::new();
         for axis in 0..if gateway { 1 } else { 2 } {
-            let mut port = Port::open(axis, &config.line, config.seed + 10 + axis as u64, Arc::clone(&shared))?;
+            let mut port = Port::open(
+                axis,
+                &config.line,
+                config.seed + 10 + axis as u64,
+                Arc::clone(&shared),
+            )?;
             devices.push(folder.link(&format!("axis{axis}"), port.path())?);
             port.known_as(&devices[axis]);
             ports.push(port);
         }
-        let mut emulator = Self { config, shared, threads: Vec::new(), devices, _folder: folder };
+        let mut emulator = Self {
+            config,
+            shared,
+            threads: Vec::new(),
+            devices,
+            _folder: folder,
+        };
         for (axis, port) in ports.into_iter().enumerate() {
             emulator.spawn(&format!("axis{axis}"), move |_| port.run())?;
         }
-        emulator.spawn("plant", |shared| every(PLANT_PERIOD, &shared, |shared| shared.advance(clock::now())))?;
+        emulator.spawn("plant", |shared| {
+            every(PLANT_PERIOD, &shared, |shared| shared.advance(clock::now()))
+        })?;
         // A full disk must not stop a drive: the log in memory goes on.
-        emulator.spawn("log", |shared| every(LOG_PERIOD, &shared, |shared| drop(shared.log.flush())))?;
+        emulator.spawn("log", |shared| {
+            every(LOG_PERIOD, &shared, |shared| drop(shared.log.flush()))
+        })?;
         if emulator.config.scenario != Scenario::default() {
             let (scenario, seed) = (emulator.config.scenario.clone(), emulator.config.seed);
             emulator.spawn("scenario", move |shared| play(&shared, &scenario, seed))?;
         }
         let socket = emulator.config.folder.join(control::SOCKET);
         let listener = control::listen(&socket)?;
-        emulator.spawn("control", move |shared| control::serve(&listener, &socket, &shared))?;
+        emulator.spawn("control", move |shared| {
+            control::serve(&listener, &socket, &shared)
+        })?;
         Ok(emulator)
     }
 
@@ -297,7 +346,10 @@ impl Emulator {
     /// # Errors
     ///
     /// When there is no thread to be had.
-    pub fn start_camera<S>(&mut self, connect: impl FnOnce() -> S + Send + 'static) -> Result<(), EmulatorError>
+    pub fn start_camera<S>(
+        &mut self,
+        connect: impl FnOnce() -> S + Send + 'static,
+    ) -> Result<(), EmulatorError>
     where
         S: FnMut(ExternalPosition),
     {
@@ -318,8 +370,8 @@ impl Emulator {
         })
     }
 
-    /// Starts the camera and publishes its pictures to the controller of a domain, whenever there is one: a controller
-    /// may come later, go, and come back.
+    /// Starts the camera and publishes its pictures to the controller of a domain, whenever there
+    /// is one: a controller may come later, go, and come back.
     ///
     /// # Errors
     ///
@@ -329,7 +381,8 @@ impl Emulator {
         self.start_camera(move || {
             move |picture: ExternalPosition| {
                 let (stamp, count) = (Nanos(picture.stamp_ns), picture.count as usize);
-                let (position, deviation) = (&picture.position[..count], &picture.deviation[..count]);
+                let (position, deviation) =
+                    (&picture.position[..count], &picture.deviation[..count]);
                 // Without a controller a picture is lost, as it is when no one watches a camera.
                 let _ = publisher.publish_judged(stamp, position, deviation, picture.quality);
             }
@@ -361,7 +414,11 @@ impl Emulator {
             requests: self.shared.line(axis).requests.load(Ordering::Relaxed),
             replies: self.shared.line(axis).replies.load(Ordering::Relaxed),
         };
-        Snapshot { stamp: world.time(), angles_deg: world.snake.angles_deg(), axes: [axis(0), axis(1)] }
+        Snapshot {
+            stamp: world.time(),
+            angles_deg: world.snake.angles_deg(),
+            axes: [axis(0), axis(1)],
+        }
     }
 
     /// Everything that happened, oldest first.
@@ -383,26 +440,39 @@ impl Emulator {
 
     /// Raises a fault on an axis. While it `persists`, it cannot be reset.
     pub fn raise_fault(&self, axis: usize, code: u16, persists: bool) {
-        self.shared.world().disturb(axis, clock::now(), |drive| drive.raise(Fault(code), persists));
+        self.shared.world().disturb(axis, clock::now(), |drive| {
+            drive.raise(Fault(code), persists)
+        });
     }
 
     /// Removes the cause of a persistent fault, so that it can be reset.
     pub fn remove_cause(&self, axis: usize) {
-        self.shared.world().disturb(axis, clock::now(), Drive::remove_cause);
+        self.shared
+            .world()
+            .disturb(axis, clock::now(), Drive::remove_cause);
     }
 
     /// Takes the power off an axis and gives it back.
     pub fn power_cycle(&self, axis: usize) {
-        self.shared.world().disturb(axis, clock::now(), Drive::power_cycle);
+        self.shared
+            .world()
+            .disturb(axis, clock::now(), Drive::power_cycle);
     }
 
-    fn spawn(&mut self, name: &str, work: impl FnOnce(Arc<Shared>) + Send + 'static) -> Result<(), EmulatorError> {
+    fn spawn(
+        &mut self,
+        name: &str,
+        work: impl FnOnce(Arc<Shared>) + Send + 'static,
+    ) -> Result<(), EmulatorError> {
         let shared = Arc::clone(&self.shared);
-        let thread = thread::Builder::new().name(format!("emulator-{name}")).spawn(move || {
-            // Timers of normal threads are late by 50 microseconds unless asked not to be; it is no harm if refused.
-            let _ = prctl::set_timerslack(1);
-            work(shared);
-        })?;
+        let thread = thread::Builder::new()
+            .name(format!("emulator-{name}"))
+            .spawn(move || {
+                // Timers of normal threads are late by 50 microseconds unless asked not to be; it is no
+                // harm if refused.
+                let _ = prctl::set_timerslack(1);
+                work(shared);
+            })?;
         self.threads.push(thread);
         Ok(())
     }
@@ -432,7 +502,10 @@ fn play(shared: &Shared, scenario: &Scenario, seed: u64) {
     let start = clock::now();
     let mut random = Pcg64Mcg::seed_from_u64(scenario.seed.unwrap_or(seed));
     let mut fixed = scenario.at.iter().peekable();
-    let mut next_drawn = scenario.random.as_ref().map(|drawn| start + Nanos::from_millis(drawn.every_ms));
+    let mut next_drawn = scenario
+        .random
+        .as_ref()
+        .map(|drawn| start + Nanos::from_millis(drawn.every_ms));
     while !shared.stops() {
         let now = clock::now();
         while let Some(timed) = fixed.next_if(|timed| start + Nanos::from_millis(timed.ms) <= now) {

@@ -1,10 +1,12 @@
 //! The V2 frame of the EPOS4 serial line, as the drive sees it: requests in, replies out.
 //!
-//! `90 02 OpCode Len Data.. CRC`, every 0x90 after the first two bytes sent twice. Written from the reference and not
-//! from the controller's code, so that a misreading on one side shows on the other.
+//! `90 02 OpCode Len Data.. CRC`, every 0x90 after the first two bytes sent twice. Written from the
+//! reference and not from the controller's code, so that a misreading on one side shows on the
+//! other.
 //!
-//! The CRC is the XMODEM one over the unstuffed bytes with each pair swapped: the drive computes it over 16-bit words,
-//! most significant bit first, while the line carries the low byte of a word first.
+//! The CRC is the XMODEM one over the unstuffed bytes with each pair swapped: the drive computes it
+//! over 16-bit words, most significant bit first, while the line carries the low byte of a word
+//! first.
 
 use crc::{CRC_16_XMODEM, Crc};
 
@@ -56,7 +58,9 @@ pub fn encode(opcode: u8, data: &[u8]) -> Vec<u8> {
         body.push(0);
     }
     body.extend_from_slice(&checksum(&body).to_le_bytes());
-    let stuffed = body.iter().flat_map(|byte| std::iter::repeat_n(*byte, if *byte == DLE { 2 } else { 1 }));
+    let stuffed = body
+        .iter()
+        .flat_map(|byte| std::iter::repeat_n(*byte, if *byte == DLE { 2 } else { 1 }));
     [DLE, STX].into_iter().chain(stuffed).collect()
 }
 
@@ -137,7 +141,10 @@ impl Parser {
         if checksum(&body) != 0 {
             return Some(Incoming::WrongCrc);
         }
-        Some(Incoming::Request(Request { opcode: body[0], data: body[2..body.len() - 2].to_vec() }))
+        Some(Incoming::Request(Request {
+            opcode: body[0],
+            data: body[2..body.len() - 2].to_vec(),
+        }))
     }
 }
 
@@ -148,7 +155,9 @@ mod tests {
     use super::*;
 
     fn bytes(text: &str) -> Vec<u8> {
-        text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
+        text.split_whitespace()
+            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
+            .collect()
     }
 
     fn parse(parser: &mut Parser, wire: &[u8]) -> Vec<Incoming> {
@@ -159,31 +168,87 @@ mod tests {
     const REQUESTS: &[(&str, u8, &str)] = &[
         ("90 02 60 02 01 B0 30 00 2E 62", 0x60, "01 B0 30 00"),
         ("90 02 60 02 01 40 60 00 96 A7", 0x60, "01 40 60 00"),
-        ("90 02 68 04 01 40 60 00 0F 00 00 00 B3 07", 0x68, "01 40 60 00 0F 00 00 00"),
+        (
+            "90 02 68 04 01 40 60 00 0F 00 00 00 B3 07",
+            0x68,
+            "01 40 60 00 0F 00 00 00",
+        ),
         ("90 02 60 02 01 41 60 00 22 D1", 0x60, "01 41 60 00"),
         ("90 02 60 02 01 61 60 00 6C E6", 0x60, "01 61 60 00"),
-        ("90 02 68 04 01 60 60 00 01 00 00 00 DA 67", 0x68, "01 60 60 00 01 00 00 00"),
+        (
+            "90 02 68 04 01 60 60 00 01 00 00 00 DA 67",
+            0x68,
+            "01 60 60 00 01 00 00 00",
+        ),
         ("90 02 60 02 01 81 60 00 86 62", 0x60, "01 81 60 00"),
         ("90 02 60 02 01 83 60 00 EE 8F", 0x60, "01 83 60 00"),
         ("90 02 60 02 01 84 60 00 C3 DE", 0x60, "01 84 60 00"),
-        ("90 02 68 04 01 81 60 00 E7 03 00 00 7D D9", 0x68, "01 81 60 00 E7 03 00 00"),
-        ("90 02 68 04 01 83 60 00 10 27 00 00 A6 CD", 0x68, "01 83 60 00 10 27 00 00"),
-        ("90 02 68 04 01 84 60 00 10 27 00 00 BE 0A", 0x68, "01 84 60 00 10 27 00 00"),
+        (
+            "90 02 68 04 01 81 60 00 E7 03 00 00 7D D9",
+            0x68,
+            "01 81 60 00 E7 03 00 00",
+        ),
+        (
+            "90 02 68 04 01 83 60 00 10 27 00 00 A6 CD",
+            0x68,
+            "01 83 60 00 10 27 00 00",
+        ),
+        (
+            "90 02 68 04 01 84 60 00 10 27 00 00 BE 0A",
+            0x68,
+            "01 84 60 00 10 27 00 00",
+        ),
         ("90 02 60 02 01 7A 60 00 D4 E3", 0x60, "01 7A 60 00"),
-        ("90 02 68 04 01 7A 60 00 E8 03 00 00 6E 6E", 0x68, "01 7A 60 00 E8 03 00 00"),
-        ("90 02 68 04 01 03 10 00 00 00 00 00 A1 08", 0x68, "01 03 10 00 00 00 00 00"),
-        ("90 02 68 04 01 10 10 01 73 61 76 65 70 FC", 0x68, "01 10 10 01 73 61 76 65"),
+        (
+            "90 02 68 04 01 7A 60 00 E8 03 00 00 6E 6E",
+            0x68,
+            "01 7A 60 00 E8 03 00 00",
+        ),
+        (
+            "90 02 68 04 01 03 10 00 00 00 00 00 A1 08",
+            0x68,
+            "01 03 10 00 00 00 00 00",
+        ),
+        (
+            "90 02 68 04 01 10 10 01 73 61 76 65 70 FC",
+            0x68,
+            "01 10 10 01 73 61 76 65",
+        ),
         ("90 02 60 02 01 64 60 00 29 5A", 0x60, "01 64 60 00"),
         ("90 02 60 02 02 41 60 00 72 88", 0x60, "02 41 60 00"),
         ("90 02 60 02 02 64 60 00 79 03", 0x60, "02 64 60 00"),
         ("90 02 60 02 01 D1 30 02 2A 2B", 0x60, "01 D1 30 02"),
         ("90 02 60 02 01 18 10 01 C8 1A", 0x60, "01 18 10 01"),
-        ("90 02 68 04 01 40 60 00 80 00 00 00 D8 10", 0x68, "01 40 60 00 80 00 00 00"),
-        ("90 02 68 04 02 40 60 00 07 00 00 00 90 90 76", 0x68, "02 40 60 00 07 00 00 00"),
-        ("90 02 68 04 01 7A 60 00 FF FF FF FF ED 65", 0x68, "01 7A 60 00 FF FF FF FF"),
-        ("90 02 68 04 01 7A 60 00 90 90 00 00 00 1B 84", 0x68, "01 7A 60 00 90 00 00 00"),
-        ("90 02 68 04 01 7A 60 00 6C F0 FF FF 6A 90 90", 0x68, "01 7A 60 00 6C F0 FF FF"),
-        ("90 02 68 04 01 7A 60 00 90 90 90 90 90 90 90 90 D6 D9", 0x68, "01 7A 60 00 90 90 90 90"),
+        (
+            "90 02 68 04 01 40 60 00 80 00 00 00 D8 10",
+            0x68,
+            "01 40 60 00 80 00 00 00",
+        ),
+        (
+            "90 02 68 04 02 40 60 00 07 00 00 00 90 90 76",
+            0x68,
+            "02 40 60 00 07 00 00 00",
+        ),
+        (
+            "90 02 68 04 01 7A 60 00 FF FF FF FF ED 65",
+            0x68,
+            "01 7A 60 00 FF FF FF FF",
+        ),
+        (
+            "90 02 68 04 01 7A 60 00 90 90 00 00 00 1B 84",
+            0x68,
+            "01 7A 60 00 90 00 00 00",
+        ),
+        (
+            "90 02 68 04 01 7A 60 00 6C F0 FF FF 6A 90 90",
+            0x68,
+            "01 7A 60 00 6C F0 FF FF",
+        ),
+        (
+            "90 02 68 04 01 7A 60 00 90 90 90 90 90 90 90 90 D6 D9",
+            0x68,
+            "01 7A 60 00 90 90 90 90",
+        ),
         ("90 02 70 02 01 00 81 00 5F 20", 0x70, "01 00 81 00"),
         ("90 02 70 02 00 00 01 00 E7 86", 0x70, "00 00 01 00"),
         ("90 02 81 02 01 08 10 00 03 A3", 0x81, "01 08 10 00"),
@@ -191,13 +256,28 @@ mod tests {
 
     /// Replies of the reference.
     const REPLIES: &[(&str, &str)] = &[
-        ("90 02 00 04 00 00 00 00 01 90 90 00 00 9A 5C", "00 00 00 00 01 90 00 00"),
+        (
+            "90 02 00 04 00 00 00 00 01 90 90 00 00 9A 5C",
+            "00 00 00 00 01 90 00 00",
+        ),
         ("90 02 00 02 00 00 00 00 40 8B", "00 00 00 00"),
-        ("90 02 00 04 00 00 00 00 37 02 00 00 68 00", "00 00 00 00 37 02 00 00"),
-        ("90 02 00 04 00 00 00 00 C7 CF FF FF 17 74", "00 00 00 00 C7 CF FF FF"),
-        ("90 02 00 04 00 00 00 00 92 01 02 00 9A ED", "00 00 00 00 92 01 02 00"),
+        (
+            "90 02 00 04 00 00 00 00 37 02 00 00 68 00",
+            "00 00 00 00 37 02 00 00",
+        ),
+        (
+            "90 02 00 04 00 00 00 00 C7 CF FF FF 17 74",
+            "00 00 00 00 C7 CF FF FF",
+        ),
+        (
+            "90 02 00 04 00 00 00 00 92 01 02 00 9A ED",
+            "00 00 00 00 92 01 02 00",
+        ),
         ("90 02 00 02 00 00 02 06 A4 01", "00 00 02 06"),
-        ("90 02 00 04 00 00 02 06 00 00 00 00 57 64", "00 00 02 06 00 00 00 00"),
+        (
+            "90 02 00 04 00 00 02 06 00 00 00 00 57 64",
+            "00 00 02 06 00 00 00 00",
+        ),
         ("90 02 00 02 30 00 09 06 6A 75", "30 00 09 06"),
         ("90 02 00 02 22 00 00 08 4F EA", "22 00 00 08"),
         ("90 02 00 02 04 00 04 05 F1 E8", "04 00 04 05"),
@@ -207,8 +287,15 @@ mod tests {
     #[test]
     fn requests_of_the_reference_are_understood() {
         for (wire, opcode, data) in REQUESTS {
-            let request = Incoming::Request(Request { opcode: *opcode, data: bytes(data) });
-            assert_eq!(parse(&mut Parser::default(), &bytes(wire)), [request], "{wire}");
+            let request = Incoming::Request(Request {
+                opcode: *opcode,
+                data: bytes(data),
+            });
+            assert_eq!(
+                parse(&mut Parser::default(), &bytes(wire)),
+                [request],
+                "{wire}"
+            );
             assert_eq!(encode(*opcode, &bytes(data)), bytes(wire), "{wire}");
         }
     }
@@ -225,7 +312,10 @@ mod tests {
         let mut wire = bytes("90 02 60 02 01 41 60 00 23 D1");
         wire.extend(bytes("90 02 60 02 01 64 60 00 29 5A"));
         let incoming = parse(&mut Parser::default(), &wire);
-        assert!(matches!(incoming[..], [Incoming::WrongCrc, Incoming::Request(_)]));
+        assert!(matches!(
+            incoming[..],
+            [Incoming::WrongCrc, Incoming::Request(_)]
+        ));
     }
 
     #[test]

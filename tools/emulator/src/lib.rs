@@ -1,8 +1,8 @@
 //! Two emulated maxon drives on pseudo-terminals with a hysteretic snake behind them.
 //!
-//! It exists to be a strict examiner of the controller, so it shares no model code and no frame codec with it: both
-//! sides are written from the reference on their own. Where the reference leaves something open, the emulator does what
-//! hurts a careless host most.
+//! It exists to be a strict examiner of the controller, so it shares no model code and no frame
+//! codec with it: both sides are written from the reference on their own. Where the reference
+//! leaves something open, the emulator does what hurts a careless host most.
 //!
 //! ```text
 //! host == pseudo-terminal == port (baud pacing) == drive --motor--+
@@ -35,6 +35,8 @@ pub mod snake;
 mod wire;
 mod world;
 
-pub use emulator::{AxisSnapshot, DEFAULT_FOLDER, Emulator, EmulatorConfig, EmulatorError, Snapshot};
+pub use emulator::{
+    AxisSnapshot, DEFAULT_FOLDER, Emulator, EmulatorConfig, EmulatorError, Snapshot,
+};
 pub use port::{FolderError, Framing, LineConfig};
 pub use scenario::{Injection, Scenario, ScenarioError};

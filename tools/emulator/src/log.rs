@@ -69,7 +69,8 @@ pub enum HostBug {
     Pipelined,
     /// An opcode that the drive does not know.
     Opcode(u8),
-    /// A new set-point in profile position mode without lowering bit 4 first: it is silently ignored.
+    /// A new set-point in profile position mode without lowering bit 4 first: it is silently
+    /// ignored.
     SetpointIgnored,
 }
 
@@ -81,14 +82,22 @@ impl EventKind {
             Self::State { from: _, to } => ("state", i64::from(to.bits()), to.name()),
             Self::Mode(mode) => ("mode", i64::from(mode.number()), mode.name()),
             Self::Fault(code) => ("fault", i64::from(code), ""),
-            Self::Homing(done) => ("homing", i64::from(done), if done { "attained" } else { "failed" }),
+            Self::Homing(done) => (
+                "homing",
+                i64::from(done),
+                if done { "attained" } else { "failed" },
+            ),
             Self::Boot => ("boot", 0, ""),
             Self::Line(LineTrouble::Crc) => ("line", 0, "wrong CRC"),
             Self::Line(LineTrouble::FrameTimeout) => ("line", 0, "frame timeout"),
             Self::Injected(name) => ("injected", 0, name),
             Self::HostBug(HostBug::Pipelined) => ("host-bug", 0, "bytes before the reply"),
-            Self::HostBug(HostBug::Opcode(opcode)) => ("host-bug", i64::from(opcode), "unknown opcode"),
-            Self::HostBug(HostBug::SetpointIgnored) => ("host-bug", 0, "set-point ignored: bit 4 was not lowered"),
+            Self::HostBug(HostBug::Opcode(opcode)) => {
+                ("host-bug", i64::from(opcode), "unknown opcode")
+            }
+            Self::HostBug(HostBug::SetpointIgnored) => {
+                ("host-bug", 0, "set-point ignored: bit 4 was not lowered")
+            }
         }
     }
 }
@@ -140,8 +149,17 @@ impl Log {
             file.flush()?;
             Ok(file)
         };
-        let file = start().map_err(|source| LogError { path: path.to_owned(), source })?;
-        Ok(Self { inner: Mutex::new(Inner { to_file: true, file: Some(file), ..Inner::default() }) })
+        let file = start().map_err(|source| LogError {
+            path: path.to_owned(),
+            source,
+        })?;
+        Ok(Self {
+            inner: Mutex::new(Inner {
+                to_file: true,
+                file: Some(file),
+                ..Inner::default()
+            }),
+        })
     }
 
     /// Adds an event.
@@ -176,7 +194,8 @@ impl Log {
         self.lock().host_bugs
     }
 
-    /// Brings the file up to date. To be called every now and then from a thread that may wait for a disk.
+    /// Brings the file up to date. To be called every now and then from a thread that may wait for
+    /// a disk.
     ///
     /// # Errors
     ///
@@ -187,7 +206,10 @@ impl Log {
             (std::mem::take(&mut inner.pending), inner.file.take())
         };
         let Some(mut file) = file else { return Ok(()) };
-        let written = pending.iter().try_for_each(|event| writeln!(file, "{event}")).and_then(|()| file.flush());
+        let written = pending
+            .iter()
+            .try_for_each(|event| writeln!(file, "{event}"))
+            .and_then(|()| file.flush());
         let mut inner = self.lock();
         inner.to_file = written.is_ok();
         inner.file = written.is_ok().then_some(file);
@@ -204,7 +226,11 @@ mod tests {
     use super::*;
 
     fn setpoint(stamp: u64, counts: i32) -> Event {
-        Event { stamp: Nanos(stamp), axis: 1, kind: EventKind::Setpoint(counts) }
+        Event {
+            stamp: Nanos(stamp),
+            axis: 1,
+            kind: EventKind::Setpoint(counts),
+        }
     }
 
     #[test]
@@ -213,20 +239,24 @@ mod tests {
         let path = folder.path().join("log.csv");
         let log = Log::to_file(&path).unwrap();
         log.push(setpoint(7, -12));
-        log.push(Event { kind: EventKind::HostBug(HostBug::Opcode(0x20)), ..setpoint(9, 0) });
+        log.push(Event {
+            kind: EventKind::HostBug(HostBug::Opcode(0x20)),
+            ..setpoint(9, 0)
+        });
         log.flush().unwrap();
         log.push(setpoint(11, 5));
         log.flush().unwrap();
         assert_eq!(log.events().len(), 3);
         let text = std::fs::read_to_string(&path).unwrap();
-        let expected =
-            "stamp_ns,axis,event,value,text\n7,1,setpoint,-12,\n9,1,host-bug,32,unknown opcode\n11,1,setpoint,5,\n";
+        let expected = "stamp_ns,axis,event,value,text\n7,1,setpoint,-12,\n9,1,host-bug,32,unknown opcode\n11,1,setpoint,5,\n";
         assert_eq!(text, expected);
     }
 
     #[test]
     fn a_file_that_cannot_be_written_is_named() {
-        let message = Log::to_file(Path::new("/proc/none/log.csv")).unwrap_err().to_string();
+        let message = Log::to_file(Path::new("/proc/none/log.csv"))
+            .unwrap_err()
+            .to_string();
         assert!(message.contains("/proc/none/log.csv"), "{message}");
     }
 }

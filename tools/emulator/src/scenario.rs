@@ -12,7 +12,8 @@
 //! kinds = ["flip-reply", "lose-request"]
 //! ```
 //!
-//! A line of the control socket is what stands in one `[[at]]`, without `ms`: `{axis = 1, kind = "reset"}`.
+//! A line of the control socket is what stands in one `[[at]]`, without `ms`:
+//! `{axis = 1, kind = "reset"}`.
 
 use std::fs;
 use std::io;
@@ -21,9 +22,15 @@ use std::path::{Path, PathBuf};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-/// Something that is done to an axis or to its line. Places are counted from the first byte of a frame and wrap at its end.
+/// Something that is done to an axis or to its line. Places are counted from the first byte of a
+/// frame and wrap at its end.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", rename_all_fields = "snake_case", deny_unknown_fields)]
+#[serde(
+    tag = "kind",
+    rename_all = "kebab-case",
+    rename_all_fields = "snake_case",
+    deny_unknown_fields
+)]
 pub enum Injection {
     /// The next request is lost.
     LoseRequest,
@@ -135,16 +142,30 @@ impl Injection {
             Self::DoubleReply { place },
             Self::CutReply { place },
             Self::CutReplyInPair,
-            Self::LateReply { delay_ms: random.random_range(1..300) },
+            Self::LateReply {
+                delay_ms: random.random_range(1..300),
+            },
             Self::WrongLength,
             Self::StrayReply,
-            Self::HangUp { for_ms: random.random_range(50..400) },
-            Self::Mute { for_ms: random.random_range(20..600) },
+            Self::HangUp {
+                for_ms: random.random_range(50..400),
+            },
+            Self::Mute {
+                for_ms: random.random_range(20..600),
+            },
             Self::Reset,
-            Self::Fault { code: [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][random.random_range(0..5)] },
-            Self::FreezeEncoder { for_ms: random.random_range(50..500) },
-            Self::SlipEncoder { counts: random.random_range(-300..300) },
-            Self::SlackWire { counts: random.random_range(20..200) },
+            Self::Fault {
+                code: [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][random.random_range(0..5)],
+            },
+            Self::FreezeEncoder {
+                for_ms: random.random_range(50..500),
+            },
+            Self::SlipEncoder {
+                counts: random.random_range(-300..300),
+            },
+            Self::SlackWire {
+                counts: random.random_range(20..200),
+            },
             Self::BreakWire,
             Self::MendWire,
         ]
@@ -184,8 +205,9 @@ impl Injection {
     #[must_use]
     pub fn is_of_the_line(&self) -> bool {
         use Injection::{
-            CutReply, CutReplyInPair, CutRequest, DoubleReply, DoubleRequest, DropReply, DropRequest, FlipReply,
-            FlipRequest, LateReply, LoseReply, LoseRequest, StrayReply, WrongLength,
+            CutReply, CutReplyInPair, CutRequest, DoubleReply, DoubleRequest, DropReply,
+            DropRequest, FlipReply, FlipRequest, LateReply, LoseReply, LoseRequest, StrayReply,
+            WrongLength,
         };
         matches!(
             self,
@@ -280,7 +302,10 @@ impl Scenario {
     ///
     /// When it cannot be read, is not TOML of this shape, or names what there is not.
     pub fn load(path: &Path) -> Result<Self, ScenarioError> {
-        let text = fs::read_to_string(path).map_err(|source| ScenarioError::Read { path: path.to_owned(), source })?;
+        let text = fs::read_to_string(path).map_err(|source| ScenarioError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         Self::parse(&text)
     }
 
@@ -291,14 +316,26 @@ impl Scenario {
     /// When it is not TOML of this shape, or names what there is not.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
         let mut scenario: Self = toml::from_str(text).map_err(Box::new)?;
-        scenario.at.iter().try_for_each(|timed| check_axis(timed.axis))?;
+        scenario
+            .at
+            .iter()
+            .try_for_each(|timed| check_axis(timed.axis))?;
         if let Some(random) = &scenario.random {
             let known = Injection::all(&mut rand_pcg::Pcg64Mcg::new(1)).map_names();
             if random.every_ms == 0 {
-                return Err(ScenarioError::Value("random.every_ms must be above 0".to_owned()));
+                return Err(ScenarioError::Value(
+                    "random.every_ms must be above 0".to_owned(),
+                ));
             }
-            if let Some(kind) = random.kinds.iter().find(|kind| !known.contains(&kind.as_str())) {
-                return Err(ScenarioError::Value(format!("no kind {kind}; there are {}", known.join(", "))));
+            if let Some(kind) = random
+                .kinds
+                .iter()
+                .find(|kind| !known.contains(&kind.as_str()))
+            {
+                return Err(ScenarioError::Value(format!(
+                    "no kind {kind}; there are {}",
+                    known.join(", ")
+                )));
             }
         }
         scenario.at.sort_by_key(|timed| timed.ms);
@@ -322,7 +359,13 @@ pub fn parse_line(line: &str) -> Result<Aimed, ScenarioError> {
 }
 
 fn check_axis(axis: usize) -> Result<(), ScenarioError> {
-    if axis < 2 { Ok(()) } else { Err(ScenarioError::Value(format!("axis {axis}: there are 0 and 1"))) }
+    if axis < 2 {
+        Ok(())
+    } else {
+        Err(ScenarioError::Value(format!(
+            "axis {axis}: there are 0 and 1"
+        )))
+    }
 }
 
 trait Names {
@@ -339,7 +382,9 @@ impl Random {
     /// Something of the kinds, and how long until the next, milliseconds.
     pub fn draw(&self, random: &mut impl Rng) -> (Option<Injection>, u64) {
         let mut kinds = Injection::all(random);
-        kinds.retain(|injection| self.kinds.is_empty() || self.kinds.iter().any(|kind| kind == injection.name()));
+        kinds.retain(|injection| {
+            self.kinds.is_empty() || self.kinds.iter().any(|kind| kind == injection.name())
+        });
         let chosen = (!kinds.is_empty()).then(|| kinds[random.random_range(0..kinds.len())]);
         (chosen, random.random_range(1..=2 * self.every_ms))
     }
@@ -358,7 +403,14 @@ mod tests {
              delay_ms = 60\n[random]\nevery_ms = 50\nkinds = [\"flip-reply\"]",
         )
         .unwrap();
-        assert_eq!(scenario.at[0], Timed { ms: 10, axis: 1, what: Injection::LateReply { delay_ms: 60 } });
+        assert_eq!(
+            scenario.at[0],
+            Timed {
+                ms: 10,
+                axis: 1,
+                what: Injection::LateReply { delay_ms: 60 }
+            }
+        );
         assert_eq!(scenario.at[1].what, Injection::Reset);
         let (drawn, _) = scenario.random.unwrap().draw(&mut Pcg64Mcg::new(1));
         assert_eq!(drawn.unwrap().name(), "flip-reply");
@@ -370,7 +422,10 @@ mod tests {
             ("[[at]]\nms = 1\nkind = \"explode\"", "explode"),
             ("[[at]]\nms = 1\naxis = 2\nkind = \"reset\"", "axis 2"),
             ("[[at]]\nms = 1\nkind = \"late-reply\"", "delay_ms"),
-            ("[random]\nevery_ms = 5\nkinds = [\"reset\", \"rest\"]", "no kind rest"),
+            (
+                "[random]\nevery_ms = 5\nkinds = [\"reset\", \"rest\"]",
+                "no kind rest",
+            ),
             ("[random]\nevery_ms = 0", "above 0"),
         ] {
             let error = Scenario::parse(text).unwrap_err().to_string();
@@ -381,15 +436,28 @@ mod tests {
     #[test]
     fn a_line_of_the_socket_is_one_table() {
         let line = parse_line("{axis = 1, kind = \"fault\", code = 0x2310}").unwrap();
-        assert_eq!(line, Aimed { axis: 1, what: Injection::Fault { code: 0x2310 } });
+        assert_eq!(
+            line,
+            Aimed {
+                axis: 1,
+                what: Injection::Fault { code: 0x2310 }
+            }
+        );
         assert!(parse_line("reset").is_err());
     }
 
     #[test]
     fn every_kind_is_named_as_in_files() {
         for injection in Injection::all(&mut Pcg64Mcg::new(3)) {
-            let text = toml::to_string(&Aimed { axis: 0, what: injection }).unwrap();
-            assert!(text.contains(&format!("kind = \"{}\"", injection.name())), "{text}");
+            let text = toml::to_string(&Aimed {
+                axis: 0,
+                what: injection,
+            })
+            .unwrap();
+            assert!(
+                text.contains(&format!("kind = \"{}\"", injection.name())),
+                "{text}"
+            );
             assert_eq!(toml::from_str::<Aimed>(&text).unwrap().what, injection);
         }
     }

@@ -23,12 +23,17 @@ pub(crate) enum Wire {
 impl Wire {
     /// Becomes slack by so many counts, where it is.
     pub(crate) fn slacken(&mut self, motor: f64, counts: f64) {
-        *self = Self::Slack { counts, pulled: self.pulled(motor) };
+        *self = Self::Slack {
+            counts,
+            pulled: self.pulled(motor),
+        };
     }
 
     /// Breaks, where it is.
     pub(crate) fn tear(&mut self, motor: f64) {
-        *self = Self::Broken { pulled: self.pulled(motor) };
+        *self = Self::Broken {
+            pulled: self.pulled(motor),
+        };
     }
 
     fn pulled(self, motor: f64) -> f64 {
@@ -60,7 +65,10 @@ mod tests {
         let mut wire = Wire::default();
         assert_eq!(wire.pull(100.0), 100.0);
         wire.slacken(100.0, 40.0);
-        assert_eq!([110.0, 120.0, 150.0, 140.0].map(|motor| wire.pull(motor)), [100.0, 100.0, 130.0, 130.0]);
+        assert_eq!(
+            [110.0, 120.0, 150.0, 140.0].map(|motor| wire.pull(motor)),
+            [100.0, 100.0, 130.0, 130.0]
+        );
         wire.tear(140.0);
         assert_eq!(wire.pull(900.0), 130.0);
     }

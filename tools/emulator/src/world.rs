@@ -31,12 +31,20 @@ pub(crate) struct World {
 impl World {
     /// Starts at `now`, the snake straight and its motors at the drives' positions.
     pub(crate) fn new(drives: [Drive; 2], snake: Snake, log: Arc<Log>, now: Nanos) -> Self {
-        let mut world = Self { drives, snake, wires: Default::default(), gateway: None, time: now, log };
+        let mut world = Self {
+            drives,
+            snake,
+            wires: Default::default(),
+            gateway: None,
+            time: now,
+            log,
+        };
         world.record(now);
         world
     }
 
-    /// The first drive passes requests on to the second over CAN, which takes this long there and back.
+    /// The first drive passes requests on to the second over CAN, which takes this long there and
+    /// back.
     pub(crate) fn with_gateway(mut self, round_trip: Nanos) -> Self {
         self.gateway = Some(round_trip);
         self
@@ -47,32 +55,44 @@ impl World {
         self.time
     }
 
-    /// Lets time pass. If `now` has passed already, nothing happens: two threads may come in either order.
+    /// Lets time pass. If `now` has passed already, nothing happens: two threads may come in either
+    /// order.
     pub(crate) fn advance_to(&mut self, now: Nanos) {
         if now - self.time > LONGEST_CATCH_UP {
             self.time = now - LONGEST_CATCH_UP;
         }
         while self.time + STEP <= now {
             self.time = self.time + STEP;
-            self.drives.iter_mut().for_each(|drive| drive.advance(STEP.as_seconds()));
-            let pulled = [0, 1].map(|axis: usize| self.wires[axis].pull(self.drives[axis].motor_counts()));
+            self.drives
+                .iter_mut()
+                .for_each(|drive| drive.advance(STEP.as_seconds()));
+            let pulled =
+                [0, 1].map(|axis: usize| self.wires[axis].pull(self.drives[axis].motor_counts()));
             self.snake.step(STEP.as_seconds(), pulled);
             self.record(self.time);
         }
     }
 
     /// Lets a drive answer a frame that was complete at `arrived`.
-    pub(crate) fn answer(&mut self, axis: usize, incoming: &Incoming, arrived: Nanos) -> Option<Answer> {
+    pub(crate) fn answer(
+        &mut self,
+        axis: usize,
+        incoming: &Incoming,
+        arrived: Nanos,
+    ) -> Option<Answer> {
         self.advance_to(arrived);
         let answer = self.route(axis, incoming);
-        // A thread that comes late cannot change what has happened: its set-points count from then on.
+        // A thread that comes late cannot change what has happened: its set-points count from then
+        // on.
         self.record(self.time.max(arrived));
         answer
     }
 
     /// Hands a frame to the drive that it is for: that of the port, or one behind it.
     fn route(&mut self, axis: usize, incoming: &Incoming) -> Option<Answer> {
-        let Some(round_trip) = self.gateway else { return self.drives[axis].answer(incoming) };
+        let Some(round_trip) = self.gateway else {
+            return self.drives[axis].answer(incoming);
+        };
         let port = &mut self.drives[axis];
         if port.is_deaf() {
             return None;
@@ -88,14 +108,19 @@ impl World {
             return answered.then(|| port.reply(outcome, to_read));
         }
         let other = (0..self.drives.len()).find(|other| {
-            *other != axis && Some(self.drives[*other].node_id()) == node && !self.drives[*other].is_deaf()
+            *other != axis
+                && Some(self.drives[*other].node_id()) == node
+                && !self.drives[*other].is_deaf()
         });
         let (outcome, delay) = match other {
             None => (Err(Abort::SdoTimeout), self.drives[axis].gateway_timeout()),
             Some(_) if command.is_segmented() => (Err(Abort::UnsupportedAccess), Nanos::ZERO),
             Some(other) => (self.drives[other].serve(command), round_trip),
         };
-        Some(Answer { delay, ..self.drives[axis].reply(outcome, to_read) })
+        Some(Answer {
+            delay,
+            ..self.drives[axis].reply(outcome, to_read)
+        })
     }
 
     /// Does something to a drive, now.
@@ -128,12 +153,20 @@ mod tests {
 
     fn world(log: &Arc<Log>) -> World {
         let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0));
-        World::new(drives, Snake::new(&config("steel"), 1), Arc::clone(log), Nanos::ZERO)
+        World::new(
+            drives,
+            Snake::new(&config("steel"), 1),
+            Arc::clone(log),
+            Nanos::ZERO,
+        )
     }
 
     fn write(world: &mut World, now: Nanos, index: u16, value: u8) {
         let [low, high] = index.to_le_bytes();
-        let request = Request { opcode: 0x68, data: vec![1, low, high, 0, value, 0, 0, 0] };
+        let request = Request {
+            opcode: 0x68,
+            data: vec![1, low, high, 0, value, 0, 0, 0],
+        };
         assert!(world.answer(0, &Incoming::Request(request), now).is_some());
     }
 
@@ -151,7 +184,10 @@ mod tests {
             world.advance_to(Nanos::from_millis(1000));
             world.drives[0].motor_counts()
         });
-        assert!(angles[0] > 500.0 && (angles[0] - angles[1]).abs() < 2.0, "{angles:?}");
+        assert!(
+            angles[0] > 500.0 && (angles[0] - angles[1]).abs() < 2.0,
+            "{angles:?}"
+        );
     }
 
     #[test]

@@ -17,7 +17,10 @@ fn next_picture(server: &mut Server) -> ExternalPosition {
         if let Some(picture) = server.poll_external() {
             return picture;
         }
-        assert!(start.elapsed() < Duration::from_secs(10), "no picture arrives");
+        assert!(
+            start.elapsed() < Duration::from_secs(10),
+            "no picture arrives"
+        );
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -26,7 +29,10 @@ fn next_picture(server: &mut Server) -> ExternalPosition {
 fn pictures_reach_every_controller_that_serves_the_domain() {
     let folder = tempfile::tempdir().unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/brass.toml");
-    let config = EmulatorConfig::new(SnakeConfig::load(&path).unwrap(), &folder.path().join("ports"));
+    let config = EmulatorConfig::new(
+        SnakeConfig::load(&path).unwrap(),
+        &folder.path().join("ports"),
+    );
     let mut emulator = Emulator::start(config).unwrap();
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     emulator.publish_camera(&domain).unwrap();

@@ -8,7 +8,9 @@ use i2ris_emulator::snake::{Snake, SnakeConfig};
 use i2ris_emulator::{DEFAULT_FOLDER, EmulatorConfig};
 
 fn file(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../config")
+        .join(name)
 }
 
 #[test]
@@ -23,7 +25,10 @@ fn the_controller_finds_the_emulated_drives() {
         assert_eq!(port.axes.len(), 1);
         assert_eq!(port.axes[0].motor, axis);
         assert_eq!(port.axes[0].node_id, emulator.drives[axis].node_id);
-        assert_eq!(port.axes[0].serial_number, emulator.drives[axis].serial_number);
+        assert_eq!(
+            port.axes[0].serial_number,
+            emulator.drives[axis].serial_number
+        );
     }
 }
 
@@ -31,7 +36,10 @@ fn the_controller_finds_the_emulated_drives() {
 fn the_limits_leave_the_emulated_snakes_their_range() {
     let controller = Config::load(&file("emulator.toml")).unwrap();
     for name in ["steel", "brass", "multi"] {
-        let mut snake = Snake::new(&SnakeConfig::load(&file(&format!("snakes/{name}.toml"))).unwrap(), 1);
+        let mut snake = Snake::new(
+            &SnakeConfig::load(&file(&format!("snakes/{name}.toml"))).unwrap(),
+            1,
+        );
         let axis = controller.axis(0).unwrap();
         for limit in [axis.position_min_counts, axis.position_max_counts] {
             snake.step(10.0, [limit.as_f64(), 0.0]);
@@ -43,7 +51,10 @@ fn the_limits_leave_the_emulated_snakes_their_range() {
 
 #[test]
 fn the_template_for_a_robot_is_valid_and_more_cautious() {
-    let (robot, emulator) = (Config::load(&file("robot.toml")).unwrap(), Config::load(&file("emulator.toml")).unwrap());
+    let (robot, emulator) = (
+        Config::load(&file("robot.toml")).unwrap(),
+        Config::load(&file("emulator.toml")).unwrap(),
+    );
     assert!(robot.limits.velocity_counts_s < emulator.limits.velocity_counts_s);
     assert!(robot.limits.following_error_counts < emulator.limits.following_error_counts);
     assert!(robot.control.model.is_none());

@@ -19,7 +19,9 @@ use tempfile::TempDir;
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// "Write 0x6040 = 0x000F to node 1", from the reference.
-const WRITE_CONTROLWORD: [u8; 14] = [0x90, 0x02, 0x68, 0x04, 0x01, 0x40, 0x60, 0, 0x0F, 0, 0, 0, 0xB3, 0x07];
+const WRITE_CONTROLWORD: [u8; 14] = [
+    0x90, 0x02, 0x68, 0x04, 0x01, 0x40, 0x60, 0, 0x0F, 0, 0, 0, 0xB3, 0x07,
+];
 
 /// "Read 0x6041 of node 1", from the reference.
 const READ_STATUSWORD: [u8; 10] = [0x90, 0x02, 0x60, 0x02, 0x01, 0x41, 0x60, 0, 0x22, 0xD1];
@@ -42,7 +44,12 @@ struct Host {
 impl Host {
     fn open(emulator: &Emulator, axis: usize) -> Self {
         let path = emulator.device(axis).to_string_lossy();
-        Self { port: serialport::new(path, 115_200).timeout(PATIENCE).open_native().unwrap() }
+        Self {
+            port: serialport::new(path, 115_200)
+                .timeout(PATIENCE)
+                .open_native()
+                .unwrap(),
+        }
     }
 
     fn send(&mut self, bytes: &[u8]) {
@@ -104,7 +111,14 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
 
 fn host_bugs(emulator: &Emulator) -> Vec<HostBug> {
     let bugs = emulator.log().into_iter();
-    bugs.filter_map(|event| if let EventKind::HostBug(bug) = event.kind { Some(bug) } else { None }).collect()
+    bugs.filter_map(|event| {
+        if let EventKind::HostBug(bug) = event.kind {
+            Some(bug)
+        } else {
+            None
+        }
+    })
+    .collect()
 }
 
 #[test]
@@ -131,25 +145,47 @@ fn both_axes_bend_the_snake() {
         hosts[0].write(0x607A, 0, target);
         hosts[1].write(0x607A, 0, target);
     }
-    wait_for("motors arrive", || hosts.iter_mut().all(|host| (host.read(0x6064, 0) - 1000).abs() <= 1));
+    wait_for("motors arrive", || {
+        hosts
+            .iter_mut()
+            .all(|host| (host.read(0x6064, 0) - 1000).abs() <= 1)
+    });
     let snapshot = emulator.snapshot();
-    assert!(snapshot.axes.iter().all(|axis| axis.drive.state == State::OperationEnabled));
+    assert!(
+        snapshot
+            .axes
+            .iter()
+            .all(|axis| axis.drive.state == State::OperationEnabled)
+    );
     let [pitch, yaw] = snapshot.angles_deg;
-    assert!(pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw), "equal counts bend in yaw: {pitch} {yaw}");
+    assert!(
+        pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw),
+        "equal counts bend in yaw: {pitch} {yaw}"
+    );
     let setpoints: Vec<i32> = emulator
         .log()
         .iter()
         .filter(|event| event.axis == 1)
-        .filter_map(|event| if let EventKind::Setpoint(counts) = event.kind { Some(counts) } else { None })
+        .filter_map(|event| {
+            if let EventKind::Setpoint(counts) = event.kind {
+                Some(counts)
+            } else {
+                None
+            }
+        })
         .collect();
-    assert_eq!(setpoints, [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000]);
+    assert_eq!(
+        setpoints,
+        [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000]
+    );
 }
 
 #[test]
 fn a_host_that_does_not_wait_is_found_out() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
-    // When the machine stalls, the host gets the benefit of the doubt; it does not stall every time.
+    // When the machine stalls, the host gets the benefit of the doubt; it does not stall every
+    // time.
     wait_for("the host is found out", || {
         host.send(&[READ_STATUSWORD, READ_STATUSWORD].concat());
         let replies = host.replies();
@@ -167,7 +203,9 @@ fn bytes_during_the_processing_are_found_out() {
     let emulator = Emulator::start(config).unwrap();
     let mut host = Host::open(&emulator, 0);
     host.send(&READ_STATUSWORD);
-    wait_for("request is taken", || emulator.snapshot().axes[0].requests == 1);
+    wait_for("request is taken", || {
+        emulator.snapshot().axes[0].requests == 1
+    });
     host.send(&READ_STATUSWORD);
     assert!(host.reply().is_some());
     assert_eq!(host.replies(), 0);
@@ -186,12 +224,23 @@ fn damaged_and_cut_frames() {
     host.send(&WRITE_CONTROLWORD[..9]);
     assert_eq!(host.replies(), 0);
     wait_for("the cut frame is dropped", || {
-        emulator.log().iter().any(|event| event.kind == EventKind::Line(LineTrouble::FrameTimeout))
+        emulator
+            .log()
+            .iter()
+            .any(|event| event.kind == EventKind::Line(LineTrouble::FrameTimeout))
     });
     assert_eq!(host.read(0x1018, 1), 0xFB);
     host.send(&WRITE_CONTROLWORD[..9]);
-    assert_eq!(host.read(0x1018, 1), 0xFB, "a new frame replaces one that was cut");
-    assert_eq!(host.read(0x6040, 0) & 0xFFFF, 0, "no half frame was carried out");
+    assert_eq!(
+        host.read(0x1018, 1),
+        0xFB,
+        "a new frame replaces one that was cut"
+    );
+    assert_eq!(
+        host.read(0x6040, 0) & 0xFFFF,
+        0,
+        "no half frame was carried out"
+    );
 }
 
 #[test]
@@ -207,8 +256,12 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
         .log()
         .into_iter()
         .filter_map(|event| matches!(event.kind, EventKind::Setpoint(_)).then_some(event.stamp));
-    // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little before it was read.
-    let (exchange, slack) = (Nanos(24 * 10 * 1_000_000_000 / 9_600), Nanos::from_millis(1));
+    // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little
+    // before it was read.
+    let (exchange, slack) = (
+        Nanos(24 * 10 * 1_000_000_000 / 9_600),
+        Nanos::from_millis(1),
+    );
     let mut earliest = before;
     for stamp in stamps {
         assert!(stamp + slack > earliest, "{stamp:?} is before {earliest:?}");
@@ -242,9 +295,15 @@ fn faults_mutes_and_power_cycles_can_be_made() {
     emulator.mute(1, false);
     assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
     emulator.power_cycle(1);
-    wait_for("the drive boots", || emulator.snapshot().axes[1].drive.state == State::SwitchOnDisabled);
+    wait_for("the drive boots", || {
+        emulator.snapshot().axes[1].drive.state == State::SwitchOnDisabled
+    });
     assert_eq!(host.read(0x6041, 0) & 0xFFFF, 0x0040);
-    assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0, "the other axis knows nothing of it");
+    assert_eq!(
+        emulator.snapshot().axes[0].drive.error_code,
+        0,
+        "the other axis knows nothing of it"
+    );
 }
 
 #[test]
@@ -258,10 +317,20 @@ fn the_camera_sees_the_snake() {
             }
         })
         .unwrap();
-    let pictures: Vec<_> = (0..5).map(|_| receiver.recv_timeout(PATIENCE).unwrap()).collect();
-    assert!(pictures.windows(2).all(|pair| pair[0].stamp_ns < pair[1].stamp_ns));
+    let pictures: Vec<_> = (0..5)
+        .map(|_| receiver.recv_timeout(PATIENCE).unwrap())
+        .collect();
+    assert!(
+        pictures
+            .windows(2)
+            .all(|pair| pair[0].stamp_ns < pair[1].stamp_ns)
+    );
     for picture in pictures {
-        assert!(picture.position[..2].iter().all(|angle| angle.to_degrees().abs() < 1.0));
+        assert!(
+            picture.position[..2]
+                .iter()
+                .all(|angle| angle.to_degrees().abs() < 1.0)
+        );
         assert_eq!((picture.count, picture.flags), (2, 1));
     }
 }
@@ -275,13 +344,22 @@ fn links_and_log_file_come_and_go() {
     let emulator = Emulator::start(config.clone()).unwrap();
     let device = emulator.device(1).to_owned();
     assert!(device.exists() && device.is_symlink());
-    let second = Emulator::start(EmulatorConfig { log: None, ..config });
-    assert!(matches!(second.err(), Some(EmulatorError::Folder(FolderError::InUse { .. }))));
+    let second = Emulator::start(EmulatorConfig {
+        log: None,
+        ..config
+    });
+    assert!(matches!(
+        second.err(),
+        Some(EmulatorError::Folder(FolderError::InUse { .. }))
+    ));
     Host::open(&emulator, 1).write(0x607A, 0, -7);
     drop(emulator);
     assert!(!device.is_symlink() && !folder.path().join("ports").exists());
     let text = std::fs::read_to_string(log).unwrap();
-    assert!(text.lines().any(|line| line.ends_with(",1,setpoint,-7,")), "{text}");
+    assert!(
+        text.lines().any(|line| line.ends_with(",1,setpoint,-7,")),
+        "{text}"
+    );
 }
 
 #[test]
@@ -308,17 +386,26 @@ fn the_control_socket_does_what_it_is_told() {
     assert_eq!(host.replies(), 0, "the reply was cut");
     assert_eq!(host.read(0x1018, 1), 0xFB);
     assert!(tell("{kind = \"explode\"}").starts_with("error: "));
-    assert!(emulator.log().iter().any(|event| event.kind == EventKind::Injected("cut-reply-in-pair")));
+    assert!(
+        emulator
+            .log()
+            .iter()
+            .any(|event| event.kind == EventKind::Injected("cut-reply-in-pair"))
+    );
 }
 
 #[test]
 fn a_scenario_plays_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = config(folder.path());
-    config.scenario =
-        i2ris_emulator::Scenario::parse("[[at]]\nms = 50\naxis = 1\nkind = \"fault\"\ncode = 0x3210").unwrap();
+    config.scenario = i2ris_emulator::Scenario::parse(
+        "[[at]]\nms = 50\naxis = 1\nkind = \"fault\"\ncode = 0x3210",
+    )
+    .unwrap();
     let emulator = Emulator::start(config).unwrap();
-    wait_for("the fault", || emulator.snapshot().axes[1].drive.error_code == 0x3210);
+    wait_for("the fault", || {
+        emulator.snapshot().axes[1].drive.error_code == 0x3210
+    });
     assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0);
 }
 
@@ -328,7 +415,9 @@ fn a_port_hangs_up_and_comes_back_under_its_name() {
     let mut host = Host::open(&emulator, 0);
     assert_eq!(host.read(0x1018, 1), 0xFB);
     emulator.inject(0, i2ris_emulator::Injection::HangUp { for_ms: 100 });
-    wait_for("the host notices", || host.port.write_all(&READ_STATUSWORD).is_err());
+    wait_for("the host notices", || {
+        host.port.write_all(&READ_STATUSWORD).is_err()
+    });
     drop(host);
     wait_for("the port is back", || emulator.device(0).exists());
     assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);

@@ -6,8 +6,17 @@ use i2ris::model::{Model, Query};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {
-    let Ok(model) = ModelFile::parse(text).and_then(Model::from_file) else { return };
+    let Ok(model) = ModelFile::parse(text).and_then(Model::from_file) else {
+        return;
+    };
     let memory = model.new_memory();
-    let inverse = model.invert(&[0.1, -0.1, 0.0], &memory, &Query::new(model.hull().centre()));
-    assert!(inverse.counts.iter().all(|counts| counts.is_finite()), "{inverse:?}");
+    let inverse = model.invert(
+        &[0.1, -0.1, 0.0],
+        &memory,
+        &Query::new(model.hull().centre()),
+    );
+    assert!(
+        inverse.counts.iter().all(|counts| counts.is_finite()),
+        "{inverse:?}"
+    );
 });

@@ -52,9 +52,13 @@ impl Console {
     ///
     /// # Errors
     ///
-    /// When the address is one of a network and there is no key, the gate is of another version, or the domain cannot be served,
-    /// because a controller runs in it for one.
-    pub fn run(self, stop: impl Fn() -> bool, mut tell: impl FnMut(Told)) -> Result<(), NetworkError> {
+    /// When the address is one of a network and there is no key, the gate is of another version, or
+    /// the domain cannot be served, because a controller runs in it for one.
+    pub fn run(
+        self,
+        stop: impl Fn() -> bool,
+        mut tell: impl FnMut(Told),
+    ) -> Result<(), NetworkError> {
         let mut end = End::open(self)?;
         let mut buffer = [0; 2 * LONGEST];
         while !stop() {
@@ -107,7 +111,10 @@ struct Joined {
 
 impl Stage {
     fn calling() -> Self {
-        Self::Calling { call: random_id(), next: Nanos::ZERO }
+        Self::Calling {
+            call: random_id(),
+            next: Nanos::ZERO,
+        }
     }
 }
 
@@ -117,13 +124,26 @@ impl End {
         if options.key.is_open() && !address.ip().is_loopback() {
             return Err(NetworkError::KeyNeeded(address));
         }
-        let failed = |action| move |source| NetworkError::Socket { action, address, source };
-        let any: SocketAddr =
-            if address.is_ipv4() { (Ipv4Addr::UNSPECIFIED, 0).into() } else { (Ipv6Addr::UNSPECIFIED, 0).into() };
+        let failed = |action| {
+            move |source| NetworkError::Socket {
+                action,
+                address,
+                source,
+            }
+        };
+        let any: SocketAddr = if address.is_ipv4() {
+            (Ipv4Addr::UNSPECIFIED, 0).into()
+        } else {
+            (Ipv6Addr::UNSPECIFIED, 0).into()
+        };
         let socket = UdpSocket::bind(any).map_err(failed("open a socket for"))?;
         socket.connect(address).map_err(failed("reach"))?;
         socket.set_nonblocking(true).map_err(failed("reach"))?;
-        Ok(Self { options, socket, stage: Stage::calling() })
+        Ok(Self {
+            options,
+            socket,
+            stage: Stage::calling(),
+        })
     }
 
     /// Sleeps until a packet comes, a millisecond at most: what clients ask is looked for.
@@ -136,8 +156,12 @@ impl End {
 
     /// Sends what clients here ask.
     fn pass_on(&mut self, now: Nanos) {
-        let Stage::Joined(joined) = &mut self.stage else { return };
-        let Some(service) = &mut joined.service else { return };
+        let Stage::Joined(joined) = &mut self.stage else {
+            return;
+        };
+        let Some(service) = &mut joined.service else {
+            return;
+        };
         let mut packets = Vec::new();
         if let Some(command) = service.servo_jp() {
             packets.push(joined.peer.write(Kind::ServoJp, command.bytes(), now));
@@ -145,8 +169,12 @@ impl End {
         if let Some(command) = service.servo_actuators() {
             packets.push(joined.peer.write(Kind::ServoActuator, command.bytes(), now));
         }
-        service.questions(now, |token, kind, payload| joined.asked.take(token, kind, payload, now));
-        joined.asked.due(now, |question| packets.push(joined.peer.write(Kind::Request, &question.write(), now)));
+        service.questions(now, |token, kind, payload| {
+            joined.asked.take(token, kind, payload, now)
+        });
+        joined.asked.due(now, |question| {
+            packets.push(joined.peer.write(Kind::Request, &question.write(), now))
+        });
         if !packets.is_empty() {
             joined.next_beat = now + BEAT_PERIOD;
         }
@@ -160,7 +188,9 @@ impl End {
     fn hear(&mut self, bytes: &[u8], tell: &mut impl FnMut(Told)) -> Result<(), NetworkError> {
         let now = clock::now();
         let key = self.options.key.clone();
-        let Some(packet) = packet::read(bytes, &key) else { return Ok(()) };
+        let Some(packet) = packet::read(bytes, &key) else {
+            return Ok(());
+        };
         let joined = match &mut self.stage {
             Stage::Calling { call, .. } => {
                 let call = *call;
@@ -188,24 +218,33 @@ impl End {
         tell: &mut impl FnMut(Told),
     ) -> Result<(), NetworkError> {
         let mut rest = Rest(packet.body);
-        let (Some(to), Some(first), Some(second)) = (rest.u64(), rest.u32(), rest.u32()) else { return Ok(()) };
+        let (Some(to), Some(first), Some(second)) = (rest.u64(), rest.u32(), rest.u32()) else {
+            return Ok(());
+        };
         if to != call {
             return Ok(());
         }
         let address = self.options.gate;
         match packet.header.kind {
-            Kind::Refused if first == REFUSED_INTERFACE => {
-                Err(NetworkError::Interface { theirs: second, ours: INTERFACE_VERSION })
-            }
+            Kind::Refused if first == REFUSED_INTERFACE => Err(NetworkError::Interface {
+                theirs: second,
+                ours: INTERFACE_VERSION,
+            }),
             Kind::Refused if first == REFUSED_FULL => {
                 tell(Told::Full(address));
-                self.stage = Stage::Calling { call: random_id(), next: now + Nanos::from_millis(2000) };
+                self.stage = Stage::Calling {
+                    call: random_id(),
+                    next: now + Nanos::from_millis(2000),
+                };
                 Ok(())
             }
             Kind::Welcome => {
                 let mut joined = Joined::new(&self.options.key, packet.header.session, now);
                 if joined.peer.accept(packet, now) {
-                    tell(Told::Joined { address, commands: second == 1 });
+                    tell(Told::Joined {
+                        address,
+                        commands: second == 1,
+                    });
                     self.stage = Stage::Joined(Box::new(joined));
                 }
                 Ok(())
@@ -226,7 +265,8 @@ impl End {
             }
             Stage::Calling { .. } => {}
             Stage::Joined(joined) if joined.peer.silence(now) > self.options.lost_after => {
-                // With the domain goes whatever was in motion: clients see a controller that is gone.
+                // With the domain goes whatever was in motion: clients see a controller that is
+                // gone.
                 self.stage = Stage::calling();
                 tell(Told::Lost(self.options.gate));
             }
@@ -264,10 +304,14 @@ impl Joined {
         now: Nanos,
         tell: &mut impl FnMut(Told),
     ) -> Result<(), NetworkError> {
-        let Some(shift) = peer::shift(packet, now) else { return Ok(()) };
+        let Some(shift) = peer::shift(packet, now) else {
+            return Ok(());
+        };
         match packet.header.kind {
             Kind::State => {
-                let Some(state) = State::read(packet.body) else { return Ok(()) };
+                let Some(state) = State::read(packet.body) else {
+                    return Ok(());
+                };
                 if now >= self.next_round_trip {
                     self.next_round_trip = now + ROUND_TRIP_PERIOD;
                     tell(Told::RoundTrip(shift.round_trip(now)));
@@ -275,7 +319,8 @@ impl Joined {
                 self.show(&state.here(&shift), domain, tell)
             }
             Kind::Reply => {
-                if let (Some(answer), Some(service)) = (Answer::read(packet.body), &mut self.service)
+                if let (Some(answer), Some(service)) =
+                    (Answer::read(packet.body), &mut self.service)
                     && let Some((token, kind)) = self.asked.answered(answer.number)
                 {
                     service.answer(token, kind, &answer);
@@ -286,14 +331,27 @@ impl Joined {
         }
     }
 
-    /// Shows clients here what the controller tells; another start of the controller is another start of the domain.
-    fn show(&mut self, state: &State, domain: &Domain, tell: &mut impl FnMut(Told)) -> Result<(), NetworkError> {
+    /// Shows clients here what the controller tells; another start of the controller is another
+    /// start of the domain.
+    fn show(
+        &mut self,
+        state: &State,
+        domain: &Domain,
+        tell: &mut impl FnMut(Told),
+    ) -> Result<(), NetworkError> {
         if self.controller != Some(state.controller) {
             self.controller = Some(state.controller);
-            tell(if state.controller { Told::Serving } else { Told::NoController });
+            tell(if state.controller {
+                Told::Serving
+            } else {
+                Told::NoController
+            });
         }
         let boot = state.operating.map(|message| message.boot_id);
-        let other = self.service.as_ref().is_some_and(|service| boot.is_some_and(|boot| boot != service.boot_id()));
+        let other = self
+            .service
+            .as_ref()
+            .is_some_and(|service| boot.is_some_and(|boot| boot != service.boot_id()));
         if !state.controller || other {
             self.service = None;
             self.asked = Asked::default();

@@ -36,7 +36,9 @@ pub enum NetworkError {
     #[error("cannot start a thread: {0}")]
     Thread(io::Error),
     /// The gate speaks another version.
-    #[error("the other end has interface version {theirs}, this program {ours}; build both from one release")]
+    #[error(
+        "the other end has interface version {theirs}, this program {ours}; build both from one release"
+    )]
     Interface {
         /// The gate's.
         theirs: u32,

@@ -54,17 +54,30 @@ impl Gate {
     ///
     /// # Errors
     ///
-    /// When the address is one of a network and there is no key, the address cannot be used, or no thread can be started.
+    /// When the address is one of a network and there is no key, the address cannot be used, or no
+    /// thread can be started.
     pub fn open(self) -> Result<OpenGate, NetworkError> {
         if self.key.is_open() && !self.listen.ip().is_loopback() {
             return Err(NetworkError::KeyNeeded(self.listen));
         }
         let address = self.listen;
-        let failed = |action| move |source| NetworkError::Socket { action, address, source };
+        let failed = |action| {
+            move |source| NetworkError::Socket {
+                action,
+                address,
+                source,
+            }
+        };
         let socket = UdpSocket::bind(address).map_err(failed("listen at"))?;
         socket.set_nonblocking(true).map_err(failed("listen at"))?;
         let controller = Controller::new(&self.domain)?;
-        Ok(OpenGate { options: self, socket, controller, sessions: Vec::new(), next_state: Nanos::ZERO })
+        Ok(OpenGate {
+            options: self,
+            socket,
+            controller,
+            sessions: Vec::new(),
+            next_state: Nanos::ZERO,
+        })
     }
 }
 
@@ -113,7 +126,8 @@ impl OpenGate {
         }
     }
 
-    /// Sleeps until a packet comes, a millisecond at most: answers of the controller are looked for.
+    /// Sleeps until a packet comes, a millisecond at most: answers of the controller are looked
+    /// for.
     fn wait(&self) {
         let mut sockets = [PollFd::new(self.socket.as_fd(), PollFlags::POLLIN)];
         if poll(&mut sockets, PollTimeout::from(1_u8)).is_err() {
@@ -124,11 +138,17 @@ impl OpenGate {
     fn hear(&mut self, bytes: &[u8], from: SocketAddr, tell: &mut impl FnMut(Told)) {
         let now = clock::now();
         let key = self.options.key.clone();
-        let Some(packet) = packet::read(bytes, &key) else { return };
+        let Some(packet) = packet::read(bytes, &key) else {
+            return;
+        };
         if packet.header.kind == Kind::Hello {
             return self.greet(&packet, from, now, tell);
         }
-        let Some(place) = self.sessions.iter().position(|it| it.peer.session() == packet.header.session) else {
+        let Some(place) = self
+            .sessions
+            .iter()
+            .position(|it| it.peer.session() == packet.header.session)
+        else {
             return;
         };
         let session = &mut self.sessions[place];
@@ -137,7 +157,10 @@ impl OpenGate {
         }
         if !session.confirmed && packet.header.echo != 0 {
             session.confirmed = true;
-            tell(Told::Joined { address: from, commands: self.options.commands });
+            tell(Told::Joined {
+                address: from,
+                commands: self.options.commands,
+            });
         }
         if packet.header.kind == Kind::End {
             self.sessions.remove(place);
@@ -150,10 +173,18 @@ impl OpenGate {
         }
     }
 
-    /// A hello may be an old one that someone sends again: it gets an answer, and nothing else changes until the console
-    /// has shown that it got it.
-    fn greet(&mut self, packet: &Packet<'_>, from: SocketAddr, now: Nanos, tell: &mut impl FnMut(Told)) {
-        let Some(interface) = Rest(packet.body).u32() else { return };
+    /// A hello may be an old one that someone sends again: it gets an answer, and nothing else
+    /// changes until the console has shown that it got it.
+    fn greet(
+        &mut self,
+        packet: &Packet<'_>,
+        from: SocketAddr,
+        now: Nanos,
+        tell: &mut impl FnMut(Told),
+    ) {
+        let Some(interface) = Rest(packet.body).u32() else {
+            return;
+        };
         let call = packet.header.session;
         if interface == INTERFACE_VERSION && self.welcome_again(call, from, packet, now) {
             return;
@@ -164,13 +195,21 @@ impl OpenGate {
         let refusal = match interface {
             INTERFACE_VERSION if joined < CONSOLES && self.sessions.len() < SESSIONS => None,
             INTERFACE_VERSION => Some((REFUSED_FULL, Told::Full(from))),
-            interface => Some((REFUSED_INTERFACE, Told::Foreign { address: from, interface })),
+            interface => Some((
+                REFUSED_INTERFACE,
+                Told::Foreign {
+                    address: from,
+                    interface,
+                },
+            )),
         };
         let mut body = call.to_le_bytes().to_vec();
         if let Some((reason, told)) = refusal {
             body.extend(reason.to_le_bytes());
             body.extend(INTERFACE_VERSION.to_le_bytes());
-            let _ = self.socket.send_to(&session.peer.write(Kind::Refused, &body, now), from);
+            let _ = self
+                .socket
+                .send_to(&session.peer.write(Kind::Refused, &body, now), from);
             return tell(told);
         }
         self.welcome(&mut session, now);
@@ -178,9 +217,17 @@ impl OpenGate {
     }
 
     /// The same call once more: its welcome was lost, or is still on its way.
-    fn welcome_again(&mut self, call: u64, from: SocketAddr, packet: &Packet<'_>, now: Nanos) -> bool {
+    fn welcome_again(
+        &mut self,
+        call: u64,
+        from: SocketAddr,
+        packet: &Packet<'_>,
+        now: Nanos,
+    ) -> bool {
         let known = |it: &Session| it.call == call && it.address == from && !it.confirmed;
-        let Some(place) = self.sessions.iter().position(known) else { return false };
+        let Some(place) = self.sessions.iter().position(known) else {
+            return false;
+        };
         let mut session = self.sessions.swap_remove(place);
         session.peer.note(&packet.header, now);
         self.welcome(&mut session, now);
@@ -192,13 +239,22 @@ impl OpenGate {
         let mut body = session.call.to_le_bytes().to_vec();
         body.extend(INTERFACE_VERSION.to_le_bytes());
         body.extend(u32::from(self.options.commands).to_le_bytes());
-        let _ = self.socket.send_to(&session.peer.write(Kind::Welcome, &body, now), session.address);
+        let _ = self.socket.send_to(
+            &session.peer.write(Kind::Welcome, &body, now),
+            session.address,
+        );
     }
 
     /// Hands over what the controller has answered.
     fn answer(&mut self, now: Nanos) {
         while let Some((session, answer)) = self.controller.answered() {
-            let Some(session) = self.sessions.iter_mut().find(|it| it.peer.session() == session) else { continue };
+            let Some(session) = self
+                .sessions
+                .iter_mut()
+                .find(|it| it.peer.session() == session)
+            else {
+                continue;
+            };
             let bytes = session.peer.write(Kind::Reply, &answer.write(), now);
             session.answered(answer);
             let _ = self.socket.send_to(&bytes, session.address);

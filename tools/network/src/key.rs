@@ -35,7 +35,10 @@ impl Key {
     /// No secret: seals are checksums. For the computer itself only.
     #[must_use]
     pub fn open() -> Self {
-        Self { secret: b"i2ris without a key".to_vec(), open: true }
+        Self {
+            secret: b"i2ris without a key".to_vec(),
+            open: true,
+        }
     }
 
     /// Whether it is no secret.
@@ -47,27 +50,50 @@ impl Key {
     /// A key of these bytes.
     #[must_use]
     pub fn of(secret: &[u8]) -> Self {
-        Self { secret: secret.to_vec(), open: false }
+        Self {
+            secret: secret.to_vec(),
+            open: false,
+        }
     }
 
     /// Reads a key: hexadecimal digits in a file that nobody else can read.
     ///
     /// # Errors
     ///
-    /// When the file cannot be read, others can read it, or it is no such text of at least 16 bytes.
+    /// When the file cannot be read, others can read it, or it is no such text of at least 16
+    /// bytes.
     pub fn load(path: &Path) -> Result<Self, NetworkError> {
-        let wrong = |reason: String| NetworkError::Key { path: path.to_owned(), reason };
-        let mut file = File::open(path).map_err(|error| wrong(format!("{error}; make one with `i2ris bridge key`")))?;
-        let mode = file.metadata().map_err(|error| wrong(error.to_string()))?.mode();
+        let wrong = |reason: String| NetworkError::Key {
+            path: path.to_owned(),
+            reason,
+        };
+        let mut file = File::open(path)
+            .map_err(|error| wrong(format!("{error}; make one with `i2ris bridge key`")))?;
+        let mode = file
+            .metadata()
+            .map_err(|error| wrong(error.to_string()))?
+            .mode();
         if mode & 0o077 != 0 {
-            return Err(wrong(format!("others can read it (mode {:03o}); chmod 600 it", mode & 0o777)));
+            return Err(wrong(format!(
+                "others can read it (mode {:03o}); chmod 600 it",
+                mode & 0o777
+            )));
         }
         let mut text = String::new();
-        file.read_to_string(&mut text).map_err(|error| wrong(error.to_string()))?;
+        file.read_to_string(&mut text)
+            .map_err(|error| wrong(error.to_string()))?;
         let secret = digits(text.trim()).filter(|secret| secret.len() >= SHORTEST);
-        secret.map(|secret| Self { secret, open: false }).ok_or_else(|| {
-            wrong(format!("not {} or more hexadecimal digits; make one with `i2ris bridge key`", 2 * SHORTEST))
-        })
+        secret
+            .map(|secret| Self {
+                secret,
+                open: false,
+            })
+            .ok_or_else(|| {
+                wrong(format!(
+                    "not {} or more hexadecimal digits; make one with `i2ris bridge key`",
+                    2 * SHORTEST
+                ))
+            })
     }
 
     /// Makes a key in a file that does not exist yet.
@@ -76,21 +102,36 @@ impl Key {
     ///
     /// When the file exists or cannot be written.
     pub fn make(path: &Path) -> Result<Self, NetworkError> {
-        let wrong = |error: std::io::Error| NetworkError::Key { path: path.to_owned(), reason: error.to_string() };
+        let wrong = |error: std::io::Error| NetworkError::Key {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        };
         let mut secret = vec![0; MADE];
-        File::open("/dev/urandom").and_then(|mut source| source.read_exact(&mut secret)).map_err(wrong)?;
+        File::open("/dev/urandom")
+            .and_then(|mut source| source.read_exact(&mut secret))
+            .map_err(wrong)?;
         let mut text = String::new();
         secret.iter().for_each(|byte| {
             let _ = write!(text, "{byte:02x}");
         });
         text.push('\n');
-        let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path).map_err(wrong)?;
-        let written = file.write_all(text.as_bytes()).and_then(|()| file.sync_all());
+        let mut file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(path)
+            .map_err(wrong)?;
+        let written = file
+            .write_all(text.as_bytes())
+            .and_then(|()| file.sync_all());
         written.map_err(|error| {
             let _ = fs::remove_file(path);
             wrong(error)
         })?;
-        Ok(Self { secret, open: false })
+        Ok(Self {
+            secret,
+            open: false,
+        })
     }
 
     /// The seal of some bytes.
@@ -104,7 +145,10 @@ impl Key {
 
     /// Whether this is their seal. Takes as long for a wrong one as for the right one.
     pub(crate) fn fits(&self, bytes: &[u8], seal: &[u8]) -> bool {
-        seal.len() == SEAL && self.mac(bytes).is_some_and(|mac| mac.verify_truncated_left(seal).is_ok())
+        seal.len() == SEAL
+            && self
+                .mac(bytes)
+                .is_some_and(|mac| mac.verify_truncated_left(seal).is_ok())
     }
 
     /// HMAC takes keys of any length, so there always is one.
@@ -117,7 +161,12 @@ impl Key {
 
 fn digits(text: &str) -> Option<Vec<u8>> {
     let pairs = text.as_bytes().chunks(2);
-    pairs.map(|pair| (pair.len() == 2).then(|| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok())?).collect()
+    pairs
+        .map(|pair| {
+            (pair.len() == 2)
+                .then(|| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok())?
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -134,7 +183,10 @@ mod tests {
         assert_eq!(seal[..8], [0x5b, 0xdc, 0xc1, 0x46, 0xbf, 0x60, 0x75, 0x4e]);
         assert!(key.fits(b"what do ya want for nothing?", &seal));
         assert!(!key.fits(b"what do ya want for nothing!", &seal));
-        assert!(!key.fits(b"what do ya want for nothing?", &seal[..8]), "a short seal could be guessed");
+        assert!(
+            !key.fits(b"what do ya want for nothing?", &seal[..8]),
+            "a short seal could be guessed"
+        );
         assert!(!Key::of(b"jefe").fits(b"what do ya want for nothing?", &seal));
     }
 
@@ -146,7 +198,10 @@ mod tests {
         assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
         assert_eq!(Key::load(&path).unwrap().seal(b"x"), made.seal(b"x"));
         assert!(Key::make(&path).is_err());
-        assert_ne!(Key::make(&folder.path().join("other")).unwrap().seal(b"x"), made.seal(b"x"));
+        assert_ne!(
+            Key::make(&folder.path().join("other")).unwrap().seal(b"x"),
+            made.seal(b"x")
+        );
     }
 
     #[test]

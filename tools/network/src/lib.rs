@@ -1,18 +1,21 @@
 //! A console on another computer.
 //!
-//! Two ends over UDP. The [`gate`] runs beside the controller and is a client of it. The [`console`] runs on the other computer
-//! and serves a domain there as a controller would, so `i2ris command`, `i2ris monitor`, `i2ris record`, Python and C++ work
-//! there unchanged. The controller knows nothing of either.
+//! Two ends over UDP. The [`gate`] runs beside the controller and is a client of it. The
+//! [`console`] runs on the other computer and serves a domain there as a controller would, so
+//! `i2ris command`, `i2ris monitor`, `i2ris record`, Python and C++ work there unchanged. The
+//! controller knows nothing of either.
 //!
 //! # Time
 //!
-//! Clocks of two computers are never compared. Every packet carries three numbers: its sender's clock `now`, the `now` of
-//! the newest packet that the sender had received (`echo`), and how long ago that was on the sender's clock (`held`). To the
-//! receiver, `echo` is a moment of its own clock, and the packet was sent `held` after it *or later*, because the echoed packet
-//! was on its way for some time. So `echo + held` is a moment of the receiver's clock **before** which the packet was not
-//! sent: the age counted from it is never too small, and too large by no more than the way of the echoed packet (the bound of
-//! F. Cristian, "Probabilistic clock synchronization", 1989). Stamps inside the packet move by the same shift. A command that
-//! was held up anywhere arrives as old as it is or older, and the controller refuses it by its own deadline.
+//! Clocks of two computers are never compared. Every packet carries three numbers: its sender's
+//! clock `now`, the `now` of the newest packet that the sender had received (`echo`), and how long
+//! ago that was on the sender's clock (`held`). To the receiver, `echo` is a moment of its own
+//! clock, and the packet was sent `held` after it *or later*, because the echoed packet was on its
+//! way for some time. So `echo + held` is a moment of the receiver's clock **before** which the
+//! packet was not sent: the age counted from it is never too small, and too large by no more than
+//! the way of the echoed packet (the bound of F. Cristian, "Probabilistic clock synchronization",
+//! 1989). Stamps inside the packet move by the same shift. A command that was held up anywhere
+//! arrives as old as it is or older, and the controller refuses it by its own deadline.
 //!
 //! # Packets
 //!
@@ -42,21 +45,24 @@
 //! | reply | gate | number (u64), what became of it (u32), 0 (u32), the payload |
 //! | end | both | nothing |
 //!
-//! Streams are not repeated when lost: the next one is newer. Requests are repeated every 50 ms until they are answered; the
-//! gate knows their numbers and carries each out once. One that is older than half a second when it arrives is not carried
-//! out, since nobody waits for it any more, unless it is one that stops.
+//! Streams are not repeated when lost: the next one is newer. Requests are repeated every 50 ms
+//! until they are answered; the gate knows their numbers and carries each out once. One that is
+//! older than half a second when it arrives is not carried out, since nobody waits for it any more,
+//! unless it is one that stops.
 //!
 //! # When the link is cut
 //!
-//! The controller stops the snake by the deadline of the last command, as when a commander dies. After the span of silence
-//! that is agreed on ([`Console::lost_after`], [`Gate::lost_after`]) both ends forget the session and the console's domain ends,
-//! so programs there see a controller that is gone. When the link is back they see one that was started anew, and nothing that was in
+//! The controller stops the snake by the deadline of the last command, as when a commander dies.
+//! After the span of silence that is agreed on ([`Console::lost_after`], [`Gate::lost_after`]) both
+//! ends forget the session and the console's domain ends, so programs there see a controller that
+//! is gone. When the link is back they see one that was started anew, and nothing that was in
 //! motion goes on by itself.
 //!
 //! # Who may
 //!
-//! Everyone who holds the key. Without one, only addresses of this very computer are served. Packets are not encrypted:
-//! who can listen can watch the snake. A packet that is recorded and sent again is refused by its number.
+//! Everyone who holds the key. Without one, only addresses of this very computer are served.
+//! Packets are not encrypted: who can listen can watch the snake. A packet that is recorded and
+//! sent again is refused by its number.
 
 pub mod console;
 mod error;

@@ -4,7 +4,8 @@ use i2ris::units::Nanos;
 
 use crate::key::{Key, SEAL};
 
-/// Bytes of a packet at most: less than what an Ethernet carries in one piece, with room for tunnels.
+/// Bytes of a packet at most: less than what an Ethernet carries in one piece, with room for
+/// tunnels.
 pub const LONGEST: usize = 1420;
 /// Bytes before the body.
 pub const HEADER: usize = 48;
@@ -87,7 +88,13 @@ pub fn write(header: &Header, body: &[u8], key: &Key) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEADER + body.len() + SEAL);
     bytes.extend(MAGIC);
     bytes.extend([header.kind as u8, 0, 0, 0]);
-    for number in [header.session, header.number, header.now, header.echo, header.held] {
+    for number in [
+        header.session,
+        header.number,
+        header.now,
+        header.echo,
+        header.held,
+    ] {
         bytes.extend(number.to_le_bytes());
     }
     bytes.extend(body);
@@ -104,10 +111,19 @@ pub fn read<'a>(bytes: &'a [u8], key: &Key) -> Option<Packet<'a>> {
     if !known || !key.fits(rest, seal) {
         return None;
     }
-    let mut numbers = head[8..].chunks_exact(8).map(|chunk| chunk.try_into().map_or(0, u64::from_le_bytes));
+    let mut numbers = head[8..]
+        .chunks_exact(8)
+        .map(|chunk| chunk.try_into().map_or(0, u64::from_le_bytes));
     let mut next = || numbers.next().unwrap_or(0);
     let kind = Kind::of(head[4])?;
-    let header = Header { kind, session: next(), number: next(), now: next(), echo: next(), held: next() };
+    let header = Header {
+        kind,
+        session: next(),
+        number: next(),
+        now: next(),
+        echo: next(),
+        held: next(),
+    };
     Some(Packet { header, body })
 }
 
@@ -121,7 +137,8 @@ pub struct Shift {
 }
 
 impl Shift {
-    /// From a packet that arrived at `now`; `None` while it echoes nothing, or what we cannot have sent.
+    /// From a packet that arrived at `now`; `None` while it echoes nothing, or what we cannot have
+    /// sent.
     #[must_use]
     pub fn of(header: &Header, now: Nanos) -> Option<Self> {
         if header.echo == 0 || header.echo > now.0 {
@@ -129,7 +146,10 @@ impl Shift {
         }
         // Clocks that run at different speeds may put it a little later than now, which cannot be.
         let sent = header.echo.saturating_add(header.held).min(now.0);
-        Some(Self { sent: Nanos(sent), theirs: header.now })
+        Some(Self {
+            sent: Nanos(sent),
+            theirs: header.now,
+        })
     }
 
     /// A stamp of the sender's clock on ours, never later than it was. 0 means never and stays 0.
@@ -157,13 +177,23 @@ mod tests {
     use super::*;
 
     fn header() -> Header {
-        Header { kind: Kind::ServoJp, session: 1, number: 2, now: 3, echo: 4, held: 5 }
+        Header {
+            kind: Kind::ServoJp,
+            session: 1,
+            number: 2,
+            now: 3,
+            echo: 4,
+            held: 5,
+        }
     }
 
     #[test]
     fn the_layout_is_the_one_that_is_told() {
         let bytes = write(&header(), &[9, 8], &Key::open());
-        assert_eq!(bytes[..16], [b'I', b'2', b'N', b'1', 6, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0]);
+        assert_eq!(
+            bytes[..16],
+            [b'I', b'2', b'N', b'1', 6, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0]
+        );
         assert_eq!((bytes[24], bytes[32], bytes[40]), (3, 4, 5));
         assert_eq!((&bytes[48..50], bytes.len()), (&[9_u8, 8][..], 66));
     }
@@ -194,14 +224,15 @@ mod tests {
             let _ = read(&bytes, &Key::open());
         }
 
-        /// Two clocks that differ by anything; ways of any length; the age is never too small, nor too large by more than the
-        /// way of the echo.
+        /// Two clocks that differ by anything; ways of any length; the age is never too small, nor
+        /// too large by more than the way of the echo.
         #[test]
         fn a_stamp_is_never_made_younger(
             ours in 1_u64 << 40..1 << 60, theirs in 1_u64 << 40..1 << 60,
             there in 0_u64..1 << 34, held in 0_u64..1 << 34, back in 0_u64..1 << 34, before in 0_u64..1 << 34,
         ) {
-            // We send at `ours`; it arrives `there` later, when their clock says `theirs`; they send `held` later.
+            // We send at `ours`; it arrives `there` later, when their clock says `theirs`; they
+            // send `held` later.
             let header = Header { kind: Kind::ServoJp, session: 0, number: 0, now: theirs + held, echo: ours, held };
             let now = Nanos(ours + there + held + back);
             let shift = Shift::of(&header, now).unwrap();
@@ -215,11 +246,45 @@ mod tests {
 
     #[test]
     fn what_never_was_stays_so_and_nonsense_has_no_shift() {
-        let shift = Shift::of(&Header { echo: 10, ..header() }, Nanos(100)).unwrap();
+        let shift = Shift::of(
+            &Header {
+                echo: 10,
+                ..header()
+            },
+            Nanos(100),
+        )
+        .unwrap();
         assert_eq!(shift.here(0), 0);
-        assert_eq!(Shift::of(&Header { echo: 0, ..header() }, Nanos(100)), None);
-        assert_eq!(Shift::of(&Header { echo: 101, ..header() }, Nanos(100)), None);
-        let late = Shift::of(&Header { echo: 10, held: u64::MAX, now: 50, ..header() }, Nanos(100)).unwrap();
+        assert_eq!(
+            Shift::of(
+                &Header {
+                    echo: 0,
+                    ..header()
+                },
+                Nanos(100)
+            ),
+            None
+        );
+        assert_eq!(
+            Shift::of(
+                &Header {
+                    echo: 101,
+                    ..header()
+                },
+                Nanos(100)
+            ),
+            None
+        );
+        let late = Shift::of(
+            &Header {
+                echo: 10,
+                held: u64::MAX,
+                now: 50,
+                ..header()
+            },
+            Nanos(100),
+        )
+        .unwrap();
         assert_eq!(late.here(50), 100, "nothing was sent after it arrived");
     }
 }

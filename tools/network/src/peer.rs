@@ -20,7 +20,14 @@ pub(crate) struct Peer {
 impl Peer {
     /// Nothing sent, nothing received; silence counts from `now`.
     pub fn new(key: &Key, session: u64, now: Nanos) -> Self {
-        Self { key: key.clone(), session, sent: 0, received: 0, newest: None, heard: now }
+        Self {
+            key: key.clone(),
+            session,
+            sent: 0,
+            received: 0,
+            newest: None,
+            heard: now,
+        }
     }
 
     /// The session.
@@ -31,12 +38,22 @@ impl Peer {
     /// The bytes of the next packet.
     pub fn write(&mut self, kind: Kind, body: &[u8], now: Nanos) -> Vec<u8> {
         self.sent += 1;
-        let (echo, held) = self.newest.map_or((0, 0), |(theirs, at)| (theirs, now.since(at).0));
-        let header = Header { kind, session: self.session, number: self.sent, now: now.0, echo, held };
+        let (echo, held) = self
+            .newest
+            .map_or((0, 0), |(theirs, at)| (theirs, now.since(at).0));
+        let header = Header {
+            kind,
+            session: self.session,
+            number: self.sent,
+            now: now.0,
+            echo,
+            held,
+        };
         packet::write(&header, body, &self.key)
     }
 
-    /// Takes note of a packet of this session that arrived. `false`: it is of another one, or old, or was here before.
+    /// Takes note of a packet of this session that arrived. `false`: it is of another one, or old,
+    /// or was here before.
     pub fn accept(&mut self, packet: &Packet<'_>, now: Nanos) -> bool {
         let header = &packet.header;
         if header.session != self.session || header.number <= self.received {
@@ -76,13 +93,19 @@ mod tests {
     fn a_packet_is_taken_once_and_in_order() {
         let key = Key::open();
         let (mut here, mut there) = (Peer::new(&key, 7, at(0)), Peer::new(&key, 7, at(0)));
-        let packets: Vec<Vec<u8>> = (0..3).map(|_| there.write(Kind::Beat, &[], at(1))).collect();
-        let mut take = |number: usize| here.accept(&packet::read(&packets[number], &key).unwrap(), at(2));
+        let packets: Vec<Vec<u8>> = (0..3)
+            .map(|_| there.write(Kind::Beat, &[], at(1)))
+            .collect();
+        let mut take =
+            |number: usize| here.accept(&packet::read(&packets[number], &key).unwrap(), at(2));
         assert!(take(0) && !take(0), "not twice");
         assert!(take(2) && !take(1), "not behind a newer one");
         let mut stranger = Peer::new(&key, 8, at(0));
         let bytes = stranger.write(Kind::Beat, &[], at(1));
-        assert!(!here.accept(&packet::read(&bytes, &key).unwrap(), at(2)), "not of another session");
+        assert!(
+            !here.accept(&packet::read(&bytes, &key).unwrap(), at(2)),
+            "not of another session"
+        );
     }
 
     #[test]

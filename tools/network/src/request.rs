@@ -12,7 +12,8 @@ use i2ris::units::Nanos;
 use crate::plain::Plain;
 use crate::wire::Rest;
 
-/// Age at which a request is not carried out: a client waits for a second, and the answer needs its time.
+/// Age at which a request is not carried out: a client waits for a second, and the answer needs its
+/// time.
 pub(crate) const LATE: Nanos = Nanos::from_millis(500);
 
 /// Which service is asked.
@@ -27,7 +28,9 @@ pub(crate) enum Service {
 
 impl Service {
     fn of(number: u32) -> Option<Self> {
-        [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox].into_iter().find(|it| *it as u32 == number)
+        [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox]
+            .into_iter()
+            .find(|it| *it as u32 == number)
     }
 
     /// Whether the answer may take seconds.
@@ -61,22 +64,32 @@ impl Question {
         let mut rest = Rest(body);
         let (number, asked, service) = (rest.u64()?, rest.u64()?, Service::of(rest.u32()?)?);
         rest.u32()?;
-        Some(Self { number, asked, service, payload: rest.0.to_vec() })
+        Some(Self {
+            number,
+            asked,
+            service,
+            payload: rest.0.to_vec(),
+        })
     }
 
     /// Whether it only looks.
     pub fn only_looks(&self) -> bool {
         let listing = |request: ModelRequest| request.action == ModelAction::List.number();
-        self.service == Service::Model && ModelRequest::from_bytes(&self.payload).is_some_and(listing)
+        self.service == Service::Model
+            && ModelRequest::from_bytes(&self.payload).is_some_and(listing)
     }
 
     /// Whether it only stops. Better late than never.
     pub fn only_stops(&self) -> bool {
         let stops = |request: StateCommandRequest| {
             use StateCommand::{Disable, Hold, Pause, Release};
-            matches!(StateCommand::from_number(request.command), Some(Disable | Pause | Hold | Release))
+            matches!(
+                StateCommand::from_number(request.command),
+                Some(Disable | Pause | Hold | Release)
+            )
         };
-        self.service == Service::StateCommand && StateCommandRequest::from_bytes(&self.payload).is_some_and(stops)
+        self.service == Service::StateCommand
+            && StateCommandRequest::from_bytes(&self.payload).is_some_and(stops)
     }
 
     /// Whether it comes too late to be carried out; `asked` is by our clock.
@@ -87,19 +100,32 @@ impl Question {
     /// Asks the controller and waits. Nothing is asked of it that is malformed.
     pub fn carry_out(&self, controller: &mut RequestForwarder) -> Answer {
         let payload = match self.service {
-            Service::StateCommand => ask(&self.payload, |request| controller.state_command(request)),
+            Service::StateCommand => {
+                ask(&self.payload, |request| controller.state_command(request))
+            }
             Service::Move => ask(&self.payload, |request| controller.move_jp(request)),
             Service::Model => ask(&self.payload, |request| controller.model(request)),
             Service::BlackBox => ask(&self.payload, |request| controller.black_box(request)),
         };
         match payload {
-            Some(payload) => Answer { number: self.number, outcome: Outcome::Answered, payload },
-            None => Answer { number: self.number, outcome: Outcome::Silent, payload: Vec::new() },
+            Some(payload) => Answer {
+                number: self.number,
+                outcome: Outcome::Answered,
+                payload,
+            },
+            None => Answer {
+                number: self.number,
+                outcome: Outcome::Silent,
+                payload: Vec::new(),
+            },
         }
     }
 }
 
-fn ask<Q: Plain, R: Plain>(payload: &[u8], ask: impl FnOnce(Q) -> Result<R, ClientError>) -> Option<Vec<u8>> {
+fn ask<Q: Plain, R: Plain>(
+    payload: &[u8],
+    ask: impl FnOnce(Q) -> Result<R, ClientError>,
+) -> Option<Vec<u8>> {
     let reply = ask(Q::from_bytes(payload)?).ok()?;
     Some(reply.bytes().to_vec())
 }
@@ -120,14 +146,19 @@ pub(crate) enum Outcome {
 
 impl Outcome {
     fn of(number: u32) -> Option<Self> {
-        [Self::Answered, Self::Silent, Self::Watching, Self::Late].into_iter().find(|it| *it as u32 == number)
+        [Self::Answered, Self::Silent, Self::Watching, Self::Late]
+            .into_iter()
+            .find(|it| *it as u32 == number)
     }
 
-    /// What the client is told instead of an answer; `None`: nothing, so that it finds out by itself.
+    /// What the client is told instead of an answer; `None`: nothing, so that it finds out by
+    /// itself.
     fn excuse(self) -> Option<&'static str> {
         match self {
             Self::Answered | Self::Silent | Self::Late => None,
-            Self::Watching => Some("the bridge at the controller lets watch only; start it with --command"),
+            Self::Watching => {
+                Some("the bridge at the controller lets watch only; start it with --command")
+            }
         }
     }
 }
@@ -143,7 +174,11 @@ pub(crate) struct Answer {
 impl Answer {
     /// An answer without a payload.
     pub fn empty(number: u64, outcome: Outcome) -> Self {
-        Self { number, outcome, payload: Vec::new() }
+        Self {
+            number,
+            outcome,
+            payload: Vec::new(),
+        }
     }
 
     pub fn write(&self) -> Vec<u8> {
@@ -159,13 +194,20 @@ impl Answer {
         let mut rest = Rest(body);
         let (number, outcome) = (rest.u64()?, Outcome::of(rest.u32()?)?);
         rest.u32()?;
-        Some(Self { number, outcome, payload: rest.0.to_vec() })
+        Some(Self {
+            number,
+            outcome,
+            payload: rest.0.to_vec(),
+        })
     }
 
     /// The answer to a state command or a motion.
     pub fn state(&self, state: u32) -> Option<StateCommandReply> {
         let refusal = Refusal::Unsupported.number();
-        self.outcome.excuse().map(|_| StateCommandReply { refusal, state }).or_else(|| self.value())
+        self.outcome
+            .excuse()
+            .map(|_| StateCommandReply { refusal, state })
+            .or_else(|| self.value())
     }
 
     /// The answer about models.
@@ -180,7 +222,10 @@ impl Answer {
 
     /// The answer to a wish for a black box.
     pub fn black_box(&self) -> Option<BlackBoxReply> {
-        let refused = |why: &str| BlackBoxReply { ticks: 0, text: padded_text(why) };
+        let refused = |why: &str| BlackBoxReply {
+            ticks: 0,
+            text: padded_text(why),
+        };
         self.outcome.excuse().map(refused).or_else(|| self.value())
     }
 
@@ -190,25 +235,43 @@ impl Answer {
 }
 
 /// The longest answer fits into a packet.
-const _: () =
-    assert!(16 + size_of::<ModelReply>() + crate::packet::HEADER + crate::key::SEAL <= crate::packet::LONGEST);
+const _: () = assert!(
+    16 + size_of::<ModelReply>() + crate::packet::HEADER + crate::key::SEAL
+        <= crate::packet::LONGEST
+);
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn command(command: StateCommand) -> Question {
-        let request = StateCommandRequest { client_id: 7, command: command.number(), reserved: 0 };
-        Question { number: 1, asked: 1_000, service: Service::StateCommand, payload: request.bytes().to_vec() }
+        let request = StateCommandRequest {
+            client_id: 7,
+            command: command.number(),
+            reserved: 0,
+        };
+        Question {
+            number: 1,
+            asked: 1_000,
+            service: Service::StateCommand,
+            payload: request.bytes().to_vec(),
+        }
     }
 
     #[test]
     fn questions_and_answers_are_read_again() {
         let question = command(StateCommand::Enable);
         assert_eq!(Question::read(&question.write()), Some(question));
-        let answer = Answer { number: 3, outcome: Outcome::Answered, payload: vec![1, 2, 3] };
+        let answer = Answer {
+            number: 3,
+            outcome: Outcome::Answered,
+            payload: vec![1, 2, 3],
+        };
         assert_eq!(Answer::read(&answer.write()), Some(answer));
-        assert_eq!((Question::read(&[0; 23]), Answer::read(&[0; 16])), (None, None));
+        assert_eq!(
+            (Question::read(&[0; 23]), Answer::read(&[0; 16])),
+            (None, None)
+        );
     }
 
     #[test]
@@ -220,18 +283,35 @@ mod tests {
             assert_eq!(command(*word).is_late(late), !stops, "{word}");
             assert!(!command(*word).is_late(Nanos(1_000) + LATE));
         }
-        let motion = Question { service: Service::Move, ..command(StateCommand::Hold) };
-        assert!(motion.is_late(late), "the payload of another service says nothing");
+        let motion = Question {
+            service: Service::Move,
+            ..command(StateCommand::Hold)
+        };
+        assert!(
+            motion.is_late(late),
+            "the payload of another service says nothing"
+        );
     }
 
     #[test]
     fn only_the_list_of_models_is_for_those_who_watch() {
         let ask = |action: ModelAction| {
-            let request = ModelRequest { action: action.number(), ..ModelRequest::default() };
-            Question { number: 1, asked: 0, service: Service::Model, payload: request.bytes().to_vec() }.only_looks()
+            let request = ModelRequest {
+                action: action.number(),
+                ..ModelRequest::default()
+            };
+            Question {
+                number: 1,
+                asked: 0,
+                service: Service::Model,
+                payload: request.bytes().to_vec(),
+            }
+            .only_looks()
         };
         assert!(ask(ModelAction::List));
-        assert!(!ask(ModelAction::Stage) && !ask(ModelAction::Activate) && !ask(ModelAction::Rollback));
+        assert!(
+            !ask(ModelAction::Stage) && !ask(ModelAction::Activate) && !ask(ModelAction::Rollback)
+        );
         assert!(!command(StateCommand::Hold).only_looks());
     }
 }

@@ -2,7 +2,9 @@
 
 use std::mem::size_of;
 
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, Version};
+use i2ris::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, Version,
+};
 
 use crate::packet::Shift;
 use crate::plain::Plain;
@@ -26,8 +28,14 @@ pub(crate) struct State {
 impl State {
     /// The body of a packet.
     pub fn write(&self) -> Vec<u8> {
-        let mut pieces = Pieces { mask: 0, bit: 0, bytes: vec![0; 4] };
-        pieces.bytes.extend(u32::from(self.controller).to_le_bytes());
+        let mut pieces = Pieces {
+            mask: 0,
+            bit: 0,
+            bytes: vec![0; 4],
+        };
+        pieces
+            .bytes
+            .extend(u32::from(self.controller).to_le_bytes());
         pieces.push(self.operating.as_ref());
         pieces.push(self.measured.as_ref());
         pieces.push(self.setpoint.as_ref());
@@ -61,15 +69,25 @@ impl State {
     /// The same with every stamp on our clock.
     pub fn here(mut self, shift: &Shift) -> Self {
         let joints = [&mut self.measured, &mut self.setpoint, &mut self.goal];
-        joints.into_iter().flatten().for_each(|joint| joint.stamp_ns = shift.here(joint.stamp_ns));
+        joints
+            .into_iter()
+            .flatten()
+            .for_each(|joint| joint.stamp_ns = shift.here(joint.stamp_ns));
         if let Some(state) = &mut self.operating {
             state.stamp_ns = shift.here(state.stamp_ns);
             state.since_ns = shift.here(state.since_ns);
         }
         if let Some(motors) = &mut self.actuators {
             motors.stamp_ns = shift.here(motors.stamp_ns);
-            let lists = [&mut motors.measured_stamp_ns, &mut motors.written_stamp_ns, &mut motors.command_stamp_ns];
-            lists.into_iter().flatten().for_each(|stamp| *stamp = shift.here(*stamp));
+            let lists = [
+                &mut motors.measured_stamp_ns,
+                &mut motors.written_stamp_ns,
+                &mut motors.command_stamp_ns,
+            ];
+            lists
+                .into_iter()
+                .flatten()
+                .for_each(|stamp| *stamp = shift.here(*stamp));
         }
         if let Some(statistics) = &mut self.statistics {
             statistics.stamp_ns = shift.here(statistics.stamp_ns);
@@ -120,7 +138,11 @@ impl Pieces {
 fn piece<T: Plain>(mask: &mut u32, rest: &mut Rest<'_>) -> Option<Option<T>> {
     let present = *mask & 1 == 1;
     *mask >>= 1;
-    if present { T::from_bytes(rest.take(size_of::<T>())?).map(Some) } else { Some(None) }
+    if present {
+        T::from_bytes(rest.take(size_of::<T>())?).map(Some)
+    } else {
+        Some(None)
+    }
 }
 
 #[cfg(test)]
@@ -134,14 +156,38 @@ mod tests {
     fn full() -> State {
         State {
             controller: true,
-            operating: Some(OperatingStateMsg { stamp_ns: 1, ..OperatingStateMsg::default() }),
-            measured: Some(JointState { stamp_ns: 2, ..JointState::default() }),
-            setpoint: Some(JointState { stamp_ns: 3, ..JointState::default() }),
-            goal: Some(JointState { stamp_ns: 4, ..JointState::default() }),
-            actuators: Some(ActuatorState { stamp_ns: 5, ..ActuatorState::default() }),
-            statistics: Some(PeriodStatistics { stamp_ns: 6, ..PeriodStatistics::default() }),
-            external: Some(ExternalPosition { stamp_ns: 7, ..ExternalPosition::default() }),
-            version: Some(Version { pid: 8, ..Version::default() }),
+            operating: Some(OperatingStateMsg {
+                stamp_ns: 1,
+                ..OperatingStateMsg::default()
+            }),
+            measured: Some(JointState {
+                stamp_ns: 2,
+                ..JointState::default()
+            }),
+            setpoint: Some(JointState {
+                stamp_ns: 3,
+                ..JointState::default()
+            }),
+            goal: Some(JointState {
+                stamp_ns: 4,
+                ..JointState::default()
+            }),
+            actuators: Some(ActuatorState {
+                stamp_ns: 5,
+                ..ActuatorState::default()
+            }),
+            statistics: Some(PeriodStatistics {
+                stamp_ns: 6,
+                ..PeriodStatistics::default()
+            }),
+            external: Some(ExternalPosition {
+                stamp_ns: 7,
+                ..ExternalPosition::default()
+            }),
+            version: Some(Version {
+                pid: 8,
+                ..Version::default()
+            }),
         }
     }
 
@@ -158,8 +204,15 @@ mod tests {
     #[test]
     fn what_is_not_new_stays_known() {
         let mut known = full();
-        let goal = Some(JointState { stamp_ns: 9, ..JointState::default() });
-        known.update(&State { controller: true, goal, ..State::default() });
+        let goal = Some(JointState {
+            stamp_ns: 9,
+            ..JointState::default()
+        });
+        known.update(&State {
+            controller: true,
+            goal,
+            ..State::default()
+        });
         assert_eq!(known, State { goal, ..full() });
     }
 

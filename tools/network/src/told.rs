@@ -39,13 +39,25 @@ pub enum Told {
 impl fmt::Display for Told {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Joined { address, commands: true } => write!(f, "{address}: joined, commands pass"),
-            Self::Joined { address, commands: false } => write!(f, "{address}: joined, to watch only"),
+            Self::Joined {
+                address,
+                commands: true,
+            } => write!(f, "{address}: joined, commands pass"),
+            Self::Joined {
+                address,
+                commands: false,
+            } => write!(f, "{address}: joined, to watch only"),
             Self::Left(address) => write!(f, "{address}: left"),
             Self::Lost(address) => write!(f, "{address}: silent, taken for lost"),
-            Self::Full(address) => write!(f, "{address}: refused, as many consoles as possible are joined"),
+            Self::Full(address) => write!(
+                f,
+                "{address}: refused, as many consoles as possible are joined"
+            ),
             Self::Foreign { address, interface } => {
-                write!(f, "{address}: refused, it has interface version {interface}; build both from one release")
+                write!(
+                    f,
+                    "{address}: refused, it has interface version {interface}; build both from one release"
+                )
             }
             Self::Serving => write!(f, "the controller is there"),
             Self::NoController => write!(f, "there is no controller at the other end"),

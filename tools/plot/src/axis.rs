@@ -43,29 +43,44 @@ impl Axis {
     /// Numbers above 0, by their logarithm.
     #[must_use]
     pub fn log(label: impl Into<String>) -> Self {
-        Self { kind: Kind::Numbers(Spacing::Log), ..Self::linear(label) }
+        Self {
+            kind: Kind::Numbers(Spacing::Log),
+            ..Self::linear(label)
+        }
     }
 
-    /// Names, from top to bottom on an upright axis, from right to left on a level one; the first one stands at 0.
+    /// Names, from top to bottom on an upright axis, from right to left on a level one; the first
+    /// one stands at 0.
     #[must_use]
     pub fn names(label: impl Into<String>, names: Vec<String>) -> Self {
         let range = Some((names.len() as f64 - 0.5, -0.5));
-        Self { kind: Kind::Names(names), range, ..Self::linear(label) }
+        Self {
+            kind: Kind::Names(names),
+            range,
+            ..Self::linear(label)
+        }
     }
 
     /// With a range of its own, whatever the data.
     #[must_use]
     pub fn range(self, low: f64, high: f64) -> Self {
-        Self { range: Some((low, high)), ..self }
+        Self {
+            range: Some((low, high)),
+            ..self
+        }
     }
 
     /// With a value that must be in sight.
     #[must_use]
     pub fn including(self, value: f64) -> Self {
-        Self { includes: Some(value), ..self }
+        Self {
+            includes: Some(value),
+            ..self
+        }
     }
 
-    /// With marks of its own instead of those at round numbers. Of marks outside the range nothing is seen.
+    /// With marks of its own instead of those at round numbers. Of marks outside the range nothing
+    /// is seen.
     #[must_use]
     pub fn marks(self, marks: Vec<(f64, String)>) -> Self {
         Self { marks, ..self }
@@ -109,7 +124,10 @@ impl Axis {
             Kind::Numbers(_) if !self.marks.is_empty() => self.own_ticks(scale),
             Kind::Numbers(_) => ticks(scale, count),
             Kind::Names(names) => {
-                let tick = |(index, name): (usize, &String)| Tick { value: index as f64, label: Some(name.clone()) };
+                let tick = |(index, name): (usize, &String)| Tick {
+                    value: index as f64,
+                    label: Some(name.clone()),
+                };
                 names.iter().enumerate().map(tick).collect()
             }
         }
@@ -117,8 +135,13 @@ impl Axis {
 
     fn own_ticks(&self, scale: &Scale) -> Vec<Tick> {
         let slack = 1e-6 * (scale.high() - scale.low());
-        let within = |(value, _): &&(f64, String)| (scale.low() - slack..=scale.high() + slack).contains(value);
-        let tick = |(value, label): &(f64, String)| Tick { value: *value, label: Some(label.clone()) };
+        let within = |(value, _): &&(f64, String)| {
+            (scale.low() - slack..=scale.high() + slack).contains(value)
+        };
+        let tick = |(value, label): &(f64, String)| Tick {
+            value: *value,
+            label: Some(label.clone()),
+        };
         self.marks.iter().filter(within).map(tick).collect()
     }
 

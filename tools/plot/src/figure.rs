@@ -8,7 +8,8 @@ use crate::style::Ink;
 use crate::text;
 use crate::xml::Element;
 
-/// Width of a figure. Across the text of an A4 page (170 mm), one unit is 0.67 pt, and the text about 8 pt.
+/// Width of a figure. Across the text of an A4 page (170 mm), one unit is 0.67 pt, and the text
+/// about 8 pt.
 pub const WIDTH: f64 = 720.0;
 
 /// Free space at the right of every panel: half of the last number of its axis stands there.
@@ -33,14 +34,19 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// An empty figure. `title` and `description` are what a screen reader says; `id` must differ from those of other
-    /// figures on the same page, and becomes part of identifiers in the file, so all but ASCII letters and digits is
-    /// replaced.
+    /// An empty figure. `title` and `description` are what a screen reader says; `id` must differ
+    /// from those of other figures on the same page, and becomes part of identifiers in the file,
+    /// so all but ASCII letters and digits is replaced.
     #[must_use]
     pub fn new(id: &str, title: impl Into<String>, description: impl Into<String>) -> Self {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
         let id = format!("f-{}", id.chars().map(plain).collect::<String>());
-        Self { id, title: title.into(), description: description.into(), rows: Vec::new() }
+        Self {
+            id,
+            title: title.into(),
+            description: description.into(),
+            rows: Vec::new(),
+        }
     }
 
     /// With a row of panels of a height, numbers and words of the axes included.
@@ -68,13 +74,24 @@ impl Figure {
     #[must_use]
     pub fn element(&self) -> Element {
         let indent = EDGE + LEGEND_INDENT.min(self.first_margin());
-        let keys = self.rows.iter().flat_map(|(_, row)| row).flat_map(Panel::keys);
+        let keys = self
+            .rows
+            .iter()
+            .flat_map(|(_, row)| row)
+            .flat_map(Panel::keys);
         let legend = Legend::new(keys, WIDTH - indent - EDGE);
-        let gap = if legend.height() > 0.0 { BELOW_LEGEND } else { 0.0 };
+        let gap = if legend.height() > 0.0 {
+            BELOW_LEGEND
+        } else {
+            0.0
+        };
         let top = EDGE + legend.height() + gap;
         let height = top + self.rows.iter().map(|(height, _)| height).sum::<f64>() + EDGE;
         let (title, description) = (format!("{}-t", self.id), format!("{}-d", self.id));
-        let paper = Element::new("rect").at("width", WIDTH).at("height", height).with("fill", Ink::WHITE.code());
+        let paper = Element::new("rect")
+            .at("width", WIDTH)
+            .at("height", height)
+            .with("fill", Ink::WHITE.code());
         Element::new("svg")
             .with("xmlns", "http://www.w3.org/2000/svg")
             .at("width", WIDTH)
@@ -86,14 +103,21 @@ impl Figure {
             .at("font-size", text::SIZE)
             .with("fill", Ink::DARK.code())
             .child(Element::new("title").with("id", title).text(&*self.title))
-            .child(Element::new("desc").with("id", description).text(&*self.description))
+            .child(
+                Element::new("desc")
+                    .with("id", description)
+                    .text(&*self.description),
+            )
             .child(paper)
             .child(legend.draw(indent, EDGE))
             .children(self.panels(top))
     }
 
     fn first_margin(&self) -> f64 {
-        self.rows.first().and_then(|(height, row)| Some(row.first()?.left_margin(*height))).unwrap_or(0.0)
+        self.rows
+            .first()
+            .and_then(|(height, row)| Some(row.first()?.left_margin(*height)))
+            .unwrap_or(0.0)
     }
 
     fn panels(&self, top: f64) -> Vec<Element> {
@@ -124,7 +148,9 @@ impl Figure {
     /// Panels above each other begin at the same place.
     fn column_margin(&self, columns: usize, column: usize, height: f64) -> f64 {
         let same = self.rows.iter().filter(|(_, row)| row.len() == columns);
-        same.filter_map(|(_, row)| row.get(column)).map(|panel| panel.left_margin(height)).fold(0.0, f64::max)
+        same.filter_map(|(_, row)| row.get(column))
+            .map(|panel| panel.left_margin(height))
+            .fold(0.0, f64::max)
     }
 }
 

@@ -49,18 +49,21 @@ impl Legend {
     pub(crate) fn draw(&self, left: f64, top: f64) -> Element {
         let entries = self.rows.iter().enumerate().flat_map(|(index, row)| {
             let middle = top + (index as f64 + 0.5) * ROW;
-            row.iter().map(move |(x, key)| entry([left + x, middle], key))
+            row.iter()
+                .map(move |(x, key)| entry([left + x, middle], key))
         });
         Element::new("g").children(entries)
     }
 }
 
 fn entry([left, middle]: [f64; 2], key: &Key) -> Element {
-    Element::new("g").child(sample([left, middle], &key.sample)).child(written(
-        [left + SAMPLE + GAPS[0], middle + 4.0],
-        "start",
-        &key.label,
-    ))
+    Element::new("g")
+        .child(sample([left, middle], &key.sample))
+        .child(written(
+            [left + SAMPLE + GAPS[0], middle + 4.0],
+            "start",
+            &key.label,
+        ))
 }
 
 fn sample([left, middle]: [f64; 2], sample: &Sample) -> Element {
@@ -75,13 +78,26 @@ fn sample([left, middle]: [f64; 2], sample: &Sample) -> Element {
             Element::new("g").child(line).children(marker)
         }
         Sample::Point(ink, Marker::Dot) => {
-            let circle = Element::new("circle").at("cx", centre[0]).at("cy", centre[1]).at("r", 2.5);
+            let circle = Element::new("circle")
+                .at("cx", centre[0])
+                .at("cy", centre[1])
+                .at("r", 2.5);
             circle.with("fill", ink.code())
         }
         Sample::Point(ink, marker) => shape(Stroke::new(*ink, 1.1), *marker, centre),
-        Sample::Patch { fill, opacity, border } => {
-            let rect = Element::new("rect").at("x", left + 4.0).at("y", middle - 5.5).at("width", SAMPLE - 8.0);
-            let rect = rect.at("height", 11.0).with("fill", fill.code()).at("fill-opacity", *opacity);
+        Sample::Patch {
+            fill,
+            opacity,
+            border,
+        } => {
+            let rect = Element::new("rect")
+                .at("x", left + 4.0)
+                .at("y", middle - 5.5)
+                .at("width", SAMPLE - 8.0);
+            let rect = rect
+                .at("height", 11.0)
+                .with("fill", fill.code())
+                .at("fill-opacity", *opacity);
             match border {
                 Some(border) => rect.with("stroke", border.code()).at("stroke-width", 0.6),
                 None => rect,

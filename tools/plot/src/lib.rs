@@ -1,16 +1,18 @@
 //! Figures for papers as SVG, and pages of figures and tables as one HTML file.
 //!
-//! Numbers in, text out: no fonts, no scripts, no network, no input or output. Nothing here knows what the numbers
-//! mean.
+//! Numbers in, text out: no fonts, no scripts, no network, no input or output. Nothing here knows
+//! what the numbers mean.
 //!
 //! # Principles
 //!
 //! 1. **Readable in grey.** Lines differ by dash and marker, not by colour alone; see [`style`].
-//! 2. **Small.** What cannot be seen is not written: lines and clouds of dots are thinned to the resolution of the
-//!    figure ([`thin`](mod@thin)), so ten times the rows do not make ten times the file.
-//! 3. **Nothing breaks it.** Numbers that are not finite leave a gap, empty data an empty panel, and every text is
-//!    escaped where it is written ([`xml`]), nowhere else.
-//! 4. **For everyone.** Every figure has a title and a description that a screen reader finds; text is dark on white.
+//! 2. **Small.** What cannot be seen is not written: lines and clouds of dots are thinned to the
+//!    resolution of the figure ([`thin`](mod@thin)), so ten times the rows do not make ten times
+//!    the file.
+//! 3. **Nothing breaks it.** Numbers that are not finite leave a gap, empty data an empty panel,
+//!    and every text is escaped where it is written ([`xml`]), nowhere else.
+//! 4. **For everyone.** Every figure has a title and a description that a screen reader finds; text
+//!    is dark on white.
 //!
 //! # Map
 //!

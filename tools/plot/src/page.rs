@@ -5,7 +5,8 @@ use std::fmt::{self, Display, Formatter};
 use crate::figure::Figure;
 use crate::xml::Element;
 
-/// How a page looks on a screen and on A4. Nothing in it may need escaping: HTML takes this element as it stands.
+/// How a page looks on a screen and on A4. Nothing in it may need escaping: HTML takes this element
+/// as it stands.
 const LOOK: &str = "
 @page { size: A4; margin: 18mm 17mm; }
 * { box-sizing: border-box; }
@@ -63,7 +64,11 @@ impl Page {
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         let title = title.into();
-        Self { body: vec![Element::new("h1").text(&*title)], title, figures: 0 }
+        Self {
+            body: vec![Element::new("h1").text(&*title)],
+            title,
+            figures: 0,
+        }
     }
 
     /// Begins a section.
@@ -78,7 +83,8 @@ impl Page {
 
     /// Adds a paragraph that says what matters most.
     pub fn lead(&mut self, words: impl Into<String>) {
-        self.body.push(Element::new("p").with("class", "lead").text(words));
+        self.body
+            .push(Element::new("p").with("class", "lead").text(words));
     }
 
     /// Adds things to keep in mind, set off from the rest.
@@ -86,7 +92,13 @@ impl Page {
         let items = words.into_iter().map(|word| Element::new("li").text(word));
         let heading = Element::new("p").child(Element::new("strong").text(heading));
         let list = Element::new("ul").children(items);
-        self.body.push(Element::new("div").with("class", "notice").with("role", "note").child(heading).child(list));
+        self.body.push(
+            Element::new("div")
+                .with("class", "notice")
+                .with("role", "note")
+                .child(heading)
+                .child(list),
+        );
     }
 
     /// Adds a figure, numbered, with a caption.
@@ -94,22 +106,33 @@ impl Page {
         self.figures += 1;
         let number = Element::new("strong").text(format!("Figure {}. ", self.figures));
         let caption = Element::new("figcaption").child(number).text(caption);
-        self.body.push(Element::new("figure").child(figure.element()).child(caption));
+        self.body.push(
+            Element::new("figure")
+                .child(figure.element())
+                .child(caption),
+        );
     }
 
     /// Adds a table.
     pub fn table(&mut self, table: &Table) {
-        self.body.push(Element::new("div").with("class", "wide").child(table.element()));
+        self.body.push(
+            Element::new("div")
+                .with("class", "wide")
+                .child(table.element()),
+        );
     }
 
     /// Adds names with what they stand for.
     pub fn facts(&mut self, facts: impl IntoIterator<Item = (String, String)>) {
         let rows = facts.into_iter().map(|(name, value)| {
             let name = Element::new("th").with("scope", "row").text(name);
-            Element::new("tr").child(name).child(Element::new("td").text(value))
+            Element::new("tr")
+                .child(name)
+                .child(Element::new("td").text(value))
         });
         let body = Element::new("tbody").children(rows);
-        self.body.push(Element::new("table").with("class", "facts").child(body));
+        self.body
+            .push(Element::new("table").with("class", "facts").child(body));
     }
 
     /// Adds what stands below all.
@@ -122,12 +145,23 @@ impl Display for Page {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let head = Element::new("head")
             .child(Element::new("meta").with("charset", "utf-8"))
-            .child(Element::new("meta").with("http-equiv", "Content-Security-Policy").with("content", POLICY))
-            .child(Element::new("meta").with("name", "viewport").with("content", "width=device-width, initial-scale=1"))
+            .child(
+                Element::new("meta")
+                    .with("http-equiv", "Content-Security-Policy")
+                    .with("content", POLICY),
+            )
+            .child(
+                Element::new("meta")
+                    .with("name", "viewport")
+                    .with("content", "width=device-width, initial-scale=1"),
+            )
             .child(Element::new("title").text(&*self.title))
             .child(Element::new("style").text(LOOK));
         let main = Element::new("main").children(self.body.iter().cloned());
-        let html = Element::new("html").with("lang", "en").child(head).child(Element::new("body").child(main));
+        let html = Element::new("html")
+            .with("lang", "en")
+            .child(head)
+            .child(Element::new("body").child(main));
         writeln!(f, "<!DOCTYPE html>\n{html}")
     }
 }
@@ -156,7 +190,10 @@ pub struct TableRow {
 impl Table {
     /// An empty table. `header` names the columns.
     #[must_use]
-    pub fn new(caption: impl Into<String>, header: impl IntoIterator<Item = impl Into<String>>) -> Self {
+    pub fn new(
+        caption: impl Into<String>,
+        header: impl IntoIterator<Item = impl Into<String>>,
+    ) -> Self {
         Self {
             caption: caption.into(),
             header: header.into_iter().map(Into::into).collect(),
@@ -180,13 +217,20 @@ impl Table {
     fn element(&self) -> Element {
         let column = |(index, name): (usize, &String)| {
             let th = Element::new("th").with("scope", "col").text(&**name);
-            if self.words.contains(&index) { th.with("class", "words") } else { th }
+            if self.words.contains(&index) {
+                th.with("class", "words")
+            } else {
+                th
+            }
         };
         let header = Element::new("tr").children(self.header.iter().enumerate().map(column));
         Element::new("table")
             .child(Element::new("caption").text(&*self.caption))
             .child(Element::new("thead").child(header))
-            .child(Element::new("tbody").children(self.rows.iter().map(|row| row.element(&self.words))))
+            .child(
+                Element::new("tbody")
+                    .children(self.rows.iter().map(|row| row.element(&self.words))),
+            )
     }
 }
 
@@ -197,10 +241,15 @@ impl TableRow {
             _ if words.contains(&index) => Element::new("td").with("class", "words").text(&**text),
             _ => Element::new("td").text(&**text),
         };
-        let classes =
-            [(self.strong, "strong"), (self.rule, "rule")].into_iter().filter_map(|(on, name)| on.then_some(name));
+        let classes = [(self.strong, "strong"), (self.rule, "rule")]
+            .into_iter()
+            .filter_map(|(on, name)| on.then_some(name));
         let classes = classes.collect::<Vec<_>>().join(" ");
         let row = Element::new("tr").children(self.cells.iter().enumerate().map(cell));
-        if classes.is_empty() { row } else { row.with("class", classes) }
+        if classes.is_empty() {
+            row
+        } else {
+            row.with("class", classes)
+        }
     }
 }

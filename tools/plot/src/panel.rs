@@ -42,7 +42,13 @@ impl Panel {
     /// An empty panel. The title may be empty.
     #[must_use]
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self { title: title.into(), x, y, marks: Vec::new(), equal: false }
+        Self {
+            title: title.into(),
+            x,
+            y,
+            marks: Vec::new(),
+            equal: false,
+        }
     }
 
     /// With something drawn over what there is.
@@ -61,7 +67,10 @@ impl Panel {
     /// With one unit of x as long as one of y: a circle stays one.
     #[must_use]
     pub fn equal(self) -> Self {
-        Self { equal: true, ..self }
+        Self {
+            equal: true,
+            ..self
+        }
     }
 
     pub(crate) fn keys(&self) -> impl Iterator<Item = Key> + '_ {
@@ -69,19 +78,34 @@ impl Panel {
     }
 
     fn data(&self) -> Bounds {
-        self.marks.iter().map(|mark| mark.bounds()).fold(Bounds::default(), Bounds::and)
+        self.marks
+            .iter()
+            .map(|mark| mark.bounds())
+            .fold(Bounds::default(), Bounds::and)
     }
 
     /// Room to the left of the frame: numbers, label.
     pub(crate) fn left_margin(&self, height: f64) -> f64 {
         let scale = self.y.scale(self.y.reach(self.data().y), height, 0.0);
-        let widest = self.y_ticks(&scale).into_iter().filter_map(|tick| tick.label).map(|label| text::width(&label));
-        let label = if self.y.label().is_empty() { 4.0 } else { LINE + 2.0 };
+        let widest = self
+            .y_ticks(&scale)
+            .into_iter()
+            .filter_map(|tick| tick.label)
+            .map(|label| text::width(&label));
+        let label = if self.y.label().is_empty() {
+            4.0
+        } else {
+            LINE + 2.0
+        };
         widest.fold(0.0, f64::max) + GAP + label
     }
 
     pub(crate) fn top_margin(&self, lettered: bool) -> f64 {
-        if lettered || !self.title.is_empty() { LINE + 5.0 } else { 6.0 }
+        if lettered || !self.title.is_empty() {
+            LINE + 5.0
+        } else {
+            6.0
+        }
     }
 
     pub(crate) fn bottom_margin(&self) -> f64 {
@@ -96,8 +120,10 @@ impl Panel {
     fn x_ticks(&self, scale: &Scale) -> Vec<Tick> {
         let most = (scale.length() / PER_TICK[0]) as usize;
         let fits = |ticks: &Vec<Tick>| {
-            let widths =
-                ticks.iter().filter_map(|tick| tick.label.as_deref()).map(|label| text::width(label) + BETWEEN_LABELS);
+            let widths = ticks
+                .iter()
+                .filter_map(|tick| tick.label.as_deref())
+                .map(|label| text::width(label) + BETWEEN_LABELS);
             widths.sum::<f64>() <= scale.length() + BETWEEN_LABELS
         };
         let mut counts = (2..=most).rev().map(|count| self.x.ticks(scale, count));
@@ -128,7 +154,11 @@ impl Panel {
         Element::new("g")
             .child(Element::new("clipPath").with("id", clip).child(rect()))
             .child(self.grid(&frame, area, &x_ticks, &y_ticks))
-            .child(Element::new("g").with("clip-path", format!("url(#{clip})")).children(marks))
+            .child(
+                Element::new("g")
+                    .with("clip-path", format!("url(#{clip})"))
+                    .children(marks),
+            )
             .child(Stroke::new(Ink::DARK, 0.9).on(rect()))
             .child(x_axis(&frame, area, &x_ticks))
             .child(y_axis(&frame, area, &y_ticks))
@@ -141,7 +171,10 @@ impl Panel {
         let upright = upright.map(|(x, _)| line([x, area.top], [x, bottom]));
         let level = places(y_ticks, &frame.y).filter(|_| self.y.has_numbers());
         let level = level.map(|(y, _)| line([area.left, y], [right, y]));
-        Stroke::new(Ink::FAINT, 0.6).on(Element::new("g")).children(upright).children(level)
+        Stroke::new(Ink::FAINT, 0.6)
+            .on(Element::new("g"))
+            .children(upright)
+            .children(level)
     }
 
     fn words(&self, area: Area, letter: Option<char>) -> Vec<Element> {
@@ -155,11 +188,21 @@ impl Panel {
         let words = [
             written([area.left, area.top - 7.0], "start", title.trim()).with("font-weight", "bold"),
             written([middle[0], bottom], "middle", self.x.label()),
-            written([0.0, 0.0], "middle", self.y.label())
-                .with("transform", format!("translate({left:.1} {:.1})rotate(-90)", middle[1])),
+            written([0.0, 0.0], "middle", self.y.label()).with(
+                "transform",
+                format!("translate({left:.1} {:.1})rotate(-90)", middle[1]),
+            ),
         ];
-        let said = [!title.trim().is_empty(), !self.x.label().is_empty(), !self.y.label().is_empty()];
-        words.into_iter().zip(said).filter_map(|(word, said)| said.then_some(word)).collect()
+        let said = [
+            !title.trim().is_empty(),
+            !self.x.label().is_empty(),
+            !self.y.label().is_empty(),
+        ];
+        words
+            .into_iter()
+            .zip(said)
+            .filter_map(|(word, said)| said.then_some(word))
+            .collect()
     }
 }
 
@@ -177,35 +220,61 @@ fn same_unit(x: (f64, f64), y: (f64, f64), area: Area) -> ((f64, f64), (f64, f64
 /// Text in the font of the figure. `anchor` as SVG has it: `start`, `middle`, `end`.
 pub(crate) fn written([x, y]: [f64; 2], anchor: &'static str, words: &str) -> Element {
     let element = Element::new("text").at("x", x).at("y", y).text(words);
-    if anchor == "start" { element } else { element.with("text-anchor", anchor) }
+    if anchor == "start" {
+        element
+    } else {
+        element.with("text-anchor", anchor)
+    }
 }
 
 fn line(from: [f64; 2], to: [f64; 2]) -> Element {
-    Element::new("line").at("x1", from[0]).at("y1", from[1]).at("x2", to[0]).at("y2", to[1])
+    Element::new("line")
+        .at("x1", from[0])
+        .at("y1", from[1])
+        .at("x2", to[0])
+        .at("y2", to[1])
 }
 
 /// Places of marks with numbers, and their labels.
 fn places<'a>(ticks: &'a [Tick], scale: &'a Scale) -> impl Iterator<Item = (f64, &'a str)> {
-    ticks.iter().filter_map(|tick| Some((scale.place(tick.value)?, tick.label.as_deref()?)))
+    ticks
+        .iter()
+        .filter_map(|tick| Some((scale.place(tick.value)?, tick.label.as_deref()?)))
 }
 
 fn strokes(ticks: &[Tick], scale: &Scale, stroke: impl Fn(f64, f64) -> Element) -> Element {
-    let length = |tick: &Tick| if tick.label.is_some() { TICK } else { 0.55 * TICK };
-    let strokes = ticks.iter().filter_map(|tick| Some(stroke(scale.place(tick.value)?, length(tick))));
-    Stroke::new(Ink::DARK, 0.9).on(Element::new("g")).children(strokes)
+    let length = |tick: &Tick| {
+        if tick.label.is_some() {
+            TICK
+        } else {
+            0.55 * TICK
+        }
+    };
+    let strokes = ticks
+        .iter()
+        .filter_map(|tick| Some(stroke(scale.place(tick.value)?, length(tick))));
+    Stroke::new(Ink::DARK, 0.9)
+        .on(Element::new("g"))
+        .children(strokes)
 }
 
 fn x_axis(frame: &Frame, area: Area, ticks: &[Tick]) -> Element {
     let bottom = area.top + area.height;
-    let labels = places(ticks, &frame.x).map(|(x, label)| written([x, bottom + GAP + LINE - 7.0], "middle", label));
+    let labels = places(ticks, &frame.x)
+        .map(|(x, label)| written([x, bottom + GAP + LINE - 7.0], "middle", label));
     Element::new("g")
-        .child(strokes(ticks, &frame.x, |x, length| line([x, bottom], [x, bottom + length])))
+        .child(strokes(ticks, &frame.x, |x, length| {
+            line([x, bottom], [x, bottom + length])
+        }))
         .children(labels)
 }
 
 fn y_axis(frame: &Frame, area: Area, ticks: &[Tick]) -> Element {
-    let labels = places(ticks, &frame.y).map(|(y, label)| written([area.left - GAP, y + 4.0], "end", label));
+    let labels =
+        places(ticks, &frame.y).map(|(y, label)| written([area.left - GAP, y + 4.0], "end", label));
     Element::new("g")
-        .child(strokes(ticks, &frame.y, |y, length| line([area.left - length, y], [area.left, y])))
+        .child(strokes(ticks, &frame.y, |y, length| {
+            line([area.left - length, y], [area.left, y])
+        }))
         .children(labels)
 }

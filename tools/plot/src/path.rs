@@ -7,7 +7,8 @@ use crate::style::Marker;
 /// Radius of a marker.
 const RADIUS: f64 = 3.0;
 
-/// An outline under construction. Steps are relative to the rounded point before, so rounding does not add up.
+/// An outline under construction. Steps are relative to the rounded point before, so rounding does
+/// not add up.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
     text: String,
@@ -53,7 +54,9 @@ impl Path {
             Marker::Diamond => &[[0.0, -1.2], [1.2, 0.0], [0.0, 1.2], [-1.2, 0.0]],
             Marker::Cross => return self.cross([x, y]),
         };
-        let mut corners = corners.iter().map(|[dx, dy]| [x + RADIUS * dx, y + RADIUS * dy]);
+        let mut corners = corners
+            .iter()
+            .map(|[dx, dy]| [x + RADIUS * dx, y + RADIUS * dy]);
         let Some(first) = corners.next() else { return };
         self.move_to(first);
         corners.for_each(|corner| self.line_to(corner));
@@ -62,7 +65,10 @@ impl Path {
 
     fn cross(&mut self, [x, y]: [f64; 2]) {
         let r = 0.9 * RADIUS;
-        for (from, to) in [([x - r, y - r], [x + r, y + r]), ([x - r, y + r], [x + r, y - r])] {
+        for (from, to) in [
+            ([x - r, y - r], [x + r, y + r]),
+            ([x - r, y + r], [x + r, y - r]),
+        ] {
             self.move_to(from);
             self.line_to(to);
         }

@@ -30,11 +30,18 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// `low` comes to lie at `from`, `high` at `to`. A range that is empty or no range is widened to one.
+    /// `low` comes to lie at `from`, `high` at `to`. A range that is empty or no range is widened
+    /// to one.
     #[must_use]
     pub fn new(spacing: Spacing, low: f64, high: f64, from: f64, to: f64) -> Self {
         let (low, high) = widened(spacing, low, high);
-        Self { spacing, low, high, from, to }
+        Self {
+            spacing,
+            low,
+            high,
+            from,
+            to,
+        }
     }
 
     /// The lowest value.
@@ -61,8 +68,9 @@ impl Scale {
         (self.to - self.from).abs()
     }
 
-    /// Where a value lies; `None` if it has no place: not finite, or not above 0 on a logarithmic scale. A value outside
-    /// the range lies outside the stretch, at most so far that the place is still a sensible number.
+    /// Where a value lies; `None` if it has no place: not finite, or not above 0 on a logarithmic
+    /// scale. A value outside the range lies outside the stretch, at most so far that the place is
+    /// still a sensible number.
     #[must_use]
     pub fn place(&self, value: f64) -> Option<f64> {
         let share = match self.spacing {
@@ -70,7 +78,8 @@ impl Scale {
             Spacing::Log if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
             Spacing::Log => return None,
         };
-        (value.is_finite() && share.is_finite()).then(|| self.from + share.clamp(-10.0, 11.0) * (self.to - self.from))
+        (value.is_finite() && share.is_finite())
+            .then(|| self.from + share.clamp(-10.0, 11.0) * (self.to - self.from))
     }
 }
 
@@ -86,12 +95,24 @@ fn widened(spacing: Spacing, low: f64, high: f64) -> (f64, f64) {
         Spacing::Linear => {
             // Below this part of their size, neighbouring ticks would have the same label.
             let least = (1e-9 * low.abs().max(high.abs())).max(1e-150);
-            if high - low > least { (low, high) } else { (low - least.max(0.5), high + least.max(0.5)) }
+            if high - low > least {
+                (low, high)
+            } else {
+                (low - least.max(0.5), high + least.max(0.5))
+            }
         }
         Spacing::Log => {
             let high = high.max(SMALLEST * LEAST_FACTOR);
-            let low = if low > 0.0 { low.max(SMALLEST) } else { 1e-3 * high };
-            if high / low >= LEAST_FACTOR { (low, high) } else { (low / LEAST_FACTOR, high * LEAST_FACTOR) }
+            let low = if low > 0.0 {
+                low.max(SMALLEST)
+            } else {
+                1e-3 * high
+            };
+            if high / low >= LEAST_FACTOR {
+                (low, high)
+            } else {
+                (low / LEAST_FACTOR, high * LEAST_FACTOR)
+            }
         }
     }
 }
@@ -105,7 +126,10 @@ mod tests {
     #[test]
     fn ends_come_to_lie_at_the_ends() {
         let scale = Scale::new(Spacing::Linear, -2.0, 6.0, 100.0, 20.0);
-        assert_eq!([-2.0, 2.0, 6.0].map(|v| scale.place(v)), [Some(100.0), Some(60.0), Some(20.0)]);
+        assert_eq!(
+            [-2.0, 2.0, 6.0].map(|v| scale.place(v)),
+            [Some(100.0), Some(60.0), Some(20.0)]
+        );
         let log = Scale::new(Spacing::Log, 0.01, 100.0, 0.0, 40.0);
         for (value, place) in [(0.01, 0.0), (0.1, 10.0), (1.0, 20.0), (100.0, 40.0)] {
             assert!((log.place(value).unwrap() - place).abs() < 1e-9);

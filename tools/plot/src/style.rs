@@ -1,8 +1,8 @@
 //! Inks, dashes and markers that stay apart on a grey print.
 //!
-//! The inks are those of Okabe and Ito ("Color universal design", 2008), which people who do not see all colours can
-//! tell apart, and greys. In grey print some come close to each other, so lines that must be told apart take different
-//! dashes or markers as well.
+//! The inks are those of Okabe and Ito ("Color universal design", 2008), which people who do not
+//! see all colours can tell apart, and greys. In grey print some come close to each other, so lines
+//! that must be told apart take different dashes or markers as well.
 
 use crate::xml::Element;
 
@@ -35,7 +35,13 @@ impl Ink {
     pub const WHITE: Self = Self("#ffffff");
 
     /// A scale of one hue from light to dark: it keeps its order in grey.
-    pub const STEPS: [Self; 5] = [Self("#e8eef4"), Self("#b9cfe2"), Self("#7fa6c9"), Self("#41719f"), Self("#123b63")];
+    pub const STEPS: [Self; 5] = [
+        Self("#e8eef4"),
+        Self("#b9cfe2"),
+        Self("#7fa6c9"),
+        Self("#41719f"),
+        Self("#123b63"),
+    ];
 
     /// As SVG writes it.
     #[must_use]
@@ -84,7 +90,11 @@ impl Stroke {
     /// A solid line.
     #[must_use]
     pub const fn new(ink: Ink, width: f64) -> Self {
-        Self { ink, width, dash: Dash::Solid }
+        Self {
+            ink,
+            width,
+            dash: Dash::Solid,
+        }
     }
 
     /// Broken.
@@ -96,7 +106,10 @@ impl Stroke {
     /// Puts it on an element.
     #[must_use]
     pub fn on(&self, element: Element) -> Element {
-        let element = element.with("fill", "none").with("stroke", self.ink.code()).at("stroke-width", self.width);
+        let element = element
+            .with("fill", "none")
+            .with("stroke", self.ink.code())
+            .at("stroke-width", self.width);
         match self.dash.pattern() {
             Some(pattern) => element.with("stroke-dasharray", pattern),
             None => element.with("stroke-linejoin", "round"),

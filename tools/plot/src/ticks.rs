@@ -31,7 +31,11 @@ pub fn ticks(scale: &Scale, count: usize) -> Vec<Tick> {
 fn linear(low: f64, high: f64, count: usize) -> Vec<Tick> {
     let rough = (high - low) / count as f64;
     let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].into_iter().find(|m| m * power >= rough * (1.0 - 1e-9)).unwrap_or(10.0) * power;
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .find(|m| m * power >= rough * (1.0 - 1e-9))
+        .unwrap_or(10.0)
+        * power;
     // A range that ends at a round number has a mark there, in spite of rounding.
     let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
     let decimals = (-step.log10().floor()).max(0.0) as usize;
@@ -42,14 +46,21 @@ fn linear(low: f64, high: f64, count: usize) -> Vec<Tick> {
     (0..many)
         .map(|i| {
             let value = (first + i as f64) * step;
-            Tick { value, label: Some(label(value, step, decimals)) }
+            Tick {
+                value,
+                label: Some(label(value, step, decimals)),
+            }
         })
         .collect()
 }
 
 fn label(value: f64, step: f64, decimals: usize) -> String {
     let size = value.abs().max(step);
-    if (1e-4..1e7).contains(&step) && size < 1e7 { fixed(value, decimals) } else { scientific(value, step) }
+    if (1e-4..1e7).contains(&step) && size < 1e7 {
+        fixed(value, decimals)
+    } else {
+        scientific(value, step)
+    }
 }
 
 /// As `1.5e-7`, with as many digits as neighbours need to differ.
@@ -64,7 +75,10 @@ fn scientific(value: f64, step: f64) -> String {
 
 /// Powers of ten with numbers, and small marks at their multiples while there is room.
 fn logarithmic(low: f64, high: f64, count: usize) -> Vec<Tick> {
-    let (first, last) = ((low.log10() + 1e-9).floor() as i32, (high.log10() - 1e-9).ceil() as i32);
+    let (first, last) = (
+        (low.log10() + 1e-9).floor() as i32,
+        (high.log10() - 1e-9).ceil() as i32,
+    );
     let stride = ((last - first) as usize / count + 1) as i32;
     let within = |value: f64| value >= low * (1.0 - 1e-9) && value <= high * (1.0 + 1e-9);
     // Then there are numbers at 2 and 5, too.
@@ -75,7 +89,10 @@ fn logarithmic(low: f64, high: f64, count: usize) -> Vec<Tick> {
             let value = f64::from(multiple) * 10f64.powi(power);
             let named = multiple == 1 || narrow && (multiple == 2 || multiple == 5);
             if within(value) && (named || stride == 1) {
-                ticks.push(Tick { value, label: named.then(|| log_label(value, power, narrow)) });
+                ticks.push(Tick {
+                    value,
+                    label: named.then(|| log_label(value, power, narrow)),
+                });
             }
         }
     }
@@ -87,7 +104,11 @@ fn log_label(value: f64, power: i32, plain: bool) -> String {
         return fixed(value, (-power).max(0) as usize);
     }
     let multiple = (value / 10f64.powi(power)).round();
-    let factor = if multiple == 1.0 { String::new() } else { format!("{multiple}·") };
+    let factor = if multiple == 1.0 {
+        String::new()
+    } else {
+        format!("{multiple}·")
+    };
     format!("{factor}10{}", superscript(power))
 }
 
@@ -97,7 +118,10 @@ fn superscript(number: i32) -> String {
         '1' => '¹',
         '2' => '²',
         '3' => '³',
-        c => c.to_digit(10).and_then(|digit| char::from_u32('⁰' as u32 + digit)).unwrap_or(c),
+        c => c
+            .to_digit(10)
+            .and_then(|digit| char::from_u32('⁰' as u32 + digit))
+            .unwrap_or(c),
     };
     number.to_string().chars().map(raised).collect()
 }
@@ -115,12 +139,27 @@ mod tests {
 
     #[test]
     fn round_numbers_are_marked() {
-        assert_eq!(labels(Spacing::Linear, -41.0, 38.0, 5), ["\u{2212}40", "\u{2212}20", "0", "20"]);
-        assert_eq!(labels(Spacing::Linear, 0.0, 0.3, 3), ["0.0", "0.1", "0.2", "0.3"]);
-        assert_eq!(labels(Spacing::Linear, 0.0, 3e-7, 3), ["0", "1e\u{2212}7", "2e\u{2212}7", "3e\u{2212}7"]);
-        assert_eq!(labels(Spacing::Log, 0.5, 2000.0, 6), ["1", "10", "100", "1000"]);
+        assert_eq!(
+            labels(Spacing::Linear, -41.0, 38.0, 5),
+            ["\u{2212}40", "\u{2212}20", "0", "20"]
+        );
+        assert_eq!(
+            labels(Spacing::Linear, 0.0, 0.3, 3),
+            ["0.0", "0.1", "0.2", "0.3"]
+        );
+        assert_eq!(
+            labels(Spacing::Linear, 0.0, 3e-7, 3),
+            ["0", "1e\u{2212}7", "2e\u{2212}7", "3e\u{2212}7"]
+        );
+        assert_eq!(
+            labels(Spacing::Log, 0.5, 2000.0, 6),
+            ["1", "10", "100", "1000"]
+        );
         assert_eq!(labels(Spacing::Log, 0.9, 11.0, 6), ["1", "2", "5", "10"]);
-        assert_eq!(labels(Spacing::Log, 1e-9, 1e9, 4), ["10⁻⁹", "10⁻⁴", "10", "10⁶"]);
+        assert_eq!(
+            labels(Spacing::Log, 1e-9, 1e9, 4),
+            ["10⁻⁹", "10⁻⁴", "10", "10⁶"]
+        );
     }
 
     proptest! {

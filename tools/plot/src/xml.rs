@@ -1,11 +1,15 @@
-//! Elements of SVG and HTML. Text and attributes are escaped here, so no other place has to think of it.
+//! Elements of SVG and HTML. Text and attributes are escaped here, so no other place has to think
+//! of it.
 
 use std::fmt::{self, Display, Formatter, Write};
 
 use crate::number::coordinate;
 
-/// Elements that stand without an end tag: HTML forbids one for some, and for shapes it is only weight.
-const EMPTY: [&str; 9] = ["meta", "br", "hr", "col", "path", "rect", "circle", "ellipse", "line"];
+/// Elements that stand without an end tag: HTML forbids one for some, and for shapes it is only
+/// weight.
+const EMPTY: [&str; 9] = [
+    "meta", "br", "hr", "col", "path", "rect", "circle", "ellipse", "line",
+];
 
 /// An element with its attributes and what it holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,7 +29,11 @@ impl Element {
     /// An empty element.
     #[must_use]
     pub const fn new(name: &'static str) -> Self {
-        Self { name, attributes: Vec::new(), children: Vec::new() }
+        Self {
+            name,
+            attributes: Vec::new(),
+            children: Vec::new(),
+        }
     }
 
     /// With an attribute.
@@ -58,7 +66,8 @@ impl Element {
     /// With elements after what it holds already.
     #[must_use]
     pub fn children(mut self, children: impl IntoIterator<Item = Self>) -> Self {
-        self.children.extend(children.into_iter().map(Node::Element));
+        self.children
+            .extend(children.into_iter().map(Node::Element));
         self
     }
 }
@@ -83,8 +92,8 @@ impl Display for Element {
     }
 }
 
-/// Text with the characters replaced that mean something in markup. Control characters, which XML does not allow at
-/// all, become the replacement character.
+/// Text with the characters replaced that mean something in markup. Control characters, which XML
+/// does not allow at all, become the replacement character.
 struct Escaped<'a>(&'a str);
 
 impl Display for Escaped<'_> {
@@ -110,7 +119,9 @@ mod tests {
 
     #[test]
     fn markup_in_text_stays_text() {
-        let element = Element::new("p").with("title", "a\"b'<c>").text("<script>alert(1)</script> & more");
+        let element = Element::new("p")
+            .with("title", "a\"b'<c>")
+            .text("<script>alert(1)</script> & more");
         assert_eq!(
             element.to_string(),
             "<p title=\"a&quot;b&#39;&lt;c&gt;\">&lt;script&gt;alert(1)&lt;/script&gt; &amp; more</p>"
@@ -121,7 +132,10 @@ mod tests {
     fn only_elements_that_must_stand_without_an_end_tag() {
         assert_eq!(Element::new("td").to_string(), "<td></td>");
         assert_eq!(Element::new("br").to_string(), "<br/>");
-        assert_eq!(Element::new("path").at("d", 1.0).to_string(), "<path d=\"1\"/>");
+        assert_eq!(
+            Element::new("path").at("d", 1.0).to_string(),
+            "<path d=\"1\"/>"
+        );
     }
 
     proptest! {

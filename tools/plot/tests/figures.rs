@@ -16,23 +16,39 @@ fn stroke() -> Stroke {
 fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let band = points.iter().map(|[x, y]| [*x, y - 1.0, y + 1.0]).collect();
     let first = points.first().copied().unwrap_or_default();
-    let five = Five { whiskers: first, quartiles: first, median: first[0] };
+    let five = Five {
+        whiskers: first,
+        quartiles: first,
+        median: first[0],
+    };
     let cells = points.iter().map(|point| (*point, point[1])).collect();
     let labels = ["1", "2", "3", "4", "5"].map(str::to_owned);
     let numbers = Panel::new(name, Axis::linear(name), Axis::linear(name))
         .with(Shade::new(first[0], first[1], Ink::FAINT).label(name))
         .with(Cells::new(cells, [1.0, 1.0], [0.0, 1.0, 2.0, 3.0], labels))
         .with(Band::new(band, Ink::SKY).label(name))
-        .with(Line::new(points.to_vec(), stroke()).marker(Marker::Diamond).label(name))
+        .with(
+            Line::new(points.to_vec(), stroke())
+                .marker(Marker::Diamond)
+                .label(name),
+        )
         .with(Dots::new(points.to_vec(), Ink::PALE, 2.0).label(name))
         .with(Dots::markers(points.to_vec(), Ink::BLACK, Marker::Cross).label(name))
         .with(Ellipse::new(first, [[1.0, first[1]], [first[1], 2.0]], 2.0, stroke()).label(name))
         .with(Rule::level(first[1], stroke()))
         .with(Rule::upright(first[0], stroke()));
-    let logs = Panel::new(name, Axis::log(name), Axis::log(name)).with(Line::new(points.to_vec(), stroke())).equal();
-    let names = Panel::new(name, Axis::linear(name).including(0.0), Axis::names("", vec![name.to_owned()]))
-        .with(Boxes::new(vec![(0.0, five)], Ink::SKY, 0.5).label(name));
-    Figure::new(name, name, name).row(200.0, vec![numbers, logs]).row(120.0, vec![names])
+    let logs = Panel::new(name, Axis::log(name), Axis::log(name))
+        .with(Line::new(points.to_vec(), stroke()))
+        .equal();
+    let names = Panel::new(
+        name,
+        Axis::linear(name).including(0.0),
+        Axis::names("", vec![name.to_owned()]),
+    )
+    .with(Boxes::new(vec![(0.0, five)], Ink::SKY, 0.5).label(name));
+    Figure::new(name, name, name)
+        .row(200.0, vec![numbers, logs])
+        .row(120.0, vec![names])
 }
 
 fn page(name: &str) -> String {
@@ -43,7 +59,11 @@ fn page(name: &str) -> String {
     page.notice(name, [name.to_owned()]);
     page.figure(&everything(&[[0.0, 1.0], [2.0, 3.0]], name), name);
     let mut table = Table::new(name, [name, name]);
-    table.row(TableRow { cells: vec![name.to_owned(); 2], strong: true, rule: true });
+    table.row(TableRow {
+        cells: vec![name.to_owned(); 2],
+        strong: true,
+        rule: true,
+    });
     page.table(&table);
     page.facts([(name.to_owned(), name.to_owned())]);
     page.footer(name);
@@ -51,19 +71,50 @@ fn page(name: &str) -> String {
 }
 
 fn parse(text: &str) -> roxmltree::Document<'_> {
-    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+    let options = roxmltree::ParsingOptions {
+        allow_dtd: true,
+        ..Default::default()
+    };
     roxmltree::Document::parse_with_options(text, options).unwrap()
 }
 
 /// All numbers of attributes that hold places and lengths.
 fn numbers(document: &roxmltree::Document) -> Vec<f64> {
-    let places = ["x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "r", "width", "height", "d", "viewBox", "transform"];
-    let attributes = document.descendants().flat_map(|node| node.attributes()).filter(|a| places.contains(&a.name()));
+    let places = [
+        "x",
+        "y",
+        "x1",
+        "x2",
+        "y1",
+        "y2",
+        "cx",
+        "cy",
+        "r",
+        "width",
+        "height",
+        "d",
+        "viewBox",
+        "transform",
+    ];
+    let attributes = document
+        .descendants()
+        .flat_map(|node| node.attributes())
+        .filter(|a| places.contains(&a.name()));
     let apart = |c: char| !(c.is_ascii_digit() || c == '.' || c == '-');
     let spaced = |text: &str| text.replace('-', " -");
-    let words: Vec<String> =
-        attributes.flat_map(|a| spaced(a.value()).split(apart).map(str::to_owned).collect::<Vec<_>>()).collect();
-    words.iter().filter(|word| !word.is_empty()).map(|word| word.parse().unwrap()).collect()
+    let words: Vec<String> = attributes
+        .flat_map(|a| {
+            spaced(a.value())
+                .split(apart)
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    words
+        .iter()
+        .filter(|word| !word.is_empty())
+        .map(|word| word.parse().unwrap())
+        .collect()
 }
 
 #[test]
@@ -72,57 +123,104 @@ fn a_page_is_well_formed_and_keeps_every_text() {
     let document = parse(&text);
     let said = NASTY.replace('\u{1}', "\u{fffd}");
     for name in ["h1", "h2", "li", "caption", "td", "footer", "text", "desc"] {
-        let all: Vec<_> = document.descendants().filter(|node| node.tag_name().name() == name).collect();
-        assert!(all.iter().any(|node| node.text().is_some_and(|text| text.contains(&said))), "{name}");
+        let all: Vec<_> = document
+            .descendants()
+            .filter(|node| node.tag_name().name() == name)
+            .collect();
+        assert!(
+            all.iter()
+                .any(|node| node.text().is_some_and(|text| text.contains(&said))),
+            "{name}"
+        );
     }
-    assert!(document.descendants().all(|node| node.tag_name().name() != "b"));
+    assert!(
+        document
+            .descendants()
+            .all(|node| node.tag_name().name() != "b")
+    );
 }
 
 #[test]
 fn a_page_loads_nothing_and_runs_nothing() {
     let text = page("plain").replace("http://www.w3.org/2000/svg", "");
-    for part in ["http:", "https:", "//", "<script", "<link", "<img", "@import", "href", "src="] {
+    for part in [
+        "http:", "https:", "//", "<script", "<link", "<img", "@import", "href", "src=",
+    ] {
         assert!(!text.contains(part), "{part}");
     }
     // Clips are found on the page itself.
     assert!(text.contains("url(#f-plain-c0-0)"));
-    let (start, end) = (text.find("<style>").unwrap(), text.find("</style>").unwrap());
-    assert!(!text[start..end].contains("&"), "the look must stand as it is");
+    let (start, end) = (
+        text.find("<style>").unwrap(),
+        text.find("</style>").unwrap(),
+    );
+    assert!(
+        !text[start..end].contains("&"),
+        "the look must stand as it is"
+    );
 }
 
 #[test]
 fn identifiers_are_unique_and_references_lead_somewhere() {
     let text = page("plain");
     let document = parse(&text);
-    let mut ids: Vec<_> = document.descendants().filter_map(|node| node.attribute("id")).collect();
+    let mut ids: Vec<_> = document
+        .descendants()
+        .filter_map(|node| node.attribute("id"))
+        .collect();
     let all = ids.len();
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids.len(), all);
-    let svg = document.descendants().find(|node| node.tag_name().name() == "svg").unwrap();
+    let svg = document
+        .descendants()
+        .find(|node| node.tag_name().name() == "svg")
+        .unwrap();
     assert_eq!(svg.attribute("role"), Some("img"));
-    assert!(svg.attribute("aria-labelledby").unwrap().split(' ').all(|id| ids.contains(&id)));
+    assert!(
+        svg.attribute("aria-labelledby")
+            .unwrap()
+            .split(' ')
+            .all(|id| ids.contains(&id))
+    );
 }
 
 #[test]
 fn a_figure_of_many_points_stays_small() {
     let noise = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 16) * 1e-3;
-    let points: Vec<_> = (0..100_000_u32).map(|i| [f64::from(i) * 0.01, noise(i)]).collect();
+    let points: Vec<_> = (0..100_000_u32)
+        .map(|i| [f64::from(i) * 0.01, noise(i)])
+        .collect();
     let panel = |mark: Line| Panel::new("", Axis::linear("x"), Axis::linear("y")).with(mark);
-    let line = Figure::new("line", "", "").row(200.0, vec![panel(Line::new(points.clone(), stroke()))]);
-    let cloud = Panel::new("", Axis::linear("x"), Axis::linear("y")).with(Dots::new(points, Ink::BLACK, 2.0));
+    let line =
+        Figure::new("line", "", "").row(200.0, vec![panel(Line::new(points.clone(), stroke()))]);
+    let cloud = Panel::new("", Axis::linear("x"), Axis::linear("y")).with(Dots::new(
+        points,
+        Ink::BLACK,
+        2.0,
+    ));
     let cloud = Figure::new("cloud", "", "").row(200.0, vec![cloud]);
     for figure in [line, cloud] {
         let size = figure.to_string().len();
-        assert!((5_000..60_000).contains(&size), "{}: {size} bytes", figure.element());
+        assert!(
+            (5_000..60_000).contains(&size),
+            "{}: {size} bytes",
+            figure.element()
+        );
     }
 }
 
 #[test]
 fn the_legend_names_everything_once() {
     let line = |name: &str| Line::new(vec![[0.0, 0.0], [1.0, 1.0]], stroke()).label(name);
-    let panel = || Panel::new("", Axis::linear("x"), Axis::linear("y")).with(line("one")).with(line("two"));
-    let text = Figure::new("legend", "", "").row(200.0, vec![panel(), panel()]).to_string();
+    let panel = || {
+        Panel::new("", Axis::linear("x"), Axis::linear("y"))
+            .with(line("one"))
+            .with(line("two"))
+    };
+    let text = Figure::new("legend", "", "")
+        .row(200.0, vec![panel(), panel()])
+        .to_string();
     assert_eq!(text.matches(">one<").count(), 1);
     assert_eq!(text.matches(">two<").count(), 1);
 }
@@ -132,14 +230,23 @@ fn no_word_of_the_legend_leaves_the_figure() {
     let names = (0..12).map(|i| format!("entry {i} {}", "m".repeat(i)));
     let lines = names.map(|name| Line::new(vec![[0.0, 0.0], [1.0, 1.0]], stroke()).label(name));
     let panel = Panel::new("", Axis::linear("x"), Axis::linear("y")).with_all(lines);
-    let text = Figure::new("legend", "", "").row(200.0, vec![panel]).to_string();
+    let text = Figure::new("legend", "", "")
+        .row(200.0, vec![panel])
+        .to_string();
     let document = parse(&text);
-    let words = document.descendants().filter(|node| node.text().is_some_and(|text| text.starts_with("entry")));
+    let words = document
+        .descendants()
+        .filter(|node| node.text().is_some_and(|text| text.starts_with("entry")));
     let words = words.filter(|node| node.tag_name().name() == "text");
     let ends: Vec<f64> = words
-        .map(|node| node.attribute("x").unwrap().parse::<f64>().unwrap() + text::width(node.text().unwrap()))
+        .map(|node| {
+            node.attribute("x").unwrap().parse::<f64>().unwrap() + text::width(node.text().unwrap())
+        })
         .collect();
-    assert!(ends.len() == 12 && ends.iter().all(|end| *end <= figure::WIDTH), "{ends:?}");
+    assert!(
+        ends.len() == 12 && ends.iter().all(|end| *end <= figure::WIDTH),
+        "{ends:?}"
+    );
 }
 
 #[test]
@@ -151,7 +258,16 @@ fn what_lies_outside_is_cut_off_and_empty_panels_are_drawn() {
 }
 
 fn special() -> impl Strategy<Value = f64> {
-    let values = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, f64::MAX, f64::MIN, 1e-320];
+    let values = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        0.0,
+        -0.0,
+        f64::MAX,
+        f64::MIN,
+        1e-320,
+    ];
     prop_oneof![prop::sample::select(values.to_vec()), -5.0..5.0_f64]
 }
 

@@ -1,4 +1,5 @@
-//! Writes the C++ header: `cargo run -p i2ris-record --example header > tools/cpp/i2ris_payload.hpp`.
+//! Writes the C++ header:
+//! `cargo run -p i2ris-record --example header > tools/cpp/i2ris_payload.hpp`.
 #![allow(clippy::print_stdout, reason = "its output is the file")]
 
 fn main() {

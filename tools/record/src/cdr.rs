@@ -1,8 +1,8 @@
-//! CDR, the bytes of ROS 2 messages (OMG Common Data Representation, little end first): primitives aligned to their own
-//! size, counted from behind the four bytes that name the encoding.
+//! CDR, the bytes of ROS 2 messages (OMG Common Data Representation, little end first): primitives
+//! aligned to their own size, counted from behind the four bytes that name the encoding.
 //!
-//! A payload is its own CDR: its fields are aligned the same way and nothing lies between them, which
-//! [`crate::layout`] tests.
+//! A payload is its own CDR: its fields are aligned the same way and nothing lies between them,
+//! which [`crate::layout`] tests.
 
 use crate::layout::{Kind, Laid, Payload};
 
@@ -102,7 +102,8 @@ impl std::fmt::Display for Number {
     }
 }
 
-/// Every number of a message that holds a payload, in the order of its fields. `None`: it is not such a message.
+/// Every number of a message that holds a payload, in the order of its fields. `None`: it is not
+/// such a message.
 #[must_use]
 pub fn numbers(payload: &Payload, message: &[u8]) -> Option<Vec<Number>> {
     let body = message.strip_prefix(&ENCAPSULATION)?;
@@ -144,17 +145,26 @@ mod tests {
         encoder.string("ab");
         encoder.f64s(&[1.0]);
         let bytes = encoder.finish();
-        // Length 3, a, b, NUL, one byte to align the count, count 1, four bytes to align the number.
+        // Length 3, a, b, NUL, one byte to align the count, count 1, four bytes to align the
+        // number.
         assert_eq!(bytes[4..12], [3, 0, 0, 0, b'a', b'b', 0, 0]);
         assert_eq!(bytes[12..16], [1, 0, 0, 0]);
-        assert_eq!(bytes[16..20], [0; 4].map(|_: i32| 0), "up to a multiple of 8 behind the encapsulation");
+        assert_eq!(
+            bytes[16..20],
+            [0; 4].map(|_: i32| 0),
+            "up to a multiple of 8 behind the encapsulation"
+        );
         assert_eq!(bytes.len(), 4 + 16 + 8);
     }
 
     #[test]
     fn numbers_come_back_in_the_order_of_the_fields() {
-        let state =
-            ActuatorState { sequence: 7, measured_counts: [-5, 9], statusword: [3, 4], ..ActuatorState::default() };
+        let state = ActuatorState {
+            sequence: 7,
+            measured_counts: [-5, 9],
+            statusword: [3, 4],
+            ..ActuatorState::default()
+        };
         let numbers = numbers(&ActuatorState::PAYLOAD, &message(&state)).unwrap();
         assert_eq!(numbers[0], Number::Unsigned(7));
         assert_eq!(numbers[13..15], [Number::Signed(-5), Number::Signed(9)]);

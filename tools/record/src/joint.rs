@@ -7,7 +7,8 @@ use crate::cdr::Encoder;
 /// Names of joints until a model says more.
 pub const USUAL_NAMES: [&str; 2] = ["pitch", "yaw"];
 
-/// The message for angles that are valid, with its stamp in Unix time. `None`: there are no angles to tell.
+/// The message for angles that are valid, with its stamp in Unix time. `None`: there are no angles
+/// to tell.
 #[must_use]
 pub fn message(state: &JointState, unix_ns: u64, names: &[String]) -> Option<Vec<u8>> {
     let count = state.count as usize;

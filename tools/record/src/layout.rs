@@ -1,14 +1,15 @@
 //! The fields of every payload: name, kind, number, offset.
 //!
-//! One table, from which schemas, CDR, CSV columns and the layouts of other languages come. It is made from the structs
-//! themselves: a field that is forgotten here does not compile, and offsets are those of the compiler.
+//! One table, from which schemas, CDR, CSV columns and the layouts of other languages come. It is
+//! made from the structs themselves: a field that is forgotten here does not compile, and offsets
+//! are those of the compiler.
 
 use std::mem::{offset_of, size_of};
 
 use i2ris::ipc::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelDifference, ModelRequest,
-    ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, SpanSummary, StateCommandReply,
-    StateCommandRequest, Version, VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelDifference,
+    ModelRequest, ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    SpanSummary, StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -143,13 +144,25 @@ impl Entry for SpanSummary {
     const IS_SPAN: bool = true;
 
     fn put(self, to: &mut Vec<u8>) {
-        let Self { p50_ns, p90_ns, p99_ns, p999_ns, max_ns } = self;
+        let Self {
+            p50_ns,
+            p90_ns,
+            p99_ns,
+            p999_ns,
+            max_ns,
+        } = self;
         [p50_ns, p90_ns, p99_ns, p999_ns, max_ns].put(to);
     }
 
     fn get(from: &mut &[u8]) -> Option<Self> {
         let [p50_ns, p90_ns, p99_ns, p999_ns, max_ns] = Entry::get(from)?;
-        Some(Self { p50_ns, p90_ns, p99_ns, p999_ns, max_ns })
+        Some(Self {
+            p50_ns,
+            p90_ns,
+            p99_ns,
+            p999_ns,
+            max_ns,
+        })
     }
 }
 
@@ -157,15 +170,21 @@ impl Entry for SpanSummary {
 pub trait Laid: ZeroCopySend + Copy {
     /// Its table.
     const PAYLOAD: Payload;
-    /// Appends every field in the order of memory, little end first: what stands in memory on every machine that the
-    /// controller runs on, for payloads have no padding.
+    /// Appends every field in the order of memory, little end first: what stands in memory on every
+    /// machine that the controller runs on, for payloads have no padding.
     fn put(&self, to: &mut Vec<u8>);
     /// The payload whose fields these bytes are; `None`: there are not enough.
     fn get(bytes: &[u8]) -> Option<Self>;
 }
 
 const fn field<T: Entry>(name: &'static str, offset: usize, _: fn() -> Option<T>) -> Field {
-    Field { name, kind: T::KIND, count: T::COUNT, offset, is_span: T::IS_SPAN }
+    Field {
+        name,
+        kind: T::KIND,
+        count: T::COUNT,
+        offset,
+        is_span: T::IS_SPAN,
+    }
 }
 
 macro_rules! laid {
@@ -257,7 +276,12 @@ mod tests {
             let mut end = 0;
             for field in payload.fields {
                 assert_eq!(field.offset, end, "{name}: {}", field.name);
-                assert_eq!(field.offset % field.kind.bytes(), 0, "{name}: {}", field.name);
+                assert_eq!(
+                    field.offset % field.kind.bytes(),
+                    0,
+                    "{name}: {}",
+                    field.name
+                );
                 end += field.kind.bytes() * field.count;
             }
             assert_eq!(end, payload.size, "{name}");
@@ -267,7 +291,11 @@ mod tests {
 
     #[test]
     fn what_is_put_is_got_again() {
-        let mut window = PeriodStatistics { sequence: 3, cpu: u32::MAX, ..PeriodStatistics::default() };
+        let mut window = PeriodStatistics {
+            sequence: 3,
+            cpu: u32::MAX,
+            ..PeriodStatistics::default()
+        };
         (window.lateness.p99_ns, window.compute.max_ns) = (7, 8);
         let mut bytes = Vec::new();
         window.put(&mut bytes);
@@ -277,7 +305,12 @@ mod tests {
 
     #[test]
     fn what_is_put_is_what_stands_in_memory() {
-        let message = ServoJp { sequence: 0x0102, position: [1.5, -2.0, 0.25], count: 2, ..ServoJp::default() };
+        let message = ServoJp {
+            sequence: 0x0102,
+            position: [1.5, -2.0, 0.25],
+            count: 2,
+            ..ServoJp::default()
+        };
         let mut bytes = Vec::new();
         message.put(&mut bytes);
         assert_eq!(bytes.len(), size_of::<ServoJp>());

@@ -15,9 +15,10 @@
 //! | `series` | values over time, brought to common instants |
 //! | `report` | what a trial shows: errors, loops, latencies, events; as numbers and as a page |
 //!
-//! A topic `i2ris/NAME` holds the controller's own payloads, bit by bit; `NAME` beside it holds the same angles as the
-//! standard message that every tool knows. Stamps inside the payloads are of the monotonic clock; those of the file and
-//! of standard messages are Unix time, by one offset that was taken at the start and stands in the metadata.
+//! A topic `i2ris/NAME` holds the controller's own payloads, bit by bit; `NAME` beside it holds the
+//! same angles as the standard message that every tool knows. Stamps inside the payloads are of the
+//! monotonic clock; those of the file and of standard messages are Unix time, by one offset that
+//! was taken at the start and stands in the metadata.
 
 pub mod cdr;
 pub mod export;

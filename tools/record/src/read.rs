@@ -1,4 +1,5 @@
-//! Records of a file one after the other, with little memory, from whole files and from ones that were cut off.
+//! Records of a file one after the other, with little memory, from whole files and from ones that
+//! were cut off.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -23,7 +24,9 @@ pub enum ReadError {
         source: io::Error,
     },
     /// Its bytes are not what MCAP allows, or end too early.
-    #[error("{path}: {source}; if it was cut off, `i2ris record recover` makes a whole file of what is there")]
+    #[error(
+        "{path}: {source}; if it was cut off, `i2ris record recover` makes a whole file of what is there"
+    )]
     Format {
         /// Which.
         path: PathBuf,
@@ -47,28 +50,45 @@ impl Records {
     ///
     /// [`ReadError::Read`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
-        let options =
-            LinearReaderOptions::default().with_prevalidate_chunk_crcs(true).with_record_length_limit(LARGEST_RECORD);
+        let file = File::open(path).map_err(|source| ReadError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        let options = LinearReaderOptions::default()
+            .with_prevalidate_chunk_crcs(true)
+            .with_record_length_limit(LARGEST_RECORD);
         let reader = LinearReader::new_with_options(options);
-        Ok(Self { path: path.to_owned(), from: BufReader::with_capacity(1 << 20, file), reader, ended: false })
+        Ok(Self {
+            path: path.to_owned(),
+            from: BufReader::with_capacity(1 << 20, file),
+            reader,
+            ended: false,
+        })
     }
 
     fn step(&mut self) -> Result<Option<Record<'static>>, ReadError> {
         loop {
-            let format = |source| ReadError::Format { path: self.path.clone(), source };
+            let format = |source| ReadError::Format {
+                path: self.path.clone(),
+                source,
+            };
             let wanted = match self.reader.next_event() {
                 None => return Ok(None),
                 Some(Err(source)) => return Err(format(source)),
                 Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                    return mcap::parse_record(opcode, data).map(|record| Some(record.into_owned())).map_err(format);
+                    return mcap::parse_record(opcode, data)
+                        .map(|record| Some(record.into_owned()))
+                        .map_err(format);
                 }
                 Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted,
             };
             let got = self
                 .from
                 .read(self.reader.insert(wanted))
-                .map_err(|source| ReadError::Read { path: self.path.clone(), source })?;
+                .map_err(|source| ReadError::Read {
+                    path: self.path.clone(),
+                    source,
+                })?;
             self.reader.notify_read(got);
         }
     }

@@ -1,9 +1,10 @@
 //! From messages to a file that survives its writer.
 //!
-//! Whoever listens to the robot hands messages over and never waits: a thread of its own writes them. It closes a chunk of
-//! the file every [`FLUSH`], so a program that is killed loses no more than that, and asks the disk to keep what it has
-//! every [`SYNC`], for the case that the power goes. A disk that stalls fills the queue; what does not fit any more is
-//! dropped and counted. A disk that is full ends the recording, and is reported.
+//! Whoever listens to the robot hands messages over and never waits: a thread of its own writes
+//! them. It closes a chunk of the file every [`FLUSH`], so a program that is killed loses no more
+//! than that, and asks the disk to keep what it has every [`SYNC`], for the case that the power
+//! goes. A disk that stalls fills the queue; what does not fit any more is dropped and counted. A
+//! disk that is full ends the recording, and is reported.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -42,7 +43,9 @@ pub const OUTCOME: &str = "i2ris.outcome";
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// The file cannot be made.
-    #[error("cannot make {path}: {source}; name a file that does not exist yet, in a folder that you may write to")]
+    #[error(
+        "cannot make {path}: {source}; name a file that does not exist yet, in a folder that you may write to"
+    )]
     Create {
         /// Which.
         path: PathBuf,
@@ -50,7 +53,9 @@ pub enum RecordError {
         source: io::Error,
     },
     /// The file cannot be written any more.
-    #[error("{path}: {source}; what was written until then can be read after `i2ris record recover`")]
+    #[error(
+        "{path}: {source}; what was written until then can be read after `i2ris record recover`"
+    )]
     Write {
         /// Which.
         path: PathBuf,
@@ -117,10 +122,16 @@ impl Trial {
     ///
     /// [`RecordError::Create`], [`RecordError::Write`].
     pub fn start(path: &Path, header: Header) -> Result<Self, RecordError> {
-        let create = |source| RecordError::Create { path: path.to_owned(), source };
+        let create = |source| RecordError::Create {
+            path: path.to_owned(),
+            source,
+        };
         let file = File::create_new(path).map_err(create)?;
         let disk = file.try_clone().map_err(create)?;
-        let begun = begin(file, &header).map_err(|source| RecordError::Write { path: path.to_owned(), source })?;
+        let begun = begin(file, &header).map_err(|source| RecordError::Write {
+            path: path.to_owned(),
+            source,
+        })?;
         let (to, from) = sync_channel(QUEUE);
         let failed = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&failed);
@@ -157,15 +168,31 @@ impl Trial {
     pub fn take<T: Laid + Message>(&mut self, stream: Stream, message: &T, received: Nanos) {
         let (sequence, stamp) = (message.sequence() as u32, message.stamp());
         *self.written.messages.entry(stream).or_default() += 1;
-        self.put(Item { topic: Topic::Own(stream), sequence, stamp, received, bytes: cdr::message(message) });
+        self.put(Item {
+            topic: Topic::Own(stream),
+            sequence,
+            stamp,
+            received,
+            bytes: cdr::message(message),
+        });
     }
 
     /// Hands over angles, which become standard messages as well.
     pub fn take_joints(&mut self, stream: Stream, message: &JointState, received: Nanos) {
         self.take(stream, message, received);
         let (sequence, stamp) = (message.sequence as u32, message.stamp());
-        if let Some(bytes) = joint::message(message, message.stamp_ns.wrapping_add(self.unix_offset_ns), &self.joints) {
-            self.put(Item { topic: Topic::Joint(stream), sequence, stamp, received, bytes });
+        if let Some(bytes) = joint::message(
+            message,
+            message.stamp_ns.wrapping_add(self.unix_offset_ns),
+            &self.joints,
+        ) {
+            self.put(Item {
+                topic: Topic::Joint(stream),
+                sequence,
+                stamp,
+                received,
+                bytes,
+            });
         }
     }
 
@@ -179,7 +206,11 @@ impl Trial {
     /// # Errors
     ///
     /// [`RecordError::Write`] with what ended the recording, [`RecordError::Thread`].
-    pub fn finish(mut self, outcome: BTreeMap<String, String>, files: &[Attached]) -> Result<Written, RecordError> {
+    pub fn finish(
+        mut self,
+        outcome: BTreeMap<String, String>,
+        files: &[Attached],
+    ) -> Result<Written, RecordError> {
         self.to = None;
         let path = self.path.clone();
         let joined = self.thread.take().and_then(|thread| thread.join().ok());
@@ -191,7 +222,10 @@ impl Trial {
         };
         let end = |file: &mut Writer<BufWriter<File>>| {
             attach(file, files, self.unix_offset_ns)?;
-            file.write_metadata(&Metadata { name: OUTCOME.to_owned(), metadata: outcome })?;
+            file.write_metadata(&Metadata {
+                name: OUTCOME.to_owned(),
+                metadata: outcome,
+            })?;
             file.finish().map(drop)
         };
         end(&mut file).map_err(refused)?;
@@ -208,8 +242,14 @@ fn begin(file: File, header: &Header) -> Result<Writer<BufWriter<File>>, McapErr
         .disable_seeking(true);
     let mut writer = Writer::with_options(BufWriter::new(file), options)?;
     let mut about = header.about.clone();
-    about.insert("unix_minus_monotonic_ns".to_owned(), header.unix_offset_ns.to_string());
-    writer.write_metadata(&Metadata { name: HEADER.to_owned(), metadata: about })?;
+    about.insert(
+        "unix_minus_monotonic_ns".to_owned(),
+        header.unix_offset_ns.to_string(),
+    );
+    writer.write_metadata(&Metadata {
+        name: HEADER.to_owned(),
+        metadata: about,
+    })?;
     attach(&mut writer, &header.attachments, header.unix_offset_ns)?;
     for topic in Topic::all() {
         topic.declare(&mut writer)?;
@@ -218,7 +258,11 @@ fn begin(file: File, header: &Header) -> Result<Writer<BufWriter<File>>, McapErr
     Ok(writer)
 }
 
-fn attach(to: &mut Writer<BufWriter<File>>, files: &[Attached], unix_offset_ns: u64) -> Result<(), McapError> {
+fn attach(
+    to: &mut Writer<BufWriter<File>>,
+    files: &[Attached],
+    unix_offset_ns: u64,
+) -> Result<(), McapError> {
     let now = unix_offset_ns.wrapping_add(i2ris::clock::now().0);
     files.iter().try_for_each(|(name, media_type, data)| {
         to.attach(&Attachment {
@@ -238,16 +282,29 @@ fn write(
     unix_offset_ns: u64,
     from: &Receiver<Item>,
 ) -> Result<Writer<BufWriter<File>>, McapError> {
-    let channels: BTreeMap<Topic, u16> =
-        Topic::all().map(|topic| Ok((topic, topic.declare(&mut file)?))).collect::<Result<_, McapError>>()?;
+    let channels: BTreeMap<Topic, u16> = Topic::all()
+        .map(|topic| Ok((topic, topic.declare(&mut file)?)))
+        .collect::<Result<_, McapError>>()?;
     let (mut flushed, mut synced) = (Instant::now(), Instant::now());
     loop {
         match from.recv_timeout(FLUSH.saturating_sub(flushed.elapsed())) {
-            Ok(Item { topic, sequence, stamp, received, bytes }) => {
+            Ok(Item {
+                topic,
+                sequence,
+                stamp,
+                received,
+                bytes,
+            }) => {
                 let unix = |Nanos(monotonic)| monotonic.wrapping_add(unix_offset_ns);
-                let Some(channel_id) = channels.get(&topic).copied() else { continue };
-                let header =
-                    MessageHeader { channel_id, sequence, log_time: unix(received), publish_time: unix(stamp) };
+                let Some(channel_id) = channels.get(&topic).copied() else {
+                    continue;
+                };
+                let header = MessageHeader {
+                    channel_id,
+                    sequence,
+                    log_time: unix(received),
+                    publish_time: unix(stamp),
+                };
                 file.write_to_known_channel(&header, &bytes)?;
             }
             Err(RecvTimeoutError::Timeout) => {}
@@ -259,7 +316,8 @@ fn write(
         }
         if synced.elapsed() >= SYNC {
             synced = Instant::now();
-            // Some places cannot be asked to keep: pipes, some network disks. That is theirs to know.
+            // Some places cannot be asked to keep: pipes, some network disks. That is theirs to
+            // know.
             let _ = disk.sync_data();
         }
     }

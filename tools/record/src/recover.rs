@@ -42,10 +42,18 @@ pub struct Recovered {
 /// When `from` cannot be opened, or `to` cannot be made or written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     let records = Records::open(from)?;
-    let create = |source| RecordError::Create { path: to.to_owned(), source };
-    let refused = |source| RecordError::Write { path: to.to_owned(), source };
+    let create = |source| RecordError::Create {
+        path: to.to_owned(),
+        source,
+    };
+    let refused = |source| RecordError::Write {
+        path: to.to_owned(),
+        source,
+    };
     let file = File::create_new(to).map_err(create)?;
-    let options = WriteOptions::new().profile("ros2").compression(Some(Compression::Lz4));
+    let options = WriteOptions::new()
+        .profile("ros2")
+        .compression(Some(Compression::Lz4));
     let mut copy = Copy {
         to: Writer::with_options(BufWriter::new(file), options).map_err(refused)?,
         channels: BTreeMap::new(),
@@ -84,7 +92,12 @@ impl<W: Write + Seek> Copy<W> {
             }
             Record::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).copied().unwrap_or(0);
-                let new = self.to.add_channel(schema, &channel.topic, &channel.message_encoding, &channel.metadata)?;
+                let new = self.to.add_channel(
+                    schema,
+                    &channel.topic,
+                    &channel.message_encoding,
+                    &channel.metadata,
+                )?;
                 self.channels.insert(channel.id, new);
             }
             Record::Message { mut header, data } => {

@@ -11,7 +11,8 @@ pub const ENCODING: &str = "ros2msg";
 pub const PACKAGE: &str = "i2ris_msgs";
 
 /// Between a definition and those that it needs.
-const RULE: &str = "================================================================================";
+const RULE: &str =
+    "================================================================================";
 
 /// What the standard message of joints is called.
 pub const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
@@ -38,8 +39,16 @@ pub fn name(payload: &Payload) -> String {
 pub fn definition(payload: &Payload) -> String {
     let mut text = String::new();
     for field in payload.fields {
-        let kind = if field.is_span { format!("{PACKAGE}/SpanSummary") } else { field.kind.ros().to_owned() };
-        let count = if field.count == 1 || field.is_span { String::new() } else { format!("[{}]", field.count) };
+        let kind = if field.is_span {
+            format!("{PACKAGE}/SpanSummary")
+        } else {
+            field.kind.ros().to_owned()
+        };
+        let count = if field.count == 1 || field.is_span {
+            String::new()
+        } else {
+            format!("[{}]", field.count)
+        };
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{kind}{count} {}", field.name);
     }

@@ -8,12 +8,15 @@ pub struct Series<const N: usize> {
 
 impl<const N: usize> Default for Series<N> {
     fn default() -> Self {
-        Self { samples: Vec::new() }
+        Self {
+            samples: Vec::new(),
+        }
     }
 }
 
 impl<const N: usize> Series<N> {
-    /// Adds a sample. One that is not newer than the last is dropped: streams repeat their last value.
+    /// Adds a sample. One that is not newer than the last is dropped: streams repeat their last
+    /// value.
     pub fn push(&mut self, stamp_ns: u64, value: [f64; N]) {
         if self.samples.last().is_none_or(|(last, _)| stamp_ns > *last) {
             self.samples.push((stamp_ns, value));
@@ -26,8 +29,8 @@ impl<const N: usize> Series<N> {
         self.samples.is_empty()
     }
 
-    /// The value at an instant, linearly between the samples around it; `None` outside the recording, or when they are
-    /// further apart than `gap_ns`.
+    /// The value at an instant, linearly between the samples around it; `None` outside the
+    /// recording, or when they are further apart than `gap_ns`.
     #[must_use]
     pub fn at(&self, stamp_ns: u64, gap_ns: u64) -> Option<[f64; N]> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < stamp_ns);
@@ -65,7 +68,10 @@ impl<const N: usize> Series<N> {
 #[must_use]
 pub fn percentile(sorted: &[f64], share: f64) -> f64 {
     let rank = (share * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied().unwrap_or(f64::NAN)
+    sorted
+        .get(rank.clamp(1, sorted.len().max(1)) - 1)
+        .copied()
+        .unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

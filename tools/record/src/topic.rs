@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp,
 };
 
 use crate::layout::{Laid, Payload};
@@ -95,7 +96,10 @@ pub enum Topic {
 impl Topic {
     /// Every topic of a recording.
     pub fn all() -> impl Iterator<Item = Self> {
-        let joints = Stream::ALL.into_iter().filter(|stream| stream.is_joint()).map(Self::Joint);
+        let joints = Stream::ALL
+            .into_iter()
+            .filter(|stream| stream.is_joint())
+            .map(Self::Joint);
         Stream::ALL.into_iter().map(Self::Own).chain(joints)
     }
 
@@ -111,7 +115,9 @@ impl Topic {
     /// The topic of the controller's own payloads that has this name.
     #[must_use]
     pub fn own(name: &str) -> Option<Stream> {
-        Stream::ALL.into_iter().find(|stream| Self::Own(*stream).name() == name)
+        Stream::ALL
+            .into_iter()
+            .find(|stream| Self::Own(*stream).name() == name)
     }
 
     /// Declares it in a file and returns its number there.
@@ -120,7 +126,10 @@ impl Topic {
         file: &mut mcap::Writer<W>,
     ) -> mcap::McapResult<u16> {
         let (name, definition) = match self {
-            Self::Own(stream) => (schema::name(&stream.payload()), schema::definition(&stream.payload())),
+            Self::Own(stream) => (
+                schema::name(&stream.payload()),
+                schema::definition(&stream.payload()),
+            ),
             Self::Joint(_) => (schema::JOINT_STATE.to_owned(), schema::joint_state()),
         };
         let schema = file.add_schema(&name, schema::ENCODING, definition.as_bytes())?;

@@ -1,4 +1,5 @@
-//! Files: what is written is what is read, whatever happened to them in between, here and in Python.
+//! Files: what is written is what is read, whatever happened to them in between, here and in
+//! Python.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 use std::collections::BTreeMap;
@@ -22,9 +23,22 @@ const MESSAGES: u64 = 2000;
 /// Two seconds of a trial.
 fn trial(path: &Path) {
     let about = BTreeMap::from([("note".to_owned(), "a test".to_owned())]);
-    let attachments = vec![("robot.toml".to_owned(), "application/toml", b"robot_id = \"x\"".to_vec())];
+    let attachments = vec![(
+        "robot.toml".to_owned(),
+        "application/toml",
+        b"robot_id = \"x\"".to_vec(),
+    )];
     let joints = vec!["pitch".to_owned(), "yaw".to_owned()];
-    let mut trial = Trial::start(path, Header { about, attachments, unix_offset_ns: UNIX, joints }).unwrap();
+    let mut trial = Trial::start(
+        path,
+        Header {
+            about,
+            attachments,
+            unix_offset_ns: UNIX,
+            joints,
+        },
+    )
+    .unwrap();
     for number in 1..=MESSAGES {
         let stamp = Nanos::from_millis(number);
         let angle = number as f64 * 1e-4;
@@ -39,17 +53,33 @@ fn trial(path: &Path) {
         };
         trial.take_joints(Stream::Measured, &joints, stamp);
         let counts = [number as i32, -(number as i32)];
-        let motors =
-            ActuatorState { sequence: number, stamp_ns: stamp.0, measured_counts: counts, ..Default::default() };
+        let motors = ActuatorState {
+            sequence: number,
+            stamp_ns: stamp.0,
+            measured_counts: counts,
+            ..Default::default()
+        };
         trial.take(Stream::Actuators, &motors, stamp);
         if number % 1000 == 0 {
-            let mut window = PeriodStatistics { sequence: number / 1000, stamp_ns: stamp.0, ..Default::default() };
+            let mut window = PeriodStatistics {
+                sequence: number / 1000,
+                stamp_ns: stamp.0,
+                ..Default::default()
+            };
             window.lateness.p99_ns = 4321;
             trial.take(Stream::Statistics, &window, stamp);
         }
     }
-    let written = trial.finish(BTreeMap::from([("dropped".to_owned(), "0".to_owned())]), &[]).unwrap();
-    assert_eq!((written.dropped, written.messages[&Stream::Measured]), (0, MESSAGES));
+    let written = trial
+        .finish(
+            BTreeMap::from([("dropped".to_owned(), "0".to_owned())]),
+            &[],
+        )
+        .unwrap();
+    assert_eq!(
+        (written.dropped, written.messages[&Stream::Measured]),
+        (0, MESSAGES)
+    );
 }
 
 #[test]
@@ -60,7 +90,8 @@ fn tables_hold_what_was_recorded() {
     let exported = export(&file, &folder.path().join("tables"), Format::Csv).unwrap();
     assert!(exported.stopped_by.is_none());
     assert_eq!(exported.rows["measured_js.csv"], MESSAGES);
-    let mut reader = csv::Reader::from_path(folder.path().join("tables/actuators_measured_js.csv")).unwrap();
+    let mut reader =
+        csv::Reader::from_path(folder.path().join("tables/actuators_measured_js.csv")).unwrap();
     let header = reader.headers().unwrap().clone();
     let column = |name: &str| header.iter().position(|h| h == name).unwrap();
     let (time, second) = (column("t_s"), column("measured_counts_1"));
@@ -82,16 +113,41 @@ fn parquet_holds_the_same_with_types() {
     let (file, tables) = (folder.path().join("a.mcap"), folder.path().join("tables"));
     trial(&file);
     let exported = export(&file, &tables, Format::Parquet).unwrap();
-    assert_eq!((exported.rows["measured_js.parquet"], exported.rows["period_statistics.parquet"]), (MESSAGES, 2));
-    let open = |name: &str| SerializedFileReader::new(fs::File::open(tables.join(name)).unwrap()).unwrap();
+    assert_eq!(
+        (
+            exported.rows["measured_js.parquet"],
+            exported.rows["period_statistics.parquet"]
+        ),
+        (MESSAGES, 2)
+    );
+    let open =
+        |name: &str| SerializedFileReader::new(fs::File::open(tables.join(name)).unwrap()).unwrap();
     let reader = open("actuators_measured_js.parquet");
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let column = |name: &str| schema.columns().iter().position(|column| column.name() == name).unwrap();
-    let (time, sequence, second) = (column("t_s"), column("sequence"), column("measured_counts_1"));
+    let column = |name: &str| {
+        schema
+            .columns()
+            .iter()
+            .position(|column| column.name() == name)
+            .unwrap()
+    };
+    let (time, sequence, second) = (
+        column("t_s"),
+        column("sequence"),
+        column("measured_counts_1"),
+    );
     let mut rows = 0;
-    for (number, row) in reader.get_row_iter(None).unwrap().map(Result::unwrap).enumerate() {
+    for (number, row) in reader
+        .get_row_iter(None)
+        .unwrap()
+        .map(Result::unwrap)
+        .enumerate()
+    {
         assert_eq!(
-            (row.get_ulong(sequence).unwrap(), row.get_int(second).unwrap()),
+            (
+                row.get_ulong(sequence).unwrap(),
+                row.get_int(second).unwrap()
+            ),
             (number as u64 + 1, -(number as i32 + 1))
         );
         assert!((row.get_double(time).unwrap() - number as f64 * 1e-3).abs() < 1e-6);
@@ -101,10 +157,20 @@ fn parquet_holds_the_same_with_types() {
     let reader = open("measured_js.parquet");
     let row = reader.get_row_iter(None).unwrap().next().unwrap().unwrap();
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let model = schema.columns().iter().position(|column| column.name() == "model_id").unwrap();
+    let model = schema
+        .columns()
+        .iter()
+        .position(|column| column.name() == "model_id")
+        .unwrap();
     assert_eq!(row.get_string(model).unwrap(), &"ab".repeat(32));
     // Streams without messages are tables without rows, not missing files.
-    assert_eq!(open("goal_js.parquet").metadata().file_metadata().num_rows(), 0);
+    assert_eq!(
+        open("goal_js.parquet")
+            .metadata()
+            .file_metadata()
+            .num_rows(),
+        0
+    );
 }
 
 #[test]
@@ -114,10 +180,23 @@ fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
     trial(&whole);
     let report = Report::of(&whole).unwrap();
     let summary = report.summary();
-    assert!(summary.cut_off.is_none() && (summary.length_s - 1.999).abs() < 1e-6, "{summary:?}");
-    assert_eq!((summary.about["note"].as_str(), summary.outcome["dropped"].as_str()), ("a test", "0"));
+    assert!(
+        summary.cut_off.is_none() && (summary.length_s - 1.999).abs() < 1e-6,
+        "{summary:?}"
+    );
+    assert_eq!(
+        (
+            summary.about["note"].as_str(),
+            summary.outcome["dropped"].as_str()
+        ),
+        ("a test", "0")
+    );
     assert_eq!(summary.attached["robot.toml"], 14);
-    let measured = summary.streams.iter().find(|stream| stream.name == "measured_js").unwrap();
+    let measured = summary
+        .streams
+        .iter()
+        .find(|stream| stream.name == "measured_js")
+        .unwrap();
     assert_eq!((measured.messages, measured.missing), (MESSAGES, 0));
     assert!((measured.rate_hz - 1000.0).abs() < 1e-3);
     let page = report.page().to_string();
@@ -128,7 +207,11 @@ fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
     let report = Report::of(&cut).unwrap();
     assert!(report.summary().cut_off.is_some() && report.summary().length_s < 1.999);
     assert!(report.page().to_string().contains("cut off"));
-    fs::write(&cut, "anything else, long enough to be taken for a file of some kind").unwrap();
+    fs::write(
+        &cut,
+        "anything else, long enough to be taken for a file of some kind",
+    )
+    .unwrap();
     assert!(Report::of(&cut).is_err());
     for part in 0..40 {
         let mut damaged = bytes.clone();
@@ -143,8 +226,11 @@ fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
 #[test]
 fn a_file_that_is_cut_off_anywhere_gives_what_it_has() {
     let folder = tempfile::tempdir().unwrap();
-    let (whole, cut, out) =
-        (folder.path().join("a.mcap"), folder.path().join("cut.mcap"), folder.path().join("out.mcap"));
+    let (whole, cut, out) = (
+        folder.path().join("a.mcap"),
+        folder.path().join("cut.mcap"),
+        folder.path().join("out.mcap"),
+    );
     trial(&whole);
     let bytes = fs::read(&whole).unwrap();
     let mut most = 0;
@@ -153,12 +239,24 @@ fn a_file_that_is_cut_off_anywhere_gives_what_it_has() {
         fs::write(&cut, &bytes[..length]).unwrap();
         let _ = fs::remove_file(&out);
         let recovered = recover(&cut, &out).unwrap();
-        assert!(recovered.messages >= most, "more of the file cannot hold less");
+        assert!(
+            recovered.messages >= most,
+            "more of the file cannot hold less"
+        );
         most = recovered.messages;
         if length > 20_000 {
-            assert_eq!((recovered.attachments, recovered.metadata >= 1), (1, true), "{length}");
+            assert_eq!(
+                (recovered.attachments, recovered.metadata >= 1),
+                (1, true),
+                "{length}"
+            );
         }
-        assert!(recover(&out, &folder.path().join(format!("again{part}.mcap"))).unwrap().stopped_by.is_none());
+        assert!(
+            recover(&out, &folder.path().join(format!("again{part}.mcap")))
+                .unwrap()
+                .stopped_by
+                .is_none()
+        );
     }
     // Standard messages stand beside the controller's own.
     assert_eq!(most, 3 * MESSAGES + 2);
@@ -181,25 +279,34 @@ fn damaged_bytes_are_an_end_and_no_panic() {
 
 fn python(modules: &str) -> Option<Command> {
     let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
+    let probe = Command::new(&name)
+        .args(["-c", &format!("import {modules}")])
+        .output();
     if !probe.is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
         return None;
     }
     let mut command = Command::new(name);
-    command.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")).env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
     Some(command)
 }
 
 fn succeeds(mut command: Command) {
     let output = command.output().unwrap();
-    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
     assert!(output.status.success(), "{out}{err}");
 }
 
 #[test]
 fn python_opens_it_with_named_fields() {
-    let Some(mut command) = python("mcap, mcap_ros2") else { return };
+    let Some(mut command) = python("mcap, mcap_ros2") else {
+        return;
+    };
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     trial(&file);
@@ -234,7 +341,9 @@ assert counts == {'/measured_js': 2000, '/i2ris/measured_js': 2000, '/i2ris/actu
 
 #[test]
 fn rosbags_opens_it_with_named_fields() {
-    let Some(mut command) = python("rosbags") else { return };
+    let Some(mut command) = python("rosbags") else {
+        return;
+    };
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
     trial(&file);
@@ -262,7 +371,9 @@ assert counts['/measured_js'] == counts['/i2ris/actuators/measured_js'] == 2000,
 
 #[test]
 fn python_reads_the_parquet_tables() {
-    let Some(mut command) = python("pyarrow") else { return };
+    let Some(mut command) = python("pyarrow") else {
+        return;
+    };
     let folder = tempfile::tempdir().unwrap();
     let (file, tables) = (folder.path().join("a.mcap"), folder.path().join("tables"));
     trial(&file);
@@ -284,7 +395,11 @@ assert (types['t_s'], types['sequence'], types['measured_counts_0'], types['stat
 fn table() -> serde_json::Value {
     let payload = |(name, payload): (&'static str, i2ris_record::layout::Payload)| {
         let field = |field: &i2ris_record::layout::Field| {
-            let count = if field.is_span { field.count / SPAN_MEMBERS.len() } else { field.count };
+            let count = if field.is_span {
+                field.count / SPAN_MEMBERS.len()
+            } else {
+                field.count
+            };
             let bytes = field.kind.bytes() * field.count;
             serde_json::json!({"name": field.name, "offset": field.offset, "bytes": bytes, "count": count,
                                "kind": field.kind.ros()})
@@ -292,12 +407,18 @@ fn table() -> serde_json::Value {
         let fields: Vec<_> = payload.fields.iter().map(field).collect();
         serde_json::json!({"type_name": name, "name": payload.name, "size": payload.size, "fields": fields})
     };
-    payloads().into_iter().map(payload).collect::<Vec<_>>().into()
+    payloads()
+        .into_iter()
+        .map(payload)
+        .collect::<Vec<_>>()
+        .into()
 }
 
 #[test]
 fn python_has_the_same_payloads() {
-    let Some(mut command) = python("ctypes") else { return };
+    let Some(mut command) = python("ctypes") else {
+        return;
+    };
     let script = "
 import ctypes, json, sys, importlib.util
 spec = importlib.util.spec_from_file_location('payload', 'i2ris/payload.py')
@@ -330,7 +451,10 @@ assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
         offset_of!(ModelReply, message),
     ];
     let reply = serde_json::json!({"size": size_of::<ModelReply>(), "offsets": offsets});
-    command.args(["-c", script]).arg(table().to_string()).arg(reply.to_string());
+    command
+        .args(["-c", script])
+        .arg(table().to_string())
+        .arg(reply.to_string());
     succeeds(command);
 }
 
@@ -338,12 +462,28 @@ assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
 fn the_header_for_cpp_is_current_and_compiles() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cpp/i2ris_payload.hpp");
     let written = fs::read_to_string(&path).unwrap();
-    assert!(written == i2ris_record::header::header(), "write it anew: cargo run -p i2ris-record --example header");
+    assert!(
+        written == i2ris_record::header::header(),
+        "write it anew: cargo run -p i2ris-record --example header"
+    );
     let mut compiler = Command::new("c++");
-    compiler.args(["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-include"]).arg(&path);
+    compiler
+        .args([
+            "-std=c++17",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-fsyntax-only",
+            "-include",
+        ])
+        .arg(&path);
     let Ok(output) = compiler.args(["-x", "c++", "/dev/null"]).output() else {
         eprintln!("skipped: there is no C++ compiler");
         return;
     };
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

@@ -1,9 +1,10 @@
 //! Which view shows which axis, from motions of one axis at a time.
 //!
-//! While only pitch moves, the tangents of both views go `(cos phi_0, cos phi_1)` times that of pitch; while only yaw
-//! moves, `(sin phi_0, sin phi_1)` times that of yaw (see [`crate::joint`]). Directions of lines through the origin tell
-//! the ratios, not the sizes: nobody knows how far the snake was bent. With the angle between both cameras known, each
-//! of both motions tells `phi_0` by itself:
+//! While only pitch moves, the tangents of both views go `(cos phi_0, cos phi_1)` times that of
+//! pitch; while only yaw moves, `(sin phi_0, sin phi_1)` times that of yaw (see [`crate::joint`]).
+//! Directions of lines through the origin tell the ratios, not the sizes: nobody knows how far the
+//! snake was bent. With the angle between both cameras known, each of both motions tells `phi_0` by
+//! itself:
 //!
 //! ```text
 //! phi_1 = phi_0 + delta
@@ -37,7 +38,9 @@ pub struct Alignment {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AlignError {
     /// Too few readings.
-    #[error("{motion} motion: only {found} pictures can be measured, {FEWEST} are needed; see `i2ris vision check`")]
+    #[error(
+        "{motion} motion: only {found} pictures can be measured, {FEWEST} are needed; see `i2ris vision check`"
+    )]
     TooFew {
         /// Which motion.
         motion: &'static str,
@@ -45,7 +48,9 @@ pub enum AlignError {
         found: usize,
     },
     /// It hardly bent.
-    #[error("{motion} motion: bends by {deg:.1} deg only; move by 5 deg or more, best to the limits")]
+    #[error(
+        "{motion} motion: bends by {deg:.1} deg only; move by 5 deg or more, best to the limits"
+    )]
     TooSmall {
         /// Which motion.
         motion: &'static str,
@@ -75,28 +80,46 @@ pub enum AlignError {
     },
 }
 
-/// Finds how both views are turned. `pitch` and `yaw` hold the tangents of both views while only that axis moved, from
-/// rest first towards positive. `between_rad`: angle between the cameras, either way round.
+/// Finds how both views are turned. `pitch` and `yaw` hold the tangents of both views while only
+/// that axis moved, from rest first towards positive. `between_rad`: angle between the cameras,
+/// either way round.
 ///
 /// # Errors
 ///
 /// [`AlignError`].
-pub fn two_views(pitch: &[[f64; 2]], yaw: &[[f64; 2]], between_rad: f64) -> Result<Alignment, AlignError> {
+pub fn two_views(
+    pitch: &[[f64; 2]],
+    yaw: &[[f64; 2]],
+    between_rad: f64,
+) -> Result<Alignment, AlignError> {
     let (a, b) = (line("pitch", pitch)?, line("yaw", yaw)?);
     let candidate = |delta: f64| {
         let (sin, cos) = delta.sin_cos();
         // Of the two ends of the line the one whose sign the motion has.
-        let by_pitch =
-            signed((a[0] * cos - a[1]).atan2(a[0] * sin), |phi| a[0] * phi.cos() + a[1] * (phi + delta).cos());
-        let by_yaw = signed((b[0] * sin).atan2(b[1] - b[0] * cos), |phi| b[0] * phi.sin() + b[1] * (phi + delta).sin());
+        let by_pitch = signed((a[0] * cos - a[1]).atan2(a[0] * sin), |phi| {
+            a[0] * phi.cos() + a[1] * (phi + delta).cos()
+        });
+        let by_yaw = signed((b[0] * sin).atan2(b[1] - b[0] * cos), |phi| {
+            b[0] * phi.sin() + b[1] * (phi + delta).sin()
+        });
         let apart = wrap(by_yaw - by_pitch);
         let phi = by_pitch + 0.5 * apart;
-        Alignment { planes_rad: [wrap(phi), wrap(phi + delta)], apart_rad: apart.abs() }
+        Alignment {
+            planes_rad: [wrap(phi), wrap(phi + delta)],
+            apart_rad: apart.abs(),
+        }
     };
     let (left, right) = (candidate(between_rad), candidate(-between_rad));
-    let best = if left.apart_rad <= right.apart_rad { left } else { right };
+    let best = if left.apart_rad <= right.apart_rad {
+        left
+    } else {
+        right
+    };
     if best.apart_rad > MOST_APART {
-        return Err(AlignError::Disagree { deg: best.apart_rad.to_degrees(), between: between_rad.to_degrees() });
+        return Err(AlignError::Disagree {
+            deg: best.apart_rad.to_degrees(),
+            between: between_rad.to_degrees(),
+        });
     }
     Ok(best)
 }
@@ -114,11 +137,17 @@ pub fn is_reversed(motion: &'static str, tangents: &[f64]) -> Result<bool, Align
 /// The unit vector along which a motion goes from the origin, towards where it went first.
 fn line(motion: &'static str, points: &[[f64; 2]]) -> Result<[f64; 2], AlignError> {
     if points.len() < FEWEST {
-        return Err(AlignError::TooFew { motion, found: points.len() });
+        return Err(AlignError::TooFew {
+            motion,
+            found: points.len(),
+        });
     }
     let most = points.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
     if most < LEAST {
-        return Err(AlignError::TooSmall { motion, deg: most.atan().to_degrees() });
+        return Err(AlignError::TooSmall {
+            motion,
+            deg: most.atan().to_degrees(),
+        });
     }
     let moment = |i: usize, j: usize| points.iter().map(|p| p[i] * p[j]).sum::<f64>();
     let (uu, uv, vv) = (moment(0, 0), moment(0, 1), moment(1, 1));
@@ -127,9 +156,16 @@ fn line(motion: &'static str, points: &[[f64; 2]]) -> Result<[f64; 2], AlignErro
     let along = uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin;
     let aside = ((uu + vv - along).max(0.0) / along).sqrt();
     if aside > MOST_ASIDE {
-        return Err(AlignError::TwoAxes { motion, aside: 100.0 * aside });
+        return Err(AlignError::TwoAxes {
+            motion,
+            aside: 100.0 * aside,
+        });
     }
-    let first = points.iter().map(|[u, v]| u * cos + v * sin).find(|s| s.abs() > 0.5 * most).unwrap_or(1.0);
+    let first = points
+        .iter()
+        .map(|[u, v]| u * cos + v * sin)
+        .find(|s| s.abs() > 0.5 * most)
+        .unwrap_or(1.0);
     Ok([cos * first.signum(), sin * first.signum()])
 }
 
@@ -148,7 +184,8 @@ mod tests {
 
     use super::*;
 
-    /// Tangents of both views while one axis swings, first to its positive side, with a little noise.
+    /// Tangents of both views while one axis swings, first to its positive side, with a little
+    /// noise.
     fn motion(planes: [f64; 2], axis: usize) -> Vec<[f64; 2]> {
         (0..200)
             .map(|i| {
@@ -174,9 +211,22 @@ mod tests {
     #[test]
     fn cameras_that_are_not_at_right_angles() {
         let planes = [0.1, 0.1 + f64::to_radians(70.0)];
-        let found = two_views(&motion(planes, 0), &motion(planes, 1), f64::to_radians(70.0)).unwrap();
-        assert!(wrap(found.planes_rad[1] - planes[1]).abs() < 0.005, "{found:?}");
-        let error = two_views(&motion(planes, 0), &motion(planes, 1), f64::to_radians(90.0)).unwrap_err();
+        let found = two_views(
+            &motion(planes, 0),
+            &motion(planes, 1),
+            f64::to_radians(70.0),
+        )
+        .unwrap();
+        assert!(
+            wrap(found.planes_rad[1] - planes[1]).abs() < 0.005,
+            "{found:?}"
+        );
+        let error = two_views(
+            &motion(planes, 0),
+            &motion(planes, 1),
+            f64::to_radians(90.0),
+        )
+        .unwrap_err();
         assert!(matches!(error, AlignError::Disagree { .. }), "{error}");
     }
 
@@ -184,12 +234,29 @@ mod tests {
     fn motions_that_do_not_tell_are_refused() {
         let planes = [0.0, PI / 2.0];
         let (pitch, yaw) = (motion(planes, 0), motion(planes, 1));
-        assert!(matches!(two_views(&pitch[..5], &yaw, PI / 2.0), Err(AlignError::TooFew { motion: "pitch", .. })));
+        assert!(matches!(
+            two_views(&pitch[..5], &yaw, PI / 2.0),
+            Err(AlignError::TooFew {
+                motion: "pitch",
+                ..
+            })
+        ));
         let small: Vec<_> = yaw.iter().map(|p| p.map(|v| 0.1 * v)).collect();
-        assert!(matches!(two_views(&pitch, &small, PI / 2.0), Err(AlignError::TooSmall { motion: "yaw", .. })));
-        let circle: Vec<_> = (0..100).map(|i| [f64::from(i).sin() * 0.5, f64::from(i).cos() * 0.5]).collect();
-        assert!(matches!(two_views(&circle, &yaw, PI / 2.0), Err(AlignError::TwoAxes { .. })));
-        assert!(two_views(&pitch, &pitch, PI / 2.0).is_err(), "the same axis twice");
+        assert!(matches!(
+            two_views(&pitch, &small, PI / 2.0),
+            Err(AlignError::TooSmall { motion: "yaw", .. })
+        ));
+        let circle: Vec<_> = (0..100)
+            .map(|i| [f64::from(i).sin() * 0.5, f64::from(i).cos() * 0.5])
+            .collect();
+        assert!(matches!(
+            two_views(&circle, &yaw, PI / 2.0),
+            Err(AlignError::TwoAxes { .. })
+        ));
+        assert!(
+            two_views(&pitch, &pitch, PI / 2.0).is_err(),
+            "the same axis twice"
+        );
     }
 
     #[test]

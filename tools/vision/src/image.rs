@@ -13,15 +13,24 @@ pub struct Grey {
 }
 
 impl Grey {
-    /// A picture from its bytes, row by row. `None` if there are not exactly `width * height` of them, or none at all.
+    /// A picture from its bytes, row by row. `None` if there are not exactly `width * height` of
+    /// them, or none at all.
     #[must_use]
     pub fn new(width: usize, height: usize, data: Vec<u8>) -> Option<Self> {
-        (!data.is_empty() && width.checked_mul(height) == Some(data.len())).then_some(Self { width, height, data })
+        (!data.is_empty() && width.checked_mul(height) == Some(data.len())).then_some(Self {
+            width,
+            height,
+            data,
+        })
     }
 
     /// The smallest picture: one black pixel.
     pub(crate) fn black() -> Self {
-        Self { width: 1, height: 1, data: vec![0] }
+        Self {
+            width: 1,
+            height: 1,
+            data: vec![0],
+        }
     }
 
     /// Pixels per row.
@@ -42,7 +51,8 @@ impl Grey {
         &self.data
     }
 
-    /// Brightness at (x, y), interpolated between the four pixels around it. `None` outside the picture.
+    /// Brightness at (x, y), interpolated between the four pixels around it. `None` outside the
+    /// picture.
     #[must_use]
     pub fn sample(&self, x: f64, y: f64) -> Option<f32> {
         // A comparison with NaN is false, so a NaN leaves here as well.
@@ -62,7 +72,8 @@ impl Grey {
         Some(top + fy * (bottom - top))
     }
 
-    /// A number that differs between different pictures, for telling a frozen camera. Not stable between releases.
+    /// A number that differs between different pictures, for telling a frozen camera. Not stable
+    /// between releases.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
@@ -88,7 +99,11 @@ mod tests {
         assert_eq!(picture.sample(0.5, 0.0), Some(50.0));
         assert_eq!(picture.sample(0.5, 0.5), Some(75.0));
         assert_eq!(picture.sample(-0.1, 0.0), None);
-        assert_eq!(picture.sample(1.0, 0.0), None, "no pixel to the right of it to interpolate with");
+        assert_eq!(
+            picture.sample(1.0, 0.0),
+            None,
+            "no pixel to the right of it to interpolate with"
+        );
         assert_eq!(picture.sample(f64::NAN, 0.0), None);
     }
 

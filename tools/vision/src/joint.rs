@@ -1,18 +1,20 @@
 //! From what the views show to the joint angles and the tip.
 //!
-//! Positive directions: view `i` shows the bend in the direction `phi_i`, turned from pitch towards yaw. The direction
-//! of the tip `(x, y, z)` (pitch's way, yaw's way, along the base) has `tan pitch = x / z` and `tan yaw = y / z`, so
+//! Positive directions: view `i` shows the bend in the direction `phi_i`, turned from pitch towards
+//! yaw. The direction of the tip `(x, y, z)` (pitch's way, yaw's way, along the base) has
+//! `tan pitch = x / z` and `tan yaw = y / z`, so
 //!
 //! ```text
 //! tan view_i = cos phi_i tan pitch + sin phi_i tan yaw
 //! ```
 //!
-//! and two views give both tangents. What bends towards the camera of view `i` goes `-sin phi_i x + cos phi_i y`.
+//! and two views give both tangents. What bends towards the camera of view `i` goes
+//! `-sin phi_i x + cos phi_i y`.
 //!
-//! A lens at the distance `D` magnifies what lies `n` nearer by `1 + n / D` away from the middle of the picture. A
-//! direction `(1, t, s)` (along, across, nearer) at `(a, c)` from the middle then shows as
-//! `(1 + n/D) (1, t) + (a, c) s / D`. The other view knows `n` and `s`, so this is undone (a few rounds, because both
-//! views need each other).
+//! A lens at the distance `D` magnifies what lies `n` nearer by `1 + n / D` away from the middle of
+//! the picture. A direction `(1, t, s)` (along, across, nearer) at `(a, c)` from the middle then
+//! shows as `(1 + n/D) (1, t) + (a, c) s / D`. The other view knows `n` and `s`, so this is undone
+//! (a few rounds, because both views need each other).
 
 use crate::fibre::{Doubt, Reading, relative};
 use crate::rest::Rest;
@@ -20,7 +22,8 @@ use crate::setup::{Axis, Setup, View};
 
 /// Part by which the fibre may seem longer or shorter than it should.
 const LENGTH_TOLERANCE: f64 = 0.03;
-/// With one view nothing tells how far the fibre is bent towards the camera: it may be up to this, rad (45 deg).
+/// With one view nothing tells how far the fibre is bent towards the camera: it may be up to this,
+/// rad (45 deg).
 const UNSEEN_BEND: f64 = std::f64::consts::FRAC_PI_4;
 /// Rounds in which both views correct each other. Each makes the error about fifty times smaller.
 const ROUNDS: usize = 4;
@@ -82,7 +85,8 @@ struct Depth {
 ///
 /// # Errors
 ///
-/// The view, and [`Doubt::Length`] when it shows the fibre shorter or longer than it can be, so that something else was measured.
+/// The view, and [`Doubt::Length`] when it shows the fibre shorter or longer than it can be, so
+/// that something else was measured.
 pub fn solve(sights: &[Sight<'_>]) -> Result<Joints, (usize, Doubt)> {
     match sights {
         [first, second] => two([*first, *second]),
@@ -93,7 +97,10 @@ pub fn solve(sights: &[Sight<'_>]) -> Result<Joints, (usize, Doubt)> {
 
 fn one(sight: Sight<'_>) -> Result<Joints, (usize, Doubt)> {
     let flat = Flat::of(&sight);
-    let (axis, sign) = (usize::from(sight.view.axis == Axis::Yaw), if sight.view.reversed { -1.0 } else { 1.0 });
+    let (axis, sign) = (
+        usize::from(sight.view.axis == Axis::Yaw),
+        if sight.view.reversed { -1.0 } else { 1.0 },
+    );
     check_length(&sight, flat.tan, [0.0, UNSEEN_BEND.tan()]).map_err(|doubt| (0, doubt))?;
     let mut joints = Joints {
         angle_rad: [None; 2],
@@ -114,11 +121,15 @@ fn two(sights: [Sight<'_>; 2]) -> Result<Joints, (usize, Doubt)> {
     let (mut tan, mut tip) = ([0.0; 2], [0.0; 3]);
     for _ in 0..ROUNDS {
         let views: [[f64; 2]; 2] = std::array::from_fn(|i| flats[i].without_perspective(depths[i]));
-        let tips: [[f64; 2]; 2] = std::array::from_fn(|i| flats[i].tip_without_perspective(depths[i]));
+        let tips: [[f64; 2]; 2] =
+            std::array::from_fn(|i| flats[i].tip_without_perspective(depths[i]));
         tan = mix.joint([views[0][0], views[1][0]]);
         let [x, y] = mix.joint([tips[0][1], tips[1][1]]);
         tip = [0.5 * (tips[0][0] + tips[1][0]), x, y];
-        depths = flats.map(|flat| Depth { slope: flat.nearer(tan), tip: flat.nearer([x, y]) });
+        depths = flats.map(|flat| Depth {
+            slope: flat.nearer(tan),
+            tip: flat.nearer([x, y]),
+        });
     }
     for (i, sight) in sights.iter().enumerate() {
         let [seen, _] = flats[i].without_perspective(depths[i]);
@@ -126,7 +137,12 @@ fn two(sights: [Sight<'_>; 2]) -> Result<Joints, (usize, Doubt)> {
     }
     Ok(Joints {
         angle_rad: tan.map(|tan| Some(tan.atan())),
-        std_rad: mix.spread([0, 1].map(|i| sights[i].reading.std_rad * (1.0 + flats[i].tan.powi(2))), tan).map(Some),
+        std_rad: mix
+            .spread(
+                [0, 1].map(|i| sights[i].reading.std_rad * (1.0 + flats[i].tan.powi(2))),
+                tan,
+            )
+            .map(Some),
         quality: sights[0].reading.quality.min(sights[1].reading.quality),
         tip_mm: tip.map(Some),
     })
@@ -158,8 +174,13 @@ impl Flat {
     /// The tangent that a telecentric lens would show; and the magnification at the tip's middle.
     fn without_perspective(&self, depth: Depth) -> [f64; 2] {
         let magnification = 1.0 + (depth.tip - depth.slope * self.to_tip) * self.closeness;
-        let [along, across] = self.middle_off_axis.map(|off| off / magnification * depth.slope * self.closeness);
-        [(self.tan * (magnification + along) - across) / magnification, magnification]
+        let [along, across] = self
+            .middle_off_axis
+            .map(|off| off / magnification * depth.slope * self.closeness);
+        [
+            (self.tan * (magnification + along) - across) / magnification,
+            magnification,
+        ]
     }
 
     /// The tip as a telecentric lens would show it, from the tip at rest.
@@ -177,7 +198,9 @@ struct Mix {
 impl Mix {
     fn of(planes_rad: [f64; 2]) -> Option<Self> {
         let [(s0, c0), (s1, c1)] = planes_rad.map(f64::sin_cos);
-        nalgebra::Matrix2::new(c0, s0, c1, s1).try_inverse().map(|inverse| Self { inverse })
+        nalgebra::Matrix2::new(c0, s0, c1, s1)
+            .try_inverse()
+            .map(|inverse| Self { inverse })
     }
 
     fn joint(&self, views: [f64; 2]) -> [f64; 2] {
@@ -187,13 +210,16 @@ impl Mix {
     /// Standard deviations of the joint angles from those of the views' tangents.
     fn spread(&self, std: [f64; 2], tan: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| {
-            let sum = (0..2).map(|view| (self.inverse[(axis, view)] * std[view]).powi(2)).sum::<f64>();
+            let sum = (0..2)
+                .map(|view| (self.inverse[(axis, view)] * std[view]).powi(2))
+                .sum::<f64>();
             sum.sqrt() / (1.0 + tan[axis].powi(2))
         })
     }
 }
 
-/// The length in the picture must fit a fibre that is bent towards the camera by a tangent within `nearer`.
+/// The length in the picture must fit a fibre that is bent towards the camera by a tangent within
+/// `nearer`.
 fn check_length(sight: &Sight<'_>, tan: f64, nearer: [f64; 2]) -> Result<(), Doubt> {
     let view = sight.view;
     let expected = |nearer: f64| {
@@ -206,7 +232,8 @@ fn check_length(sight: &Sight<'_>, tan: f64, nearer: [f64; 2]) -> Result<(), Dou
     if fits { Ok(()) } else { Err(Doubt::Length) }
 }
 
-/// How long a piece of length 1 looks whose direction is the part `share` of a bend with these tangents.
+/// How long a piece of length 1 looks whose direction is the part `share` of a bend with these
+/// tangents.
 fn step_in_view(tan: f64, nearer: f64, share: f64) -> f64 {
     let across = tan.hypot(nearer);
     let (sin, cos) = (across.atan() * share).sin_cos();
@@ -217,7 +244,9 @@ fn step_in_view(tan: f64, nearer: f64, share: f64) -> f64 {
 /// How long an arc of length 1 looks that bends from straight to these tangents. Simpson's rule.
 fn arc_in_view(tan: f64, nearer: f64) -> f64 {
     let at = |i: u8| step_in_view(tan, nearer, f64::from(i) / 8.0);
-    let inner: f64 = (1..8).map(|i| if i % 2 == 1 { 4.0 * at(i) } else { 2.0 * at(i) }).sum();
+    let inner: f64 = (1..8)
+        .map(|i| if i % 2 == 1 { 4.0 * at(i) } else { 2.0 * at(i) })
+        .sum();
     (at(0) + inner + at(8)) / 24.0
 }
 
@@ -231,7 +260,14 @@ impl Stereo {
     /// `rests` in the order of the setup's views; views without one are left out.
     #[must_use]
     pub fn new(setup: &Setup, rests: &[Rest]) -> Self {
-        Self { views: setup.views.iter().cloned().zip(rests.iter().copied()).collect() }
+        Self {
+            views: setup
+                .views
+                .iter()
+                .cloned()
+                .zip(rests.iter().copied())
+                .collect(),
+        }
     }
 
     /// Puts one reading per view together; see [`solve`].
@@ -244,7 +280,12 @@ impl Stereo {
             .views
             .iter()
             .zip(readings)
-            .map(|((view, rest), (reading, size))| Sight { view, rest, reading, size: *size })
+            .map(|((view, rest), (reading, size))| Sight {
+                view,
+                rest,
+                reading,
+                size: *size,
+            })
             .collect();
         solve(&sights)
     }

@@ -1,17 +1,20 @@
 //! Bending angle and tip position of the snake, seen through a microscope.
 //!
-//! An optical fibre runs through the snake and sticks out of its tip. The angle between the straight base and the
-//! straight tip of it, in the plane of the picture, is the bending angle of that view.
+//! An optical fibre runs through the snake and sticks out of its tip. The angle between the
+//! straight base and the straight tip of it, in the plane of the picture, is the bending angle of
+//! that view.
 //!
 //! # Principles
 //!
-//! 1. **Never a confident wrong value.** Every reading is checked from several sides (is the tip straight, does it end
-//!    where it should, does ground lie beyond it, is it as long as it was) and says what it doubts.
-//! 2. **A gap is a gap.** No picture, a frozen picture, a covered tip: the value is missing and the cause is counted. An
-//!    old value is never repeated.
-//! 3. **Each picture for itself.** A reading depends on its picture only, so one bad picture cannot spoil the next.
-//! 4. **The proof is not the inverse.** [`scene`] draws pictures the way a camera makes them and shares nothing with the
-//!    detector but the picture type.
+//! 1. **Never a confident wrong value.** Every reading is checked from several sides (is the tip
+//!    straight, does it end where it should, does ground lie beyond it, is it as long as it was)
+//!    and says what it doubts.
+//! 2. **A gap is a gap.** No picture, a frozen picture, a covered tip: the value is missing and the
+//!    cause is counted. An old value is never repeated.
+//! 3. **Each picture for itself.** A reading depends on its picture only, so one bad picture cannot
+//!    spoil the next.
+//! 4. **The proof is not the inverse.** [`scene`] draws pictures the way a camera makes them and
+//!    shares nothing with the detector but the picture type.
 //!
 //! # Map
 //!

@@ -49,7 +49,11 @@ impl Look {
     /// The cause.
     pub fn good(&self) -> Result<&Reading, Cause> {
         let reading = self.seen.as_ref().map_err(|cause| *cause)?;
-        if reading.is_good() { Ok(reading) } else { Err(Cause::Doubt(reading.doubt.unwrap_or(Doubt::Noise))) }
+        if reading.is_good() {
+            Ok(reading)
+        } else {
+            Err(Cause::Doubt(reading.doubt.unwrap_or(Doubt::Noise)))
+        }
     }
 }
 
@@ -64,18 +68,30 @@ impl Eye {
     /// An eye that is told what to expect.
     #[must_use]
     pub fn new(settings: Settings) -> Self {
-        Self { guard: Guard::default(), settings }
+        Self {
+            guard: Guard::default(),
+            settings,
+        }
     }
 
     /// Looks.
     pub fn look(&mut self, shot: Shot) -> Look {
         match self.guard.check(shot) {
-            Shot::Gap { stamp, name, cause } => {
-                Look { stamp, name, digest: None, picture: None, size: [0; 2], seen: Err(Cause::Gap(cause)) }
-            }
+            Shot::Gap { stamp, name, cause } => Look {
+                stamp,
+                name,
+                digest: None,
+                picture: None,
+                size: [0; 2],
+                seen: Err(Cause::Gap(cause)),
+            },
             Shot::Frame(frame) => {
                 let seen = measure(&frame.picture, &self.settings).map_err(Cause::Doubt);
-                let has_structure = frame.picture.data().windows(2).any(|pair| pair[0] != pair[1]);
+                let has_structure = frame
+                    .picture
+                    .data()
+                    .windows(2)
+                    .any(|pair| pair[0] != pair[1]);
                 Look {
                     stamp: frame.stamp,
                     name: frame.name,

@@ -25,7 +25,11 @@ impl<T> Pairer<T> {
     /// Pairs what lies at most `within` apart.
     #[must_use]
     pub fn new(within: Nanos) -> Self {
-        Self { within, waiting: [VecDeque::new(), VecDeque::new()], ended: [false; 2] }
+        Self {
+            within,
+            waiting: [VecDeque::new(), VecDeque::new()],
+            ended: [false; 2],
+        }
     }
 
     /// Takes one of `view`, 0 or 1.
@@ -41,7 +45,9 @@ impl<T> Pairer<T> {
     /// The view that has to deliver before anything can be said; `None`: both have ended.
     #[must_use]
     pub fn wanted(&self) -> Option<usize> {
-        (0..2).filter(|view| !self.ended[*view]).min_by_key(|view| self.waiting[*view].len())
+        (0..2)
+            .filter(|view| !self.ended[*view])
+            .min_by_key(|view| self.waiting[*view].len())
     }
 
     /// What is certain by now.
@@ -50,7 +56,10 @@ impl<T> Pairer<T> {
             [Some(a), Some(b)] if a.since(b).max(b.since(a)) <= self.within => {
                 let (_, first) = self.waiting[0].pop_front()?;
                 let (_, second) = self.waiting[1].pop_front()?;
-                Some(Together::Both(Nanos(a.0 / 2 + b.0 / 2 + (a.0 & b.0 & 1)), [first, second]))
+                Some(Together::Both(
+                    Nanos(a.0 / 2 + b.0 / 2 + (a.0 & b.0 & 1)),
+                    [first, second],
+                ))
             }
             [Some(a), Some(b)] => self.alone(usize::from(b < a)),
             [Some(_), None] if self.ended[1] => self.alone(0),
@@ -65,7 +74,9 @@ impl<T> Pairer<T> {
     }
 
     fn alone(&mut self, view: usize) -> Option<Together<T>> {
-        self.waiting[view].pop_front().map(|(stamp, item)| Together::Alone(view, stamp, item))
+        self.waiting[view]
+            .pop_front()
+            .map(|(stamp, item)| Together::Alone(view, stamp, item))
     }
 }
 
@@ -92,7 +103,10 @@ mod tests {
     #[test]
     fn near_stamps_pair_and_the_pair_lies_half_way() {
         let both = |stamp, a, b| Together::Both(Nanos(stamp), [a, b]);
-        assert_eq!(run(&[100, 133], &[104, 131]), [both(102, 100, 104), both(132, 133, 131)]);
+        assert_eq!(
+            run(&[100, 133], &[104, 131]),
+            [both(102, 100, 104), both(132, 133, 131)]
+        );
     }
 
     #[test]
@@ -106,7 +120,11 @@ mod tests {
     #[test]
     fn what_a_view_delivers_after_the_end_of_the_other_is_alone() {
         assert_eq!(run(&[100, 133], &[]).len(), 2);
-        assert!(run(&[], &[5]).iter().all(|t| *t == Together::Alone(1, Nanos(5), 5)));
+        assert!(
+            run(&[], &[5])
+                .iter()
+                .all(|t| *t == Together::Alone(1, Nanos(5), 5))
+        );
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Angles over time as a CSV file, in the style of recordings.
 //!
-//! `t_s`, then for every axis that is seen `NAME_deg` and `NAME_std_deg`, then `quality`, the tip in mm from where it is
-//! at rest (`tip_along_mm`, `tip_NAME_mm`), and `cause`. Where nothing was measured the cells are empty and `cause` says
-//! why; an old value is never repeated.
+//! `t_s`, then for every axis that is seen `NAME_deg` and `NAME_std_deg`, then `quality`, the tip
+//! in mm from where it is at rest (`tip_along_mm`, `tip_NAME_mm`), and `cause`. Where nothing was
+//! measured the cells are empty and `cause` says why; an old value is never repeated.
 
 use std::io::{self, Write};
 
@@ -36,7 +36,13 @@ impl<W: Write> Recorder<W> {
     ///
     /// When the writer fails.
     pub fn new(mut to: W, axes: [bool; 2]) -> io::Result<Self> {
-        let seen = || NAMES.iter().zip(axes).filter(|(_, seen)| *seen).map(|(name, _)| name);
+        let seen = || {
+            NAMES
+                .iter()
+                .zip(axes)
+                .filter(|(_, seen)| *seen)
+                .map(|(name, _)| name)
+        };
         let mut columns = vec!["t_s".to_owned()];
         columns.extend(seen().map(|name| format!("{name}_deg")));
         columns.extend(seen().map(|name| format!("{name}_std_deg")));
@@ -56,24 +62,46 @@ impl<W: Write> Recorder<W> {
         let Nanos(stamp) = row.stamp;
         let joints = row.seen.as_ref().ok();
         let axes = self.axes;
-        let seen = |values: [Option<f64>; 2]| values.into_iter().zip(axes).filter(|(_, seen)| *seen).map(|(v, _)| v);
+        let seen = |values: [Option<f64>; 2]| {
+            values
+                .into_iter()
+                .zip(axes)
+                .filter(|(_, seen)| *seen)
+                .map(|(v, _)| v)
+        };
         let degrees = |value: Option<f64>| value.map(f64::to_degrees);
-        let mut cells = vec![format!("{}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000)];
-        cells.extend(seen(joints.map_or([None; 2], |j| j.angle_rad.map(degrees))).map(|v| cell(v, 5)));
-        cells.extend(seen(joints.map_or([None; 2], |j| j.std_rad.map(degrees))).map(|v| cell(v, 5)));
+        let mut cells = vec![format!(
+            "{}.{:09}",
+            stamp / 1_000_000_000,
+            stamp % 1_000_000_000
+        )];
+        cells.extend(
+            seen(joints.map_or([None; 2], |j| j.angle_rad.map(degrees))).map(|v| cell(v, 5)),
+        );
+        cells
+            .extend(seen(joints.map_or([None; 2], |j| j.std_rad.map(degrees))).map(|v| cell(v, 5)));
         cells.push(cell(joints.map(|j| j.quality), 3));
         let [along, pitch, yaw] = joints.map_or([None; 3], |j| j.tip_mm);
         cells.push(cell(along, 5));
         cells.extend(seen([pitch, yaw]).map(|v| cell(v, 5)));
         // Causes are written by this program and hold neither quotes nor commas.
-        cells.push(row.seen.as_ref().err().cloned().unwrap_or_default().replace([',', '"', '\n'], " "));
+        cells.push(
+            row.seen
+                .as_ref()
+                .err()
+                .cloned()
+                .unwrap_or_default()
+                .replace([',', '"', '\n'], " "),
+        );
         writeln!(self.to, "{}", cells.join(","))?;
         self.to.flush()
     }
 }
 
 fn cell(value: Option<f64>, digits: usize) -> String {
-    value.filter(|value| value.is_finite()).map_or_else(String::new, |value| format!("{value:.digits$}"))
+    value
+        .filter(|value| value.is_finite())
+        .map_or_else(String::new, |value| format!("{value:.digits$}"))
 }
 
 #[cfg(test)]
@@ -90,19 +118,34 @@ mod tests {
             quality: 0.9,
             tip_mm: [Some(-0.1), Some(0.25), Some(-0.5)],
         };
-        recorder.row(&Row { stamp: Nanos(12_003_000_004), seen: Ok(joints) }).unwrap();
-        recorder.row(&Row { stamp: Nanos(12_036_000_000), seen: Err("top: wrong size, sorry".into()) }).unwrap();
+        recorder
+            .row(&Row {
+                stamp: Nanos(12_003_000_004),
+                seen: Ok(joints),
+            })
+            .unwrap();
+        recorder
+            .row(&Row {
+                stamp: Nanos(12_036_000_000),
+                seen: Err("top: wrong size, sorry".into()),
+            })
+            .unwrap();
         let text = String::from_utf8(bytes).unwrap();
         let mut lines = text.lines();
         assert_eq!(
             lines.next(),
-            Some("t_s,pitch_deg,yaw_deg,pitch_std_deg,yaw_std_deg,quality,tip_along_mm,tip_pitch_mm,tip_yaw_mm,cause")
+            Some(
+                "t_s,pitch_deg,yaw_deg,pitch_std_deg,yaw_std_deg,quality,tip_along_mm,tip_pitch_mm,tip_yaw_mm,cause"
+            )
         );
         assert_eq!(
             lines.next(),
             Some("12.003000004,5.72958,-11.45916,0.05730,0.11459,0.900,-0.10000,0.25000,-0.50000,")
         );
-        assert_eq!(lines.next(), Some("12.036000000,,,,,,,,,top: wrong size  sorry"));
+        assert_eq!(
+            lines.next(),
+            Some("12.036000000,,,,,,,,,top: wrong size  sorry")
+        );
     }
 
     #[test]

@@ -84,7 +84,11 @@ impl Resting {
     pub fn finish(&self, view: &str) -> Result<Rest, RestError> {
         let good = self.angles.len();
         if good < FEWEST {
-            return Err(RestError::TooFew { view: view.to_owned(), good, pictures: self.pictures });
+            return Err(RestError::TooFew {
+                view: view.to_owned(),
+                good,
+                pictures: self.pictures,
+            });
         }
         let angle_deg = median(&self.angles);
         let deviations: Vec<f64> = self.angles.iter().map(|a| (a - angle_deg).abs()).collect();
@@ -93,10 +97,18 @@ impl Resting {
         let drift = (median(&self.angles[..half]) - median(&self.angles[half..])).abs();
         let spread_deg = (MAD * median(&deviations)).max(drift);
         if spread_deg > MOST_SPREAD_DEG {
-            return Err(RestError::Moving { view: view.to_owned(), spread_deg });
+            return Err(RestError::Moving {
+                view: view.to_owned(),
+                spread_deg,
+            });
         }
         let tip_px = [median(&self.tips[0]), median(&self.tips[1])];
-        Ok(Rest { angle_deg, spread_deg, length_px: median(&self.lengths), tip_px })
+        Ok(Rest {
+            angle_deg,
+            spread_deg,
+            length_px: median(&self.lengths),
+            tip_px,
+        })
     }
 }
 
@@ -105,7 +117,9 @@ impl Rest {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let [x, y] = self.tip_px;
-        [self.angle_deg, self.spread_deg, self.length_px, x, y].iter().all(|v| v.is_finite())
+        [self.angle_deg, self.spread_deg, self.length_px, x, y]
+            .iter()
+            .all(|v| v.is_finite())
     }
 }
 
@@ -147,23 +161,42 @@ mod tests {
 
     fn resting(angles: impl IntoIterator<Item = f64>) -> Resting {
         let mut resting = Resting::default();
-        angles.into_iter().for_each(|angle| resting.add(Some(&reading(angle, 0.9))));
+        angles
+            .into_iter()
+            .for_each(|angle| resting.add(Some(&reading(angle, 0.9))));
         resting
     }
 
     #[test]
     fn the_reference_is_blind_to_a_few_wild_readings_and_reports_its_spread() {
-        let rest = resting((0..40).map(|i| if i % 10 == 0 { 20.0 } else { 1.5 + 0.02 * f64::from(i % 3 - 1) }));
+        let rest = resting((0..40).map(|i| {
+            if i % 10 == 0 {
+                20.0
+            } else {
+                1.5 + 0.02 * f64::from(i % 3 - 1)
+            }
+        }));
         let rest = rest.finish("top").unwrap();
-        assert!((rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05, "{rest:?}");
+        assert!(
+            (rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05,
+            "{rest:?}"
+        );
         assert!((rest.length_px, rest.tip_px[0]) == (900.0, 600.0));
     }
 
     #[test]
     fn a_moving_snake_is_no_reference() {
-        let error = resting((0..60).map(|i| 0.02 * f64::from(i))).finish("top").unwrap_err();
-        assert!(matches!(error, RestError::Moving { .. }) && error.to_string().contains("view top"), "{error}");
-        assert!(matches!(resting((0..60).map(|i| f64::from(i % 7))).finish("top"), Err(RestError::Moving { .. })));
+        let error = resting((0..60).map(|i| 0.02 * f64::from(i)))
+            .finish("top")
+            .unwrap_err();
+        assert!(
+            matches!(error, RestError::Moving { .. }) && error.to_string().contains("view top"),
+            "{error}"
+        );
+        assert!(matches!(
+            resting((0..60).map(|i| f64::from(i % 7))).finish("top"),
+            Err(RestError::Moving { .. })
+        ));
     }
 
     #[test]
@@ -172,6 +205,13 @@ mod tests {
         (0..20).for_each(|_| resting.add(Some(&reading(0.0, 0.4))));
         resting.add(None);
         let error = resting.finish("side").unwrap_err();
-        assert_eq!(error, RestError::TooFew { view: "side".into(), good: 4, pictures: 25 });
+        assert_eq!(
+            error,
+            RestError::TooFew {
+                view: "side".into(),
+                good: 4,
+                pictures: 25
+            }
+        );
     }
 }

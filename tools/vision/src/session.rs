@@ -1,6 +1,8 @@
-//! The whole way of the pictures, without any input or output: looks of one or two views in, rows out.
+//! The whole way of the pictures, without any input or output: looks of one or two views in, rows
+//! out.
 //!
-//! The first seconds are the rest reference: their rows are held back until it is known, then told like all others.
+//! The first seconds are the rest reference: their rows are held back until it is known, then told
+//! like all others.
 
 use std::collections::BTreeMap;
 
@@ -30,7 +32,9 @@ pub enum SessionError {
     #[error(transparent)]
     Rest(#[from] RestError),
     /// No reference in the setup.
-    #[error("the setup has no rest for view {view}: begin the pictures at rest and give --rest-s, or calibrate")]
+    #[error(
+        "the setup has no rest for view {view}: begin the pictures at rest and give --rest-s, or calibrate"
+    )]
     NoRest {
         /// Name of the view.
         view: String,
@@ -47,7 +51,8 @@ pub struct Tally {
     pub rows: usize,
     /// Rows with angles.
     pub good: usize,
-    /// Why the others have none: view and cause, or both views' names. Both views can have a cause in one row.
+    /// Why the others have none: view and cause, or both views' names. Both views can have a cause
+    /// in one row.
     pub causes: BTreeMap<(String, String), usize>,
     /// The largest difference between the stamps of a pair.
     pub skew: Nanos,
@@ -91,8 +96,14 @@ impl Session {
             session.pairer.end(1);
         }
         if reference == Reference::Setup {
-            let missing = |view: &crate::setup::View| SessionError::NoRest { view: view.name.clone() };
-            let rests: Result<Vec<Rest>, _> = setup.views.iter().map(|v| v.rest.ok_or_else(|| missing(v))).collect();
+            let missing = |view: &crate::setup::View| SessionError::NoRest {
+                view: view.name.clone(),
+            };
+            let rests: Result<Vec<Rest>, _> = setup
+                .views
+                .iter()
+                .map(|v| v.rest.ok_or_else(|| missing(v)))
+                .collect();
             session.refer_to(rests?);
         }
         Ok(session)
@@ -139,8 +150,8 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// [`SessionError::Rest`] when the first pictures give no reference, [`SessionError::NoPicture`] at an end without
-    /// any.
+    /// [`SessionError::Rest`] when the first pictures give no reference,
+    /// [`SessionError::NoPicture`] at an end without any.
     pub fn rows(&mut self) -> Result<Vec<Row>, SessionError> {
         let mut rows = Vec::new();
         while let Some(together) = self.pairer.pop() {
@@ -203,7 +214,9 @@ impl Session {
             return Err(SessionError::NoPicture);
         }
         let named = self.resting.iter().zip(&self.setup.views);
-        let rests: Result<Vec<Rest>, RestError> = named.map(|(resting, view)| resting.finish(&view.name)).collect();
+        let rests: Result<Vec<Rest>, RestError> = named
+            .map(|(resting, view)| resting.finish(&view.name))
+            .collect();
         self.refer_to(rests?);
         let held = std::mem::take(&mut self.held);
         Ok(held.iter().map(|together| self.judge(together)).collect())
@@ -212,23 +225,33 @@ impl Session {
     /// The row of what came together, once the reference is known.
     fn judge(&mut self, together: &Together<Look>) -> Row {
         let (stamp, looks) = parts(together);
-        let mut causes: Vec<(usize, Cause)> =
-            looks.iter().filter_map(|(view, look)| look.good().err().map(|cause| (*view, cause))).collect();
+        let mut causes: Vec<(usize, Cause)> = looks
+            .iter()
+            .filter_map(|(view, look)| look.good().err().map(|cause| (*view, cause)))
+            .collect();
         if looks.len() < self.setup.views.len() && causes.is_empty() {
             let missing = 1 - looks.first().map_or(0, |(view, _)| *view);
             causes.push((missing, Cause::Gap(Gap::NoPartner)));
         }
         if let [(_, a), (_, b)] = looks.as_slice() {
-            self.tally.skew = self.tally.skew.max(a.stamp.since(b.stamp).max(b.stamp.since(a.stamp)));
+            self.tally.skew = self
+                .tally
+                .skew
+                .max(a.stamp.since(b.stamp).max(b.stamp.since(a.stamp)));
         }
-        let sized: Option<Vec<_>> =
-            looks.iter().map(|(_, look)| look.good().ok().map(|reading| (reading, look.size))).collect();
+        let sized: Option<Vec<_>> = looks
+            .iter()
+            .map(|(_, look)| look.good().ok().map(|reading| (reading, look.size)))
+            .collect();
         match (&self.stereo, sized, causes.is_empty()) {
             (Some((stereo, _)), Some(sized), true) => match stereo.solve(&sized) {
                 Ok(joints) => {
                     self.tally.rows += 1;
                     self.tally.good += 1;
-                    Row { stamp, seen: Ok(joints) }
+                    Row {
+                        stamp,
+                        seen: Ok(joints),
+                    }
                 }
                 Err((view, doubt)) => self.row(stamp, vec![(view, Cause::Doubt(doubt))]),
             },
@@ -241,11 +264,22 @@ impl Session {
         self.tally.rows += 1;
         let mut texts = Vec::new();
         for (view, cause) in causes {
-            let name = self.setup.views.get(view).map_or_else(String::new, |view| view.name.clone());
+            let name = self
+                .setup
+                .views
+                .get(view)
+                .map_or_else(String::new, |view| view.name.clone());
             texts.push(format!("{name}: {cause}"));
-            *self.tally.causes.entry((name, cause.to_string())).or_default() += 1;
+            *self
+                .tally
+                .causes
+                .entry((name, cause.to_string()))
+                .or_default() += 1;
         }
-        Row { stamp, seen: Err(texts.join("; ")) }
+        Row {
+            stamp,
+            seen: Err(texts.join("; ")),
+        }
     }
 }
 

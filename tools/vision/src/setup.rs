@@ -1,7 +1,8 @@
 //! What a person tells about the views: a small TOML file.
 //!
-//! `i2ris vision calibrate` finds axis, direction, turn and rest by itself; thicknesses, lengths and scale are measured
-//! once by a person. Lengths are millimetres, so a change of the magnification changes one number.
+//! `i2ris vision calibrate` finds axis, direction, turn and rest by itself; thicknesses, lengths
+//! and scale are measured once by a person. Lengths are millimetres, so a change of the
+//! magnification changes one number.
 
 use std::path::{Path, PathBuf};
 
@@ -26,8 +27,8 @@ pub enum Axis {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
-    /// Pictures of both views belong together if their stamps differ by no more than this, ms. Below half the time
-    /// between two pictures, so that each has one partner.
+    /// Pictures of both views belong together if their stamps differ by no more than this, ms.
+    /// Below half the time between two pictures, so that each has one partner.
     #[serde(default = "default_pair_within_ms")]
     pub pair_within_ms: f64,
     /// One view or two.
@@ -52,15 +53,16 @@ pub struct View {
     pub turn_deg: f64,
     /// Scale at the base, px/mm.
     pub px_per_mm: f64,
-    /// From the base to the entrance pupil of the lens, mm; leave it out for a telecentric lens. With two views the
-    /// perspective is taken out of the angles: up to 0.3 deg at 85 mm.
+    /// From the base to the entrance pupil of the lens, mm; leave it out for a telecentric lens.
+    /// With two views the perspective is taken out of the angles: up to 0.3 deg at 85 mm.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
     /// `bright`: dark fibre on bright ground; `dark`: bright fibre on dark ground.
     pub ground: Ground,
     /// The side of the picture where the base comes in.
     pub side: Side,
-    /// Where along that side, from the left or upper corner, and how far from there at most, px. Anywhere if left out.
+    /// Where along that side, from the left or upper corner, and how far from there at most, px.
+    /// Anywhere if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_px: Option<[f64; 2]>,
     /// Thickness of the base and of the bending section.
@@ -120,11 +122,19 @@ impl Setup {
     ///
     /// [`SetupError`] with file, place and reason.
     pub fn load(path: &Path) -> Result<Self, SetupError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| SetupError::File { path: path.to_owned(), source })?;
-        let setup: Self = toml::from_str(&text)
-            .map_err(|error| SetupError::Parse { path: path.to_owned(), reason: error.to_string() })?;
-        setup.check().map_err(|(place, reason)| SetupError::Value { path: path.to_owned(), place, reason })?;
+        let text = std::fs::read_to_string(path).map_err(|source| SetupError::File {
+            path: path.to_owned(),
+            source,
+        })?;
+        let setup: Self = toml::from_str(&text).map_err(|error| SetupError::Parse {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })?;
+        setup.check().map_err(|(place, reason)| SetupError::Value {
+            path: path.to_owned(),
+            place,
+            reason,
+        })?;
         Ok(setup)
     }
 
@@ -134,10 +144,15 @@ impl Setup {
     ///
     /// [`SetupError`] with the path.
     pub fn save(&self, path: &Path) -> Result<(), SetupError> {
-        let text = toml::to_string(self)
-            .map_err(|error| SetupError::Parse { path: path.to_owned(), reason: error.to_string() })?;
+        let text = toml::to_string(self).map_err(|error| SetupError::Parse {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })?;
         let text = format!("# Views of the camera process; `i2ris vision --help`.\n{text}");
-        std::fs::write(path, text).map_err(|source| SetupError::File { path: path.to_owned(), source })
+        std::fs::write(path, text).map_err(|source| SetupError::File {
+            path: path.to_owned(),
+            source,
+        })
     }
 
     fn check(&self) -> Result<(), (String, &'static str)> {
@@ -148,7 +163,8 @@ impl Setup {
             return Err(("view".into(), "there must be one or two"));
         }
         for view in &self.views {
-            view.check().map_err(|(field, reason)| (format!("view {}: {field}", view.name), reason))?;
+            view.check()
+                .map_err(|(field, reason)| (format!("view {}: {field}", view.name), reason))?;
         }
         if let [view] = self.views.as_slice()
             && view.turn_deg.abs() > 0.5
@@ -158,10 +174,14 @@ impl Setup {
         }
         if let [a, b] = self.views.as_slice() {
             if a.name == b.name {
-                return Err((format!("view {}: name", a.name), "must differ from that of the other view"));
+                return Err((
+                    format!("view {}: name", a.name),
+                    "must differ from that of the other view",
+                ));
             }
             if (a.plane_rad() - b.plane_rad()).sin().abs() < 0.25 {
-                let reason = "both views show nearly the same axis; they must be 15 deg apart or more";
+                let reason =
+                    "both views show nearly the same axis; they must be 15 deg apart or more";
                 return Err((format!("views {} and {}", a.name, b.name), reason));
             }
         }
@@ -174,7 +194,12 @@ impl View {
         let lengths = [
             ("px_per_mm", self.px_per_mm, 1.0, 10_000.0),
             ("body_width_mm", self.body_width_mm, 0.01, 50.0),
-            ("fibre_width_mm", self.fibre_width_mm, 0.01, self.body_width_mm),
+            (
+                "fibre_width_mm",
+                self.fibre_width_mm,
+                0.01,
+                self.body_width_mm,
+            ),
             ("base_length_mm", self.base_length_mm, 0.01, 500.0),
             ("arc_length_mm", self.arc_length_mm, 0.01, 500.0),
             ("tip_length_mm", self.tip_length_mm, 0.01, 500.0),
@@ -183,17 +208,29 @@ impl View {
         for (field, value, least, most) in lengths {
             // A comparison with NaN is false.
             if !(value >= least && value <= most) {
-                return Err((field, "is out of range (a fibre is at most as thick as the body)"));
+                return Err((
+                    field,
+                    "is out of range (a fibre is at most as thick as the body)",
+                ));
             }
         }
         if !self.turn_deg.is_finite() || self.turn_deg.abs() > 60.0 {
-            return Err(("turn_deg", "must be between -60 and 60; name the other axis or set reversed"));
+            return Err((
+                "turn_deg",
+                "must be between -60 and 60; name the other axis or set reversed",
+            ));
         }
-        let name_is_plain = self.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        let name_is_plain = self
+            .name
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
         if !name_is_plain || !(1..=16).contains(&self.name.len()) {
             return Err(("name", "must be 1 to 16 letters, digits, - or _"));
         }
-        if self.near_px.is_some_and(|near| near.iter().any(|v| !v.is_finite())) {
+        if self
+            .near_px
+            .is_some_and(|near| near.iter().any(|v| !v.is_finite()))
+        {
             return Err(("near_px", "must be two numbers"));
         }
         if self.rest.as_ref().is_some_and(|rest| !rest.is_finite()) {
@@ -218,7 +255,8 @@ impl View {
         }
     }
 
-    /// The direction that bends counter-clockwise in the picture, turned from positive pitch towards positive yaw, rad.
+    /// The direction that bends counter-clockwise in the picture, turned from positive pitch
+    /// towards positive yaw, rad.
     #[must_use]
     pub fn plane_rad(&self) -> f64 {
         let axis = if self.axis == Axis::Pitch { 0.0 } else { 90.0 };
@@ -226,12 +264,16 @@ impl View {
         f64::to_radians(axis + self.turn_deg + reversed)
     }
 
-    /// Sets axis, direction and turn from a direction as [`View::plane_rad`] gives it: the nearest axis, and the rest
-    /// as turn.
+    /// Sets axis, direction and turn from a direction as [`View::plane_rad`] gives it: the nearest
+    /// axis, and the rest as turn.
     pub fn set_plane(&mut self, plane_rad: f64) {
         let deg = plane_rad.to_degrees().rem_euclid(360.0);
         let quarter = ((deg / 90.0).round() as u8) % 4;
-        self.axis = if quarter.is_multiple_of(2) { Axis::Pitch } else { Axis::Yaw };
+        self.axis = if quarter.is_multiple_of(2) {
+            Axis::Pitch
+        } else {
+            Axis::Yaw
+        };
         self.reversed = quarter >= 2;
         let turn = deg - 90.0 * (deg / 90.0).round();
         // A thousandth of a degree is far below what can be measured.
@@ -283,7 +325,10 @@ mod tests {
             (TEXT.replace("200.0", "nan"), "px_per_mm"),
             (TEXT.replace("0.25", "1.5"), "fibre_width_mm"),
             (TEXT.replace("'top'", "'a/b'"), "name"),
-            (TEXT.replace("axis = 'pitch'", "axis = 'pitch'\nturn_deg = 3.0"), "turn_deg"),
+            (
+                TEXT.replace("axis = 'pitch'", "axis = 'pitch'\nturn_deg = 3.0"),
+                "turn_deg",
+            ),
             (TEXT.replace("axis = 'pitch'", "axis = 'roll'"), "roll"),
             (two(TEXT, TEXT), "same axis"),
             (format!("{TEXT}\nblur = 3"), "blur"),
@@ -291,7 +336,10 @@ mod tests {
             ("view = []".to_owned(), "one or two"),
         ] {
             let message = load(&text).unwrap_err().to_string();
-            assert!(message.contains(word) && message.contains("vision.toml"), "{message}");
+            assert!(
+                message.contains(word) && message.contains("vision.toml"),
+                "{message}"
+            );
         }
     }
 

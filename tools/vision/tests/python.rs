@@ -1,5 +1,5 @@
-//! The Python package, where there is a Python with what it needs: `I2RIS_PYTHON` names one, otherwise `python3`.
-//! `pip install 'tools/python[markers,publish,test]'` makes one.
+//! The Python package, where there is a Python with what it needs: `I2RIS_PYTHON` names one,
+//! otherwise `python3`. `pip install 'tools/python[markers,publish,test]'` makes one.
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::path::Path;
@@ -10,35 +10,53 @@ use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
 
-/// A Python that can import these modules, at work in the package's folder. `None`, said aloud: there is none.
+/// A Python that can import these modules, at work in the package's folder. `None`, said aloud:
+/// there is none.
 fn python(modules: &str) -> Option<Command> {
     let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
+    let probe = Command::new(&name)
+        .args(["-c", &format!("import {modules}")])
+        .output();
     if !probe.is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
         return None;
     }
     let mut command = Command::new(name);
-    command.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")).env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
     Some(command)
 }
 
 fn assert_success(output: &Output) {
-    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
     assert!(output.status.success(), "{out}{err}");
 }
 
 #[test]
 fn the_tests_of_the_python_package_pass() {
-    let Some(mut python) = python("cv2, numpy, pytest") else { return };
-    assert_success(&python.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).output().unwrap());
+    let Some(mut python) = python("cv2, numpy, pytest") else {
+        return;
+    };
+    assert_success(
+        &python
+            .args(["-m", "pytest", "-q", "-p", "no:cacheprovider"])
+            .output()
+            .unwrap(),
+    );
 }
 
 #[test]
 fn what_python_publishes_reaches_the_controller() {
-    let Some(mut python) = python("iceoryx2") else { return };
+    let Some(mut python) = python("iceoryx2") else {
+        return;
+    };
     let name = format!("t{:016x}", random_id());
-    let mut server = Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
+    let mut server =
+        Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
     let script = "
 import sys, time
 from i2ris.external import ExternalPublisher, NoController
@@ -54,21 +72,41 @@ except NoController as error:
     print(error)
 ";
     let before = clock::now().0;
-    let child = python.args(["-c", script, &name]).stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let child = python
+        .args(["-c", script, &name])
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
     let mut seen: Vec<ExternalPosition> = Vec::new();
     let start = Instant::now();
-    while seen.last().is_none_or(|last| last.flags != 0) && start.elapsed() < Duration::from_secs(30) {
+    while seen.last().is_none_or(|last| last.flags != 0)
+        && start.elapsed() < Duration::from_secs(30)
+    {
         server.maintain(clock::now());
         seen.extend(server.poll_external());
         std::thread::sleep(Duration::from_millis(1));
     }
     let output = child.wait_with_output().unwrap();
     assert_success(&output);
-    assert!(String::from_utf8_lossy(&output.stdout).contains("no controller serves domain nobody-"));
+    assert!(
+        String::from_utf8_lossy(&output.stdout).contains("no controller serves domain nobody-")
+    );
     let first = seen.first().unwrap();
-    assert_eq!((first.position, first.deviation), ([0.1, -0.2, 0.0], [0.001, 0.002, 0.0]));
-    assert_eq!((first.quality, first.count, first.flags), (0.75, 2, ExternalPosition::VALID));
-    assert!(first.stamp_ns > before && first.stamp_ns < clock::now().0, "one clock for both languages");
-    assert!(seen.windows(2).all(|pair| pair[0].sequence < pair[1].sequence));
+    assert_eq!(
+        (first.position, first.deviation),
+        ([0.1, -0.2, 0.0], [0.001, 0.002, 0.0])
+    );
+    assert_eq!(
+        (first.quality, first.count, first.flags),
+        (0.75, 2, ExternalPosition::VALID)
+    );
+    assert!(
+        first.stamp_ns > before && first.stamp_ns < clock::now().0,
+        "one clock for both languages"
+    );
+    assert!(
+        seen.windows(2)
+            .all(|pair| pair[0].sequence < pair[1].sequence)
+    );
     assert_eq!(seen.last().unwrap().flags, 0);
 }

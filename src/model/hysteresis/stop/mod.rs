@@ -1,22 +1,25 @@
-//! Stop operators on the bend: friction that holds the snake, between wires that hang loose before they pull.
+//! Stop operators on the bend: friction that holds the snake, between wires that hang loose before
+//! they pull.
 //!
-//! Where plays act on the motors and superpose, this operator balances forces. A wire pulls only when it is taut, and
-//! friction holds the bend by a sum of **stops** (Maxwell slip; the elements of A. Y. Ishlinskii 1944 and L. Prandtl
-//! 1928), whose reach grows with the pull of the wires: a loop is wide where the snake is bent far, and narrow where
-//! it is straight.
+//! Where plays act on the motors and superpose, this operator balances forces. A wire pulls only
+//! when it is taut, and friction holds the bend by a sum of **stops** (Maxwell slip; the elements
+//! of A. Y. Ishlinskii 1944 and L. Prandtl 1928), whose reach grows with the pull of the wires: a
+//! loop is wide where the snake is bent far, and narrow where it is straight.
 //!
 //! # Words
 //!
-//! - **bend** `b`: how far the snake bends along its D axes, in units in which a taut wire stretches by 1 under a force
-//!   of 1; nominally degrees.
-//! - **wire travel**: how far a motor has pulled its wires, `c_i (q_i - n_i)`, in the unit of the bend. A motor bends the
-//!   snake in the direction `A_i`, of length 1.
+//! - **bend** `b`: how far the snake bends along its D axes, in units in which a taut wire
+//!   stretches by 1 under a force of 1; nominally degrees.
+//! - **wire travel**: how far a motor has pulled its wires, `c_i (q_i - n_i)`, in the unit of the
+//!   bend. A motor bends the snake in the direction `A_i`, of length 1.
 //! - **stretch** `e_i = c_i (q_i - n_i) - A_i . b`: wire travel that the bend has not taken up.
-//! - **stop**: an elastic hair of stiffness `kappa`. It follows the bend until it reaches `rho`, then slips:
-//!   `sigma <- clip(sigma + movement, -rho, rho)`.
-//! - **own, shared**: an own stop holds one motor's direction; a shared one holds the plane, and its reach is a disc.
-//! - **segment**: a stretch of the snake with stiffness, ends and friction of its own. All segments are bent by the same
-//!   forces, and their bends add up: they begin to move one after the other, so one stroke has several slopes.
+//! - **stop**: an elastic hair of stiffness `kappa`. It follows the bend until it reaches `rho`,
+//!   then slips: `sigma <- clip(sigma + movement, -rho, rho)`.
+//! - **own, shared**: an own stop holds one motor's direction; a shared one holds the plane, and
+//!   its reach is a disc.
+//! - **segment**: a stretch of the snake with stiffness, ends and friction of its own. All segments
+//!   are bent by the same forces, and their bends add up: they begin to move one after the other,
+//!   so one stroke has several slopes.
 //!
 //! # Balance
 //!
@@ -26,19 +29,22 @@
 //! rho_ski = phi_s share_k (base + l_i) / kappa_k,  l_i = mu_i |F_i| (1 + nu |b|)  (shared: l = |(l_1, l_2)|)
 //! ```
 //!
-//! with the forces `F_i` of the step before, and `mu` one of two numbers by the sign of the force. Given what the stops
-//! remember, both sides are gradients of convex functions of the bends: there is one balance, it grows with every motor,
-//! and Newton's method finds it. Backwards, a bend gives the force that holds it (of one segment without a search), the
-//! forces of the wires, their stretch, and so the counts.
+//! with the forces `F_i` of the step before, and `mu` one of two numbers by the sign of the force.
+//! Given what the stops remember, both sides are gradients of convex functions of the bends: there
+//! is one balance, it grows with every motor, and Newton's method finds it. Backwards, a bend gives
+//! the force that holds it (of one segment without a search), the forces of the wires, their
+//! stretch, and so the counts.
 //!
-//! **Virtual counts** are the bend in counts: `v_i = n_i + A_i . b / c'_i`, where `c'_i` is what the bend in direction `i`
-//! gains per count of motor `i` with taut wires and without friction, `c_i [A^T (diag(k) + A A^T)^-1 A]_ii` with the
-//! stiffness `k` of all segments in a row. So a motor moves its virtual counts by one per count, on the whole, and
-//! tolerances in counts mean the same as elsewhere.
+//! **Virtual counts** are the bend in counts: `v_i = n_i + A_i . b / c'_i`, where `c'_i` is what
+//! the bend in direction `i` gains per count of motor `i` with taut wires and without friction,
+//! `c_i [A^T (diag(k) + A A^T)^-1 A]_ii` with the stiffness `k` of all segments in a row. So a
+//! motor moves its virtual counts by one per count, on the whole, and tolerances in counts mean the
+//! same as elsewhere.
 //!
-//! The emulator's snakes are of the same kind of physics, bristles under a load that grows with tension, written
-//! independently and in more detail (gears with friction of their own, drag, creep, drift). How
-//! well this operator fits them says less about another robot than its fit to a recording of that robot does.
+//! The emulator's snakes are of the same kind of physics, bristles under a load that grows with
+//! tension, written independently and in more detail (gears with friction of their own, drag,
+//! creep, drift). How well this operator fits them says less about another robot than its fit to a
+//! recording of that robot does.
 
 mod balance;
 mod parameters;
@@ -53,19 +59,22 @@ use crate::model::error::ModelError;
 use crate::model::memory::State;
 use crate::model::regression::{Local, array, vector};
 use crate::units::MotorVec;
-pub use parameters::{LEAST, MAX_SEGMENTS, MAX_STOPS, StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
+pub use parameters::{
+    LEAST, MAX_SEGMENTS, MAX_STOPS, StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
+};
 use segment::{Element, Segment};
 pub use state::StopState;
 use wire::Wire;
 
-/// Wire travel of one step, in the unit of the bend: the reach of the stops follows the forces from step to step.
+/// Wire travel of one step, in the unit of the bend: the reach of the stops follows the forces from
+/// step to step.
 const STEP: f64 = 0.2;
 
 /// The most steps of one advance; a longer way is taken in longer steps.
 const MAX_STEPS: u32 = 64;
 
-/// What a stop has to be dragged through to forget, in its widest reach: from one end to the other, and a shared one
-/// on until what was across its way has died out.
+/// What a stop has to be dragged through to forget, in its widest reach: from one end to the other,
+/// and a shared one on until what was across its way has died out.
 const WIPE_OWN: f64 = 2.0;
 const WIPE_SHARED: f64 = 5.0;
 
@@ -105,13 +114,18 @@ impl<const D: usize> Stops<D> {
     ///
     /// # Errors
     ///
-    /// When sizes differ, numbers are out of their range, or both motors pull in the same direction.
+    /// When sizes differ, numbers are out of their range, or both motors pull in the same
+    /// direction.
     pub fn prepare(file: &StopParameters) -> Result<Self, ModelError> {
         file.check::<D>()?;
         let motors = std::array::from_fn(|i| Motor::new(&file.motors[i], file));
         let segments: Vec<Segment<D>> = file.segments.iter().map(Segment::new).collect();
         let axes = directions::<D>(&file.motors);
-        let stiffness = segments.iter().map(Segment::compliance).sum::<SVector<f64, D>>().map(|c| 1.0 / c);
+        let stiffness = segments
+            .iter()
+            .map(Segment::compliance)
+            .sum::<SVector<f64, D>>()
+            .map(|c| 1.0 / c);
         let yielding = inverse(&(SMatrix::from_diagonal(&stiffness) + axes * axes.transpose()));
         let taut = axes.tr_mul(&(yielding * axes));
         let per_count = SVector::<f64, D>::from_fn(|i, _| motors[i].travel * taut[(i, i)]);
@@ -123,7 +137,11 @@ impl<const D: usize> Stops<D> {
         Ok(Self {
             to_motors: inverse(&axes),
             to_counts: SMatrix::from_diagonal(&per_count.map(|c| 1.0 / c)) * axes.transpose(),
-            usual_force: file.base_friction + segments.iter().map(|segment| segment.ends().1).fold(0.0, f64::max),
+            usual_force: file.base_friction
+                + segments
+                    .iter()
+                    .map(|segment| segment.ends().1)
+                    .fold(0.0, f64::max),
             motors,
             segments,
             axes,
@@ -139,7 +157,8 @@ impl<const D: usize> Stops<D> {
         state.bend()
     }
 
-    /// What the bend in the direction of every motor gains per count of it, with taut wires and without friction.
+    /// What the bend in the direction of every motor gains per count of it, with taut wires and
+    /// without friction.
     #[must_use]
     pub fn gains(&self) -> SVector<f64, D> {
         SVector::from_fn(|i, _| 1.0 / self.to_counts.row(i).norm())
@@ -148,7 +167,10 @@ impl<const D: usize> Stops<D> {
     /// Wire travel of all motors at counts.
     fn travel(&self, counts: &SVector<f64, D>) -> SVector<f64, D> {
         let mut travel = *counts;
-        travel.iter_mut().zip(&self.motors).for_each(|(c, motor)| *c = motor.travel * (*c - motor.neutral));
+        travel
+            .iter_mut()
+            .zip(&self.motors)
+            .for_each(|(c, motor)| *c = motor.travel * (*c - motor.neutral));
         travel
     }
 
@@ -200,14 +222,27 @@ impl<const D: usize> Operator<D> for Stops<D> {
 
     /// With all stops in their middle.
     fn begin(&self, counts: &SVector<f64, D>) -> StopState {
-        StopState::centred(counts, &self.settle(None, &self.travel(counts), &[SVector::zeros(); MAX_SEGMENTS]))
+        StopState::centred(
+            counts,
+            &self.settle(
+                None,
+                &self.travel(counts),
+                &[SVector::zeros(); MAX_SEGMENTS],
+            ),
+        )
     }
 
     fn advance(&self, state: &mut StopState, counts: &SVector<f64, D>) {
         let from = vector::<D>(&state.position);
         let way = counts - from;
-        let longest = self.motors.iter().zip(way.iter()).map(|(motor, way)| motor.travel * way.abs());
-        let steps = (longest.fold(0.0, f64::max) / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
+        let longest = self
+            .motors
+            .iter()
+            .zip(way.iter())
+            .map(|(motor, way)| motor.travel * way.abs());
+        let steps = (longest.fold(0.0, f64::max) / STEP)
+            .ceil()
+            .clamp(1.0, f64::from(MAX_STEPS)) as u32;
         for step in 1..=steps {
             let position = from + way * (f64::from(step) / f64::from(steps));
             let holds = self.hold(state);
@@ -217,16 +252,25 @@ impl<const D: usize> Operator<D> for Stops<D> {
         state.position = array(counts);
     }
 
-    /// In one step, with the reach that the stops have now: exact for the short way of a tick, near for a long one.
+    /// In one step, with the reach that the stops have now: exact for the short way of a tick, near
+    /// for a long one.
     fn local(&self, state: &StopState, counts: &SVector<f64, D>) -> Local<D, D> {
         let holds = self.hold(state);
         let settled = self.settle(Some(&holds), &self.travel(counts), &Self::bends(&holds));
         let travels = SVector::<f64, D>::from_fn(|i, _| self.motors[i].travel);
         let jacobian = self.to_counts * settled.follow * SMatrix::from_diagonal(&travels);
-        Local { mean: self.virtual_counts(&settled.bends.iter().sum()), jacobian }
+        Local {
+            mean: self.virtual_counts(&settled.bends.iter().sum()),
+            jacobian,
+        }
     }
 
-    fn invert(&self, state: &StopState, goal: &SVector<f64, D>, compensation: f64) -> SVector<f64, D> {
+    fn invert(
+        &self,
+        state: &StopState,
+        goal: &SVector<f64, D>,
+        compensation: f64,
+    ) -> SVector<f64, D> {
         let bend = inverse(&self.to_counts) * (goal - self.neutral());
         let full = self.counts(&bend, &self.holding(Some(&self.hold(state)), &bend));
         if compensation == 1.0 {
@@ -236,26 +280,39 @@ impl<const D: usize> Operator<D> for Stops<D> {
         middle + (full - middle) * compensation
     }
 
-    /// Per segment and stop one for every motor and, of two motors, two for the shared one; then one for the force of
-    /// every motor.
+    /// Per segment and stop one for every motor and, of two motors, two for the shared one; then
+    /// one for the force of every motor.
     fn lags(&self, state: &StopState) -> Lags {
         self.all_lags(state)
     }
 
-    /// Estimated for the friction at the ends of the joints, with room: what it takes to drag every segment through its
-    /// stops, the hardest one last. Exact for own stops under a load that does not
-    /// change; shared stops and loads forget exponentially, and the rest is far below the error of a model.
+    /// Estimated for the friction at the ends of the joints, with room: what it takes to drag every
+    /// segment through its stops, the hardest one last. Exact for own stops under a load that does
+    /// not change; shared stops and loads forget exponentially, and the rest is far below the error
+    /// of a model.
     fn wipe_counts(&self) -> MotorVec {
         let furthest: f64 = self.segments.iter().map(|segment| segment.ends().0).sum();
         let growth = 1.0 + self.friction_growth * furthest;
-        let widest = self.elements.iter().map(|element| element.reach).fold(0.0, f64::max);
+        let widest = self
+            .elements
+            .iter()
+            .map(|element| element.reach)
+            .fold(0.0, f64::max);
         let shared = self.elements.iter().any(|element| element.shared > 0.0);
         let drag = widest * if shared { WIPE_SHARED } else { WIPE_OWN };
         let range = self.motors.map(|motor| {
             let coefficient = motor.friction.iter().copied().fold(0.0, f64::max);
             let friction = self.base_friction + coefficient * growth * self.usual_force;
-            let force = self.segments.iter().map(|segment| segment.force_of_swing(friction, drag)).fold(0.0, f64::max);
-            let swing: f64 = self.segments.iter().map(|segment| segment.swing_of_force(friction, force)).sum();
+            let force = self
+                .segments
+                .iter()
+                .map(|segment| segment.force_of_swing(friction, drag))
+                .fold(0.0, f64::max);
+            let swing: f64 = self
+                .segments
+                .iter()
+                .map(|segment| segment.swing_of_force(friction, force))
+                .sum();
             WIPE_MARGIN * (swing + motor.gap + 2.0 * force) / motor.travel
         });
         array(&vector::<D>(&range))

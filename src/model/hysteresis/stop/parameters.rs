@@ -11,7 +11,8 @@ pub const MAX_STOPS: usize = 5;
 /// The most segments.
 pub const MAX_SEGMENTS: usize = 3;
 
-/// The least stiffness of loose wires and the least softness: the inverse is steeper by the reciprocal in a gap.
+/// The least stiffness of loose wires and the least softness: the inverse is steeper by the
+/// reciprocal in a gap.
 pub const LEAST: f64 = 1e-3;
 
 /// The largest length, force or stiffness: squares and cubes stay far from overflow.
@@ -22,8 +23,8 @@ const LEAST_SINE: f64 = 0.2;
 
 /// Stop operators as they stand in a file.
 ///
-/// Lengths are in units of the bend, nominally degrees; forces in units of wire stretch, that is, lengths too, and so
-/// stiffnesses are ratios to that of a taut wire.
+/// Lengths are in units of the bend, nominally degrees; forces in units of wire stretch, that is,
+/// lengths too, and so stiffnesses are ratios to that of a taut wire.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StopParameters {
@@ -55,7 +56,8 @@ pub struct StopMotor {
     pub travel_per_count: f64,
     /// Direction of the bend that the wires pull to, degrees from the first axis; 0 for one motor.
     pub axis_deg: f64,
-    /// How far the wire that pulls forwards, and the one that pulls back, hangs loose at the neutral position.
+    /// How far the wire that pulls forwards, and the one that pulls back, hangs loose at the
+    /// neutral position.
     pub slack: [f64; 2],
     /// Friction per force of the wires, `mu`, forwards and back, 0 to 1.
     pub friction: [f64; 2],
@@ -99,18 +101,64 @@ impl StopParameters {
     /// When a size, a range or a sum is wrong.
     pub(super) fn check<const D: usize>(&self) -> Result<(), ModelError> {
         let motors = self.motors.len();
-        require(motors == D, || format!("{KEY}.motors"), motors, "must be as many as the robot has")?;
-        self.motors.iter().enumerate().try_for_each(|(i, motor)| motor.check(i))?;
+        require(
+            motors == D,
+            || format!("{KEY}.motors"),
+            motors,
+            "must be as many as the robot has",
+        )?;
+        self.motors
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, motor)| motor.check(i))?;
         let segments = self.segments.len();
         let key = || format!("{KEY}.segments");
-        require((1..=MAX_SEGMENTS).contains(&segments), key, segments, "there must be 1 to 3")?;
-        self.segments.iter().enumerate().try_for_each(|(i, segment)| segment.check::<D>(i))?;
+        require(
+            (1..=MAX_SEGMENTS).contains(&segments),
+            key,
+            segments,
+            "there must be 1 to 3",
+        )?;
+        self.segments
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, segment)| segment.check::<D>(i))?;
         self.check_directions::<D>()?;
-        within(self.softness, LEAST, LARGEST, "softness", "must be 0.001 to 10000")?;
-        within(self.loose_stiffness, LEAST, 1.0, "loose_stiffness", "must be 0.001 to 1")?;
-        within(self.base_friction, 1e-9, LARGEST, "base_friction", "must be above 0 and at most 10000")?;
-        within(self.friction_growth, 0.0, 1.0, "friction_growth", "must be 0 to 1")?;
-        within(self.shared, 0.0, if D == 1 { 0.0 } else { 1.0 }, "shared", "must be 0 to 1, and 0 for one motor")?;
+        within(
+            self.softness,
+            LEAST,
+            LARGEST,
+            "softness",
+            "must be 0.001 to 10000",
+        )?;
+        within(
+            self.loose_stiffness,
+            LEAST,
+            1.0,
+            "loose_stiffness",
+            "must be 0.001 to 1",
+        )?;
+        within(
+            self.base_friction,
+            1e-9,
+            LARGEST,
+            "base_friction",
+            "must be above 0 and at most 10000",
+        )?;
+        within(
+            self.friction_growth,
+            0.0,
+            1.0,
+            "friction_growth",
+            "must be 0 to 1",
+        )?;
+        within(
+            self.shared,
+            0.0,
+            if D == 1 { 0.0 } else { 1.0 },
+            "shared",
+            "must be 0 to 1, and 0 for one motor",
+        )?;
         self.check_stops()
     }
 
@@ -120,29 +168,69 @@ impl StopParameters {
         let (right, shown, reason) = if D == 1 {
             (first == 0.0, first, "the axis of a single motor is 0")
         } else {
-            (between.to_radians().sin().abs() >= LEAST_SINE, between, "the motors must pull in different directions")
+            (
+                between.to_radians().sin().abs() >= LEAST_SINE,
+                between,
+                "the motors must pull in different directions",
+            )
         };
         require(right, || format!("{KEY}.motors.axis_deg"), shown, reason)
     }
 
     fn check_stops(&self) -> Result<(), ModelError> {
         let count = self.stops.len();
-        require((1..=MAX_STOPS).contains(&count), || format!("{KEY}.stops"), count, "there must be 1 to 5")?;
+        require(
+            (1..=MAX_STOPS).contains(&count),
+            || format!("{KEY}.stops"),
+            count,
+            "there must be 1 to 5",
+        )?;
         for (i, stop) in self.stops.iter().enumerate() {
-            within(stop.stiffness, 1e-4, LARGEST, &format!("stops[{i}].stiffness"), "must be 0.0001 to 10000")?;
-            within(stop.share, 0.0, 1.0 + 1e-6, &format!("stops[{i}].share"), "must be 0 to 1")?;
+            within(
+                stop.stiffness,
+                1e-4,
+                LARGEST,
+                &format!("stops[{i}].stiffness"),
+                "must be 0.0001 to 10000",
+            )?;
+            within(
+                stop.share,
+                0.0,
+                1.0 + 1e-6,
+                &format!("stops[{i}].share"),
+                "must be 0 to 1",
+            )?;
         }
         let sum: f64 = self.stops.iter().map(|stop| stop.share).sum();
-        require((sum - 1.0).abs() < 1e-6, || format!("{KEY}.stops.share"), sum, "the shares must sum to 1")
+        require(
+            (sum - 1.0).abs() < 1e-6,
+            || format!("{KEY}.stops.share"),
+            sum,
+            "the shares must sum to 1",
+        )
     }
 }
 
 impl StopMotor {
     fn check(&self, motor: usize) -> Result<(), ModelError> {
-        parameters(&[self.neutral_counts], || format!("{KEY}.motors[{motor}].neutral_counts"))?;
+        parameters(&[self.neutral_counts], || {
+            format!("{KEY}.motors[{motor}].neutral_counts")
+        })?;
         let name = |field: &str| format!("motors[{motor}].{field}");
-        within(self.travel_per_count, 1e-9, LARGEST, &name("travel_per_count"), "must be above 0")?;
-        within(self.axis_deg, -360.0, 360.0, &name("axis_deg"), "must be -360 to 360")?;
+        within(
+            self.travel_per_count,
+            1e-9,
+            LARGEST,
+            &name("travel_per_count"),
+            "must be above 0",
+        )?;
+        within(
+            self.axis_deg,
+            -360.0,
+            360.0,
+            &name("axis_deg"),
+            "must be -360 to 360",
+        )?;
         for (slack, friction) in self.slack.into_iter().zip(self.friction) {
             within(slack, 0.0, LARGEST, &name("slack"), "must be 0 to 10000")?;
             within(friction, 0.0, 1.0, &name("friction"), "must be 0 to 1")?;
@@ -155,18 +243,50 @@ impl StopSegment {
     fn check<const D: usize>(&self, segment: usize) -> Result<(), ModelError> {
         let name = format!("segments[{segment}]");
         let axes = self.axes.len();
-        require(axes == D, || format!("{KEY}.{name}.axes"), axes, "must be as many as there are motors")?;
-        within(self.friction, 1e-3, LARGEST, &format!("{name}.friction"), "must be 0.001 to 10000")?;
-        self.axes.iter().enumerate().try_for_each(|(i, axis)| axis.check(&format!("{name}.axes[{i}]")))
+        require(
+            axes == D,
+            || format!("{KEY}.{name}.axes"),
+            axes,
+            "must be as many as there are motors",
+        )?;
+        within(
+            self.friction,
+            1e-3,
+            LARGEST,
+            &format!("{name}.friction"),
+            "must be 0.001 to 10000",
+        )?;
+        self.axes
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, axis)| axis.check(&format!("{name}.axes[{i}]")))
     }
 }
 
 impl StopAxis {
     fn check(&self, axis: &str) -> Result<(), ModelError> {
         let name = |field: &str| format!("{axis}.{field}");
-        within(self.stiffness, 1e-9, LARGEST, &name("stiffness"), "must be above 0 and at most 10000")?;
-        within(self.stiffening, 0.0, LARGEST, &name("stiffening"), "must be 0 to 10000")?;
-        within(self.limit, LEAST, LARGEST, &name("limit"), "must be above 0")
+        within(
+            self.stiffness,
+            1e-9,
+            LARGEST,
+            &name("stiffness"),
+            "must be above 0 and at most 10000",
+        )?;
+        within(
+            self.stiffening,
+            0.0,
+            LARGEST,
+            &name("stiffening"),
+            "must be 0 to 10000",
+        )?;
+        within(
+            self.limit,
+            LEAST,
+            LARGEST,
+            &name("limit"),
+            "must be above 0",
+        )
     }
 }
 
@@ -174,6 +294,17 @@ impl StopAxis {
 const KEY: &str = "family.stops";
 
 /// NaN lies within nothing.
-fn within(value: f64, least: f64, most: f64, field: &str, reason: &'static str) -> Result<(), ModelError> {
-    require((least..=most).contains(&value), || format!("{KEY}.{field}"), value, reason)
+fn within(
+    value: f64,
+    least: f64,
+    most: f64,
+    field: &str,
+    reason: &'static str,
+) -> Result<(), ModelError> {
+    require(
+        (least..=most).contains(&value),
+        || format!("{KEY}.{field}"),
+        value,
+        reason,
+    )
 }

@@ -37,7 +37,8 @@ pub(super) struct Element {
     pub reach: f64,
 }
 
-/// What stays put while the balance is sought: the bend and the stops before the step, and how far stops reach.
+/// What stays put while the balance is sought: the bend and the stops before the step, and how far
+/// stops reach.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hold<const D: usize> {
     pub bend: SVector<f64, D>,
@@ -60,17 +61,23 @@ pub(super) struct Pull<const D: usize> {
 
 impl<const D: usize> Default for Pull<D> {
     fn default() -> Self {
-        Self { force: SVector::zeros(), slope: SMatrix::zeros() }
+        Self {
+            force: SVector::zeros(),
+            slope: SMatrix::zeros(),
+        }
     }
 }
 
 impl<const D: usize> Segment<D> {
     pub fn new(file: &StopSegment) -> Self {
-        Self { springs: std::array::from_fn(|i| Spring::new(&file.axes[i])), friction: file.friction }
+        Self {
+            springs: std::array::from_fn(|i| Spring::new(&file.axes[i])),
+            friction: file.friction,
+        }
     }
 
-    /// What springs and stops hold against a bend; without a hold, the springs alone. `axes` are the directions of the
-    /// motors, one column each.
+    /// What springs and stops hold against a bend; without a hold, the springs alone. `axes` are
+    /// the directions of the motors, one column each.
     pub fn resistance(
         &self,
         elements: &[Element],
@@ -85,7 +92,9 @@ impl<const D: usize> Segment<D> {
         let mut own = SVector::<f64, D>::zeros();
         let mut own_slope = SVector::<f64, D>::zeros();
         for (k, stop) in elements.iter().enumerate() {
-            let (Some(at), Some(reach)) = (hold.own.get(k), hold.own_reach.get(k)) else { break };
+            let (Some(at), Some(reach)) = (hold.own.get(k), hold.own_reach.get(k)) else {
+                break;
+            };
             for i in 0..D {
                 let free = at[i] + along[i];
                 own[i] += stop.own * free.clamp(-reach[i], reach[i]);
@@ -109,7 +118,8 @@ impl<const D: usize> Segment<D> {
             let (under, under_slope) = contact(-b - spring.limit, LIMIT_SOFTNESS * spring.limit);
             let cubed = spring.stiffening * b * b;
             pull.force[axis] = (spring.stiffness + cubed) * b + LIMIT_STIFFNESS * (over - under);
-            pull.slope[(axis, axis)] = spring.stiffness + 3.0 * cubed + LIMIT_STIFFNESS * (over_slope + under_slope);
+            pull.slope[(axis, axis)] =
+                spring.stiffness + 3.0 * cubed + LIMIT_STIFFNESS * (over_slope + under_slope);
         }
         pull
     }
@@ -122,14 +132,22 @@ impl<const D: usize> Segment<D> {
     /// The force that swings the segment to and fro through `drag` times its friction.
     pub fn force_of_swing(&self, friction: f64, drag: f64) -> f64 {
         let friction = self.friction * friction;
-        let stiffest = self.springs.iter().map(|spring| spring.stiffness).fold(0.0, f64::max);
+        let stiffest = self
+            .springs
+            .iter()
+            .map(|spring| spring.stiffness)
+            .fold(0.0, f64::max);
         friction + 0.5 * stiffest * drag * friction
     }
 
     /// How far a force swings the segment against friction, from end to end.
     pub fn swing_of_force(&self, friction: f64, force: f64) -> f64 {
         let beyond = (force - self.friction * friction).max(0.0);
-        2.0 * self.springs.iter().map(|spring| (beyond / spring.stiffness).min(spring.limit)).fold(0.0, f64::max)
+        2.0 * self
+            .springs
+            .iter()
+            .map(|spring| (beyond / spring.stiffness).min(spring.limit))
+            .fold(0.0, f64::max)
     }
 
     /// The furthest end of a joint, and the largest force at one.
@@ -142,7 +160,11 @@ impl<const D: usize> Segment<D> {
 
 impl Spring {
     fn new(file: &StopAxis) -> Self {
-        Self { stiffness: file.stiffness, stiffening: file.stiffening, limit: file.limit }
+        Self {
+            stiffness: file.stiffness,
+            stiffening: file.stiffening,
+            limit: file.limit,
+        }
     }
 }
 
@@ -159,7 +181,14 @@ impl<const D: usize> Hold<D> {
         let free = self.shared.get(stop)? + moved;
         let length = free.norm();
         let reach = *self.shared_reach.get(stop)?;
-        Some((own, if length > reach { free * (reach / length) } else { free }))
+        Some((
+            own,
+            if length > reach {
+                free * (reach / length)
+            } else {
+                free
+            },
+        ))
     }
 }
 

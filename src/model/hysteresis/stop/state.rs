@@ -32,14 +32,27 @@ pub(super) struct SegmentState {
 
 impl StopState {
     /// All stops in their middle.
-    pub(super) fn centred<const D: usize>(position: &SVector<f64, D>, settled: &Settled<D>) -> Self {
-        let segments = settled.bends.map(|bend| SegmentState { bend: array(&bend), ..SegmentState::default() });
-        Self { position: array(position), force: array(&settled.force), segments }
+    pub(super) fn centred<const D: usize>(
+        position: &SVector<f64, D>,
+        settled: &Settled<D>,
+    ) -> Self {
+        let segments = settled.bends.map(|bend| SegmentState {
+            bend: array(&bend),
+            ..SegmentState::default()
+        });
+        Self {
+            position: array(position),
+            force: array(&settled.force),
+            segments,
+        }
     }
 
     /// Of the whole snake.
     pub(super) fn bend<const D: usize>(&self) -> SVector<f64, D> {
-        self.segments.iter().map(|segment| vector::<D>(&segment.bend)).sum()
+        self.segments
+            .iter()
+            .map(|segment| vector::<D>(&segment.bend))
+            .sum()
     }
 }
 
@@ -48,7 +61,10 @@ impl<const D: usize> Stops<D> {
     pub(super) fn hold(&self, state: &StopState) -> Holds<D> {
         let load = self.load(&vector(&state.force), &state.bend());
         let mut friction = [0.0; MAX_SEGMENTS];
-        friction.iter_mut().zip(&self.segments).for_each(|(friction, segment)| *friction = segment.friction);
+        friction
+            .iter_mut()
+            .zip(&self.segments)
+            .for_each(|(friction, segment)| *friction = segment.friction);
         std::array::from_fn(|s| self.hold_segment(&state.segments[s], &load, friction[s]))
     }
 
@@ -106,15 +122,27 @@ impl<const D: usize> Stops<D> {
     pub(super) fn all_lags(&self, state: &StopState) -> Lags {
         let mut lags = Lags::default();
         for hold in self.hold(state).iter().take(self.segments.len()) {
-            let stops = hold.own.iter().zip(&hold.shared).zip(hold.own_reach.iter().zip(hold.shared_reach));
+            let stops = hold
+                .own
+                .iter()
+                .zip(&hold.shared)
+                .zip(hold.own_reach.iter().zip(hold.shared_reach));
             for ((own, shared), (own_reach, shared_reach)) in stops.take(self.elements.len()) {
-                own.iter().zip(own_reach.iter()).for_each(|(own, reach)| lags.push(own / reach.max(LEAST_REACH)));
+                own.iter()
+                    .zip(own_reach.iter())
+                    .for_each(|(own, reach)| lags.push(own / reach.max(LEAST_REACH)));
                 if D > 1 {
-                    shared.iter().for_each(|shared| lags.push(shared / shared_reach.max(LEAST_REACH)));
+                    shared
+                        .iter()
+                        .for_each(|shared| lags.push(shared / shared_reach.max(LEAST_REACH)));
                 }
             }
         }
-        state.force.iter().take(D).for_each(|force| lags.push(force / self.usual_force));
+        state
+            .force
+            .iter()
+            .take(D)
+            .for_each(|force| lags.push(force / self.usual_force));
         lags
     }
 }

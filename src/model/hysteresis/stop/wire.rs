@@ -1,11 +1,12 @@
 //! The force law of the two wires of a motor.
 
-/// The force of a motor's two wires against their stretch: a curve of five pieces, each at most quadratic, with a
-/// continuous slope.
+/// The force of a motor's two wires against their stretch: a curve of five pieces, each at most
+/// quadratic, with a continuous slope.
 ///
-/// `C(x)` is the force of one wire pulled taut by `x`: 0 below `-s`, `x` above `s`, `(x + s)^2 / 4s` between. Both wires
-/// together pull `W(e) = C(e - d+) - C(-e - d-) + eps e`: slack `d+` and `d-`, and a little stiffness `eps` while both
-/// hang loose. `W` increases, so it has an inverse, and as every piece is a parabola the inverse is exact.
+/// `C(x)` is the force of one wire pulled taut by `x`: 0 below `-s`, `x` above `s`,
+/// `(x + s)^2 / 4s` between. Both wires together pull `W(e) = C(e - d+) - C(-e - d-) + eps e`:
+/// slack `d+` and `d-`, and a little stiffness `eps` while both hang loose. `W` increases, so it
+/// has an inverse, and as every piece is a parabola the inverse is exact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Wire {
     knots: [Knot; 4],
@@ -25,20 +26,28 @@ impl Wire {
     /// `slack` is `[d+, d-]`, `softness` is `s` > 0, `loose` is `eps` > 0.
     pub fn new(slack: [f64; 2], softness: f64, loose: f64) -> Self {
         let [plus, minus] = slack;
-        let mut at = [plus - softness, plus + softness, -minus - softness, -minus + softness];
+        let mut at = [
+            plus - softness,
+            plus + softness,
+            -minus - softness,
+            -minus + softness,
+        ];
         at.sort_by(f64::total_cmp);
         let mut knots = [Knot::default(); 4];
         for (i, knot) in knots.iter_mut().enumerate() {
             let stretch = at[i];
             let (pull, pull_slope) = contact(stretch - plus, softness);
             let (back, back_slope) = contact(-stretch - minus, softness);
-            let middle = at.get(i + 1).map_or(stretch + softness, |next| 0.5 * (stretch + next));
+            let middle = at
+                .get(i + 1)
+                .map_or(stretch + softness, |next| 0.5 * (stretch + next));
             let bends = |inside: bool| if inside { 0.25 / softness } else { 0.0 };
             *knot = Knot {
                 stretch,
                 force: pull - back + loose * stretch,
                 slope: pull_slope + back_slope + loose,
-                curve: bends((middle - plus).abs() < softness) - bends((middle + minus).abs() < softness),
+                curve: bends((middle - plus).abs() < softness)
+                    - bends((middle + minus).abs() < softness),
             };
         }
         Self { knots }
@@ -48,21 +57,34 @@ impl Wire {
     pub fn pull(&self, stretch: f64) -> (f64, f64) {
         let knot = self.piece(|knot| knot.stretch <= stretch);
         let beyond = stretch - knot.stretch;
-        (knot.force + beyond * (knot.slope + beyond * knot.curve), knot.slope + 2.0 * knot.curve * beyond)
+        (
+            knot.force + beyond * (knot.slope + beyond * knot.curve),
+            knot.slope + 2.0 * knot.curve * beyond,
+        )
     }
 
     /// The stretch that gives a force.
     pub fn stretch(&self, force: f64) -> f64 {
         let knot = self.piece(|knot| knot.force <= force);
         let beyond = force - knot.force;
-        let root = (knot.slope * knot.slope + 4.0 * knot.curve * beyond).max(0.0).sqrt();
+        let root = (knot.slope * knot.slope + 4.0 * knot.curve * beyond)
+            .max(0.0)
+            .sqrt();
         knot.stretch + 2.0 * beyond / (knot.slope + root)
     }
 
     /// The last piece that has begun. Before the first one the curve is a straight line.
     fn piece(&self, begun: impl Fn(&Knot) -> bool) -> Knot {
         let [first, ..] = self.knots;
-        self.knots.iter().rev().find(|knot| begun(knot)).copied().unwrap_or(Knot { curve: 0.0, ..first })
+        self.knots
+            .iter()
+            .rev()
+            .find(|knot| begun(knot))
+            .copied()
+            .unwrap_or(Knot {
+                curve: 0.0,
+                ..first
+            })
     }
 }
 

@@ -16,11 +16,13 @@ use crate::seat::apart;
 /// Commands stay good for so long: a machine that stalls is not what this is about.
 const DEADLINE: Nanos = Nanos::from_millis(500);
 
-/// Commands go on a circle of this radius, degrees, by this angle each time: about 20 counts, well within all limits.
+/// Commands go on a circle of this radius, degrees, by this angle each time: about 20 counts, well
+/// within all limits.
 const RADIUS_DEG: f64 = 1.5;
 const STEP_RAD: f64 = 0.3;
 
-/// Instants that look random and are the same for the same seed (splitmix64, G. L. Steele and others, 2014).
+/// Instants that look random and are the same for the same seed (splitmix64, G. L. Steele and
+/// others, 2014).
 #[derive(Debug)]
 pub struct Pauses(u64);
 
@@ -41,11 +43,27 @@ impl Pauses {
 }
 
 /// Commands, and looks at what comes back.
-pub fn run(client: &mut Client, of: &EndToEnd, interrupted: &dyn Fn() -> bool) -> Result<Watched, BenchError> {
-    let (commander, actuators) = (client.commander().with_deadline(DEADLINE), client.watcher().actuators());
+pub fn run(
+    client: &mut Client,
+    of: &EndToEnd,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<Watched, BenchError> {
+    let (commander, actuators) = (
+        client.commander().with_deadline(DEADLINE),
+        client.watcher().actuators(),
+    );
     apart(interrupted, |stop| {
-        let _ = request(Wanted { priority: of.priority.saturating_sub(20), ..Wanted::default() });
-        Loop { commander, actuators, watched: Watched::default(), last: [0; 2] }.run(of, stop)
+        let _ = request(Wanted {
+            priority: of.priority.saturating_sub(20),
+            ..Wanted::default()
+        });
+        Loop {
+            commander,
+            actuators,
+            watched: Watched::default(),
+            last: [0; 2],
+        }
+        .run(of, stop)
     })
 }
 
@@ -68,7 +86,8 @@ impl Loop {
             let angle = STEP_RAD * number as f64;
             // From where the robot is: the circle grows from nothing.
             let radius = RADIUS_DEG.to_radians() * (number as f64 / 20.0).min(1.0);
-            self.commander.servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
+            self.commander
+                .servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
             self.watched.sent += 1;
             while clock::now() < next {
                 self.look()?;
@@ -84,7 +103,10 @@ impl Loop {
             let seen = clock::now();
             for (motor, last) in last.iter_mut().enumerate() {
                 let measured = Nanos(state.measured_stamp_ns[motor]);
-                if watched.readings[motor].last().is_none_or(|reading| reading.measured < measured) {
+                if watched.readings[motor]
+                    .last()
+                    .is_none_or(|reading| reading.measured < measured)
+                {
                     watched.readings[motor].push(Reading { measured, seen });
                 }
                 let sequence = state.command_sequence[motor];
@@ -109,8 +131,13 @@ mod tests {
     #[test]
     fn pauses_fill_their_range_and_never_leave_it() {
         let mut pauses = Pauses::new(7);
-        let all: Vec<f64> = (0..1000).map(|_| pauses.next().as_seconds() * 1e3).collect();
-        assert!(all.iter().all(|ms| (PAUSE_MS[0] - 1e-6..=PAUSE_MS[1] + 1e-6).contains(ms)));
+        let all: Vec<f64> = (0..1000)
+            .map(|_| pauses.next().as_seconds() * 1e3)
+            .collect();
+        assert!(
+            all.iter()
+                .all(|ms| (PAUSE_MS[0] - 1e-6..=PAUSE_MS[1] + 1e-6).contains(ms))
+        );
         let mean = all.iter().sum::<f64>() / 1000.0;
         assert!((mean - 17.0).abs() < 0.5, "{mean}");
     }

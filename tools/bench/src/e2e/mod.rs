@@ -1,14 +1,14 @@
-//! All of it together: a client publishes a command, the drive receives the last byte of the set-point that came of it, and
-//! the client sees an encoder position that was read after that.
+//! All of it together: a client publishes a command, the drive receives the last byte of the
+//! set-point that came of it, and the client sees an encoder position that was read after that.
 //!
 //! ```text
 //! client --servo_jp--> controller process --set-point on the line--> emulated drive (its log has the stamp)
 //!        <--actuators/measured_js--       <--encoder position------
 //! ```
 //!
-//! Commands come at random instants, so that they meet loop and lines in every phase. The floor is a loop that hands the
-//! newest set-point to the same line without anything between ([`crate::bare`]): what it needs is the wait for the line to
-//! be free and the time on the wire.
+//! Commands come at random instants, so that they meet loop and lines in every phase. The floor is
+//! a loop that hands the newest set-point to the same line without anything between
+//! ([`crate::bare`]): what it needs is the wait for the line to be free and the time on the wire.
 //!
 //! | file | holds |
 //! |---|---|
@@ -48,7 +48,8 @@ pub struct EndToEnd {
     pub commands: u64,
     /// The program `i2ris-control`.
     pub controller: PathBuf,
-    /// SCHED_FIFO priority of the control loop; port threads and the client get less; 0: normal scheduling.
+    /// SCHED_FIFO priority of the control loop; port threads and the client get less; 0: normal
+    /// scheduling.
     pub priority: u8,
     /// The loop on the last processor, if there are two.
     pub pinned: bool,
@@ -98,10 +99,17 @@ fn outcome(
     ours: Joined,
 ) -> Result<Outcome, BenchError> {
     if ours.arrived.is_empty() || floor.arrived.is_empty() {
-        return Err(BenchError::Nothing { what: "no set-point came of the commands" });
+        return Err(BenchError::Nothing {
+            what: "no set-point came of the commands",
+        });
     }
     let machine = machine::look();
-    let way = |name: &str, group, role, spans: Spans| Way { name: name.to_owned(), group, role, spans };
+    let way = |name: &str, group, role, spans: Spans| Way {
+        name: name.to_owned(),
+        group,
+        role,
+        spans,
+    };
     let (bare, controller) = ("a bare loop on the same line", "the controller");
     let mut notes = vec![
         "`last byte`: as the emulated drive stamps it, at the instant at which a wire of 115200 baud has delivered it. \
@@ -122,9 +130,21 @@ fn outcome(
         scheduling: vec![format!("control loop: {told}")],
         machine,
         quantities: vec![
-            Quantity::new("commands that a set-point came of, of both motors", ours.commands as f64, ""),
-            Quantity::new("commands that were overtaken by the next one", ours.overtaken as f64, ""),
-            Quantity::new("a set-point on the wire (14 bytes)", 14.0 * 10.0 / 115_200.0 * 1e6, "us"),
+            Quantity::new(
+                "commands that a set-point came of, of both motors",
+                ours.commands as f64,
+                "",
+            ),
+            Quantity::new(
+                "commands that were overtaken by the next one",
+                ours.overtaken as f64,
+                "",
+            ),
+            Quantity::new(
+                "a set-point on the wire (14 bytes)",
+                14.0 * 10.0 / 115_200.0 * 1e6,
+                "us",
+            ),
         ],
         ways: vec![
             way(bare, ARRIVED, Role::Floor, floor.arrived),

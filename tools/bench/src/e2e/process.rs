@@ -45,12 +45,22 @@ impl Controller {
         let system = BenchError::system;
         let output = File::create(&log).map_err(system("write to the temporary folder"))?;
         let mut command = Command::new(&of.controller);
-        command.arg("--config").arg(&file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(output);
+        command
+            .arg("--config")
+            .arg(&file)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(output);
         // SAFETY: prctl is async-signal-safe and touches no memory of the parent.
         unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
-        let child =
-            command.spawn().map_err(system("start the controller; build both programs: cargo build --release"))?;
-        let mut controller = Self { child, program: of.controller.clone(), log };
+        let child = command.spawn().map_err(system(
+            "start the controller; build both programs: cargo build --release",
+        ))?;
+        let mut controller = Self {
+            child,
+            program: of.controller.clone(),
+            log,
+        };
         let mut client = controller.connect(domain)?;
         enable(&mut client)?;
         Ok((controller, client))
@@ -59,7 +69,12 @@ impl Controller {
     fn connect(&mut self, domain: &Domain) -> Result<Client, BenchError> {
         let start = clock::now();
         loop {
-            if self.child.try_wait().map_err(BenchError::system("look after the controller"))?.is_some() {
+            if self
+                .child
+                .try_wait()
+                .map_err(BenchError::system("look after the controller"))?
+                .is_some()
+            {
                 return Err(self.failure("ended early"));
             }
             match Client::connect(domain, Nanos::from_millis(100)) {
@@ -92,7 +107,11 @@ impl Controller {
     }
 
     fn failure(&self, what: &'static str) -> BenchError {
-        BenchError::Controller { program: self.program.clone(), what, said: tail(&self.log) }
+        BenchError::Controller {
+            program: self.program.clone(),
+            what,
+            said: tail(&self.log),
+        }
     }
 }
 
@@ -125,7 +144,9 @@ fn configure(rig: &Rig, of: &EndToEnd, domain: &Domain) -> Result<PathBuf, Bench
         (port.device, port.reply_timeout_ms) = (device, PATIENT_MS);
     }
     let file = folder.join("bench.toml");
-    let text = toml::to_string(&config).map_err(|_| BenchError::Nothing { what: "a configuration as text" })?;
+    let text = toml::to_string(&config).map_err(|_| BenchError::Nothing {
+        what: "a configuration as text",
+    })?;
     fs::write(&file, text).map_err(BenchError::system("write to the temporary folder"))?;
     Ok(file)
 }
@@ -134,7 +155,9 @@ fn enable(client: &mut Client) -> Result<(), BenchError> {
     let at_rest = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     client.wait_for(PATIENCE, at_rest)?;
     client.state_command(StateCommand::Home)?;
-    client.wait_for(PATIENCE, |state| at_rest(state) && state.flags & OperatingStateMsg::HOMED != 0)?;
+    client.wait_for(PATIENCE, |state| {
+        at_rest(state) && state.flags & OperatingStateMsg::HOMED != 0
+    })?;
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
     client.wait_for(PATIENCE, |state| at_rest(state) && state.state == enabled)?;

@@ -1,7 +1,8 @@
 //! The floors: 64 bytes in shared memory, and what waking a thread costs.
 //!
-//! A seqlock (the scheme of Linux' `seqlock_t`: W. Bolosky and others, "seqlocks", as in the kernel's documentation) holds a
-//! number that is odd while a message is written; a reader that sees the same even number before and after has it whole.
+//! A seqlock (the scheme of Linux' `seqlock_t`: W. Bolosky and others, "seqlocks", as in the
+//! kernel's documentation) holds a number that is odd while a message is written; a reader that
+//! sees the same even number before and after has it whole.
 
 use std::io;
 use std::num::NonZeroUsize;
@@ -30,7 +31,10 @@ struct Cell {
 impl Cell {
     fn write(&self, words: [u64; BYTES / 8]) {
         self.number.fetch_add(1, Ordering::AcqRel);
-        self.words.iter().zip(words).for_each(|(to, word)| to.store(word, Ordering::Release));
+        self.words
+            .iter()
+            .zip(words)
+            .for_each(|(to, word)| to.store(word, Ordering::Release));
         self.number.fetch_add(1, Ordering::AcqRel);
     }
 
@@ -47,14 +51,33 @@ impl Cell {
     fn ring(&self) {
         self.bell.fetch_add(1, Ordering::Release);
         // SAFETY: the word is alive and aligned; waking touches nothing else.
-        unsafe { libc::syscall(libc::SYS_futex, self.bell.as_ptr(), libc::FUTEX_WAKE, 1, null::<libc::timespec>()) };
+        unsafe {
+            libc::syscall(
+                libc::SYS_futex,
+                self.bell.as_ptr(),
+                libc::FUTEX_WAKE,
+                1,
+                null::<libc::timespec>(),
+            )
+        };
     }
 
     /// Sleeps until the bell rings, unless it rang since `heard`, and not for long.
     fn wait(&self, heard: u32) {
-        let most = libc::timespec { tv_sec: 0, tv_nsec: (100 * PERIOD.0) as libc::c_long };
+        let most = libc::timespec {
+            tv_sec: 0,
+            tv_nsec: (100 * PERIOD.0) as libc::c_long,
+        };
         // SAFETY: word and time are alive and of the right type for the length of the call.
-        unsafe { libc::syscall(libc::SYS_futex, self.bell.as_ptr(), libc::FUTEX_WAIT, heard, &raw const most) };
+        unsafe {
+            libc::syscall(
+                libc::SYS_futex,
+                self.bell.as_ptr(),
+                libc::FUTEX_WAIT,
+                heard,
+                &raw const most,
+            )
+        };
     }
 }
 
@@ -70,9 +93,12 @@ impl Shared {
     fn new() -> Result<Arc<Self>, BenchError> {
         let length = NonZeroUsize::new(size_of::<Cell>()).unwrap_or(NonZeroUsize::MIN);
         let protection = ProtFlags::PROT_READ | ProtFlags::PROT_WRITE;
-        // SAFETY: a new mapping at a place of the kernel's choice; it is zeroed, which is a valid cell, and aligned to a page.
+        // SAFETY: a new mapping at a place of the kernel's choice; it is zeroed, which is a valid
+        // cell, and aligned to a page.
         let mapped = unsafe { mmap_anonymous(None, length, protection, MapFlags::MAP_SHARED) };
-        let mapped = mapped.map_err(io::Error::from).map_err(BenchError::system("map shared memory"))?;
+        let mapped = mapped
+            .map_err(io::Error::from)
+            .map_err(BenchError::system("map shared memory"))?;
         Ok(Arc::new(Self(mapped.cast())))
     }
 }

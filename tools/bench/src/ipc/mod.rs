@@ -1,8 +1,9 @@
 //! From one thread to another: publish to receive.
 //!
-//! One thread sends 64 bytes, the size of a servo command, with the instant of sending every 0.2 ms; another one receives
-//! them and looks at the clock. Either it *polls*, looking again and again without a pause, or it *waits* in the kernel until
-//! it is woken. The two are different worlds, so each has its own floor: a seqlock in shared memory, and a futex on it.
+//! One thread sends 64 bytes, the size of a servo command, with the instant of sending every 0.2
+//! ms; another one receives them and looks at the clock. Either it *polls*, looking again and again
+//! without a pause, or it *waits* in the kernel until it is woken. The two are different worlds, so
+//! each has its own floor: a seqlock in shared memory, and a futex on it.
 //!
 //! | file | holds |
 //! |---|---|
@@ -47,17 +48,67 @@ const WAITING: &str = "waiting";
 type Measure = fn(Run) -> Result<Spans, BenchError>;
 
 const WAYS: [(&str, &str, Role, Measure); 11] = [
-    ("seqlock in shared memory", POLLED, Role::Floor, memory::polled),
-    ("iceoryx2 publish-subscribe", POLLED, Role::Ours, sample::polled),
-    ("servo_jp: client to controller", POLLED, Role::Ours, streams::to_controller),
-    ("measured_js: controller to client", POLLED, Role::Ours, streams::to_client),
-    ("Unix datagram socket", POLLED, Role::Peer, socket::unix_polled),
+    (
+        "seqlock in shared memory",
+        POLLED,
+        Role::Floor,
+        memory::polled,
+    ),
+    (
+        "iceoryx2 publish-subscribe",
+        POLLED,
+        Role::Ours,
+        sample::polled,
+    ),
+    (
+        "servo_jp: client to controller",
+        POLLED,
+        Role::Ours,
+        streams::to_controller,
+    ),
+    (
+        "measured_js: controller to client",
+        POLLED,
+        Role::Ours,
+        streams::to_client,
+    ),
+    (
+        "Unix datagram socket",
+        POLLED,
+        Role::Peer,
+        socket::unix_polled,
+    ),
     ("UDP over loopback", POLLED, Role::Peer, socket::udp_polled),
-    ("futex on shared memory", WAITING, Role::Floor, memory::waiting),
-    ("iceoryx2 publish-subscribe + event", WAITING, Role::Ours, sample::waiting),
-    ("measured_js + event", WAITING, Role::Ours, streams::to_client_woken),
-    ("Unix datagram socket", WAITING, Role::Peer, socket::unix_waiting),
-    ("UDP over loopback", WAITING, Role::Peer, socket::udp_waiting),
+    (
+        "futex on shared memory",
+        WAITING,
+        Role::Floor,
+        memory::waiting,
+    ),
+    (
+        "iceoryx2 publish-subscribe + event",
+        WAITING,
+        Role::Ours,
+        sample::waiting,
+    ),
+    (
+        "measured_js + event",
+        WAITING,
+        Role::Ours,
+        streams::to_client_woken,
+    ),
+    (
+        "Unix datagram socket",
+        WAITING,
+        Role::Peer,
+        socket::unix_waiting,
+    ),
+    (
+        "UDP over loopback",
+        WAITING,
+        Role::Peer,
+        socket::udp_waiting,
+    ),
 ];
 
 /// Measures every way with about `messages` each. `interrupted` is asked between turns.
@@ -65,12 +116,24 @@ const WAYS: [(&str, &str, Role, Measure); 11] = [
 /// # Errors
 ///
 /// [`BenchError`].
-pub fn run(messages: u64, seats: Seats, interrupted: &dyn Fn() -> bool) -> Result<Outcome, BenchError> {
+pub fn run(
+    messages: u64,
+    seats: Seats,
+    interrupted: &dyn Fn() -> bool,
+) -> Result<Outcome, BenchError> {
     let watch = Watch::start();
-    let mut ways = WAYS.map(|(name, group, role, _)| Way { name: name.to_owned(), group, role, spans: Spans::new(0) });
+    let mut ways = WAYS.map(|(name, group, role, _)| Way {
+        name: name.to_owned(),
+        group,
+        role,
+        spans: Spans::new(0),
+    });
     for _ in 0..TURNS {
         for (way, (.., measure)) in ways.iter_mut().zip(WAYS) {
-            way.spans.add(&measure(Run { messages: messages.div_ceil(TURNS), seats })?);
+            way.spans.add(&measure(Run {
+                messages: messages.div_ceil(TURNS),
+                seats,
+            })?);
             if interrupted() {
                 return Err(BenchError::Interrupted);
             }

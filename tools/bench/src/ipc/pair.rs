@@ -25,7 +25,8 @@ pub struct Run {
 }
 
 impl Run {
-    /// Messages that do not count: few of a short run, in which a receiver on a busy machine misses some as well.
+    /// Messages that do not count: few of a short run, in which a receiver on a busy machine misses
+    /// some as well.
     fn warm_up(self) -> u64 {
         WARM_UP.min(self.messages / 2)
     }
@@ -39,10 +40,11 @@ pub fn seats(seats: Seats) -> Vec<String> {
         .collect()
 }
 
-/// Makes a sender and a receiver, each in its own thread, sends on the grid and tells how long messages took.
+/// Makes a sender and a receiver, each in its own thread, sends on the grid and tells how long
+/// messages took.
 ///
-/// What `sender` makes sends the present instant; what `receiver` makes returns the instant that it got, or `None` if there
-/// is nothing (when it polls) or was nothing for a while (when it waits).
+/// What `sender` makes sends the present instant; what `receiver` makes returns the instant that it
+/// got, or `None` if there is nothing (when it polls) or was nothing for a while (when it waits).
 pub fn measure<S, R>(
     run: Run,
     sender: impl FnOnce() -> Result<S, BenchError> + Send,
@@ -75,8 +77,8 @@ where
         let sending = scope.spawn(move || {
             let _ = run.seats.take(Who::Sender);
             let sent = sender().and_then(|mut send| {
-                let sent =
-                    until_ready(&is_ready, &mut send).and_then(|()| paced(run.messages + run.warm_up(), &mut send));
+                let sent = until_ready(&is_ready, &mut send)
+                    .and_then(|()| paced(run.messages + run.warm_up(), &mut send));
                 // Before this end goes, which the receiver would take for a failure.
                 stop.store(true, Ordering::Relaxed);
                 sent
@@ -92,7 +94,8 @@ where
     })
 }
 
-/// What is sent before the receiver is there belongs to the warm-up: some senders have to keep a connection alive.
+/// What is sent before the receiver is there belongs to the warm-up: some senders have to keep a
+/// connection alive.
 fn until_ready(
     is_ready: &mpsc::Receiver<()>,
     send: &mut impl FnMut(Nanos) -> Result<(), BenchError>,
@@ -102,7 +105,11 @@ fn until_ready(
         match is_ready.try_recv() {
             Ok(()) => return Ok(()),
             Err(TryRecvError::Empty) if clock::now().since(start) < PATIENCE => {}
-            Err(_) => return Err(BenchError::Nothing { what: "the receiving thread did not come" }),
+            Err(_) => {
+                return Err(BenchError::Nothing {
+                    what: "the receiving thread did not come",
+                });
+            }
         }
         send(clock::now())?;
         clock::sleep(Nanos::from_millis(1));
@@ -110,7 +117,10 @@ fn until_ready(
 }
 
 /// Sends on the grid.
-fn paced(messages: u64, send: &mut impl FnMut(Nanos) -> Result<(), BenchError>) -> Result<(), BenchError> {
+fn paced(
+    messages: u64,
+    send: &mut impl FnMut(Nanos) -> Result<(), BenchError>,
+) -> Result<(), BenchError> {
     let start = clock::now();
     for number in 1..=messages {
         clock::sleep_until(start + Nanos(PERIOD.0 * number));
@@ -120,5 +130,7 @@ fn paced(messages: u64, send: &mut impl FnMut(Nanos) -> Result<(), BenchError>) 
 }
 
 fn died<T>(_: T) -> BenchError {
-    BenchError::Nothing { what: "a thread ended without a word" }
+    BenchError::Nothing {
+        what: "a thread ended without a word",
+    }
 }

@@ -18,25 +18,41 @@ const NAP: Duration = Duration::from_millis(20);
 pub fn unix_polled(run: Run) -> Result<Spans, BenchError> {
     let (from, to) = UnixDatagram::pair().map_err(opening)?;
     to.set_nonblocking(true).map_err(opening)?;
-    both(run, move |bytes| from.send(bytes), move |bytes| to.recv(bytes))
+    both(
+        run,
+        move |bytes| from.send(bytes),
+        move |bytes| to.recv(bytes),
+    )
 }
 
 pub fn unix_waiting(run: Run) -> Result<Spans, BenchError> {
     let (from, to) = UnixDatagram::pair().map_err(opening)?;
     to.set_read_timeout(Some(NAP)).map_err(opening)?;
-    both(run, move |bytes| from.send(bytes), move |bytes| to.recv(bytes))
+    both(
+        run,
+        move |bytes| from.send(bytes),
+        move |bytes| to.recv(bytes),
+    )
 }
 
 pub fn udp_polled(run: Run) -> Result<Spans, BenchError> {
     let (from, to) = udp().map_err(opening)?;
     to.set_nonblocking(true).map_err(opening)?;
-    both(run, move |bytes| from.send(bytes), move |bytes| to.recv(bytes))
+    both(
+        run,
+        move |bytes| from.send(bytes),
+        move |bytes| to.recv(bytes),
+    )
 }
 
 pub fn udp_waiting(run: Run) -> Result<Spans, BenchError> {
     let (from, to) = udp().map_err(opening)?;
     to.set_read_timeout(Some(NAP)).map_err(opening)?;
-    both(run, move |bytes| from.send(bytes), move |bytes| to.recv(bytes))
+    both(
+        run,
+        move |bytes| from.send(bytes),
+        move |bytes| to.recv(bytes),
+    )
 }
 
 fn opening(source: io::Error) -> BenchError {
@@ -59,14 +75,20 @@ fn both(
         Ok(move |now: Nanos| {
             let mut bytes = [0; BYTES];
             bytes[..8].copy_from_slice(&now.0.to_le_bytes());
-            send(&bytes).map(drop).map_err(BenchError::system("send to a socket"))
+            send(&bytes)
+                .map(drop)
+                .map_err(BenchError::system("send to a socket"))
         })
     };
     let receiver = move || {
         let mut bytes = [0; BYTES];
         Ok(move || match receive(&mut bytes) {
-            Ok(_) => Ok(bytes.first_chunk::<8>().map(|stamp| Nanos(u64::from_le_bytes(*stamp)))),
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => Ok(None),
+            Ok(_) => Ok(bytes
+                .first_chunk::<8>()
+                .map(|stamp| Nanos(u64::from_le_bytes(*stamp)))),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                Ok(None)
+            }
             Err(error) => Err(BenchError::system("receive from a socket")(error)),
         })
     };

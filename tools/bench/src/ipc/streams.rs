@@ -24,7 +24,10 @@ struct Served {
 
 impl Served {
     fn start(domain: &Domain) -> Result<Self, BenchError> {
-        Ok(Self { server: Server::create(DomainGuard::acquire(domain)?)?, next: clock::now() })
+        Ok(Self {
+            server: Server::create(DomainGuard::acquire(domain)?)?,
+            next: clock::now(),
+        })
     }
 
     fn maintain(&mut self) {
@@ -36,7 +39,10 @@ impl Served {
     }
 
     fn publish(&mut self, now: Nanos) {
-        self.server.publish_measured(JointState { stamp_ns: now.0, ..JointState::default() });
+        self.server.publish_measured(JointState {
+            stamp_ns: now.0,
+            ..JointState::default()
+        });
     }
 }
 
@@ -44,7 +50,12 @@ pub fn to_controller(run: Run) -> Result<Spans, BenchError> {
     let domain = domain()?;
     let sender = || {
         let mut commander = Client::connect(&domain, CONNECT)?.commander();
-        Ok(move |_: Nanos| commander.servo_jp(&[0.1, -0.1]).map(drop).map_err(BenchError::from))
+        Ok(move |_: Nanos| {
+            commander
+                .servo_jp(&[0.1, -0.1])
+                .map(drop)
+                .map_err(BenchError::from)
+        })
     };
     let receiver = || {
         let mut served = Served::start(&domain)?;
@@ -80,8 +91,8 @@ pub fn to_client(run: Run) -> Result<Spans, BenchError> {
     measure(run, sender, receiver)
 }
 
-/// What an event service beside the stream would give a client that wants to sleep. The controller offers none: it would
-/// have to notify every sleeper at every tick.
+/// What an event service beside the stream would give a client that wants to sleep. The controller
+/// offers none: it would have to notify every sleeper at every tick.
 pub fn to_client_woken(run: Run) -> Result<Spans, BenchError> {
     let (streams, bells) = (domain()?, domain()?);
     let _guard = DomainGuard::acquire(&bells)?;

@@ -1,7 +1,9 @@
-//! Percentile curves: how long the slowest part of all spans took, from the median to one in ten thousand.
+//! Percentile curves: how long the slowest part of all spans took, from the median to one in ten
+//! thousand.
 //!
-//! The horizontal axis is the logarithm of 1 / (1 - share), as HdrHistogram draws it: every step to the right is a tenth of
-//! the spans that are left, so that a tail shows that a histogram would hide.
+//! The horizontal axis is the logarithm of 1 / (1 - share), as HdrHistogram draws it: every step to
+//! the right is a tenth of the spans that are left, so that a tail shows that a histogram would
+//! hide.
 
 use i2ris_plot::{Axis, Dash, Figure, Ink, Line, Marker, Panel, Stroke};
 
@@ -50,24 +52,38 @@ pub fn figure(outcome: &Outcome) -> Figure {
          logarithmic. Floors are dashed black lines.",
     );
     for group in outcome.groups() {
-        let ways: Vec<&Way> = outcome.ways.iter().filter(|way| way.group == group && !way.spans.is_empty()).collect();
+        let ways: Vec<&Way> = outcome
+            .ways
+            .iter()
+            .filter(|way| way.group == group && !way.spans.is_empty())
+            .collect();
         figure = figure.row(HEIGHT, vec![panel(group, &ways)]);
     }
     figure
 }
 
 fn panel(group: &str, ways: &[&Way]) -> Panel {
-    let marks = MARKS.iter().map(|(value, label)| (*value, (*label).to_owned())).collect();
+    let marks = MARKS
+        .iter()
+        .map(|(value, label)| (*value, (*label).to_owned()))
+        .collect();
     let x = Axis::log("share of all that took at most this long").marks(marks);
     let mut panel = Panel::new(group, x, Axis::log("time (µs)"));
     let (mut ours, mut peers) = (OURS.iter().cycle(), PEERS.iter().cycle());
     for way in ways {
         let line = match way.role {
-            Role::Floor => Line::new(curve(&way.spans), Stroke::new(Ink::BLACK, 1.8).dash(Dash::Dashed)),
+            Role::Floor => Line::new(
+                curve(&way.spans),
+                Stroke::new(Ink::BLACK, 1.8).dash(Dash::Dashed),
+            ),
             Role::Ours => marked(way, ours.next()),
             Role::Peer => marked(way, peers.next()),
         };
-        let name = if way.role == Role::Floor { format!("{} (floor)", way.name) } else { way.name.clone() };
+        let name = if way.role == Role::Floor {
+            format!("{} (floor)", way.name)
+        } else {
+            way.name.clone()
+        };
         panel = panel.with(line.label(name));
     }
     panel
@@ -86,7 +102,10 @@ fn curve(spans: &Spans) -> Vec<[f64; 2]> {
     (0..=points)
         .map(|point| {
             let left = 10f64.powf(decades * point as f64 / points.max(1) as f64);
-            [left, spans.histogram().value_at_quantile(1.0 - 1.0 / left) as f64 / 1e3]
+            [
+                left,
+                spans.histogram().value_at_quantile(1.0 - 1.0 / left) as f64 / 1e3,
+            ]
         })
         .collect()
 }
@@ -101,10 +120,17 @@ mod tests {
         let way = way("any", "group", Role::Ours, 1000);
         let curve = curve(&way.spans);
         assert_eq!((curve[0][0], curve[0][1]), (1.0, 1.0));
-        assert!(curve.windows(2).all(|pair| pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1]));
+        assert!(
+            curve
+                .windows(2)
+                .all(|pair| pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1])
+        );
         let median = curve.iter().find(|point| point[0] >= 2.0).unwrap();
         assert!((1.49..1.53).contains(&median[1]), "{median:?}");
         let last = curve[curve.len() - 1];
-        assert!((last[0] - 1000.0 / FEWEST).abs() < 1e-6 && last[1] > 1.99, "{last:?}");
+        assert!(
+            (last[0] - 1000.0 / FEWEST).abs() < 1e-6 && last[1] > 1.99,
+            "{last:?}"
+        );
     }
 }

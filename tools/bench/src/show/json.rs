@@ -4,8 +4,8 @@ use serde_json::{Value, json};
 
 use crate::outcome::Outcome;
 
-/// One object: `bench`, `about`, `machine`, `weather`, `scheduling`, `ways` (with percentiles in ns, and as multiples of
-/// the floor of their group), `quantities`, `notes`.
+/// One object: `bench`, `about`, `machine`, `weather`, `scheduling`, `ways` (with percentiles in
+/// ns, and as multiples of the floor of their group), `quantities`, `notes`.
 #[must_use]
 pub fn json(outcome: &Outcome) -> Value {
     let ways: Vec<Value> = outcome

@@ -1,5 +1,6 @@
-//! Histograms in the log format of HdrHistogram, version 1.3: one line for every way, its name as the tag. HistogramLogAnalyzer,
-//! the plotter of hdrhistogram.org and the libraries of Java, Python and others read it. Values are nanoseconds.
+//! Histograms in the log format of HdrHistogram, version 1.3: one line for every way, its name as
+//! the tag. HistogramLogAnalyzer, the plotter of hdrhistogram.org and the libraries of Java, Python
+//! and others read it. Values are nanoseconds.
 
 use std::time::{Duration, SystemTime};
 
@@ -19,18 +20,29 @@ const RESERVED: [char; 4] = [',', ' ', '\n', '\r'];
 /// [`BenchError::Histogram`].
 pub fn log(outcome: &Outcome) -> Result<Vec<u8>, BenchError> {
     let (mut bytes, mut serializer) = (Vec::new(), V2DeflateSerializer::new());
-    let failed = |way: &str, reason: String| BenchError::Histogram { way: way.to_owned(), reason };
+    let failed = |way: &str, reason: String| BenchError::Histogram {
+        way: way.to_owned(),
+        reason,
+    };
     let mut builder = IntervalLogWriterBuilder::new();
     builder.add_comment(&format!("i2ris bench {}: {}", outcome.bench, outcome.about));
     builder.add_comment(&outcome.machine.words());
     builder.add_comment("values in nanoseconds; the tag names the way");
     // Values stay nanoseconds in the column of maxima, too.
-    builder.with_start_time(SystemTime::now()).with_max_value_divisor(1.0);
-    let mut writer =
-        builder.begin_log_with(&mut bytes, &mut serializer).map_err(|error| failed("header", error.to_string()))?;
+    builder
+        .with_start_time(SystemTime::now())
+        .with_max_value_divisor(1.0);
+    let mut writer = builder
+        .begin_log_with(&mut bytes, &mut serializer)
+        .map_err(|error| failed("header", error.to_string()))?;
     for way in &outcome.ways {
         let name = tag(way);
-        let outcome = writer.write_histogram(way.spans.histogram(), Duration::ZERO, Duration::ZERO, Tag::new(&name));
+        let outcome = writer.write_histogram(
+            way.spans.histogram(),
+            Duration::ZERO,
+            Duration::ZERO,
+            Tag::new(&name),
+        );
         outcome.map_err(|error| failed(&way.name, format!("{error:?}")))?;
     }
     Ok(bytes)
@@ -52,10 +64,15 @@ mod tests {
 
     #[test]
     fn what_is_logged_is_read_back_with_its_name() {
-        let ways = vec![way("least, of all", "polled", Role::Floor, 500), way("ours", "polled", Role::Ours, 9000)];
+        let ways = vec![
+            way("least, of all", "polled", Role::Floor, 500),
+            way("ours", "polled", Role::Ours, 9000),
+        ];
         let outcome = outcome(ways);
         let bytes = log(&outcome).unwrap();
-        let entries: Vec<_> = IntervalLogIterator::new(&bytes).map(Result::unwrap).collect();
+        let entries: Vec<_> = IntervalLogIterator::new(&bytes)
+            .map(Result::unwrap)
+            .collect();
         let read: Vec<(String, Histogram<u64>)> = entries
             .iter()
             .filter_map(|entry| match entry {
@@ -64,7 +81,9 @@ mod tests {
             })
             .map(|interval| {
                 let bytes = base64::decode(interval.encoded_histogram());
-                let histogram = Deserializer::new().deserialize(&mut bytes.as_slice()).unwrap();
+                let histogram = Deserializer::new()
+                    .deserialize(&mut bytes.as_slice())
+                    .unwrap();
                 (interval.tag().unwrap().as_str().to_owned(), histogram)
             })
             .collect();
@@ -86,7 +105,10 @@ mod tests {
             };
             let bits: Vec<u8> = text.bytes().filter(|c| *c != b'=').map(value).collect();
             let join = |four: &[u8]| {
-                let word = four.iter().enumerate().fold(0u32, |word, (i, v)| word | u32::from(*v) << (18 - 6 * i));
+                let word = four
+                    .iter()
+                    .enumerate()
+                    .fold(0u32, |word, (i, v)| word | u32::from(*v) << (18 - 6 * i));
                 word.to_be_bytes()[1..four.len()].to_vec()
             };
             bits.chunks(4).flat_map(join).collect()

@@ -6,10 +6,11 @@
 //! objective = 1/N sum_n ln sum_k pi_k N(x_n; mu_k, Sigma_k)  -  1/(2 K) sum_k trace(Sigma_k^-1 P)
 //! ```
 //!
-//! with a small positive definite `P`: without it the likelihood has no maximum, because a component that shrinks onto
-//! one row makes it infinite (J. Chen, X. Tan, "Inference for multivariate normal mixtures", Journal of Multivariate
-//! Analysis, 2009). Its maximisation step adds `P N/K` to the scatter of every component, so a component of average
-//! weight gets `P` added to its covariance, and the objective never falls, as it could if the covariances were only
+//! with a small positive definite `P`: without it the likelihood has no maximum, because a
+//! component that shrinks onto one row makes it infinite (J. Chen, X. Tan, "Inference for
+//! multivariate normal mixtures", Journal of Multivariate Analysis, 2009). Its maximisation step
+//! adds `P N/K` to the scatter of every component, so a component of average weight gets `P` added
+//! to its covariance, and the objective never falls, as it could if the covariances were only
 //! propped up after the step.
 
 use nalgebra::SMatrix;
@@ -51,15 +52,20 @@ impl<const N: usize> Summit<N> {
 ///
 /// # Errors
 ///
-/// When a covariance loses positive definiteness, the likelihood is not finite, or a component ends with fewer rows
-/// than it takes to span a covariance.
+/// When a covariance loses positive definiteness, the likelihood is not finite, or a component ends
+/// with fewer rows than it takes to span a covariance.
 pub(super) fn climb<const N: usize>(
     samples: &Samples<N>,
     start: Vec<Component<N>>,
     rules: &Rules<N>,
 ) -> Result<Summit<N>, StartFailure> {
     let rows = samples.rows as f64;
-    let mut summit = Summit { mixture: start, log_likelihood: f64::NAN, history: Vec::new(), converged: false };
+    let mut summit = Summit {
+        mixture: start,
+        log_likelihood: f64::NAN,
+        history: Vec::new(),
+        converged: false,
+    };
     let mut pass = Pass::new(summit.mixture.len());
     let prior = rules.prior * (rows / summit.mixture.len() as f64);
     loop {
@@ -80,9 +86,14 @@ pub(super) fn climb<const N: usize>(
         }
         pass.maximise(&prepared, rows, &prior, &mut summit.mixture);
     }
-    // Fewer than N + 1 points span no N-dimensional shape: what such a component describes is the prior.
+    // Fewer than N + 1 points span no N-dimensional shape: what such a component describes is the
+    // prior.
     let starved = pass.weights().any(|weight| weight < N as f64 + 1.0);
-    if starved { Err(StartFailure::Starved) } else { Ok(summit) }
+    if starved {
+        Err(StartFailure::Starved)
+    } else {
+        Ok(summit)
+    }
 }
 
 fn prepare<const N: usize>(mixture: &[Component<N>]) -> Result<Vec<Prepared<N>>, StartFailure> {
@@ -91,6 +102,9 @@ fn prepare<const N: usize>(mixture: &[Component<N>]) -> Result<Vec<Prepared<N>>,
 }
 
 fn penalty<const N: usize>(mixture: &[Prepared<N>], shape: &SMatrix<f64, N, N>) -> f64 {
-    let traces: f64 = mixture.iter().map(|component| component.trace_against(shape)).sum();
+    let traces: f64 = mixture
+        .iter()
+        .map(|component| component.trace_against(shape))
+        .sum();
     0.5 * traces / mixture.len() as f64
 }

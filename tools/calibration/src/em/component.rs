@@ -16,8 +16,8 @@ pub(super) struct Component<const N: usize> {
 #[derive(Debug, Clone)]
 pub(super) struct Prepared<const N: usize> {
     pub mean: [f64; N],
-    /// Rows of the inverse of the lower Cholesky factor of the covariance: it turns a difference from the mean into
-    /// independent variables of variance 1, without a division.
+    /// Rows of the inverse of the lower Cholesky factor of the covariance: it turns a difference
+    /// from the mean into independent variables of variance 1, without a division.
     pub whitening: [[f64; N]; N],
     /// Logarithm of weight and normalisation: `ln pi_k - (N ln(2 pi) + ln |covariance|) / 2`.
     pub constant: f64,
@@ -30,10 +30,17 @@ impl<const N: usize> Prepared<N> {
         let whitening = factor.solve_lower_triangular(&SMatrix::<f64, N, N>::identity())?;
         let log_determinant = 2.0 * factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let constant = component.weight.ln() - 0.5 * (N as f64 * (2.0 * PI).ln() + log_determinant);
-        let finite = constant.is_finite() && component.mean.iter().chain(whitening.iter()).all(|v| v.is_finite());
+        let finite = constant.is_finite()
+            && component
+                .mean
+                .iter()
+                .chain(whitening.iter())
+                .all(|v| v.is_finite());
         finite.then(|| Self {
             mean: component.mean.into(),
-            whitening: std::array::from_fn(|row| std::array::from_fn(|column| whitening[(row, column)])),
+            whitening: std::array::from_fn(|row| {
+                std::array::from_fn(|column| whitening[(row, column)])
+            }),
             constant,
         })
     }
@@ -54,7 +61,12 @@ mod tests {
     #[test]
     fn the_whitening_inverts_the_covariance() {
         let covariance = Matrix2::new(4.0, 1.0, 1.0, 9.0);
-        let prepared = Prepared::new(&Component { weight: 0.5, mean: Vector2::zeros(), covariance }).unwrap();
+        let prepared = Prepared::new(&Component {
+            weight: 0.5,
+            mean: Vector2::zeros(),
+            covariance,
+        })
+        .unwrap();
         let w = Matrix2::from_fn(|row, column| prepared.whitening[row][column]);
         assert!((w.transpose() * w * covariance - Matrix2::identity()).norm() < 1e-14);
         assert!((prepared.trace_against(&covariance) - 2.0).abs() < 1e-14);
@@ -63,10 +75,38 @@ mod tests {
     #[test]
     fn what_is_no_density_is_refused() {
         let flat = Matrix2::new(1.0, 1.0, 1.0, 1.0);
-        let good = Component { weight: 1.0, mean: Vector2::zeros(), covariance: Matrix2::identity() };
-        assert!(Prepared::new(&Component { covariance: flat, ..good.clone() }).is_none());
-        assert!(Prepared::new(&Component { covariance: Matrix2::identity() * f64::NAN, ..good.clone() }).is_none());
-        assert!(Prepared::new(&Component { weight: 0.0, ..good.clone() }).is_none());
-        assert!(Prepared::new(&Component { mean: Vector2::new(f64::INFINITY, 0.0), ..good }).is_none());
+        let good = Component {
+            weight: 1.0,
+            mean: Vector2::zeros(),
+            covariance: Matrix2::identity(),
+        };
+        assert!(
+            Prepared::new(&Component {
+                covariance: flat,
+                ..good.clone()
+            })
+            .is_none()
+        );
+        assert!(
+            Prepared::new(&Component {
+                covariance: Matrix2::identity() * f64::NAN,
+                ..good.clone()
+            })
+            .is_none()
+        );
+        assert!(
+            Prepared::new(&Component {
+                weight: 0.0,
+                ..good.clone()
+            })
+            .is_none()
+        );
+        assert!(
+            Prepared::new(&Component {
+                mean: Vector2::new(f64::INFINITY, 0.0),
+                ..good
+            })
+            .is_none()
+        );
     }
 }

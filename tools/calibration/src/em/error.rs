@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Why a random start led nowhere. Such a start is counted and left out; that is no error while others succeed.
+/// Why a random start led nowhere. Such a start is counted and left out; that is no error while
+/// others succeed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, thiserror::Error)]
 pub enum StartFailure {
     /// A covariance collapsed.
@@ -70,9 +71,15 @@ pub struct Reasons<'a>(pub &'a [StartFailure]);
 impl fmt::Display for Reasons<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut counts = BTreeMap::new();
-        self.0.iter().for_each(|failure| *counts.entry(failure).or_insert(0_usize) += 1);
+        self.0
+            .iter()
+            .for_each(|failure| *counts.entry(failure).or_insert(0_usize) += 1);
         for (number, (failure, count)) in counts.into_iter().enumerate() {
-            write!(f, "{}{count} times {failure}", if number == 0 { "" } else { ", " })?;
+            write!(
+                f,
+                "{}{count} times {failure}",
+                if number == 0 { "" } else { ", " }
+            )?;
         }
         Ok(())
     }
@@ -84,9 +91,23 @@ mod tests {
 
     #[test]
     fn failures_are_counted_by_reason() {
-        let failures = vec![StartFailure::Starved, StartFailure::NotFinite, StartFailure::Starved];
-        let text = EmError::NoStartSucceeded { components: 9, failures }.to_string();
-        assert!(text.contains("none of the 3 starts with 9 component(s)"), "{text}");
-        assert!(text.contains("1 times the likelihood was not finite, 2 times a component was left"), "{text}");
+        let failures = vec![
+            StartFailure::Starved,
+            StartFailure::NotFinite,
+            StartFailure::Starved,
+        ];
+        let text = EmError::NoStartSucceeded {
+            components: 9,
+            failures,
+        }
+        .to_string();
+        assert!(
+            text.contains("none of the 3 starts with 9 component(s)"),
+            "{text}"
+        );
+        assert!(
+            text.contains("1 times the likelihood was not finite, 2 times a component was left"),
+            "{text}"
+        );
     }
 }

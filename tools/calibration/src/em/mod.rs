@@ -2,11 +2,14 @@
 //!
 //! # Words
 //!
-//! - **start**: a first guess of the mixture. The likelihood has many local maxima, so there are many random starts.
+//! - **start**: a first guess of the mixture. The likelihood has many local maxima, so there are
+//!   many random starts.
 //! - **climb**: EM from one start until the likelihood no longer rises.
-//! - **responsibility**: the probability that a row came from a component, given the present mixture.
-//! - **standardised**: shifted and scaled to mean 0 and variance 1, one variable at a time. All work is done there, so
-//!   that neither the units nor an offset of the data matter; results are in the units of the data.
+//! - **responsibility**: the probability that a row came from a component, given the present
+//!   mixture.
+//! - **standardised**: shifted and scaled to mean 0 and variance 1, one variable at a time. All
+//!   work is done there, so that neither the units nor an offset of the data matter; results are in
+//!   the units of the data.
 //!
 //! | file | holds |
 //! |---|---|
@@ -34,7 +37,8 @@ use i2ris::model::file::MixtureParameters;
 pub use error::{EmError, StartFailure};
 pub use search::{fit_mixture, fit_mixture_from, fit_mixtures};
 
-/// The least and most variables of a mixture: one motor and one output; two motors, their directions and three outputs.
+/// The least and most variables of a mixture: one motor and one output; two motors, their
+/// directions and three outputs.
 pub const VARIABLES: std::ops::RangeInclusive<usize> = 2..=7;
 
 /// How to fit a mixture.
@@ -44,22 +48,31 @@ pub struct EmOptions {
     pub restarts: usize,
     /// Seed of the starts. The same seed gives the same model to the bit, on any number of cores.
     pub seed: u64,
-    /// A climb has converged when an iteration raises the mean log-likelihood per row by less, nats.
+    /// A climb has converged when an iteration raises the mean log-likelihood per row by less,
+    /// nats.
     pub tolerance: f64,
     /// Most iterations of a climb.
     pub max_iterations: usize,
-    /// Part of the variance of each variable that a component of average weight gets added to its covariance. It keeps
-    /// covariances positive definite.
+    /// Part of the variance of each variable that a component of average weight gets added to its
+    /// covariance. It keeps covariances positive definite.
     pub regularisation: f64,
-    /// Part of the covariance of all rows that a component of average weight gets added to its covariance. Where a
-    /// component sees the motors move along a line only, this gives it the slope of the whole recording across that
-    /// line instead of one made of noise. 0 for the plain maximum of the likelihood.
+    /// Part of the covariance of all rows that a component of average weight gets added to its
+    /// covariance. Where a component sees the motors move along a line only, this gives it the
+    /// slope of the whole recording across that line instead of one made of noise. 0 for the plain
+    /// maximum of the likelihood.
     pub shrinkage: f64,
 }
 
 impl Default for EmOptions {
     fn default() -> Self {
-        Self { restarts: 20, seed: 1, tolerance: 1e-5, max_iterations: 500, regularisation: 1e-6, shrinkage: 0.01 }
+        Self {
+            restarts: 20,
+            seed: 1,
+            tolerance: 1e-5,
+            max_iterations: 500,
+            regularisation: 1e-6,
+            shrinkage: 0.01,
+        }
     }
 }
 
@@ -90,14 +103,19 @@ pub struct Starts {
 }
 
 impl Starts {
-    /// Difference between the best and the worst log-likelihood: how much luck decides, nats per row.
+    /// Difference between the best and the worst log-likelihood: how much luck decides, nats per
+    /// row.
     #[must_use]
     pub fn spread(&self) -> f64 {
-        self.log_likelihoods.first().zip(self.log_likelihoods.last()).map_or(0.0, |(best, worst)| best - worst)
+        self.log_likelihoods
+            .first()
+            .zip(self.log_likelihoods.last())
+            .map_or(0.0, |(best, worst)| best - worst)
     }
 }
 
-/// Free parameters of a mixture of `components` over `variables`: weights that sum to 1, means, symmetric covariances.
+/// Free parameters of a mixture of `components` over `variables`: weights that sum to 1, means,
+/// symmetric covariances.
 #[must_use]
 pub fn free_parameters(components: usize, variables: usize) -> usize {
     components * (1 + variables + variables * (variables + 1) / 2) - 1
@@ -109,9 +127,10 @@ pub fn most_components(rows: usize, variables: usize) -> usize {
     (rows + 1) / (free_parameters(1, variables) + 1)
 }
 
-/// Bayesian information criterion `p ln N - 2 ln L` with `p` free parameters, `N` rows and the likelihood `L` of all of
-/// them: the lower the better (G. Schwarz, "Estimating the dimension of a model", Annals of Statistics, 1978). It takes
-/// rows for independent; neighbouring rows of a slow motion are not, so it errs towards too many components.
+/// Bayesian information criterion `p ln N - 2 ln L` with `p` free parameters, `N` rows and the
+/// likelihood `L` of all of them: the lower the better (G. Schwarz, "Estimating the dimension of a
+/// model", Annals of Statistics, 1978). It takes rows for independent; neighbouring rows of a slow
+/// motion are not, so it errs towards too many components.
 #[must_use]
 pub fn bic(log_likelihood: f64, rows: usize, components: usize, variables: usize) -> f64 {
     let rows = rows as f64;
@@ -125,7 +144,14 @@ mod tests {
     #[test]
     fn parameters_are_counted_as_they_are_free() {
         // One Gaussian in the plane: two means, three covariances. A second one adds a weight.
-        assert_eq!((free_parameters(1, 2), free_parameters(2, 2), free_parameters(10, 4)), (5, 11, 149));
+        assert_eq!(
+            (
+                free_parameters(1, 2),
+                free_parameters(2, 2),
+                free_parameters(10, 4)
+            ),
+            (5, 11, 149)
+        );
         for rows in [5, 14, 28, 29, 30, 1000] {
             let most = most_components(rows, 4);
             assert!(most == 0 || free_parameters(most, 4) <= rows);

@@ -13,14 +13,23 @@ use crate::progress::Silent;
 use crate::table::Table;
 
 /// The plain maximum of the likelihood.
-pub(super) const PLAIN: EmOptions =
-    EmOptions { restarts: 3, seed: 7, tolerance: 1e-9, max_iterations: 200, regularisation: 0.0, shrinkage: 0.0 };
+pub(super) const PLAIN: EmOptions = EmOptions {
+    restarts: 3,
+    seed: 7,
+    tolerance: 1e-9,
+    max_iterations: 200,
+    regularisation: 0.0,
+    shrinkage: 0.0,
+};
 
 /// Sixty rows on a bent curve, two heaps.
 pub(super) fn plane() -> Table {
     let row = |i: u32| {
         let (a, odd) = (0.37 * f64::from(i), f64::from(i % 2));
-        [3.0 * a.sin() + 4.0 * odd, (1.7 * a).cos() + 0.5 * a.sin() + 0.3 * (11.3 * a).sin() - odd]
+        [
+            3.0 * a.sin() + 4.0 * odd,
+            (1.7 * a).cos() + 0.5 * a.sin() + 0.3 * (11.3 * a).sin() - odd,
+        ]
     };
     Table::from_rows(2, (0..60).map(row))
 }
@@ -28,8 +37,12 @@ pub(super) fn plane() -> Table {
 #[test]
 fn the_number_of_threads_does_not_change_a_bit() {
     let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| fit_mixtures(&plane(), 1..=4, &EmOptions::default(), &Silent)).unwrap()
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| fit_mixtures(&plane(), 1..=4, &EmOptions::default(), &Silent))
+            .unwrap()
     };
     let one = with(1);
     assert!(one.iter().all(Result::is_ok));
@@ -46,9 +59,21 @@ fn another_seed_gives_other_starts() {
 fn restarts_are_counted_and_the_best_wins() {
     let fit = fit_mixture(&plane(), 4, &EmOptions::default(), &Silent).unwrap();
     let starts = &fit.starts;
-    assert_eq!(starts.log_likelihoods.len() + starts.failures.len(), EmOptions::default().restarts);
+    assert_eq!(
+        starts.log_likelihoods.len() + starts.failures.len(),
+        EmOptions::default().restarts
+    );
     assert!(starts.spread() > 0.0);
-    let one = fit_mixture(&plane(), 4, &EmOptions { restarts: 1, ..EmOptions::default() }, &Silent).unwrap();
+    let one = fit_mixture(
+        &plane(),
+        4,
+        &EmOptions {
+            restarts: 1,
+            ..EmOptions::default()
+        },
+        &Silent,
+    )
+    .unwrap();
     assert!(fit.log_likelihood >= one.log_likelihood);
 }
 
@@ -57,22 +82,48 @@ fn a_collapse_fails_its_start_and_not_the_process() {
     // Points on a line have no density in the plane.
     let data = Table::from_rows(2, (0..50).map(|i| [f64::from(i), 2.0 * f64::from(i)]));
     let error = fit_mixture(&data, 2, &PLAIN, &Silent).unwrap_err();
-    assert!(matches!(&error, EmError::NoStartSucceeded { failures, .. } if failures.len() == 3), "{error}");
-    let propped_up = EmOptions { regularisation: 1e-6, ..PLAIN };
+    assert!(
+        matches!(&error, EmError::NoStartSucceeded { failures, .. } if failures.len() == 3),
+        "{error}"
+    );
+    let propped_up = EmOptions {
+        regularisation: 1e-6,
+        ..PLAIN
+    };
     assert!(fit_mixture(&data, 2, &propped_up, &Silent).is_ok());
 }
 
 #[test]
 fn what_cannot_be_fitted_is_named() {
     let few = fit_mixture(&plane(), 11, &PLAIN, &Silent).unwrap_err();
-    assert_eq!(few, EmError::TooFewRows { rows: 60, variables: 2, components: 11, most: 10 });
-    assert!(matches!(fit_mixture(&plane(), 0, &PLAIN, &Silent), Err(EmError::TooFewRows { .. })));
+    assert_eq!(
+        few,
+        EmError::TooFewRows {
+            rows: 60,
+            variables: 2,
+            components: 11,
+            most: 10
+        }
+    );
+    assert!(matches!(
+        fit_mixture(&plane(), 0, &PLAIN, &Silent),
+        Err(EmError::TooFewRows { .. })
+    ));
     let wide = Table::from_rows(8, [[0.0; 8]; 100]);
-    assert_eq!(fit_mixture(&wide, 1, &PLAIN, &Silent), Err(EmError::Variables { found: 8 }));
+    assert_eq!(
+        fit_mixture(&wide, 1, &PLAIN, &Silent),
+        Err(EmError::Variables { found: 8 })
+    );
     let hole = Table::from_rows(2, [[0.0, 1.0], [1.0, f64::NAN]]);
-    assert_eq!(fit_mixture(&hole, 1, &PLAIN, &Silent), Err(EmError::NotFinite { row: 1 }));
+    assert_eq!(
+        fit_mixture(&hole, 1, &PLAIN, &Silent),
+        Err(EmError::NotFinite { row: 1 })
+    );
     let same = Table::from_rows(2, [[1.0, 2.0]; 100]);
-    assert!(matches!(fit_mixture(&same, 2, &EmOptions::default(), &Silent), Err(EmError::NoStartSucceeded { .. })));
+    assert!(matches!(
+        fit_mixture(&same, 2, &EmOptions::default(), &Silent),
+        Err(EmError::NoStartSucceeded { .. })
+    ));
 }
 
 #[test]
@@ -84,8 +135,13 @@ fn a_range_ends_where_the_rows_do() {
 #[test]
 fn units_and_offsets_do_not_matter() {
     let moved = Table::from_rows(2, plane().rows().map(|row| [row[0], 1e3 * row[1] + 7e5]));
-    let (plain, moved) = (fit_mixture(&plane(), 2, &PLAIN, &Silent), fit_mixture(&moved, 2, &PLAIN, &Silent));
-    assert!((moved.unwrap().log_likelihood + 1e3_f64.ln() - plain.unwrap().log_likelihood).abs() < 1e-8);
+    let (plain, moved) = (
+        fit_mixture(&plane(), 2, &PLAIN, &Silent),
+        fit_mixture(&moved, 2, &PLAIN, &Silent),
+    );
+    assert!(
+        (moved.unwrap().log_likelihood + 1e3_f64.ln() - plain.unwrap().log_likelihood).abs() < 1e-8
+    );
 }
 
 fn check_mixture(mixture: &MixtureParameters) {
@@ -101,8 +157,13 @@ fn check_mixture(mixture: &MixtureParameters) {
 /// Rows on a bent sheet with some noise, the kind of data that calibration brings.
 fn rows() -> impl Strategy<Value = Vec<[f64; 3]>> {
     let row = (-300.0..300.0, -1.0..1.0, -1.0..1.0_f64);
-    let bent =
-        |(count, noise, other): (f64, f64, f64)| [count, 1e4 + 0.02 * count + noise, (count / 100.0).sin() + other];
+    let bent = |(count, noise, other): (f64, f64, f64)| {
+        [
+            count,
+            1e4 + 0.02 * count + noise,
+            (count / 100.0).sin() + other,
+        ]
+    };
     prop::collection::vec(row.prop_map(bent), 40..150)
 }
 

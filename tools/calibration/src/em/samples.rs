@@ -1,10 +1,12 @@
-//! The data as the inner loops want it: standardised, in blocks of rows with one contiguous column per variable.
+//! The data as the inner loops want it: standardised, in blocks of rows with one contiguous column
+//! per variable.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::table::Table;
 
-/// Rows per block. A block of seven variables and one column of responsibilities stay in the first-level cache.
+/// Rows per block. A block of seven variables and one column of responsibilities stay in the
+/// first-level cache.
 pub(super) const BLOCK: usize = 64;
 
 /// Some rows, one array per variable. Rows at and beyond `used` are padding.
@@ -28,16 +30,24 @@ impl<const N: usize> Scaling<N> {
         let mean = SVector::from_fn(|variable, _| data.column(variable).sum::<f64>() / rows);
         let deviation = SVector::from_fn(|variable, _| {
             let centre: f64 = mean[variable];
-            let variance = data.column(variable).map(|value| (value - centre).powi(2)).sum::<f64>() / rows;
+            let variance = data
+                .column(variable)
+                .map(|value| (value - centre).powi(2))
+                .sum::<f64>()
+                / rows;
             if variance > 0.0 { variance.sqrt() } else { 1.0 }
         });
         Self { mean, deviation }
     }
 
-    /// What to add to the log-density of a standardised row to get that of the row itself: the logarithm of the
-    /// Jacobian of the change of variables.
+    /// What to add to the log-density of a standardised row to get that of the row itself: the
+    /// logarithm of the Jacobian of the change of variables.
     pub fn log_jacobian(&self) -> f64 {
-        -self.deviation.iter().map(|deviation| deviation.ln()).sum::<f64>()
+        -self
+            .deviation
+            .iter()
+            .map(|deviation| deviation.ln())
+            .sum::<f64>()
     }
 }
 
@@ -55,18 +65,30 @@ impl<const N: usize> Samples<N> {
     /// Standardises rows of `N` numbers.
     pub fn new(data: &Table) -> Self {
         let scaling = Scaling::of(data);
-        let mut samples =
-            Self { blocks: Vec::new(), rows: data.len(), scaling: scaling.clone(), correlation: SMatrix::zeros() };
+        let mut samples = Self {
+            blocks: Vec::new(),
+            rows: data.len(),
+            scaling: scaling.clone(),
+            correlation: SMatrix::zeros(),
+        };
         for (number, row) in data.rows().enumerate() {
             let place = number % BLOCK;
             if place == 0 {
-                samples.blocks.push(Block { columns: [[0.0; BLOCK]; N], used: 0 });
+                samples.blocks.push(Block {
+                    columns: [[0.0; BLOCK]; N],
+                    used: 0,
+                });
             }
-            let standard = (SVector::from_fn(|v, _| row[v]) - scaling.mean).component_div(&scaling.deviation);
+            let standard =
+                (SVector::from_fn(|v, _| row[v]) - scaling.mean).component_div(&scaling.deviation);
             samples.correlation += standard * standard.transpose();
             if let Some(block) = samples.blocks.last_mut() {
                 block.used = place + 1;
-                block.columns.iter_mut().zip(standard.iter()).for_each(|(column, value)| column[place] = *value);
+                block
+                    .columns
+                    .iter_mut()
+                    .zip(standard.iter())
+                    .for_each(|(column, value)| column[place] = *value);
             }
         }
         samples.correlation /= samples.rows.max(1) as f64;
@@ -76,7 +98,8 @@ impl<const N: usize> Samples<N> {
     /// The rows one by one, standardised.
     pub fn points(&self) -> impl Iterator<Item = SVector<f64, N>> + '_ {
         self.blocks.iter().flat_map(|block| {
-            (0..block.used).map(move |place| SVector::from_fn(|variable, _| block.columns[variable][place]))
+            (0..block.used)
+                .map(move |place| SVector::from_fn(|variable, _| block.columns[variable][place]))
         })
     }
 }
@@ -87,19 +110,32 @@ mod tests {
 
     #[test]
     fn every_variable_gets_mean_0_and_variance_1() {
-        let data = Table::from_rows(2, (0..150).map(|i| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)]));
+        let data = Table::from_rows(
+            2,
+            (0..150).map(|i| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)]),
+        );
         let samples = Samples::<2>::new(&data);
         let points: Vec<_> = samples.points().collect();
-        assert_eq!((points.len(), samples.blocks.len(), samples.blocks[2].used), (150, 3, 22));
+        assert_eq!(
+            (points.len(), samples.blocks.len(), samples.blocks[2].used),
+            (150, 3, 22)
+        );
         let mean = points.iter().sum::<SVector<f64, 2>>() / 150.0;
         assert!(mean.norm() < 1e-12);
-        assert!((samples.correlation[(0, 0)] - 1.0).abs() < 1e-12 && (samples.correlation[(1, 1)] - 1.0).abs() < 1e-12);
+        assert!(
+            (samples.correlation[(0, 0)] - 1.0).abs() < 1e-12
+                && (samples.correlation[(1, 1)] - 1.0).abs() < 1e-12
+        );
         assert!(samples.correlation[(0, 1)] < -0.9);
     }
 
     #[test]
     fn a_variable_that_never_changes_stays_finite() {
         let samples = Samples::<2>::new(&Table::from_rows(2, (0..9).map(|i| [f64::from(i), 5.0])));
-        assert!(samples.points().all(|point| point.iter().all(|value| value.is_finite())));
+        assert!(
+            samples
+                .points()
+                .all(|point| point.iter().all(|value| value.is_finite()))
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! Where a climb starts: k-means++ seeds, a few rounds of k-means, one Gaussian per cluster.
 //!
-//! Source of the seeding: D. Arthur, S. Vassilvitskii, "k-means++: the advantages of careful seeding", 2007.
+//! Source of the seeding: D. Arthur, S. Vassilvitskii, "k-means++: the advantages of careful
+//! seeding", 2007.
 
 use nalgebra::{SMatrix, SVector};
 use rand::RngExt;
@@ -42,9 +43,13 @@ struct Clusters<const N: usize> {
 }
 
 impl<const N: usize> Clusters<N> {
-    /// Draws each next centre among the points, with a probability proportional to the squared distance from the
-    /// nearest centre so far.
-    fn seed(points: &[SVector<f64, N>], components: usize, random: &mut Pcg64) -> Result<Self, StartFailure> {
+    /// Draws each next centre among the points, with a probability proportional to the squared
+    /// distance from the nearest centre so far.
+    fn seed(
+        points: &[SVector<f64, N>],
+        components: usize,
+        random: &mut Pcg64,
+    ) -> Result<Self, StartFailure> {
         let mut squares = vec![f64::INFINITY; points.len()];
         let mut centres = Vec::with_capacity(components);
         let mut chosen = random.random_range(0..points.len().max(1));
@@ -54,7 +59,10 @@ impl<const N: usize> Clusters<N> {
             }
             centres.push(*centre);
             if centres.len() == components {
-                return Ok(Self { centres, member: vec![usize::MAX; points.len()] });
+                return Ok(Self {
+                    centres,
+                    member: vec![usize::MAX; points.len()],
+                });
             }
             chosen = draw(&squares, random.random()).ok_or(StartFailure::TooFewDistinctRows)?;
         }
@@ -82,9 +90,13 @@ impl<const N: usize> Clusters<N> {
         changed
     }
 
-    /// Weight, mean and covariance of every cluster. One that is too small to have a shape of its own takes the mean
-    /// shape of all clusters.
-    fn gaussians(&self, points: &[SVector<f64, N>], prior: &SMatrix<f64, N, N>) -> Vec<Component<N>> {
+    /// Weight, mean and covariance of every cluster. One that is too small to have a shape of its
+    /// own takes the mean shape of all clusters.
+    fn gaussians(
+        &self,
+        points: &[SVector<f64, N>],
+        prior: &SMatrix<f64, N, N>,
+    ) -> Vec<Component<N>> {
         let mut scatters = vec![(SMatrix::<f64, N, N>::zeros(), 0.0); self.centres.len()];
         for (point, member) in points.iter().zip(&self.member) {
             let offset = point - self.centres[*member];
@@ -92,22 +104,42 @@ impl<const N: usize> Clusters<N> {
             scatters[*member].1 += 1.0;
         }
         let rows = points.len() as f64;
-        let pooled = scatters.iter().map(|(scatter, _)| scatter).sum::<SMatrix<f64, N, N>>() / rows;
+        let pooled = scatters
+            .iter()
+            .map(|(scatter, _)| scatter)
+            .sum::<SMatrix<f64, N, N>>()
+            / rows;
         // Half a row for an empty cluster: a weight of 0 would never grow again.
-        let total: f64 = scatters.iter().map(|(_, count)| f64::max(*count, 0.5)).sum();
+        let total: f64 = scatters
+            .iter()
+            .map(|(_, count)| f64::max(*count, 0.5))
+            .sum();
         let gaussian = |(mean, (scatter, count)): (&SVector<f64, N>, (SMatrix<f64, N, N>, f64))| {
-            let shape = if count > N as f64 { scatter / count } else { pooled };
-            Component { weight: count.max(0.5) / total, mean: *mean, covariance: shape + prior }
+            let shape = if count > N as f64 {
+                scatter / count
+            } else {
+                pooled
+            };
+            Component {
+                weight: count.max(0.5) / total,
+                mean: *mean,
+                covariance: shape + prior,
+            }
         };
         self.centres.iter().zip(scatters).map(gaussian).collect()
     }
 }
 
-/// The index whose share of the cumulated `weights` holds `fraction`, 0 to 1; `None` when all weights are 0.
+/// The index whose share of the cumulated `weights` holds `fraction`, 0 to 1; `None` when all
+/// weights are 0.
 fn draw(weights: &[f64], fraction: f64) -> Option<usize> {
     let mut left = fraction * weights.iter().sum::<f64>();
     let mut last = None;
-    for (index, weight) in weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+    for (index, weight) in weights
+        .iter()
+        .enumerate()
+        .filter(|(_, weight)| **weight > 0.0)
+    {
         last = Some(index);
         left -= weight;
         if left < 0.0 {
@@ -139,19 +171,42 @@ mod tests {
 
     #[test]
     fn separate_heaps_become_separate_clusters() {
-        let row = |i: u32| [f64::from(i % 3) * 100.0 + f64::from(i / 9), f64::from(i % 3) * 50.0 - f64::from(i % 7)];
+        let row = |i: u32| {
+            [
+                f64::from(i % 3) * 100.0 + f64::from(i / 9),
+                f64::from(i % 3) * 50.0 - f64::from(i % 7),
+            ]
+        };
         let rows: Vec<_> = (0..90).map(row).collect();
-        let start = start(&samples(&rows), 3, &(SMatrix::identity() * 1e-6), &mut Pcg64::new(1, 2)).unwrap();
+        let start = start(
+            &samples(&rows),
+            3,
+            &(SMatrix::identity() * 1e-6),
+            &mut Pcg64::new(1, 2),
+        )
+        .unwrap();
         let mut along: Vec<_> = start.iter().map(|component| component.mean[0]).collect();
         along.sort_by(f64::total_cmp);
-        assert!(along[1] - along[0] > 1.0 && along[2] - along[1] > 1.0, "{along:?}");
-        assert!(start.iter().all(|component| (component.weight - 1.0 / 3.0).abs() < 1e-12));
+        assert!(
+            along[1] - along[0] > 1.0 && along[2] - along[1] > 1.0,
+            "{along:?}"
+        );
+        assert!(
+            start
+                .iter()
+                .all(|component| (component.weight - 1.0 / 3.0).abs() < 1e-12)
+        );
     }
 
     #[test]
     fn fewer_distinct_rows_than_components_are_refused() {
         let rows = [[1.0, 2.0], [1.0, 2.0], [3.0, 1.0]];
-        let outcome = start(&samples(&rows), 3, &SMatrix::identity(), &mut Pcg64::new(1, 2));
+        let outcome = start(
+            &samples(&rows),
+            3,
+            &SMatrix::identity(),
+            &mut Pcg64::new(1, 2),
+        );
         assert_eq!(outcome.unwrap_err(), StartFailure::TooFewDistinctRows);
     }
 

@@ -45,7 +45,12 @@ impl Work<'_> {
         let begin = Instant::now();
         let mut reading = None;
         let result = self.fit(family, &mut reading).map(Arc::new);
-        FamilyOutcome { family, result, reading, seconds: begin.elapsed().as_secs_f64() }
+        FamilyOutcome {
+            family,
+            result,
+            reading,
+            seconds: begin.elapsed().as_secs_f64(),
+        }
     }
 
     fn fit(&mut self, family: Family, reading: &mut Option<Reading>) -> Result<Model, FitError> {
@@ -58,18 +63,23 @@ impl Work<'_> {
             Family::Linear => self.checked(family, &Fitted::from(&self.straight)),
             Family::Kinematic => self.checked(family, &self.kinematic()?),
             Family::Gmr => self.gmr(),
-            Family::GmrDirection => self.with_inverse(family, |components| self.direction(components)),
+            Family::GmrDirection => {
+                self.with_inverse(family, |components| self.direction(components))
+            }
             Family::GmrPlay => self.play(reading),
             Family::GmrStop => self.stop(reading),
         }
     }
 
     fn checked(&self, family: Family, fitted: &Fitted) -> Result<Model, FitError> {
-        self.frame.model(fitted).map_err(|source| refused(family, source))
+        self.frame
+            .model(fitted)
+            .map_err(|source| refused(family, source))
     }
 
-    /// Fits with as many components as do best, and with fewer for as long as the model has no inverse: the more there
-    /// are, the more easily the regression folds where the recording says little.
+    /// Fits with as many components as do best, and with fewer for as long as the model has no
+    /// inverse: the more there are, the more easily the regression folds where the recording says
+    /// little.
     fn with_inverse(
         &self,
         family: Family,
@@ -88,27 +98,51 @@ impl Work<'_> {
     }
 
     fn gmr(&mut self) -> Result<Model, FitError> {
-        let data = gmr::Data { inputs: &self.inputs, outputs: &self.outputs, straight: &self.straight };
+        let data = gmr::Data {
+            inputs: &self.inputs,
+            outputs: &self.outputs,
+            straight: &self.straight,
+        };
         let (model, candidates) = gmr::fit(&self.frame, data, self.options, self.progress)?;
         self.candidates = candidates;
         Ok(model)
     }
 
     fn kinematic(&self) -> Result<Fitted, FitError> {
-        let unit = self.frame.recording.outputs().first().map_or(OutputUnit::Deg, |output| output.unit);
+        let unit = self
+            .frame
+            .recording
+            .outputs()
+            .first()
+            .map_or(OutputUnit::Deg, |output| output.unit);
         let parameters = fit_kinematic(&self.series, &KinematicOptions::new(unit));
-        Ok(Fitted::plain(parameters.map_err(|source| failed(Family::Kinematic, source))?))
+        Ok(Fitted::plain(
+            parameters.map_err(|source| failed(Family::Kinematic, source))?,
+        ))
     }
 
     fn direction(&self, components: Option<usize>) -> Result<Behind, Reason> {
-        let options = DirectionOptions { components, em: self.options.em.clone() };
+        let options = DirectionOptions {
+            components,
+            em: self.options.em.clone(),
+        };
         let fit = fit_direction(&self.series, &options, self.progress)?;
-        Ok(self.behind(fit.parameters, fit.components, (fit.log_likelihood, fit.bic)))
+        Ok(self.behind(
+            fit.parameters,
+            fit.components,
+            (fit.log_likelihood, fit.bic),
+        ))
     }
 
     fn play(&self, reading: &mut Option<Reading>) -> Result<Model, FitError> {
         let family = Family::GmrPlay;
-        let first = fit_play(&self.series, &PlayOptions { chain: self.chain(None) }, self.progress);
+        let first = fit_play(
+            &self.series,
+            &PlayOptions {
+                chain: self.chain(None),
+            },
+            self.progress,
+        );
         let first = first.map_err(|source| failed(family, source))?;
         *reading = Some(Reading::Plays(first.reading.clone()));
         self.with_inverse(family, |components| {
@@ -116,13 +150,21 @@ impl Work<'_> {
                 None => first.clone(),
                 fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
             };
-            let ChainFit { mixture, log_likelihood, bic, .. } = &fit.chain;
+            let ChainFit {
+                mixture,
+                log_likelihood,
+                bic,
+                ..
+            } = &fit.chain;
             Ok(self.behind(fit.family(), mixture.weights.len(), (*log_likelihood, *bic)))
         })
     }
 
     fn stop(&self, reading: &mut Option<Reading>) -> Result<Model, FitError> {
-        let options = StopOptions { seed: self.options.em.seed, ..StopOptions::default() };
+        let options = StopOptions {
+            seed: self.options.em.seed,
+            ..StopOptions::default()
+        };
         let fit = fit_stop(&self.series, &options, self.progress);
         let fit = fit.map_err(|source| failed(Family::GmrStop, source))?;
         *reading = Some(Reading::Stops(fit.reading));
@@ -130,23 +172,59 @@ impl Work<'_> {
         self.with_inverse(Family::GmrStop, |components| {
             let chain = self.chain(components);
             let chain = match self.series.motors() {
-                1 => fit_chain(&Stops::<1>::prepare(&stops)?, &self.series, &chain, self.progress)?,
-                _ => fit_chain(&Stops::<2>::prepare(&stops)?, &self.series, &chain, self.progress)?,
+                1 => fit_chain(
+                    &Stops::<1>::prepare(&stops)?,
+                    &self.series,
+                    &chain,
+                    self.progress,
+                )?,
+                _ => fit_chain(
+                    &Stops::<2>::prepare(&stops)?,
+                    &self.series,
+                    &chain,
+                    self.progress,
+                )?,
             };
-            let ChainFit { mixture, residual, virtual_hull, log_likelihood, bic, .. } = chain;
+            let ChainFit {
+                mixture,
+                residual,
+                virtual_hull,
+                log_likelihood,
+                bic,
+                ..
+            } = chain;
             let components = mixture.weights.len();
-            let family = FamilyParameters::GmrStop { stops: stops.clone(), mixture, residual, virtual_hull };
+            let family = FamilyParameters::GmrStop {
+                stops: stops.clone(),
+                mixture,
+                residual,
+                virtual_hull,
+            };
             Ok(self.behind(family, components, (log_likelihood, bic)))
         })
     }
 
     fn chain(&self, components: Option<usize>) -> ChainOptions {
-        ChainOptions { components, em: self.options.em.clone(), ..ChainOptions::default() }
+        ChainOptions {
+            components,
+            em: self.options.em.clone(),
+            ..ChainOptions::default()
+        }
     }
 
-    fn behind(&self, family: FamilyParameters, components: usize, (log_likelihood, bic): (f64, f64)) -> Behind {
+    fn behind(
+        &self,
+        family: FamilyParameters,
+        components: usize,
+        (log_likelihood, bic): (f64, f64),
+    ) -> Behind {
         let restarts = self.options.em.restarts;
-        let fitted = Fitted { family, log_likelihood: Some(log_likelihood), bic: Some(bic), restarts };
+        let fitted = Fitted {
+            family,
+            log_likelihood: Some(log_likelihood),
+            bic: Some(bic),
+            restarts,
+        };
         Behind { fitted, components }
     }
 }
@@ -158,5 +236,8 @@ struct Behind {
 }
 
 fn failed(family: Family, source: impl Error + Send + Sync + 'static) -> FitError {
-    FitError::Family { family, source: Box::new(source) }
+    FitError::Family {
+        family,
+        source: Box::new(source),
+    }
 }

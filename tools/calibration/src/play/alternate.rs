@@ -1,5 +1,5 @@
-//! Weights behind the mixture itself: expectation maximisation on the virtual counts, a step in the weights, and again,
-//! for as long as that lowers the error on blocks left out.
+//! Weights behind the mixture itself: expectation maximisation on the virtual counts, a step in the
+//! weights, and again, for as long as that lowers the error on blocks left out.
 
 use i2ris::model::hysteresis::read_out::ReadOut;
 use nalgebra::{DMatrix, SVector};
@@ -37,14 +37,17 @@ pub(super) struct Alternated {
     pub passes: usize,
 }
 
-/// Fits weights behind a polynomial and improves them behind a mixture. `None` when the outputs cannot be regressed on
-/// the counts at all.
+/// Fits weights behind a polynomial and improves them behind a mixture. `None` when the outputs
+/// cannot be regressed on the counts at all.
 pub(super) fn alternate<const D: usize>(
     stage: &Stage<D>,
     em: &EmOptions,
     progress: &dyn Progress,
 ) -> Option<Alternated> {
-    let em = EmOptions { restarts: RESTARTS, ..em.clone() };
+    let em = EmOptions {
+        restarts: RESTARTS,
+        ..em.clone()
+    };
     let thinned = stage.thinned(stage.rows(), ROWS);
     progress.begin(BLOCKS);
     let ladders: Vec<Option<Vec<f64>>> = blocks(thinned.rows(), BLOCKS)
@@ -57,10 +60,14 @@ pub(super) fn alternate<const D: usize>(
         })
         .collect();
     progress.end();
-    let passes = ladders.into_iter().collect::<Option<Vec<_>>>().map_or(0, |ladders| best_pass(&ladders));
+    let passes = ladders
+        .into_iter()
+        .collect::<Option<Vec<_>>>()
+        .map_or(0, |ladders| best_pass(&ladders));
     let mut weights = fit_weights(stage)?;
     for _ in 0..passes {
-        weights = behind_mixture(stage, &weights, &read_out(stage, &weights, &em)?)?.step(stage, &weights);
+        weights = behind_mixture(stage, &weights, &read_out(stage, &weights, &em)?)?
+            .step(stage, &weights);
     }
     Some(Alternated { weights, passes })
 }
@@ -71,7 +78,9 @@ fn ladder<const D: usize>(seen: &Stage<D>, unseen: &Stage<D>, em: &EmOptions) ->
     let mut errors = Vec::with_capacity(PASSES + 1);
     loop {
         let read_out = read_out(seen, &weights, em)?;
-        errors.push(left_by(&read_out, &unseen.virtual_counts(&weights), &unseen.outputs).norm_squared());
+        errors.push(
+            left_by(&read_out, &unseen.virtual_counts(&weights), &unseen.outputs).norm_squared(),
+        );
         if errors.len() > PASSES {
             return Some(errors);
         }
@@ -82,10 +91,16 @@ fn ladder<const D: usize>(seen: &Stage<D>, unseen: &Stage<D>, em: &EmOptions) ->
 /// The last pass of those that each lower the error of all blocks together.
 fn best_pass(ladders: &[Vec<f64>]) -> usize {
     let after = |pass: usize| ladders.iter().map(|errors| errors[pass]).sum::<f64>();
-    (0..PASSES).take_while(|pass| after(pass + 1) < after(*pass) * (1.0 - WORTH_IT)).count()
+    (0..PASSES)
+        .take_while(|pass| after(pass + 1) < after(*pass) * (1.0 - WORTH_IT))
+        .count()
 }
 
-fn read_out<const D: usize>(stage: &Stage<D>, weights: &Weights, em: &EmOptions) -> Option<ReadOut<D>> {
+fn read_out<const D: usize>(
+    stage: &Stage<D>,
+    weights: &Weights,
+    em: &EmOptions,
+) -> Option<ReadOut<D>> {
     let virtual_counts = stage.virtual_counts(weights);
     let outputs = stage.outputs.ncols();
     let rows = virtual_counts.row_iter().zip(stage.outputs.row_iter());
@@ -96,7 +111,11 @@ fn read_out<const D: usize>(stage: &Stage<D>, weights: &Weights, em: &EmOptions)
     ReadOut::prepare(&fit.parameters, outputs).ok()
 }
 
-fn behind_mixture<const D: usize>(stage: &Stage<D>, weights: &Weights, read_out: &ReadOut<D>) -> Option<Linearised> {
+fn behind_mixture<const D: usize>(
+    stage: &Stage<D>,
+    weights: &Weights,
+    read_out: &ReadOut<D>,
+) -> Option<Linearised> {
     let virtual_counts = stage.virtual_counts(weights);
     let beside = |motor: usize, step: f64| {
         let mut beside = virtual_counts.clone();
@@ -120,7 +139,9 @@ fn left_by<const D: usize>(
     let mut left = outputs.clone();
     for (mut left, at) in left.row_iter_mut().zip(virtual_counts.row_iter()) {
         let predicted = read_out.at(&SVector::from_fn(|motor, _| at[motor]));
-        left.iter_mut().zip(predicted).for_each(|(left, predicted)| *left -= predicted);
+        left.iter_mut()
+            .zip(predicted)
+            .for_each(|(left, predicted)| *left -= predicted);
     }
     left
 }
@@ -131,8 +152,14 @@ mod tests {
 
     #[test]
     fn passes_go_on_only_while_they_help_all_blocks_together() {
-        assert_eq!(best_pass(&[vec![4.0, 3.0, 2.0, 1.0], vec![4.0, 3.0, 3.5, 3.0]]), 3);
-        assert_eq!(best_pass(&[vec![4.0, 3.0, 3.0, 1.0], vec![4.0, 4.0, 4.0, 4.0]]), 1);
+        assert_eq!(
+            best_pass(&[vec![4.0, 3.0, 2.0, 1.0], vec![4.0, 3.0, 3.5, 3.0]]),
+            3
+        );
+        assert_eq!(
+            best_pass(&[vec![4.0, 3.0, 3.0, 1.0], vec![4.0, 4.0, 4.0, 4.0]]),
+            1
+        );
         assert_eq!(best_pass(&[vec![4.0, 4.1, 1.0, 1.0]]), 0);
     }
 }

@@ -1,5 +1,5 @@
-//! The baseline of the hysteresis literature: play operators with a linear read-out, no shape and no mixture. It is fitted
-//! to be compared with, not to be driven.
+//! The baseline of the hysteresis literature: play operators with a linear read-out, no shape and
+//! no mixture. It is fitted to be compared with, not to be driven.
 
 use i2ris::model::ModelError;
 use i2ris::model::hysteresis::Operator;
@@ -30,14 +30,15 @@ pub struct LinearPlays {
 }
 
 impl LinearPlays {
-    /// Fits a linear read-out of the plays to all samples; the penalty of the regression and the reach of the thresholds
-    /// are chosen by leaving out blocks.
+    /// Fits a linear read-out of the plays to all samples; the penalty of the regression and the
+    /// reach of the thresholds are chosen by leaving out blocks.
     ///
     /// # Errors
     ///
     /// When a motor hardly moves.
     pub fn fit(series: &Series) -> Result<Self, PlayError> {
-        let ranges = ranges(series.path(), series.motors()).map_err(|motor| PlayError::Still { motor })?;
+        let ranges =
+            ranges(series.path(), series.motors()).map_err(|motor| PlayError::Still { motor })?;
         let outputs = DMatrix::from_fn(series.samples().len(), series.outputs(), |row, output| {
             series.samples()[row].outputs[output]
         });
@@ -46,27 +47,42 @@ impl LinearPlays {
             .map(|top| {
                 let thresholds = grids(&ranges, top);
                 let fit = ridge(&features(&thresholds, series).ok()?, &outputs)?;
-                Some((fit.left_out_error, Self { thresholds, coefficients: fit.coefficients }))
+                Some((
+                    fit.left_out_error,
+                    Self {
+                        thresholds,
+                        coefficients: fit.coefficients,
+                    },
+                ))
             })
             .collect();
-        let best = tried.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = tried
+            .into_iter()
+            .flatten()
+            .min_by(|a, b| a.0.total_cmp(&b.0));
         best.map(|(_, fit)| fit).ok_or(PlayError::Degenerate)
     }
 
-    /// The outputs at every sample of a series, whose path the memory follows from the first position on.
+    /// The outputs at every sample of a series, whose path the memory follows from the first
+    /// position on.
     ///
     /// # Errors
     ///
     /// When the series has another number of motors.
     pub fn predict(&self, series: &Series) -> Result<Vec<[f64; MAX_OUTPUTS]>, PlayError> {
         let predicted = features(&self.thresholds, series)? * &self.coefficients;
-        let padded = |row: usize| std::array::from_fn(|output| predicted.row(row).get(output).copied().unwrap_or(0.0));
+        let padded = |row: usize| {
+            std::array::from_fn(|output| predicted.row(row).get(output).copied().unwrap_or(0.0))
+        };
         Ok((0..predicted.nrows()).map(padded).collect())
     }
 }
 
 fn grids(ranges: &[Range], top: f64) -> Thresholds {
-    Thresholds { motors: ranges.iter().map(|range| range.grid(COUNT, top)).collect(), planar: Vec::new() }
+    Thresholds {
+        motors: ranges.iter().map(|range| range.grid(COUNT, top)).collect(),
+        planar: Vec::new(),
+    }
 }
 
 fn features(thresholds: &Thresholds, series: &Series) -> Result<DMatrix<f64>, ModelError> {
@@ -77,11 +93,20 @@ fn features(thresholds: &Thresholds, series: &Series) -> Result<DMatrix<f64>, Mo
 }
 
 /// A constant, counts and lags at every sample, also where the memory is not known yet.
-fn features_sized<const D: usize>(thresholds: &Thresholds, series: &Series) -> Result<DMatrix<f64>, ModelError> {
-    let first = |motor: &Vec<f64>| DVector::from_fn(motor.len(), |play, _| f64::from(u8::from(play == 0)));
-    let operator = Plays::<D>::prepare(&thresholds.with(&thresholds.motors.iter().map(first).collect::<Vec<_>>()))?;
+fn features_sized<const D: usize>(
+    thresholds: &Thresholds,
+    series: &Series,
+) -> Result<DMatrix<f64>, ModelError> {
+    let first =
+        |motor: &Vec<f64>| DVector::from_fn(motor.len(), |play, _| f64::from(u8::from(play == 0)));
+    let operator = Plays::<D>::prepare(
+        &thresholds.with(&thresholds.motors.iter().map(first).collect::<Vec<_>>()),
+    )?;
     let counts = |place: usize| SVector::<f64, D>::from_fn(|motor, _| series.path()[place][motor]);
-    let mut rows = DMatrix::zeros(series.samples().len(), 1 + D + thresholds.motors.len() * COUNT);
+    let mut rows = DMatrix::zeros(
+        series.samples().len(),
+        1 + D + thresholds.motors.len() * COUNT,
+    );
     if rows.is_empty() {
         return Ok(rows);
     }
@@ -90,8 +115,12 @@ fn features_sized<const D: usize>(thresholds: &Thresholds, series: &Series) -> R
         (next..=sample.place).for_each(|place| operator.advance(&mut state, &counts(place)));
         next = sample.place + 1;
         let (here, lags) = (counts(sample.place), operator.lags(&state));
-        let cells = std::iter::once(1.0).chain(here.iter().copied()).chain(lags.as_slice().iter().copied());
-        row.iter_mut().zip(cells).for_each(|(cell, value)| *cell = value);
+        let cells = std::iter::once(1.0)
+            .chain(here.iter().copied())
+            .chain(lags.as_slice().iter().copied());
+        row.iter_mut()
+            .zip(cells)
+            .for_each(|(cell, value)| *cell = value);
     }
     Ok(rows)
 }

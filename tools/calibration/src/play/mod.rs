@@ -1,10 +1,13 @@
 //! The fit of play operators: family `gmr-play`.
 //!
-//! 1. **Thresholds** lie in geometric steps between what one step of the motor still shows and the longest way between two
-//!    turning points. How many, and how far up, is chosen by leaving out contiguous blocks.
-//! 2. **Weights** are fitted by variable projection behind a polynomial, which stands for the regression to come, and then
-//!    behind a Gaussian mixture for as long as that helps with blocks left out.
-//! 3. The **chain** behind the operator is fitted: mixture on the virtual counts, residual on the lags.
+//! 1. **Thresholds** lie in geometric steps between what one step of the motor still shows and the
+//!    longest way between two turning points. How many, and how far up, is chosen by leaving out
+//!    contiguous blocks.
+//! 2. **Weights** are fitted by variable projection behind a polynomial, which stands for the
+//!    regression to come, and then behind a Gaussian mixture for as long as that helps with blocks
+//!    left out.
+//! 3. The **chain** behind the operator is fitted: mixture on the virtual counts, residual on the
+//!    lags.
 //!
 //! | file | holds |
 //! |---|---|
@@ -67,14 +70,23 @@ pub struct PlayFit {
 }
 
 impl PlayFit {
-    /// Fits what follows the same plays again: with fewer components, say, because the model has no inverse.
+    /// Fits what follows the same plays again: with fewer components, say, because the model has no
+    /// inverse.
     ///
     /// # Errors
     ///
     /// As [`fit_play`].
-    pub fn refit(&self, series: &Series, options: &ChainOptions, progress: &dyn Progress) -> Result<Self, PlayError> {
+    pub fn refit(
+        &self,
+        series: &Series,
+        options: &ChainOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self, PlayError> {
         let chain = behind(&self.plays, series, options, progress)?;
-        Ok(Self { chain, ..self.clone() })
+        Ok(Self {
+            chain,
+            ..self.clone()
+        })
     }
 
     /// The parameters as they stand in a model file.
@@ -101,13 +113,17 @@ pub enum PlayError {
         least: usize,
     },
     /// A motor that hardly moves.
-    #[error("motor {motor} hardly moves in the rows used for training; record motion of it, or hold out other rows")]
+    #[error(
+        "motor {motor} hardly moves in the rows used for training; record motion of it, or hold out other rows"
+    )]
     Still {
         /// Counted from 0.
         motor: usize,
     },
     /// Outputs that cannot be regressed on the counts.
-    #[error("the outputs cannot be regressed on the plays: numbers are too large, or there are too few samples")]
+    #[error(
+        "the outputs cannot be regressed on the plays: numbers are too large, or there are too few samples"
+    )]
     Degenerate,
     /// The operator is refused.
     #[error(transparent)]
@@ -120,14 +136,22 @@ pub enum PlayError {
     Chain(#[from] ChainError),
 }
 
-/// Fits plays, and what follows them. The same seed gives the same fit to the bit, on any number of cores.
+/// Fits plays, and what follows them. The same seed gives the same fit to the bit, on any number of
+/// cores.
 ///
 /// # Errors
 ///
 /// See [`PlayError`].
-pub fn fit_play(series: &Series, options: &PlayOptions, progress: &dyn Progress) -> Result<PlayFit, PlayError> {
+pub fn fit_play(
+    series: &Series,
+    options: &PlayOptions,
+    progress: &dyn Progress,
+) -> Result<PlayFit, PlayError> {
     if series.samples().len() < MIN_ROWS {
-        return Err(PlayError::TooFewSamples { samples: series.samples().len(), least: MIN_ROWS });
+        return Err(PlayError::TooFewSamples {
+            samples: series.samples().len(),
+            least: MIN_ROWS,
+        });
     }
     match series.motors() {
         1 => fit_sized::<1>(series, options, progress),
@@ -143,15 +167,26 @@ fn fit_sized<const D: usize>(
     let ranges = search::ranges(series.path(), D).map_err(|motor| PlayError::Still { motor })?;
     let chosen = search::search::<D>(series, &ranges, progress)?.ok_or(PlayError::Degenerate)?;
     let stage = Stage::<D>::new(series, &chosen.thresholds)?;
-    let Alternated { weights, passes } = alternate(&stage, &options.chain.em, progress).ok_or(PlayError::Degenerate)?;
+    let Alternated { weights, passes } =
+        alternate(&stage, &options.chain.em, progress).ok_or(PlayError::Degenerate)?;
     let plays = chosen.thresholds.with(&weights);
     let virtual_counts = stage.virtual_counts(&weights) * stage.scale;
     let table = |rows: &nalgebra::DMatrix<f64>| {
-        Table::from_rows(rows.ncols(), rows.row_iter().map(|row| row.iter().copied().collect::<Vec<_>>()))
+        Table::from_rows(
+            rows.ncols(),
+            rows.row_iter()
+                .map(|row| row.iter().copied().collect::<Vec<_>>()),
+        )
     };
     let reading = Reading::new(&plays, &table(&virtual_counts), &table(&stage.outputs))?;
     let chain = behind(&plays, series, &options.chain, progress)?;
-    Ok(PlayFit { plays, chain, reading, search_rms: chosen.error.sqrt(), passes })
+    Ok(PlayFit {
+        plays,
+        chain,
+        reading,
+        search_rms: chosen.error.sqrt(),
+        passes,
+    })
 }
 
 fn behind(

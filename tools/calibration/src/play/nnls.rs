@@ -1,22 +1,33 @@
 //! Least squares with unknowns that must not be negative, from the normal equations.
 //!
-//! Source: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, chapter 23: a set of free unknowns
-//! grows by the one that promises most; those that would become negative leave it again.
+//! Source: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, chapter 23: a set
+//! of free unknowns grows by the one that promises most; those that would become negative leave it
+//! again.
 
 use nalgebra::{DMatrix, DVector};
 
 /// A gradient below this part of the largest right-hand side is rounding.
 const ROUNDING: f64 = 1e-11;
 
-/// The `x >= 0` that minimises `x' gram x / 2 - rhs' x`, for a positive definite `gram`. At the solution the gradient
-/// `rhs - gram x` is 0 where `x > 0` and not positive elsewhere (Karush, Kuhn, Tucker).
+/// The `x >= 0` that minimises `x' gram x / 2 - rhs' x`, for a positive definite `gram`. At the
+/// solution the gradient `rhs - gram x` is 0 where `x > 0` and not positive elsewhere (Karush,
+/// Kuhn, Tucker).
 #[must_use]
 pub fn nnls(gram: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
     let size = rhs.len();
-    let mut search = Search { gram, rhs, x: DVector::zeros(size), free: vec![false; size], barred: vec![false; size] };
-    // Each pass lowers the objective or bars an unknown; three passes per unknown are usual at most.
+    let mut search = Search {
+        gram,
+        rhs,
+        x: DVector::zeros(size),
+        free: vec![false; size],
+        barred: vec![false; size],
+    };
+    // Each pass lowers the objective or bars an unknown; three passes per unknown are usual at
+    // most.
     for _ in 0..10 * size {
-        let Some(entering) = search.entering() else { break };
+        let Some(entering) = search.entering() else {
+            break;
+        };
         search.enter(entering);
     }
     search.x
@@ -27,7 +38,8 @@ struct Search<'a> {
     rhs: &'a DVector<f64>,
     x: DVector<f64>,
     free: Vec<bool>,
-    /// Left at once after they had entered, by rounding: they wait until something else has changed.
+    /// Left at once after they had entered, by rounding: they wait until something else has
+    /// changed.
     barred: Vec<bool>,
 }
 
@@ -36,7 +48,8 @@ impl Search<'_> {
     fn entering(&self) -> Option<usize> {
         let gradient = self.rhs - self.gram * &self.x;
         let least = ROUNDING * self.rhs.amax();
-        let candidates = (0..gradient.len()).filter(|i| !self.free[*i] && !self.barred[*i] && gradient[*i] > least);
+        let candidates = (0..gradient.len())
+            .filter(|i| !self.free[*i] && !self.barred[*i] && gradient[*i] > least);
         candidates.max_by(|a, b| gradient[*a].total_cmp(&gradient[*b]))
     }
 
@@ -69,14 +82,18 @@ impl Search<'_> {
         let gram = self.gram.select_rows(&free).select_columns(&free);
         let solution = gram.cholesky()?.solve(&self.rhs.select_rows(&free));
         let mut target = DVector::zeros(self.free.len());
-        free.iter().zip(solution.iter()).for_each(|(i, value)| target[*i] = *value);
+        free.iter()
+            .zip(solution.iter())
+            .for_each(|(i, value)| target[*i] = *value);
         Some(target)
     }
 
     /// How far towards `target` the first free unknown becomes 0; `None` if none does.
     fn longest_step(&self, target: &DVector<f64>) -> Option<f64> {
         let bounded = (0..target.len()).filter(|i| self.free[*i] && target[*i] <= 0.0);
-        bounded.map(|i| self.x[i] / (self.x[i] - target[i]).max(f64::MIN_POSITIVE)).min_by(f64::total_cmp)
+        bounded
+            .map(|i| self.x[i] / (self.x[i] - target[i]).max(f64::MIN_POSITIVE))
+            .min_by(f64::total_cmp)
     }
 }
 
@@ -103,7 +120,10 @@ mod tests {
         let gram = DMatrix::from_row_slice(2, 2, &[2.0, 1.0, 1.0, 2.0]);
         let x = nnls(&gram, &DVector::from_column_slice(&[2.0, -1.0]));
         assert!((x[0] - 1.0).abs() < 1e-12 && x[1] == 0.0, "{x}");
-        assert_eq!(nnls(&gram, &DVector::from_column_slice(&[-2.0, -1.0])), DVector::zeros(2));
+        assert_eq!(
+            nnls(&gram, &DVector::from_column_slice(&[-2.0, -1.0])),
+            DVector::zeros(2)
+        );
     }
 
     #[test]

@@ -8,8 +8,8 @@ const DEGREE: usize = 5;
 /// Samples that a monomial takes: with fewer, the degree falls.
 const ROWS_PER_MONOMIAL: usize = 15;
 
-/// Added to the diagonal of the normal equations, as a part of its mean: on a recording of one axis, not all monomials
-/// can be told apart.
+/// Added to the diagonal of the normal equations, as a part of its mean: on a recording of one
+/// axis, not all monomials can be told apart.
 const REGULARISATION: f64 = 1e-10;
 
 /// Monomials of the virtual counts, at every sample.
@@ -25,14 +25,19 @@ impl Basis {
     /// `None` when nothing can be regressed on the virtual counts.
     pub fn new(virtual_counts: &DMatrix<f64>) -> Option<Self> {
         let motors = virtual_counts.ncols();
-        let degree =
-            (1..=DEGREE).rev().find(|d| exponents(motors, *d).len() * ROWS_PER_MONOMIAL <= virtual_counts.nrows());
+        let degree = (1..=DEGREE)
+            .rev()
+            .find(|d| exponents(motors, *d).len() * ROWS_PER_MONOMIAL <= virtual_counts.nrows());
         let exponents = exponents(motors, degree.unwrap_or(1));
         let values = monomials(virtual_counts, &exponents);
         let mut normal = values.tr_mul(&values);
         let ridge = REGULARISATION * normal.trace() / normal.nrows() as f64;
         (0..normal.nrows()).for_each(|i| normal[(i, i)] += ridge);
-        Some(Self { normal: normal.cholesky()?, exponents, values })
+        Some(Self {
+            normal: normal.cholesky()?,
+            exponents,
+            values,
+        })
     }
 
     /// Coefficients of least squares: row: monomial, column: output.
@@ -40,10 +45,18 @@ impl Basis {
         self.normal.solve(&self.values.tr_mul(outputs))
     }
 
-    /// Derivative of the polynomial with respect to the virtual count of a motor: row: sample, column: output.
-    pub fn slope(&self, virtual_counts: &DMatrix<f64>, motor: usize, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
+    /// Derivative of the polynomial with respect to the virtual count of a motor: row: sample,
+    /// column: output.
+    pub fn slope(
+        &self,
+        virtual_counts: &DMatrix<f64>,
+        motor: usize,
+        coefficients: &DMatrix<f64>,
+    ) -> DMatrix<f64> {
         let mut lowered = self.exponents.clone();
-        lowered.iter_mut().for_each(|powers| powers[motor] = (powers[motor] - 1).max(0));
+        lowered
+            .iter_mut()
+            .for_each(|powers| powers[motor] = (powers[motor] - 1).max(0));
         let mut scaled = coefficients.clone();
         for (mut row, powers) in scaled.row_iter_mut().zip(&self.exponents) {
             row *= f64::from(powers[motor]);
@@ -56,13 +69,19 @@ fn exponents(motors: usize, degree: usize) -> Vec<Vec<i32>> {
     let degree = degree as i32;
     match motors {
         1 => (0..=degree).map(|power| vec![power]).collect(),
-        _ => (0..=degree).flat_map(|total| (0..=total).map(move |second| vec![total - second, second])).collect(),
+        _ => (0..=degree)
+            .flat_map(|total| (0..=total).map(move |second| vec![total - second, second]))
+            .collect(),
     }
 }
 
 fn monomials(virtual_counts: &DMatrix<f64>, exponents: &[Vec<i32>]) -> DMatrix<f64> {
     DMatrix::from_fn(virtual_counts.nrows(), exponents.len(), |row, monomial| {
-        exponents[monomial].iter().enumerate().map(|(motor, power)| virtual_counts[(row, motor)].powi(*power)).product()
+        exponents[monomial]
+            .iter()
+            .enumerate()
+            .map(|(motor, power)| virtual_counts[(row, motor)].powi(*power))
+            .product()
     })
 }
 
@@ -71,7 +90,9 @@ mod tests {
     use super::*;
 
     fn plane(rows: usize) -> DMatrix<f64> {
-        let at = |row: usize, column: usize| (0.37 * row as f64 + 1.3 * column as f64 * row as f64).sin();
+        let at = |row: usize, column: usize| {
+            (0.37 * row as f64 + 1.3 * column as f64 * row as f64).sin()
+        };
         DMatrix::from_fn(rows, 2, at)
     }
 
@@ -83,7 +104,10 @@ mod tests {
         let basis = Basis::new(&counts).unwrap();
         let coefficients = basis.coefficients(&outputs);
         assert!((outputs - &basis.values * &coefficients).amax() < 1e-6);
-        let (along, across) = (basis.slope(&counts, 0, &coefficients), basis.slope(&counts, 1, &coefficients));
+        let (along, across) = (
+            basis.slope(&counts, 0, &coefficients),
+            basis.slope(&counts, 1, &coefficients),
+        );
         for row in 0..400 {
             let (x, y) = (counts[(row, 0)], counts[(row, 1)]);
             assert!((along[(row, 0)] - (-2.0 + y * y + 2.5 * x.powi(4))).abs() < 1e-5);

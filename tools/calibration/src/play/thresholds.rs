@@ -8,8 +8,8 @@ const LEAST_COUNTS: f64 = 4.0;
 /// What the way of one motor lets thresholds be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Range {
-    /// The least that shows, counts: a quarter of the usual step between positions, for a gap that is crossed within
-    /// one step is the same as none.
+    /// The least that shows, counts: a quarter of the usual step between positions, for a gap that
+    /// is crossed within one step is the same as none.
     pub low: f64,
     /// Half the longest way between two turning points, counts: a wider gap is never crossed.
     pub high: f64,
@@ -18,7 +18,10 @@ pub(super) struct Range {
 impl Range {
     /// Of one motor along a path; `None` if it hardly moves.
     pub fn of(path: &[MotorVec], motor: usize) -> Option<Self> {
-        let mut steps: Vec<f64> = path.windows(2).map(|pair| (pair[1][motor] - pair[0][motor]).abs()).collect();
+        let mut steps: Vec<f64> = path
+            .windows(2)
+            .map(|pair| (pair[1][motor] - pair[0][motor]).abs())
+            .collect();
         steps.retain(|step| *step > 0.0);
         steps.sort_by(f64::total_cmp);
         let usual = *steps.get(steps.len() / 2)?;
@@ -68,18 +71,34 @@ mod tests {
 
     #[test]
     fn the_longest_way_lies_between_two_turning_points() {
-        assert_eq!(longest_way([0.0, 50.0, 120.0, 100.0, 90.0, 90.0, 10.0, 30.0].into_iter()), 120.0);
-        assert_eq!(longest_way([0.0, 50.0, 20.0, 20.0, -100.0, 0.0].into_iter()), 150.0);
+        assert_eq!(
+            longest_way([0.0, 50.0, 120.0, 100.0, 90.0, 90.0, 10.0, 30.0].into_iter()),
+            120.0
+        );
+        assert_eq!(
+            longest_way([0.0, 50.0, 20.0, 20.0, -100.0, 0.0].into_iter()),
+            150.0
+        );
         assert_eq!(longest_way([5.0].into_iter()), 0.0);
     }
 
     #[test]
     fn thresholds_rise_from_0_to_the_top() {
-        let sweep: Vec<f64> = (0..400).map(|i| 500.0 * (0.05 * f64::from(i)).sin()).collect();
+        let sweep: Vec<f64> = (0..400)
+            .map(|i| 500.0 * (0.05 * f64::from(i)).sin())
+            .collect();
         let range = Range::of(&path(&sweep), 0).unwrap();
-        assert!((range.high - 500.0).abs() < 2.0 && range.low >= LEAST_COUNTS, "{range:?}");
+        assert!(
+            (range.high - 500.0).abs() < 2.0 && range.low >= LEAST_COUNTS,
+            "{range:?}"
+        );
         let grid = range.grid(8, 0.7);
-        assert!(grid.len() == 9 && grid[0] == 0.0 && grid[1] == range.low && grid.is_sorted_by(|a, b| a < b));
+        assert!(
+            grid.len() == 9
+                && grid[0] == 0.0
+                && grid[1] == range.low
+                && grid.is_sorted_by(|a, b| a < b)
+        );
         assert!((grid[8] - range.top(0.7)).abs() < 1e-9);
         assert!((range.top(1.0) - range.high).abs() < 1e-9);
     }

@@ -1,9 +1,10 @@
 //! Weights of the plays, by variable projection.
 //!
-//! The outputs are taken for `shape(v)`, `v_i = sum_j w_ij z_ij`, with weights `w >= 0` and a shape that is linear in its
-//! own coefficients. Those are projected out: for given weights they follow by linear least squares, and a Gauss-Newton
-//! step in the weights sees only what no change of the coefficients can do (G. Golub and V. Pereyra 1973, in the form of
-//! L. Kaufman 1975). The step itself is a least-squares problem with non-negative unknowns.
+//! The outputs are taken for `shape(v)`, `v_i = sum_j w_ij z_ij`, with weights `w >= 0` and a shape
+//! that is linear in its own coefficients. Those are projected out: for given weights they follow
+//! by linear least squares, and a Gauss-Newton step in the weights sees only what no change of the
+//! coefficients can do (G. Golub and V. Pereyra 1973, in the form of L. Kaufman 1975). The step
+//! itself is a least-squares problem with non-negative unknowns.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,12 +18,12 @@ const STEPS: usize = 4;
 /// Halvings of a step that does not lower the error.
 const HALVINGS: usize = 4;
 
-/// The least weight of the threshold 0, when the weights of a motor sum to 1: the inverse may be up to its reciprocal
-/// steeper than the counts at a turning point.
+/// The least weight of the threshold 0, when the weights of a motor sum to 1: the inverse may be up
+/// to its reciprocal steeper than the counts at a turning point.
 pub(super) const FIRST_WEIGHT: f64 = 0.02;
 
-/// How much weights are held where they were, as a part of the mean of the normal equations' diagonal: the scale of the
-/// weights of a motor is free, for the shape can undo it.
+/// How much weights are held where they were, as a part of the mean of the normal equations'
+/// diagonal: the scale of the weights of a motor is free, for the shape can undo it.
 const INERTIA: f64 = 1e-6;
 
 /// Weights of every motor, each summing to 1.
@@ -45,8 +46,14 @@ impl Linearised {
         let basis = Basis::new(&virtual_counts)?;
         let coefficients = basis.coefficients(&stage.outputs);
         let error = &stage.outputs - &basis.values * &coefficients;
-        let slopes = (0..D).map(|motor| basis.slope(&virtual_counts, motor, &coefficients)).collect();
-        Some(Self { error, slopes, basis })
+        let slopes = (0..D)
+            .map(|motor| basis.slope(&virtual_counts, motor, &coefficients))
+            .collect();
+        Some(Self {
+            error,
+            slopes,
+            basis,
+        })
     }
 
     /// The weights after a full step.
@@ -62,21 +69,31 @@ impl Linearised {
         }
         let inertia = INERTIA * gram.trace() / size as f64 + f64::MIN_POSITIVE;
         (0..size).for_each(|i| gram[(i, i)] += inertia);
-        let old = DVector::from_iterator(size, weights.iter().flat_map(|motor| motor.iter().copied()));
+        let old =
+            DVector::from_iterator(size, weights.iter().flat_map(|motor| motor.iter().copied()));
         let mut least = DVector::zeros(size);
         starts(weights).for_each(|first| least[first] = FIRST_WEIGHT);
         let rhs = rhs + &gram * (old - &least);
         let found = nnls(&gram, &rhs) + least;
         let motors = starts(weights).zip(weights);
-        motors.map(|(first, motor)| normalised(found.rows(first, motor.len()).into_owned())).collect()
+        motors
+            .map(|(first, motor)| normalised(found.rows(first, motor.len()).into_owned()))
+            .collect()
     }
 
     /// How one output moves with every weight: row: sample.
     fn moves<const D: usize>(&self, stage: &Stage<D>, output: usize) -> DMatrix<f64> {
-        let columns = stage.plays.iter().zip(&self.slopes).flat_map(|(plays, slopes)| {
-            let slope = slopes.column(output).into_owned();
-            plays.column_iter().map(move |play| play.component_mul(&slope)).collect::<Vec<_>>()
-        });
+        let columns = stage
+            .plays
+            .iter()
+            .zip(&self.slopes)
+            .flat_map(|(plays, slopes)| {
+                let slope = slopes.column(output).into_owned();
+                plays
+                    .column_iter()
+                    .map(move |play| play.component_mul(&slope))
+                    .collect::<Vec<_>>()
+            });
         DMatrix::from_columns(&columns.collect::<Vec<_>>())
     }
 
@@ -108,7 +125,8 @@ fn normalised(weights: DVector<f64>) -> DVector<f64> {
 
 /// The same weight for every play.
 fn even<const D: usize>(stage: &Stage<D>) -> Weights {
-    let even = |plays: &DMatrix<f64>| DVector::from_element(plays.ncols(), 1.0 / plays.ncols() as f64);
+    let even =
+        |plays: &DMatrix<f64>| DVector::from_element(plays.ncols(), 1.0 / plays.ncols() as f64);
     stage.plays.iter().map(even).collect()
 }
 
@@ -118,11 +136,16 @@ pub(super) fn fit_weights<const D: usize>(stage: &Stage<D>) -> Option<Weights> {
 }
 
 /// Improves weights, and gives the sum of squares that is left. No step is taken that raises it.
-pub(super) fn improve<const D: usize>(stage: &Stage<D>, mut weights: Weights) -> Option<(Weights, f64)> {
+pub(super) fn improve<const D: usize>(
+    stage: &Stage<D>,
+    mut weights: Weights,
+) -> Option<(Weights, f64)> {
     let mut here = Linearised::polynomial(stage, &weights)?;
     for _ in 0..STEPS {
         let target = here.step(stage, &weights);
-        let Some((next, there)) = shortened(stage, &weights, &target, here.square()) else { break };
+        let Some((next, there)) = shortened(stage, &weights, &target, here.square()) else {
+            break;
+        };
         (weights, here) = (next, there);
     }
     Some((weights, here.square()))
@@ -137,7 +160,11 @@ fn shortened<const D: usize>(
 ) -> Option<(Weights, Linearised)> {
     (0..=HALVINGS).find_map(|halving| {
         let part = 0.5_f64.powi(halving as i32);
-        let next: Weights = weights.iter().zip(target).map(|(from, to)| from.lerp(to, part)).collect();
+        let next: Weights = weights
+            .iter()
+            .zip(target)
+            .map(|(from, to)| from.lerp(to, part))
+            .collect();
         let there = Linearised::polynomial(stage, &next)?;
         (there.square() < square).then_some((next, there))
     })

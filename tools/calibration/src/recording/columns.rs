@@ -1,8 +1,9 @@
 //! Which column means what.
 //!
-//! Two layouts are known without being told: the common one (`t_s`, `q0_counts`, `q1_counts`, `pitch_deg`, `yaw_deg`,
-//! or `x_mm`, `y_mm`, `z_mm`) and the one that the laboratory's scripts write (`Enc TS`, `Encoder counts 0`,
-//! `Encoder counts 1`, `pitches`, `yaws`). Whatever is named in a [`ColumnMap`] takes the place of what would be found.
+//! Two layouts are known without being told: the common one (`t_s`, `q0_counts`, `q1_counts`,
+//! `pitch_deg`, `yaw_deg`, or `x_mm`, `y_mm`, `z_mm`) and the one that the laboratory's scripts
+//! write (`Enc TS`, `Encoder counts 0`, `Encoder counts 1`, `pitches`, `yaws`). Whatever is named
+//! in a [`ColumnMap`] takes the place of what would be found.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -12,11 +13,15 @@ use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 use super::RecordingError;
 
-/// Known columns of time stamps, in order of preference. Of the laboratory's two clocks, that of the encoders.
+/// Known columns of time stamps, in order of preference. Of the laboratory's two clocks, that of
+/// the encoders.
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];
 
 /// Known columns of counts: one row per layout, one entry per motor.
-const COUNTS: [[&str; MAX_MOTORS]; 2] = [["q0_counts", "q1_counts"], ["Encoder counts 0", "Encoder counts 1"]];
+const COUNTS: [[&str; MAX_MOTORS]; 2] = [
+    ["q0_counts", "q1_counts"],
+    ["Encoder counts 0", "Encoder counts 1"],
+];
 
 /// Known columns of outputs, what they are, and their units.
 const OUTPUTS: [(&str, &str, OutputUnit); 7] = [
@@ -71,19 +76,36 @@ pub struct ParseColumnError {
 impl FromStr for OutputColumn {
     type Err = ParseColumnError;
 
-    /// `COLUMN=NAME`, or `COLUMN` alone, whose ending `_deg` or `_mm` then is not part of the name. The unit is that of
-    /// the ending of the column, degrees without one.
+    /// `COLUMN=NAME`, or `COLUMN` alone, whose ending `_deg` or `_mm` then is not part of the name.
+    /// The unit is that of the ending of the column, degrees without one.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (column, name) = text.rsplit_once('=').map_or((text, None), |(column, name)| (column, Some(name)));
+        let (column, name) = text
+            .rsplit_once('=')
+            .map_or((text, None), |(column, name)| (column, Some(name)));
         let (column, name) = (column.trim(), name.map(str::trim));
         let known = OUTPUTS.iter().find(|(known, ..)| *known == column);
-        let stem = column.strip_suffix("_deg").or_else(|| column.strip_suffix("_mm")).unwrap_or(column);
+        let stem = column
+            .strip_suffix("_deg")
+            .or_else(|| column.strip_suffix("_mm"))
+            .unwrap_or(column);
         let name = name.or(known.map(|(_, name, _)| *name)).unwrap_or(stem);
         if column.is_empty() || !(1..=16).contains(&name.len()) {
-            return Err(ParseColumnError { text: text.to_owned() });
+            return Err(ParseColumnError {
+                text: text.to_owned(),
+            });
         }
-        let unit = if column.ends_with("_mm") { OutputUnit::Mm } else { OutputUnit::Deg };
-        Ok(Self { column: column.to_owned(), output: OutputSpec { name: name.to_owned(), unit } })
+        let unit = if column.ends_with("_mm") {
+            OutputUnit::Mm
+        } else {
+            OutputUnit::Deg
+        };
+        Ok(Self {
+            column: column.to_owned(),
+            output: OutputSpec {
+                name: name.to_owned(),
+                unit,
+            },
+        })
     }
 }
 
@@ -105,14 +127,26 @@ pub(super) struct Layout {
 impl Layout {
     /// Looks up in a header what `map` names, and what is known where it names nothing.
     pub fn find(header: &[String], map: &ColumnMap, path: &Path) -> Result<Self, RecordingError> {
-        let header = Header { names: header, path };
-        let layout = Self { time: header.time(map)?, counts: header.counts(map)?, outputs: header.outputs(map)? };
+        let header = Header {
+            names: header,
+            path,
+        };
+        let layout = Self {
+            time: header.time(map)?,
+            counts: header.counts(map)?,
+            outputs: header.outputs(map)?,
+        };
         layout.check(path)?;
         Ok(layout)
     }
 
     fn check(&self, path: &Path) -> Result<(), RecordingError> {
-        let too_many = |what, found, most| RecordingError::Columns { path: path.to_owned(), what, found, most };
+        let too_many = |what, found, most| RecordingError::Columns {
+            path: path.to_owned(),
+            what,
+            found,
+            most,
+        };
         if self.counts.len() > MAX_MOTORS {
             return Err(too_many("motors", self.counts.len(), MAX_MOTORS));
         }
@@ -123,13 +157,19 @@ impl Layout {
         used.sort_by_key(|column| column.index);
         let twice = used.windows(2).find(|pair| pair[0].index == pair[1].index);
         twice.map_or(Ok(()), |pair| {
-            Err(RecordingError::UsedTwice { path: path.to_owned(), column: pair[0].name.clone() })
+            Err(RecordingError::UsedTwice {
+                path: path.to_owned(),
+                column: pair[0].name.clone(),
+            })
         })
     }
 
     /// Every column that matters.
     pub fn all(&self) -> impl Iterator<Item = &Column> {
-        self.time.iter().chain(&self.counts).chain(self.outputs.iter().map(|(column, _)| column))
+        self.time
+            .iter()
+            .chain(&self.counts)
+            .chain(self.outputs.iter().map(|(column, _)| column))
     }
 }
 
@@ -143,36 +183,60 @@ impl Header<'_> {
         match &map.time {
             TimeColumn::Ignored => Ok(None),
             TimeColumn::Named(name) => self.named(name, "--time").map(Some),
-            TimeColumn::Known => TIMES.iter().find_map(|name| self.column(name).transpose()).transpose(),
+            TimeColumn::Known => TIMES
+                .iter()
+                .find_map(|name| self.column(name).transpose())
+                .transpose(),
         }
     }
 
     fn counts(&self, map: &ColumnMap) -> Result<Vec<Column>, RecordingError> {
         if !map.counts.is_empty() {
-            return map.counts.iter().map(|name| self.named(name, "--counts")).collect();
+            return map
+                .counts
+                .iter()
+                .map(|name| self.named(name, "--counts"))
+                .collect();
         }
         for layout in COUNTS {
             if self.has(layout[0]) {
-                return layout.iter().filter_map(|name| self.column(name).transpose()).collect();
+                return layout
+                    .iter()
+                    .filter_map(|name| self.column(name).transpose())
+                    .collect();
             }
         }
-        Err(self.missing(&COUNTS.map(|layout| layout[0]), "--counts COLUMN or --counts COLUMN,COLUMN"))
+        Err(self.missing(
+            &COUNTS.map(|layout| layout[0]),
+            "--counts COLUMN or --counts COLUMN,COLUMN",
+        ))
     }
 
     /// Angles before positions: a model has one kind only.
     fn outputs(&self, map: &ColumnMap) -> Result<Vec<(Column, OutputSpec)>, RecordingError> {
         if !map.outputs.is_empty() {
             let outputs = map.outputs.iter();
-            return outputs.map(|o| Ok((self.named(&o.column, "--angles")?, o.output.clone()))).collect();
+            return outputs
+                .map(|o| Ok((self.named(&o.column, "--angles")?, o.output.clone())))
+                .collect();
         }
         let present = || OUTPUTS.iter().filter(|(column, ..)| self.has(column));
         let Some(&(.., unit)) = present().next() else {
             let options = ["pitch_deg", "yaw_deg", "pitches", "yaws"];
-            return Err(self.missing(&options, "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME"));
+            return Err(self.missing(
+                &options,
+                "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME",
+            ));
         };
         let of_one_unit = present().filter(|(.., other)| *other == unit);
         let column = |(column, name, unit): &(&str, &str, OutputUnit)| {
-            Ok((self.named(column, "--angles")?, OutputSpec { name: (*name).to_owned(), unit: *unit }))
+            Ok((
+                self.named(column, "--angles")?,
+                OutputSpec {
+                    name: (*name).to_owned(),
+                    unit: *unit,
+                },
+            ))
         };
         of_one_unit.map(column).collect()
     }
@@ -182,21 +246,35 @@ impl Header<'_> {
     }
 
     fn named(&self, name: &str, option: &'static str) -> Result<Column, RecordingError> {
-        self.column(name)?.ok_or_else(|| self.missing(&[name], option))
+        self.column(name)?
+            .ok_or_else(|| self.missing(&[name], option))
     }
 
     fn column(&self, name: &str) -> Result<Option<Column>, RecordingError> {
-        let mut found = self.names.iter().enumerate().filter(|(_, other)| *other == name);
-        let first = found.next().map(|(index, name)| Column { index, name: name.clone() });
+        let mut found = self
+            .names
+            .iter()
+            .enumerate()
+            .filter(|(_, other)| *other == name);
+        let first = found.next().map(|(index, name)| Column {
+            index,
+            name: name.clone(),
+        });
         match found.next() {
             None => Ok(first),
-            Some(_) => Err(RecordingError::Ambiguous { path: self.path.to_owned(), column: name.to_owned() }),
+            Some(_) => Err(RecordingError::Ambiguous {
+                path: self.path.to_owned(),
+                column: name.to_owned(),
+            }),
         }
     }
 
     fn missing(&self, wanted: &[&str], option: &'static str) -> RecordingError {
         let list = |names: &mut dyn Iterator<Item = &str>, between: &str| {
-            names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(between)
+            names
+                .map(|name| format!("`{name}`"))
+                .collect::<Vec<_>>()
+                .join(between)
         };
         RecordingError::MissingColumn {
             path: self.path.to_owned(),

@@ -35,7 +35,8 @@ pub struct Row {
     pub time_s: Option<f64>,
     /// Encoder counts; entries beyond the number of motors are 0.
     pub counts: MotorVec,
-    /// Measured outputs in the unit of the file (degrees or mm); entries beyond the number of outputs are 0.
+    /// Measured outputs in the unit of the file (degrees or mm); entries beyond the number of
+    /// outputs are 0.
     pub outputs: [f64; MAX_OUTPUTS],
     /// Index of the position in [`Recording::path`].
     pub place: usize,
@@ -52,8 +53,9 @@ pub struct Position {
     pub counts: MotorVec,
 }
 
-/// A recording that has been checked: at least [`MIN_ROWS`] rows, every number finite and of a size that it can have,
-/// no motor and no output constant, time (where there is one) strictly increasing.
+/// A recording that has been checked: at least [`MIN_ROWS`] rows, every number finite and of a size
+/// that it can have, no motor and no output constant, time (where there is one) strictly
+/// increasing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
     name: String,
@@ -89,8 +91,8 @@ impl Recording {
         &self.outputs
     }
 
-    /// The way of the motors: every position of the file, in order, also those at which nothing was measured. What
-    /// depends on history needs all of them.
+    /// The way of the motors: every position of the file, in order, also those at which nothing was
+    /// measured. What depends on history needs all of them.
     #[must_use]
     pub fn path(&self) -> &[Position] {
         &self.path

@@ -19,22 +19,45 @@ const MAX_ANGLE_DEG: f64 = 180.0;
 const MAX_POSITION_MM: f64 = 1000.0;
 
 impl Recording {
-    /// Reads and checks a CSV file with a header. Rows with an empty cell in a column that matters are left out and
-    /// reported.
+    /// Reads and checks a CSV file with a header. Rows with an empty cell in a column that matters
+    /// are left out and reported.
     ///
     /// # Errors
     ///
-    /// When the file cannot be read, a column is missing, or anything in it makes no sense; see [`RecordingError`].
+    /// When the file cannot be read, a column is missing, or anything in it makes no sense; see
+    /// [`RecordingError`].
     pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
-        let bytes = fs::read(path).map_err(|source| RecordingError::Read { path: path.to_owned(), source })?;
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let bytes = fs::read(path).map_err(|source| RecordingError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        let name = path
+            .file_name()
+            .unwrap_or(path.as_os_str())
+            .to_string_lossy()
+            .into_owned();
         let (layout, table) = parse(&bytes, columns, path)?;
-        let (motors, outputs) =
-            (layout.counts.len(), layout.outputs.iter().map(|(_, output)| output.clone()).collect());
+        let (motors, outputs) = (
+            layout.counts.len(),
+            layout
+                .outputs
+                .iter()
+                .map(|(_, output)| output.clone())
+                .collect(),
+        );
         check::columns_are_filled(&table, &layout, path)?;
-        let recording = Self { name, sha256: hash(&bytes), motors, outputs, path: table.path, rows: table.rows };
+        let recording = Self {
+            name,
+            sha256: hash(&bytes),
+            motors,
+            outputs,
+            path: table.path,
+            rows: table.rows,
+        };
         check::rows_make_sense(&recording, &layout, path)?;
-        let names = |columns: &mut dyn Iterator<Item = &Column>| columns.map(|column| column.name.clone()).collect();
+        let names = |columns: &mut dyn Iterator<Item = &Column>| {
+            columns.map(|column| column.name.clone()).collect()
+        };
         let report = ReadReport {
             rows: table.total,
             positions: table.positions,
@@ -66,12 +89,29 @@ pub(super) struct RawTable {
 impl RawTable {
     fn take(&mut self, parsed: Parsed, line: u64) {
         let place = self.path.len();
-        let Parsed { time_s, counts, outputs, measured, empty, located } = parsed;
+        let Parsed {
+            time_s,
+            counts,
+            outputs,
+            measured,
+            empty,
+            located,
+        } = parsed;
         if located {
-            self.path.push(Position { line, time_s, counts });
+            self.path.push(Position {
+                line,
+                time_s,
+                counts,
+            });
         }
         match empty {
-            None => self.rows.push(Row { line, time_s, counts, outputs, place }),
+            None => self.rows.push(Row {
+                line,
+                time_s,
+                counts,
+                outputs,
+                place,
+            }),
             Some(_) if located && !measured => self.positions += 1,
             Some(column) => self.dropped.push(DroppedRow { line, column }),
         }
@@ -91,23 +131,44 @@ struct Parsed {
     located: bool,
 }
 
-fn parse(bytes: &[u8], columns: &ColumnMap, path: &Path) -> Result<(Layout, RawTable), RecordingError> {
-    let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(bytes);
+fn parse(
+    bytes: &[u8],
+    columns: &ColumnMap,
+    path: &Path,
+) -> Result<(Layout, RawTable), RecordingError> {
+    let mut reader = ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(Trim::All)
+        .from_reader(bytes);
     let mut record = StringRecord::new();
     if !read_record(&mut reader, &mut record, path)? {
-        return Err(RecordingError::Empty { path: path.to_owned() });
+        return Err(RecordingError::Empty {
+            path: path.to_owned(),
+        });
     }
     let header: Vec<String> = record.iter().map(str::to_owned).collect();
     let layout = Layout::find(&header, columns, path)?;
-    let mut table = RawTable { filled: vec![0; header.len()], ..RawTable::default() };
+    let mut table = RawTable {
+        filled: vec![0; header.len()],
+        ..RawTable::default()
+    };
     while read_record(&mut reader, &mut record, path)? {
         if record.len() == 1 && header.len() > 1 && record.iter().all(str::is_empty) {
             continue;
         }
-        let line = Line { path, number: line_of(&record, bytes), cells: &record };
+        let line = Line {
+            path,
+            number: line_of(&record, bytes),
+            cells: &record,
+        };
         line.check_length(header.len())?;
         table.total += 1;
-        table.filled.iter_mut().zip(&record).for_each(|(filled, cell)| *filled += usize::from(!cell.is_empty()));
+        table
+            .filled
+            .iter_mut()
+            .zip(&record)
+            .for_each(|(filled, cell)| *filled += usize::from(!cell.is_empty()));
         table.take(line.parse(&layout)?, line.number);
     }
     Ok((layout, table))
@@ -131,9 +192,14 @@ fn read_record(
 
 /// The position of a record is where the reader began to look for it: blank lines may lie between.
 fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
-    let Some(position) = record.position() else { return 0 };
+    let Some(position) = record.position() else {
+        return 0;
+    };
     let from = usize::try_from(position.byte()).unwrap_or(usize::MAX);
-    let blank = bytes.iter().skip(from).take_while(|byte| matches!(byte, b'\r' | b'\n'));
+    let blank = bytes
+        .iter()
+        .skip(from)
+        .take_while(|byte| matches!(byte, b'\r' | b'\n'));
     position.line() + blank.filter(|byte| **byte == b'\n').count() as u64
 }
 
@@ -150,7 +216,12 @@ impl Line<'_> {
         if found == expected {
             return Ok(());
         }
-        Err(RecordingError::RowLength { path: self.path.to_owned(), line: self.number, found, expected })
+        Err(RecordingError::RowLength {
+            path: self.path.to_owned(),
+            line: self.number,
+            found,
+            expected,
+        })
     }
 
     /// Every cell is looked at, so that nonsense beside an empty cell is still found.
@@ -163,24 +234,40 @@ impl Line<'_> {
         let mut counts = MotorVec::default();
         for (count, column) in counts.iter_mut().zip(&layout.counts) {
             let reason = "is out of the range of an encoder, 32 bits; correct the cell or name another column";
-            *count = self.number(column, f64::from(i32::MAX), reason, &mut empty)?.unwrap_or_default();
+            *count = self
+                .number(column, f64::from(i32::MAX), reason, &mut empty)?
+                .unwrap_or_default();
         }
         let located = empty.is_none();
         let mut outputs = [0.0; MAX_OUTPUTS];
         let mut measured = false;
         for (output, (column, spec)) in outputs.iter_mut().zip(&layout.outputs) {
             let (most, reason) = match spec.unit {
-                OutputUnit::Deg => (MAX_ANGLE_DEG, "is not between -180 and 180 degrees; correct the cell or its unit"),
-                OutputUnit::Mm => (MAX_POSITION_MM, "is not between -1000 and 1000 mm; correct the cell or its unit"),
+                OutputUnit::Deg => (
+                    MAX_ANGLE_DEG,
+                    "is not between -180 and 180 degrees; correct the cell or its unit",
+                ),
+                OutputUnit::Mm => (
+                    MAX_POSITION_MM,
+                    "is not between -1000 and 1000 mm; correct the cell or its unit",
+                ),
             };
             let number = self.number(column, most, reason, &mut empty)?;
             measured |= number.is_some();
             *output = number.unwrap_or_default();
         }
-        Ok(Parsed { time_s, counts, outputs, measured, empty: empty.map(str::to_owned), located })
+        Ok(Parsed {
+            time_s,
+            counts,
+            outputs,
+            measured,
+            empty: empty.map(str::to_owned),
+            located,
+        })
     }
 
-    /// The number in a cell; `None`, and the first such column noted in `empty`, when there is nothing in it.
+    /// The number in a cell; `None`, and the first such column noted in `empty`, when there is
+    /// nothing in it.
     fn number<'c>(
         &self,
         column: &'c Column,
@@ -200,19 +287,29 @@ impl Line<'_> {
             value: cell.to_owned(),
             reason,
         };
-        let number: f64 = cell.parse().map_err(|_| wrong("is not a number; correct the cell, or empty it"))?;
+        let number: f64 = cell
+            .parse()
+            .map_err(|_| wrong("is not a number; correct the cell, or empty it"))?;
         if !number.is_finite() {
-            return Err(wrong("is not a finite number; leave the cell empty where nothing was measured"));
+            return Err(wrong(
+                "is not a finite number; leave the cell empty where nothing was measured",
+            ));
         }
-        if number.abs() > most { Err(wrong(beyond)) } else { Ok(Some(number)) }
+        if number.abs() > most {
+            Err(wrong(beyond))
+        } else {
+            Ok(Some(number))
+        }
     }
 }
 
 /// SHA-256, hexadecimal.
 pub(super) fn hash(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
+    Sha256::digest(bytes)
+        .iter()
+        .fold(String::new(), |mut text, byte| {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{byte:02x}");
+            text
+        })
 }

@@ -21,8 +21,19 @@ fn read(text: &str) -> Result<(Recording, ReadReport), RecordingError> {
 
 /// A good recording of 30 rows in the common format, lines 2 to 31.
 fn good() -> Vec<String> {
-    let row = |i: i32| format!("{}.5,{},{},{}.25,{}", i, 10 * i, i * i - 100, i - 15, 0.5 * f64::from(i % 7));
-    std::iter::once(COMMON.to_owned()).chain((0..30).map(row)).collect()
+    let row = |i: i32| {
+        format!(
+            "{}.5,{},{},{}.25,{}",
+            i,
+            10 * i,
+            i * i - 100,
+            i - 15,
+            0.5 * f64::from(i % 7)
+        )
+    };
+    std::iter::once(COMMON.to_owned())
+        .chain((0..30).map(row))
+        .collect()
 }
 
 /// The good recording with one cell replaced.
@@ -41,7 +52,10 @@ fn with_column(column: usize, cell: &str) -> String {
         cells[column] = cell;
         cells.join(",")
     };
-    std::iter::once(COMMON.to_owned()).chain(good().iter().skip(1).map(replaced)).collect::<Vec<_>>().join("\n")
+    std::iter::once(COMMON.to_owned())
+        .chain(good().iter().skip(1).map(replaced))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[track_caller]
@@ -56,31 +70,57 @@ fn refused(text: &str, parts: &[&str]) {
 #[test]
 fn the_common_format_is_recognised() {
     let (recording, report) = read(&good().join("\n")).unwrap();
-    assert_eq!((recording.motors(), recording.rows().len(), report.rows), (2, 30, 30));
+    assert_eq!(
+        (recording.motors(), recording.rows().len(), report.rows),
+        (2, 30, 30)
+    );
     assert_eq!(recording.name(), "rows.csv");
-    let names: Vec<_> = recording.outputs().iter().map(|output| output.name.as_str()).collect();
+    let names: Vec<_> = recording
+        .outputs()
+        .iter()
+        .map(|output| output.name.as_str())
+        .collect();
     assert_eq!(names, ["pitch", "yaw"]);
     let row = recording.rows()[3];
-    assert_eq!((row.line, row.time_s, row.counts, row.outputs), (5, Some(3.5), [30.0, -91.0], [-12.25, 1.5, 0.0]));
+    assert_eq!(
+        (row.line, row.time_s, row.counts, row.outputs),
+        (5, Some(3.5), [30.0, -91.0], [-12.25, 1.5, 0.0])
+    );
 }
 
 #[test]
 fn the_laboratorys_format_is_recognised() {
     let rows = (0..30).map(|i| format!("{i}.0,{i}.1,{},{},{},-{i}.5", -i, 2 * i, i % 5));
-    let text = std::iter::once(LABORATORY.to_owned()).chain(rows).collect::<Vec<_>>().join("\r\n");
+    let text = std::iter::once(LABORATORY.to_owned())
+        .chain(rows)
+        .collect::<Vec<_>>()
+        .join("\r\n");
     let (recording, report) = read(&format!("\u{feff}{text}\r\n")).unwrap();
-    assert_eq!(report.counts_columns, ["Encoder counts 0", "Encoder counts 1"]);
+    assert_eq!(
+        report.counts_columns,
+        ["Encoder counts 0", "Encoder counts 1"]
+    );
     assert_eq!(report.output_columns, ["pitches", "yaws"]);
     assert_eq!(report.time_column.as_deref(), Some("Enc TS"));
     let row = recording.rows()[4];
-    assert_eq!((row.time_s, row.counts, row.outputs), (Some(4.1), [8.0, -4.0], [-4.5, 4.0, 0.0]));
+    assert_eq!(
+        (row.time_s, row.counts, row.outputs),
+        (Some(4.1), [8.0, -4.0], [-4.5, 4.0, 0.0])
+    );
 }
 
 #[test]
 fn one_motor_without_time_is_recognised() {
     let rows: Vec<_> = (0..25).map(|i| format!("{},{}.5", 1600 + i, i)).collect();
     let (recording, report) = read(&format!("q0_counts,pitch_deg\n{}", rows.join("\n"))).unwrap();
-    assert_eq!((recording.motors(), recording.outputs().len(), report.time_column), (1, 1, None));
+    assert_eq!(
+        (
+            recording.motors(),
+            recording.outputs().len(),
+            report.time_column
+        ),
+        (1, 1, None)
+    );
     assert_eq!(recording.rows()[0].time_s, None);
 }
 
@@ -92,18 +132,30 @@ fn named_columns_take_the_place_of_known_ones() {
         outputs: vec!["yaw_deg=bend".parse().unwrap()],
     };
     let (recording, _) = read_as(good().join("\n").as_bytes(), &columns).unwrap();
-    assert_eq!((recording.motors(), recording.outputs()[0].name.as_str()), (1, "bend"));
-    assert_eq!((recording.rows()[1].time_s, recording.rows()[1].counts), (None, [-99.0, 0.0]));
+    assert_eq!(
+        (recording.motors(), recording.outputs()[0].name.as_str()),
+        (1, "bend")
+    );
+    assert_eq!(
+        (recording.rows()[1].time_s, recording.rows()[1].counts),
+        (None, [-99.0, 0.0])
+    );
 }
 
 #[test]
 fn an_output_column_is_parsed() {
-    let parse = |text: &str| text.parse::<OutputColumn>().map(|o| (o.column, o.output.name, o.output.unit));
+    let parse = |text: &str| {
+        text.parse::<OutputColumn>()
+            .map(|o| (o.column, o.output.name, o.output.unit))
+    };
     let deg = |column: &str, name: &str| Ok((column.to_owned(), name.to_owned(), OutputUnit::Deg));
     assert_eq!(parse("pitches"), deg("pitches", "pitch"));
     assert_eq!(parse("bend_deg"), deg("bend_deg", "bend"));
     assert_eq!(parse(" a = b "), deg("a", "b"));
-    assert_eq!(parse("x_mm"), Ok(("x_mm".to_owned(), "x".to_owned(), OutputUnit::Mm)));
+    assert_eq!(
+        parse("x_mm"),
+        Ok(("x_mm".to_owned(), "x".to_owned(), OutputUnit::Mm))
+    );
     assert!(parse("").is_err() && parse("a=").is_err() && parse("a=seventeen-letters").is_err());
 }
 
@@ -114,11 +166,24 @@ fn rows_with_an_empty_cell_are_dropped_and_named() {
     lines.splice(10..10, ["".to_owned(), " ".to_owned(), "\r".to_owned()]);
     lines.push(",7,7,7,7".to_owned());
     let (recording, report) = read(&lines.join("\n")).unwrap();
-    let dropped: Vec<_> = report.dropped.iter().map(|row| (row.line, row.column.as_str())).collect();
+    let dropped: Vec<_> = report
+        .dropped
+        .iter()
+        .map(|row| (row.line, row.column.as_str()))
+        .collect();
     assert_eq!(dropped, [(5, "pitch_deg"), (35, "t_s")]);
     assert_eq!((report.rows, recording.rows().len()), (31, 29));
     // The blank lines 11 to 13 are no rows, but they count as lines.
-    assert_eq!(recording.rows().iter().map(|row| row.line).skip(7).take(3).collect::<Vec<_>>(), [10, 14, 15]);
+    assert_eq!(
+        recording
+            .rows()
+            .iter()
+            .map(|row| row.line)
+            .skip(7)
+            .take(3)
+            .collect::<Vec<_>>(),
+        [10, 14, 15]
+    );
 }
 
 #[test]
@@ -136,44 +201,130 @@ fn the_hash_is_that_of_the_bytes() {
 
 #[test]
 fn a_missing_file_is_named() {
-    let message = Recording::read("no/such.csv".as_ref(), &ColumnMap::default()).unwrap_err().to_string();
-    assert!(message.contains("no/such.csv") && message.contains("No such file"), "{message}");
+    let message = Recording::read("no/such.csv".as_ref(), &ColumnMap::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("no/such.csv") && message.contains("No such file"),
+        "{message}"
+    );
 }
 
 #[test]
 fn wrong_columns_are_answered_with_those_there_are() {
-    refused("a,b\n1,2\n", &["`q0_counts` or `Encoder counts 0`", "columns are `a`, `b`", "--counts"]);
-    refused("q0_counts,b\n1,2\n", &["`pitch_deg` or `yaw_deg` or `pitches` or `yaws`", "`b`", "--angles"]);
-    refused("q0_counts,q0_counts,pitch_deg\n1,2,3\n", &["two columns are named `q0_counts`"]);
-    let columns = ColumnMap { counts: vec!["left".to_owned()], ..ColumnMap::default() };
-    let message = read_as(good().join("\n").as_bytes(), &columns).unwrap_err().to_string();
-    assert!(message.contains("no column `left`") && message.contains("`q1_counts`"), "{message}");
+    refused(
+        "a,b\n1,2\n",
+        &[
+            "`q0_counts` or `Encoder counts 0`",
+            "columns are `a`, `b`",
+            "--counts",
+        ],
+    );
+    refused(
+        "q0_counts,b\n1,2\n",
+        &[
+            "`pitch_deg` or `yaw_deg` or `pitches` or `yaws`",
+            "`b`",
+            "--angles",
+        ],
+    );
+    refused(
+        "q0_counts,q0_counts,pitch_deg\n1,2,3\n",
+        &["two columns are named `q0_counts`"],
+    );
+    let columns = ColumnMap {
+        counts: vec!["left".to_owned()],
+        ..ColumnMap::default()
+    };
+    let message = read_as(good().join("\n").as_bytes(), &columns)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("no column `left`") && message.contains("`q1_counts`"),
+        "{message}"
+    );
 }
 
 #[test]
 fn one_column_has_one_purpose() {
     let twice = |column: &str| vec![column.to_owned(); 2];
-    let columns = ColumnMap { counts: twice("q0_counts"), ..ColumnMap::default() };
-    let message = read_as(good().join("\n").as_bytes(), &columns).unwrap_err().to_string();
-    assert!(message.contains("`q0_counts` is named for two purposes"), "{message}");
-    let three = ["q0_counts", "q1_counts", "t_s"].map(str::to_owned).to_vec();
-    let message = read_as(good().join("\n").as_bytes(), &ColumnMap { counts: three, ..ColumnMap::default() });
-    assert!(message.unwrap_err().to_string().contains("3 columns are named as motors; a model has at most 2"));
+    let columns = ColumnMap {
+        counts: twice("q0_counts"),
+        ..ColumnMap::default()
+    };
+    let message = read_as(good().join("\n").as_bytes(), &columns)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("`q0_counts` is named for two purposes"),
+        "{message}"
+    );
+    let three = ["q0_counts", "q1_counts", "t_s"]
+        .map(str::to_owned)
+        .to_vec();
+    let message = read_as(
+        good().join("\n").as_bytes(),
+        &ColumnMap {
+            counts: three,
+            ..ColumnMap::default()
+        },
+    );
+    assert!(
+        message
+            .unwrap_err()
+            .to_string()
+            .contains("3 columns are named as motors; a model has at most 2")
+    );
 }
 
 #[test]
 fn nonsense_is_named_with_line_and_column() {
-    refused(&with_cell(7, 3, "left"), &["line 7, column `pitch_deg`: `left` is not a number"]);
-    refused(&with_cell(7, 3, "NaN"), &["line 7, column `pitch_deg`: `NaN` is not a finite number"]);
-    refused(&with_cell(9, 1, "-inf"), &["line 9, column `q0_counts`: `-inf` is not a finite number"]);
-    refused(&with_cell(9, 4, "180.5"), &["line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees"]);
-    refused(&with_cell(3, 2, "3e9"), &["line 3, column `q1_counts`: `3e9` is out of the range of an encoder"]);
-    refused(&with_cell(3, 2, "1,2"), &["line 3: has 6 cells, and the header names 5 columns"]);
-    refused(&with_cell(6, 0, "3.5"), &["line 6, column `t_s`: time 3.5 s stands there twice", "line 5"]);
-    refused(&with_cell(6, 0, "3.25"), &["line 6, column `t_s`: time 3.25 s goes backwards", "--no-time"]);
+    refused(
+        &with_cell(7, 3, "left"),
+        &["line 7, column `pitch_deg`: `left` is not a number"],
+    );
+    refused(
+        &with_cell(7, 3, "NaN"),
+        &["line 7, column `pitch_deg`: `NaN` is not a finite number"],
+    );
+    refused(
+        &with_cell(9, 1, "-inf"),
+        &["line 9, column `q0_counts`: `-inf` is not a finite number"],
+    );
+    refused(
+        &with_cell(9, 4, "180.5"),
+        &["line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees"],
+    );
+    refused(
+        &with_cell(3, 2, "3e9"),
+        &["line 3, column `q1_counts`: `3e9` is out of the range of an encoder"],
+    );
+    refused(
+        &with_cell(3, 2, "1,2"),
+        &["line 3: has 6 cells, and the header names 5 columns"],
+    );
+    refused(
+        &with_cell(6, 0, "3.5"),
+        &[
+            "line 6, column `t_s`: time 3.5 s stands there twice",
+            "line 5",
+        ],
+    );
+    refused(
+        &with_cell(6, 0, "3.25"),
+        &[
+            "line 6, column `t_s`: time 3.25 s goes backwards",
+            "--no-time",
+        ],
+    );
     let bytes = [good().join("\n").as_bytes(), b"\n30,\xff,2,3,4"].concat();
-    let message = read_as(&bytes, &ColumnMap::default()).unwrap_err().to_string();
-    assert!(message.contains("line 32: is not text in UTF-8"), "{message}");
+    let message = read_as(&bytes, &ColumnMap::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("line 32: is not text in UTF-8"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -184,16 +335,34 @@ fn nonsense_in_a_dropped_row_is_found_too() {
 
 #[test]
 fn empty_and_constant_columns_are_named() {
-    refused(&with_column(4, ""), &["column `yaw_deg` is empty on every row", "--angles"]);
-    refused(&with_column(1, ""), &["column `q0_counts` is empty on every row", "--counts"]);
-    refused(&with_column(2, "7"), &["column `q1_counts` is 7 on every row: that motor never moved", "--counts"]);
-    refused(&with_column(3, "0.5"), &["column `pitch_deg` is 0.5 on every row: nothing was measured"]);
+    refused(
+        &with_column(4, ""),
+        &["column `yaw_deg` is empty on every row", "--angles"],
+    );
+    refused(
+        &with_column(1, ""),
+        &["column `q0_counts` is empty on every row", "--counts"],
+    );
+    refused(
+        &with_column(2, "7"),
+        &[
+            "column `q1_counts` is 7 on every row: that motor never moved",
+            "--counts",
+        ],
+    );
+    refused(
+        &with_column(3, "0.5"),
+        &["column `pitch_deg` is 0.5 on every row: nothing was measured"],
+    );
 }
 
 #[test]
 fn too_few_rows_are_counted() {
     refused("", &["is empty"]);
-    refused(COMMON, &["0 complete row(s), and a model takes at least 20"]);
+    refused(
+        COMMON,
+        &["0 complete row(s), and a model takes at least 20"],
+    );
     refused(&good()[..2].join("\n"), &["1 complete row(s)"]);
     refused(&good()[..20].join("\n"), &["19 complete row(s)"]);
     assert!(read(&good()[..21].join("\n")).is_ok());
@@ -250,12 +419,24 @@ proptest! {
 
 #[test]
 fn a_cell_that_was_not_measured_is_left_empty() {
-    let outputs = [OutputSpec { name: "x".to_owned(), unit: OutputUnit::Mm }];
+    let outputs = [OutputSpec {
+        name: "x".to_owned(),
+        unit: OutputUnit::Mm,
+    }];
     let mut writer = RecordingWriter::new(Vec::new(), true, 1, &outputs).unwrap();
     writer
-        .row(&Row { line: 0, time_s: Some(0.5), counts: [3.0, 9.0], outputs: [f64::NAN, 1.0, 1.0], place: 0 })
+        .row(&Row {
+            line: 0,
+            time_s: Some(0.5),
+            counts: [3.0, 9.0],
+            outputs: [f64::NAN, 1.0, 1.0],
+            place: 0,
+        })
         .unwrap();
-    assert_eq!(String::from_utf8(writer.finish().unwrap()).unwrap(), "t_s,q0_counts,x_mm\n0.5,3,\n");
+    assert_eq!(
+        String::from_utf8(writer.finish().unwrap()).unwrap(),
+        "t_s,q0_counts,x_mm\n0.5,3,\n"
+    );
 }
 
 #[test]
@@ -265,7 +446,10 @@ fn positions_without_outputs_are_part_of_the_way_and_no_samples() {
     lines.insert(8, "5.95,57,0,3,".to_owned());
     let (recording, report) = read(&lines.join("\n")).unwrap();
     let plain = read(&good().join("\n")).unwrap().0;
-    assert_eq!((recording.path().len(), recording.rows().len()), (plain.rows().len() + 2, plain.rows().len()));
+    assert_eq!(
+        (recording.path().len(), recording.rows().len()),
+        (plain.rows().len() + 2, plain.rows().len())
+    );
     assert_eq!((report.positions, report.dropped.len()), (1, 1));
     for row in recording.rows() {
         let place = recording.path()[row.place];

@@ -6,9 +6,9 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 
 use super::Row;
 
-/// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or `NAME_mm` per output.
-/// Numbers are written so that reading gives the same bits back. Every row goes to the writer at once, so that a
-/// recording that is cut off keeps what it has.
+/// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
+/// `NAME_mm` per output. Numbers are written so that reading gives the same bits back. Every row
+/// goes to the writer at once, so that a recording that is cut off keeps what it has.
 #[derive(Debug)]
 pub struct RecordingWriter<W: Write> {
     to: W,
@@ -26,14 +26,21 @@ impl<W: Write> RecordingWriter<W> {
     pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let time = timed.then(|| "t_s".to_owned());
         let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
-        let angles = outputs.iter().map(|output| format!("{}_{}", output.name, suffix(output.unit)));
+        let angles = outputs
+            .iter()
+            .map(|output| format!("{}_{}", output.name, suffix(output.unit)));
         let header: Vec<String> = time.into_iter().chain(counts).chain(angles).collect();
         writeln!(to, "{}", header.join(","))?;
-        Ok(Self { to, timed, motors, outputs: outputs.len() })
+        Ok(Self {
+            to,
+            timed,
+            motors,
+            outputs: outputs.len(),
+        })
     }
 
-    /// Writes a row; its `line` does not matter. A time that is missing in a timed recording, or a number that is not
-    /// finite, leaves its cell empty.
+    /// Writes a row; its `line` does not matter. A time that is missing in a timed recording, or a
+    /// number that is not finite, leaves its cell empty.
     ///
     /// # Errors
     ///
@@ -41,9 +48,19 @@ impl<W: Write> RecordingWriter<W> {
     pub fn row(&mut self, row: &Row) -> io::Result<()> {
         let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
         let counts = row.counts.iter().take(self.motors);
-        let numbers = time.iter().chain(counts).chain(row.outputs.iter().take(self.outputs));
-        let cells: Vec<String> =
-            numbers.map(|number| if number.is_finite() { number.to_string() } else { String::new() }).collect();
+        let numbers = time
+            .iter()
+            .chain(counts)
+            .chain(row.outputs.iter().take(self.outputs));
+        let cells: Vec<String> = numbers
+            .map(|number| {
+                if number.is_finite() {
+                    number.to_string()
+                } else {
+                    String::new()
+                }
+            })
+            .collect();
         writeln!(self.to, "{}", cells.join(","))
     }
 

@@ -11,14 +11,24 @@ const HEIGHTS: [f64; 2] = [22.0, 66.0];
 
 pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
     let unit = unit(data);
-    let x = Axis::linear(format!("root mean square error over all outputs ({unit})")).including(0.0);
-    let y = Axis::names("", data.families.iter().map(|family| family.name.clone()).collect());
+    let x =
+        Axis::linear(format!("root mean square error over all outputs ({unit})")).including(0.0);
+    let y = Axis::names(
+        "",
+        data.families
+            .iter()
+            .map(|family| family.name.clone())
+            .collect(),
+    );
     let dots = |of: fn(&FamilyScore) -> &Option<Score>| -> Vec<[f64; 2]> {
         let scores = scores.families.iter().enumerate();
-        scores.filter_map(|(place, score)| Some([of(score).as_ref()?.rms_length, place as f64])).collect()
+        scores
+            .filter_map(|(place, score)| Some([of(score).as_ref()?.rms_length, place as f64]))
+            .collect()
     };
     let (training, held_out) = (dots(|score| &score.training), dots(|score| &score.held_out));
-    let mut panel = Panel::new("", x, y).with(Dots::markers(training, Ink::GREY, Marker::Circle).label("training"));
+    let mut panel = Panel::new("", x, y)
+        .with(Dots::markers(training, Ink::GREY, Marker::Circle).label("training"));
     if !held_out.is_empty() {
         panel = panel.with(Dots::markers(held_out, Ink::BLUE, Marker::Diamond).label("held out"));
     }
@@ -35,7 +45,13 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
          held out.",
     )
     .row(height, vec![panel]);
-    let dotted = if noise.is_some() { " Dotted: the noise of the measurement." } else { "" };
-    let caption = format!("Root mean square length of the error over all outputs, for every family of models.{dotted}");
+    let dotted = if noise.is_some() {
+        " Dotted: the noise of the measurement."
+    } else {
+        ""
+    };
+    let caption = format!(
+        "Root mean square length of the error over all outputs, for every family of models.{dotted}"
+    );
     page.figure(&figure, &caption);
 }

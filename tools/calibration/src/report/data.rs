@@ -17,7 +17,8 @@ pub struct ReportData {
     pub families: Vec<FamilyResult>,
     /// The mixture of the chosen family, one view per output; none if it has no mixture.
     pub read_out: Vec<ReadOutView>,
-    /// Whether the chosen family was chosen by its error on the rows held out: that error then flatters it.
+    /// Whether the chosen family was chosen by its error on the rows held out: that error then
+    /// flatters it.
     pub chosen_by_held_out: bool,
     /// How it was fitted: names and values.
     pub settings: Vec<(String, String)>,
@@ -70,20 +71,33 @@ impl Straight {
     /// Its value.
     #[must_use]
     pub fn at(&self, counts: &MotorVec) -> f64 {
-        self.gain.iter().zip(counts).map(|(gain, count)| gain * count).sum::<f64>() + self.offset
+        self.gain
+            .iter()
+            .zip(counts)
+            .map(|(gain, count)| gain * count)
+            .sum::<f64>()
+            + self.offset
     }
 
     /// The direction in motor space in which it is steepest, of length 1; motor 0 if it is flat.
     #[must_use]
     pub fn direction(&self) -> MotorVec {
         let length = self.gain.iter().map(|gain| gain * gain).sum::<f64>().sqrt();
-        if length > 0.0 { self.gain.map(|gain| gain / length) } else { [1.0, 0.0] }
+        if length > 0.0 {
+            self.gain.map(|gain| gain / length)
+        } else {
+            [1.0, 0.0]
+        }
     }
 
     /// Counts along that direction.
     #[must_use]
     pub fn along(&self, counts: &MotorVec) -> f64 {
-        self.direction().iter().zip(counts).map(|(part, count)| part * count).sum()
+        self.direction()
+            .iter()
+            .zip(counts)
+            .map(|(part, count)| part * count)
+            .sum()
     }
 }
 
@@ -116,7 +130,11 @@ impl Track {
     /// The rows that a fit is judged by: those held out, or those used for training where none are.
     #[must_use]
     pub fn judged(&self) -> Vec<usize> {
-        if self.held_out().is_empty() { self.training.clone() } else { self.held_out().collect() }
+        if self.held_out().is_empty() {
+            self.training.clone()
+        } else {
+            self.held_out().collect()
+        }
     }
 }
 
@@ -143,8 +161,8 @@ pub struct FamilyResult {
     pub branches: Vec<Branches>,
 }
 
-/// What a model says of one output on a stroke back and forth: counts along the output, the output, and what the
-/// straight line says there.
+/// What a model says of one output on a stroke back and forth: counts along the output, the output,
+/// and what the straight line says there.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Branches {
     /// On the way up.

@@ -7,7 +7,8 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use nalgebra::SVector;
 
 use super::data::{
-    Component, FamilyResult, OutputFacts, ReadOutView, RecordingFacts, ReportData, SectionPoint, Straight, Track,
+    Component, FamilyResult, OutputFacts, ReadOutView, RecordingFacts, ReportData, SectionPoint,
+    Straight, Track,
 };
 use super::stroke::{Stroke, branches};
 use super::words::along;
@@ -33,8 +34,8 @@ pub struct FamilyFit<'a> {
     pub seconds: Option<f64>,
 }
 
-/// What there is to say about models on a recording: all but the settings, warnings and further facts that only the
-/// caller knows. `training` are the indices of the rows used for training.
+/// What there is to say about models on a recording: all but the settings, warnings and further
+/// facts that only the caller knows. `training` are the indices of the rows used for training.
 #[must_use]
 pub fn gather(
     recording: &Recording,
@@ -48,7 +49,10 @@ pub fn gather(
     let robot = families.first().map(|family| family.model.file());
     let chosen = families.iter().find(|family| family.chosen);
     ReportData {
-        title: format!("Calibration of {}", robot.map_or("a robot", |file| file.robot_id.as_str())),
+        title: format!(
+            "Calibration of {}",
+            robot.map_or("a robot", |file| file.robot_id.as_str())
+        ),
         recording: RecordingFacts {
             name: recording.name().to_owned(),
             sha256: recording.sha256().to_owned(),
@@ -57,10 +61,19 @@ pub fn gather(
             held_out: split.kind().to_string(),
             more: Vec::new(),
         },
-        families: families.iter().map(|family| result(family, recording, &facts)).collect(),
-        read_out: chosen.map_or_else(Vec::new, |family| read_out(family.model, recording, &track, &facts)),
+        families: families
+            .iter()
+            .map(|family| result(family, recording, &facts))
+            .collect(),
+        read_out: chosen.map_or_else(Vec::new, |family| {
+            read_out(family.model, recording, &track, &facts)
+        }),
         software: robot.map_or_else(String::new, |file| file.training.software.clone()),
-        warnings: survey.warnings.iter().map(|warning| sentence(&warning.to_string())).collect(),
+        warnings: survey
+            .warnings
+            .iter()
+            .map(|warning| sentence(&warning.to_string()))
+            .collect(),
         settings: Vec::new(),
         chosen_by_held_out: false,
         outputs: facts,
@@ -71,23 +84,38 @@ pub fn gather(
 /// With a capital letter at the beginning and a full stop at the end.
 fn sentence(words: &str) -> String {
     let mut characters = words.chars();
-    let first = characters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
+    let first = characters
+        .next()
+        .map(|first| first.to_uppercase().to_string())
+        .unwrap_or_default();
     format!("{first}{}.", characters.as_str().trim_end_matches('.'))
 }
 
 fn output_facts(recording: &Recording, survey: &Survey, training: &[usize]) -> Vec<OutputFacts> {
-    // Recordings that determine no straight line were refused before anything was fitted; then it is level.
-    let line = fit_linear(&inputs(recording, training.iter().copied()), &outputs(recording, training.iter().copied()));
+    // Recordings that determine no straight line were refused before anything was fitted; then it
+    // is level.
+    let line = fit_linear(
+        &inputs(recording, training.iter().copied()),
+        &outputs(recording, training.iter().copied()),
+    );
     let straight = |index: usize| {
         let fit = line.as_ref().ok()?;
         let mut gain = MotorVec::default();
-        gain.iter_mut().zip(fit.gain.get(index)?).for_each(|(to, from)| *to = *from);
-        Some(Straight { gain, offset: *fit.offset.get(index)? })
+        gain.iter_mut()
+            .zip(fit.gain.get(index)?)
+            .for_each(|(to, from)| *to = *from);
+        Some(Straight {
+            gain,
+            offset: *fit.offset.get(index)?,
+        })
     };
     let facts = |(index, spec): (usize, &i2ris::model::file::OutputSpec)| OutputFacts {
         name: spec.name.clone(),
         unit: spec.unit.to_string(),
-        noise: survey.noise.get(index).and_then(|noise| noise.map(|noise| noise.deviation)),
+        noise: survey
+            .noise
+            .get(index)
+            .and_then(|noise| noise.map(|noise| noise.deviation)),
         straight: straight(index).unwrap_or_default(),
     };
     recording.outputs().iter().enumerate().map(facts).collect()
@@ -119,7 +147,10 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
     let states = recording.path().iter().map(|position| {
         for ((now, furthest), output) in now.iter_mut().zip(&mut furthest).zip(facts) {
             let at = output.straight.along(&position.counts);
-            let ahead = furthest.map_or(0.0, |furthest: f64| if *now { at - furthest } else { furthest - at });
+            let ahead = furthest.map_or(
+                0.0,
+                |furthest: f64| if *now { at - furthest } else { furthest - at },
+            );
             if ahead < -DEAD_BAND_COUNTS {
                 *now = !*now;
             }
@@ -130,13 +161,23 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
         now
     });
     let states: Vec<_> = states.collect();
-    recording.rows().iter().map(|row| states.get(row.place).copied().unwrap_or(now)).collect()
+    recording
+        .rows()
+        .iter()
+        .map(|row| states.get(row.place).copied().unwrap_or(now))
+        .collect()
 }
 
 fn result(family: &FamilyFit, recording: &Recording, facts: &[OutputFacts]) -> FamilyResult {
     let file = family.model.file();
-    let unit = |index: usize| file.outputs.get(index).map_or(1.0, |output| output.unit.si());
-    let branch = |(index, output): (usize, &OutputFacts)| branches(family.model, index, &output.straight, unit(index));
+    let unit = |index: usize| {
+        file.outputs
+            .get(index)
+            .map_or(1.0, |output| output.unit.si())
+    };
+    let branch = |(index, output): (usize, &OutputFacts)| {
+        branches(family.model, index, &output.straight, unit(index))
+    };
     FamilyResult {
         name: family.name.to_owned(),
         chosen: family.chosen,
@@ -167,16 +208,22 @@ fn virtual_hull(family: &FamilyParameters) -> Option<&HullParameters> {
         | FamilyParameters::Kinematic { .. }
         | FamilyParameters::Gmr { .. }
         | FamilyParameters::GmrDirection { .. } => None,
-        FamilyParameters::GmrPlay { virtual_hull, .. } | FamilyParameters::GmrStop { virtual_hull, .. } => {
-            Some(virtual_hull)
-        }
+        FamilyParameters::GmrPlay { virtual_hull, .. }
+        | FamilyParameters::GmrStop { virtual_hull, .. } => Some(virtual_hull),
     }
 }
 
 /// The mixture of a model along every output; nothing if it has none.
-fn read_out(model: &Model, recording: &Recording, track: &Track, facts: &[OutputFacts]) -> Vec<ReadOutView> {
+fn read_out(
+    model: &Model,
+    recording: &Recording,
+    track: &Track,
+    facts: &[OutputFacts],
+) -> Vec<ReadOutView> {
     let file = model.file();
-    let Some(mixture) = mixture(&file.family) else { return Vec::new() };
+    let Some(mixture) = mixture(&file.family) else {
+        return Vec::new();
+    };
     let hull = match virtual_hull(&file.family) {
         Some(hull) => Hull::new(hull, model.motors()).ok(),
         None => Some(model.hull().clone()),
@@ -184,13 +231,20 @@ fn read_out(model: &Model, recording: &Recording, track: &Track, facts: &[Output
     let Some(hull) = hull else { return Vec::new() };
     let mixture = without_further_inputs(mixture, model.motors(), model.outputs());
     let seen = mixture_inputs(model, recording, track);
-    let q = if virtual_hull(&file.family).is_some() { 'v' } else { 'q' };
+    let q = if virtual_hull(&file.family).is_some() {
+        'v'
+    } else {
+        'q'
+    };
     let view = |(index, output): (usize, &OutputFacts)| {
         let direction = output.straight.direction();
         let what = if q == 'v' { "virtual counts" } else { "counts" };
         ReadOutView {
             input: format!("{} ({what})", along(&direction, model.motors(), q)),
-            points: seen.iter().map(|(input, outputs)| [output.straight.along(input), outputs[index]]).collect(),
+            points: seen
+                .iter()
+                .map(|(input, outputs)| [output.straight.along(input), outputs[index]])
+                .collect(),
             components: components(&mixture, model.motors(), index, direction),
             section: section(&mixture, model, &hull, index, &output.straight),
         }
@@ -198,44 +252,83 @@ fn read_out(model: &Model, recording: &Recording, track: &Track, facts: &[Output
     facts.iter().enumerate().map(view).collect()
 }
 
-/// At the rows used for training: what goes into the mixture, and what it has to explain, which is what was measured
-/// less what a residual takes.
-fn mixture_inputs(model: &Model, recording: &Recording, track: &Track) -> Vec<(MotorVec, [f64; MAX_OUTPUTS])> {
+/// At the rows used for training: what goes into the mixture, and what it has to explain, which is
+/// what was measured less what a residual takes.
+fn mixture_inputs(
+    model: &Model,
+    recording: &Recording,
+    track: &Track,
+) -> Vec<(MotorVec, [f64; MAX_OUTPUTS])> {
     let mut memory = model.new_memory();
     let mut next = 0;
-    let units: Vec<f64> = recording.outputs().iter().map(|output| output.unit.si()).collect();
+    let units: Vec<f64> = recording
+        .outputs()
+        .iter()
+        .map(|output| output.unit.si())
+        .collect();
     let mut at = |row: &usize| {
         let row = recording.rows().get(*row)?;
         let way = recording.path().get(next..=row.place)?;
-        way.iter().for_each(|position| model.advance(&mut memory, &position.counts));
+        way.iter()
+            .for_each(|position| model.advance(&mut memory, &position.counts));
         next = row.place + 1;
         let mut outputs = row.outputs;
         let correction = model.correction(&memory);
-        outputs.iter_mut().zip(correction).zip(&units).for_each(|((output, part), unit)| *output -= part / unit);
+        outputs
+            .iter_mut()
+            .zip(correction)
+            .zip(&units)
+            .for_each(|((output, part), unit)| *output -= part / unit);
         Some((model.virtual_counts(&row.counts, &memory), outputs))
     };
     track.training.iter().filter_map(&mut at).collect()
 }
 
 /// The mixture of counts and outputs alone, whatever else goes in between: the marginal.
-fn without_further_inputs(mixture: &MixtureParameters, motors: usize, outputs: usize) -> MixtureParameters {
+fn without_further_inputs(
+    mixture: &MixtureParameters,
+    motors: usize,
+    outputs: usize,
+) -> MixtureParameters {
     let all = mixture.means.first().map_or(0, Vec::len);
-    let kept: Vec<usize> = (0..motors).chain(all.saturating_sub(outputs)..all).collect();
-    let pick = |row: &Vec<f64>| kept.iter().filter_map(|index| row.get(*index).copied()).collect::<Vec<f64>>();
+    let kept: Vec<usize> = (0..motors)
+        .chain(all.saturating_sub(outputs)..all)
+        .collect();
+    let pick = |row: &Vec<f64>| {
+        kept.iter()
+            .filter_map(|index| row.get(*index).copied())
+            .collect::<Vec<f64>>()
+    };
     MixtureParameters {
         weights: mixture.weights.clone(),
         means: mixture.means.iter().map(pick).collect(),
         covariances: mixture
             .covariances
             .iter()
-            .map(|covariance| kept.iter().filter_map(|index| covariance.get(*index)).map(pick).collect())
+            .map(|covariance| {
+                kept.iter()
+                    .filter_map(|index| covariance.get(*index))
+                    .map(pick)
+                    .collect()
+            })
             .collect(),
     }
 }
 
 /// The components in the plane of the input along a direction and one output.
-fn components(mixture: &MixtureParameters, motors: usize, output: usize, direction: MotorVec) -> Vec<Component> {
-    let projected = |row: &[f64]| -> f64 { row.iter().zip(direction).take(motors).map(|(x, part)| x * part).sum() };
+fn components(
+    mixture: &MixtureParameters,
+    motors: usize,
+    output: usize,
+    direction: MotorVec,
+) -> Vec<Component> {
+    let projected = |row: &[f64]| -> f64 {
+        row.iter()
+            .zip(direction)
+            .take(motors)
+            .map(|(x, part)| x * part)
+            .sum()
+    };
     let place = motors + output;
     let one = |((weight, mean), covariance): ((&f64, &Vec<f64>), &Vec<Vec<f64>>)| {
         let along: Vec<f64> = covariance.iter().map(|row| projected(row)).collect();
@@ -247,7 +340,13 @@ fn components(mixture: &MixtureParameters, motors: usize, output: usize, directi
             covariance: [[projected(&along), cross], [cross, own]],
         })
     };
-    mixture.weights.iter().zip(&mixture.means).zip(&mixture.covariances).filter_map(one).collect()
+    mixture
+        .weights
+        .iter()
+        .zip(&mixture.means)
+        .zip(&mixture.covariances)
+        .filter_map(one)
+        .collect()
 }
 
 /// The regression through the middle of a hull.
@@ -273,10 +372,16 @@ fn sized_section<const D: usize>(
     line: &Straight,
 ) -> Vec<SectionPoint> {
     // A mixture that the model itself was made of is not refused.
-    let Ok(regression) = ReadOut::<D>::prepare(mixture, model.outputs()) else { return Vec::new() };
+    let Ok(regression) = ReadOut::<D>::prepare(mixture, model.outputs()) else {
+        return Vec::new();
+    };
     let point = |input: MotorVec| {
         let estimate = regression.estimate(&SVector::from_iterator(input.iter().copied().take(D)));
-        SectionPoint { along: line.along(&input), mean: estimate.mean[output], deviation: estimate.deviation()[output] }
+        SectionPoint {
+            along: line.along(&input),
+            mean: estimate.mean[output],
+            deviation: estimate.deviation()[output],
+        }
     };
     stroke.positions().map(point).collect()
 }

@@ -17,8 +17,12 @@ const OTHER: Stroke = Stroke::new(Ink::BLACK, 1.2).dash(Dash::Dotted);
 
 pub(super) fn write(page: &mut Page, data: &ReportData) {
     let outputs = || data.outputs.iter().enumerate();
-    let angles = outputs().map(|(index, output)| panel(data, index, output, false)).collect();
-    let deviations = outputs().map(|(index, output)| panel(data, index, output, true)).collect();
+    let angles = outputs()
+        .map(|(index, output)| panel(data, index, output, false))
+        .collect();
+    let deviations = outputs()
+        .map(|(index, output)| panel(data, index, output, true))
+        .collect();
     let figure = Figure::new(
         "loops",
         "Counts against angle",
@@ -39,18 +43,32 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
 
 fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool) -> Panel {
     let direction = output.straight.direction();
-    let x = Axis::linear(format!("{} (counts)", along(&direction, data.recording.motors, 'q')));
+    let x = Axis::linear(format!(
+        "{} (counts)",
+        along(&direction, data.recording.motors, 'q')
+    ));
     let y = if deviation {
         Axis::linear(format!("{} − line ({})", output.name, output.unit))
     } else {
         Axis::linear(format!("{} ({})", output.name, output.unit))
     };
-    let title = if deviation { format!("{}, from the straight line", output.name) } else { output.name.clone() };
+    let title = if deviation {
+        format!("{}, from the straight line", output.name)
+    } else {
+        output.name.clone()
+    };
     let mut panel = Panel::new(title, x, y).with(Rule::level(0.0, ZERO));
-    for (rising, ink, label) in [(true, Ink::PALE, "measured, rising"), (false, Ink::GREY, "measured, falling")] {
-        panel = panel.with(Dots::new(measured(data, index, output, rising, deviation), ink, 1.5).label(label));
+    for (rising, ink, label) in [
+        (true, Ink::PALE, "measured, rising"),
+        (false, Ink::GREY, "measured, falling"),
+    ] {
+        panel = panel.with(
+            Dots::new(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
+        );
     }
-    if let Some((family, branches)) = reference(data).and_then(|family| Some((family, family.branches.get(index)?))) {
+    if let Some((family, branches)) =
+        reference(data).and_then(|family| Some((family, family.branches.get(index)?)))
+    {
         panel = panel.with(line(&branches.rising, OTHER, deviation).label(&*family.name));
         if !one_line(branches) {
             panel = panel.with(line(&branches.falling, OTHER, deviation));
@@ -65,26 +83,45 @@ fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool)
 /// Without memory the way back is the way there; drawn twice, dots would run together.
 fn one_line(branches: &Branches) -> bool {
     let back = branches.falling.iter().rev();
-    branches.rising.iter().zip(back).all(|(there, back)| (there[1] - back[1]).abs() <= 1e-9 * there[1].abs().max(1.0))
+    branches
+        .rising
+        .iter()
+        .zip(back)
+        .all(|(there, back)| (there[1] - back[1]).abs() <= 1e-9 * there[1].abs().max(1.0))
 }
 
 fn both(family: &FamilyResult, branches: &Branches, deviation: bool) -> [Line; 2] {
     let rising = line(&branches.rising, RISING, deviation).marker(Marker::Triangle);
     let falling = line(&branches.falling, FALLING, deviation).marker(Marker::Square);
-    [rising.label(format!("{}, rising", family.name)), falling.label(format!("{}, falling", family.name))]
+    [
+        rising.label(format!("{}, rising", family.name)),
+        falling.label(format!("{}, falling", family.name)),
+    ]
 }
 
 fn line(branch: &[[f64; 3]], stroke: Stroke, deviation: bool) -> Line {
-    let point = |[along, value, straight]: &[f64; 3]| [*along, if deviation { value - straight } else { *value }];
+    let point = |[along, value, straight]: &[f64; 3]| {
+        [*along, if deviation { value - straight } else { *value }]
+    };
     Line::new(branch.iter().map(point).collect(), stroke)
 }
 
-fn measured(data: &ReportData, index: usize, output: &OutputFacts, rising: bool, deviation: bool) -> Vec<[f64; 2]> {
+fn measured(
+    data: &ReportData,
+    index: usize,
+    output: &OutputFacts,
+    rising: bool,
+    deviation: bool,
+) -> Vec<[f64; 2]> {
     let track = &data.track;
     let rows = track.counts.iter().zip(&track.measured).zip(&track.rising);
     let rows = rows.filter(|(_, now)| now[index] == rising);
     let point = |((counts, measured), _): ((&[f64; 2], &[f64; 3]), &[bool; 3])| {
-        let straight = if deviation { output.straight.at(counts) } else { 0.0 };
+        let straight = if deviation {
+            output.straight.at(counts)
+        } else {
+            0.0
+        };
         [output.straight.along(counts), measured[index] - straight]
     };
     rows.map(point).collect()

@@ -1,4 +1,5 @@
-//! Where in the plane of the first two outputs the recording went, and where the chosen model is how good.
+//! Where in the plane of the first two outputs the recording went, and where the chosen model is
+//! how good.
 
 use std::collections::BTreeMap;
 
@@ -18,13 +19,32 @@ const ACROSS: f64 = 18.0;
 const LEAST_ROWS: usize = 3;
 
 pub(super) fn write(page: &mut Page, data: &ReportData) {
-    let ([first, second, ..], Some(family)) = (data.outputs.as_slice(), chosen(data)) else { return };
-    let axes = || (Axis::linear(with_unit(first)), Axis::linear(with_unit(second)));
+    let ([first, second, ..], Some(family)) = (data.outputs.as_slice(), chosen(data)) else {
+        return;
+    };
+    let axes = || {
+        (
+            Axis::linear(with_unit(first)),
+            Axis::linear(with_unit(second)),
+        )
+    };
     let ((x1, y1), (x2, y2)) = (axes(), axes());
-    let point = |row: usize| data.track.measured.get(row).map(|measured| [measured[0], measured[1]]);
-    let training = data.track.training.iter().filter_map(|row| point(*row)).collect();
+    let point = |row: usize| {
+        data.track
+            .measured
+            .get(row)
+            .map(|measured| [measured[0], measured[1]])
+    };
+    let training = data
+        .track
+        .training
+        .iter()
+        .filter_map(|row| point(*row))
+        .collect();
     let held_out: Vec<_> = data.track.held_out().filter_map(point).collect();
-    let mut visited = Panel::new("visited", x1, y1).with(Dots::new(training, Ink::PALE, 1.8).label("training")).equal();
+    let mut visited = Panel::new("visited", x1, y1)
+        .with(Dots::new(training, Ink::PALE, 1.8).label("training"))
+        .equal();
     if !held_out.is_empty() {
         visited = visited.with(Dots::new(held_out, Ink::BLUE, 1.8).label("held out"));
     }
@@ -49,14 +69,22 @@ fn cells(data: &ReportData, family: &FamilyResult) -> Cells {
     let measured = &data.track.measured;
     let range = |output: usize| {
         let values = measured.iter().map(|measured| measured[output]);
-        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        })
     };
     let (x, y) = (range(0), range(1));
     let side = ((x.1 - x.0).max(y.1 - y.0) / ACROSS).max(f64::MIN_POSITIVE);
     let mut errors: BTreeMap<(i64, i64), Vec<f64>> = BTreeMap::new();
     for (measured, predicted) in measured.iter().zip(&family.predicted) {
-        let cell = (((measured[0] - x.0) / side).floor() as i64, ((measured[1] - y.0) / side).floor() as i64);
-        errors.entry(cell).or_default().push(length(measured, predicted, data.outputs.len()));
+        let cell = (
+            ((measured[0] - x.0) / side).floor() as i64,
+            ((measured[1] - y.0) / side).floor() as i64,
+        );
+        errors
+            .entry(cell)
+            .or_default()
+            .push(length(measured, predicted, data.outputs.len()));
     }
     let mean = |(place, errors): ((i64, i64), Vec<f64>)| {
         let enough = errors.len() >= LEAST_ROWS;
@@ -72,11 +100,18 @@ fn cells(data: &ReportData, family: &FamilyResult) -> Cells {
 fn classes(largest: f64) -> ([f64; 4], [String; 5]) {
     let rough = (largest / 5.0).max(1e-6);
     let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 1.5, 2.0, 3.0, 5.0, 10.0].into_iter().find(|m| m * power >= rough).unwrap_or(10.0) * power;
+    let step = [1.0, 1.5, 2.0, 3.0, 5.0, 10.0]
+        .into_iter()
+        .find(|m| m * power >= rough)
+        .unwrap_or(10.0)
+        * power;
     let decimals = (1.0 - step.log10().floor()).clamp(0.0, 6.0) as usize;
     let end = |i: usize| fixed(step * i as f64, decimals);
     let label = |i: usize| format!("{}–{}", end(i), end(i + 1));
-    (std::array::from_fn(|i| step * (i + 1) as f64), std::array::from_fn(label))
+    (
+        std::array::from_fn(|i| step * (i + 1) as f64),
+        std::array::from_fn(label),
+    )
 }
 
 #[cfg(test)]

@@ -1,17 +1,18 @@
 //! The report of a fit: one HTML file with figures and tables that needs nothing but itself.
 //!
-//! Everything in it comes from [`ReportData`], plain numbers and words, so a report can be made of any models on any
-//! recording. [`gather`] makes that of models and a recording, with the code that the controller runs,
-//! and [`of_fit`] of a whole fit.
+//! Everything in it comes from [`ReportData`], plain numbers and words, so a report can be made of
+//! any models on any recording. [`gather`] makes that of models and a recording, with the code that
+//! the controller runs, and [`of_fit`] of a whole fit.
 //!
 //! # Words
 //!
 //! - **straight line** of an output: the affine least-squares fit of it to the counts.
-//! - **counts along** an output: the counts projected on the direction in which its straight line is steepest. With two
-//!   motors that both move an output, this is the one axis on which a loop shows.
+//! - **counts along** an output: the counts projected on the direction in which its straight line
+//!   is steepest. With two motors that both move an output, this is the one axis on which a loop
+//!   shows.
 //! - **rising, falling**: the counts along an output were last seen going up, going down.
-//! - **branches**: what a model says on a full stroke back and forth through the middle of the calibrated region, after
-//!   strokes that wipe out what it remembered before.
+//! - **branches**: what a model says on a full stroke back and forth through the middle of the
+//!   calibrated region, after strokes that wipe out what it remembered before.
 //!
 //! | file | holds |
 //! |---|---|
@@ -42,8 +43,8 @@ mod tests;
 mod words;
 
 pub use data::{
-    Branches, Component, FamilyResult, OutputFacts, ReadOutView, RecordingFacts, ReportData, SectionPoint, Straight,
-    Track,
+    Branches, Component, FamilyResult, OutputFacts, ReadOutView, RecordingFacts, ReportData,
+    SectionPoint, Straight, Track,
 };
 pub use gather::{FamilyFit, gather};
 pub use outcome::of_fit;

@@ -19,8 +19,12 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         return;
     }
     let views = || data.outputs.iter().zip(&data.read_out);
-    let whole = views().map(|(output, view)| panel(output, view, false)).collect();
-    let tilted = views().map(|(output, view)| panel(output, &level(view), true)).collect();
+    let whole = views()
+        .map(|(output, view)| panel(output, view, false))
+        .collect();
+    let tilted = views()
+        .map(|(output, view)| panel(output, &level(view), true))
+        .collect();
     let figure = Figure::new(
         "mixture",
         "The mixture",
@@ -46,19 +50,43 @@ fn panel(output: &OutputFacts, view: &ReadOutView, levelled: bool) -> Panel {
         let reach = 2.0 * point.deviation;
         [point.along, point.mean - reach, point.mean + reach]
     });
-    let mean = view.section.iter().map(|point| [point.along, point.mean]).collect();
-    let heaviest = view.components.iter().map(|component| component.weight).fold(f64::MIN_POSITIVE, f64::max);
-    let ellipses = view.components.iter().enumerate().map(|(index, component)| {
-        let width = WIDTHS[0] + (WIDTHS[1] - WIDTHS[0]) * component.weight / heaviest;
-        let ellipse =
-            Ellipse::new(component.mean, component.covariance, DEVIATIONS, Stroke::new(Ink::VERMILION, width));
-        if index == 0 { ellipse.label("component, 2σ") } else { ellipse }
-    });
+    let mean = view
+        .section
+        .iter()
+        .map(|point| [point.along, point.mean])
+        .collect();
+    let heaviest = view
+        .components
+        .iter()
+        .map(|component| component.weight)
+        .fold(f64::MIN_POSITIVE, f64::max);
+    let ellipses = view
+        .components
+        .iter()
+        .enumerate()
+        .map(|(index, component)| {
+            let width = WIDTHS[0] + (WIDTHS[1] - WIDTHS[0]) * component.weight / heaviest;
+            let ellipse = Ellipse::new(
+                component.mean,
+                component.covariance,
+                DEVIATIONS,
+                Stroke::new(Ink::VERMILION, width),
+            );
+            if index == 0 {
+                ellipse.label("component, 2σ")
+            } else {
+                ellipse
+            }
+        });
     let (title, label) = match levelled {
-        true => {
-            (format!("{}, from the straight line", output.name), format!("{} − line ({})", output.name, output.unit))
-        }
-        false => (output.name.clone(), format!("{} ({})", output.name, output.unit)),
+        true => (
+            format!("{}, from the straight line", output.name),
+            format!("{} − line ({})", output.name, output.unit),
+        ),
+        false => (
+            output.name.clone(),
+            format!("{} ({})", output.name, output.unit),
+        ),
     };
     Panel::new(title, Axis::linear(&*view.input), Axis::linear(label))
         .with(Rule::level(0.0, ZERO))
@@ -68,8 +96,9 @@ fn panel(output: &OutputFacts, view: &ReadOutView, levelled: bool) -> Panel {
         .with(Line::new(mean, CHOSEN).label("regression"))
 }
 
-/// A view without the straight line through its points. Of a Gaussian this is a shear: `y - slope x - offset` has the
-/// covariance `xy - slope xx` with `x` and the variance `yy - 2 slope xy + slope^2 xx`.
+/// A view without the straight line through its points. Of a Gaussian this is a shear:
+/// `y - slope x - offset` has the covariance `xy - slope xx` with `x` and the variance
+/// `yy - 2 slope xy + slope^2 xx`.
 fn level(view: &ReadOutView) -> ReadOutView {
     let (slope, offset) = line(&view.points);
     let left = |[x, y]: [f64; 2]| [x, y - slope * x - offset];
@@ -77,9 +106,16 @@ fn level(view: &ReadOutView) -> ReadOutView {
         let [[xx, xy], [_, yy]] = component.covariance;
         let cross = xy - slope * xx;
         let own = yy - 2.0 * slope * xy + slope * slope * xx;
-        Component { mean: left(component.mean), covariance: [[xx, cross], [cross, own]], ..*component }
+        Component {
+            mean: left(component.mean),
+            covariance: [[xx, cross], [cross, own]],
+            ..*component
+        }
     };
-    let section = |point: &SectionPoint| SectionPoint { mean: left([point.along, point.mean])[1], ..*point };
+    let section = |point: &SectionPoint| SectionPoint {
+        mean: left([point.along, point.mean])[1],
+        ..*point
+    };
     ReadOutView {
         input: view.input.clone(),
         points: view.points.iter().map(|point| left(*point)).collect(),
@@ -92,8 +128,17 @@ fn level(view: &ReadOutView) -> ReadOutView {
 fn line(points: &[[f64; 2]]) -> (f64, f64) {
     let rows = points.len().max(1) as f64;
     let mean = [0, 1].map(|i| points.iter().map(|point| point[i]).sum::<f64>() / rows);
-    let product = |i: usize| points.iter().map(|point| (point[0] - mean[0]) * (point[i] - mean[i])).sum::<f64>();
-    let slope = if product(0) > 0.0 { product(1) / product(0) } else { 0.0 };
+    let product = |i: usize| {
+        points
+            .iter()
+            .map(|point| (point[0] - mean[0]) * (point[i] - mean[i]))
+            .sum::<f64>()
+    };
+    let slope = if product(0) > 0.0 {
+        product(1) / product(0)
+    } else {
+        0.0
+    };
     (slope, mean[1] - slope * mean[0])
 }
 
@@ -103,10 +148,25 @@ mod tests {
 
     #[test]
     fn what_lies_on_a_line_is_level() {
-        let points: Vec<[f64; 2]> = (0..20).map(|i| [f64::from(i), 3.0 * f64::from(i) - 7.0]).collect();
-        let component = Component { weight: 1.0, mean: [2.0, -1.0], covariance: [[4.0, 12.0], [12.0, 37.0]] };
-        let section = vec![SectionPoint { along: 1.0, mean: -3.5, deviation: 0.2 }];
-        let view = ReadOutView { input: String::new(), points, components: vec![component], section };
+        let points: Vec<[f64; 2]> = (0..20)
+            .map(|i| [f64::from(i), 3.0 * f64::from(i) - 7.0])
+            .collect();
+        let component = Component {
+            weight: 1.0,
+            mean: [2.0, -1.0],
+            covariance: [[4.0, 12.0], [12.0, 37.0]],
+        };
+        let section = vec![SectionPoint {
+            along: 1.0,
+            mean: -3.5,
+            deviation: 0.2,
+        }];
+        let view = ReadOutView {
+            input: String::new(),
+            points,
+            components: vec![component],
+            section,
+        };
         let level = level(&view);
         assert!(level.points.iter().all(|point| point[1].abs() < 1e-9));
         let found = level.components[0];

@@ -52,33 +52,59 @@ impl Scores {
             training: score(data, family, &data.track.training),
             held_out: score(data, family, &held_out),
         };
-        Self { families: data.families.iter().map(family).collect() }
+        Self {
+            families: data.families.iter().map(family).collect(),
+        }
     }
 
     /// The score of the family that was chosen, if one was.
-    pub fn chosen<'a>(&'a self, data: &'a ReportData) -> Option<(&'a FamilyResult, &'a FamilyScore)> {
-        data.families.iter().zip(&self.families).find(|(family, _)| family.chosen)
+    pub fn chosen<'a>(
+        &'a self,
+        data: &'a ReportData,
+    ) -> Option<(&'a FamilyResult, &'a FamilyScore)> {
+        data.families
+            .iter()
+            .zip(&self.families)
+            .find(|(family, _)| family.chosen)
     }
 
     /// The score of the family that others are compared with.
     pub fn baseline(&self, data: &ReportData) -> Option<&FamilyScore> {
-        data.families.iter().zip(&self.families).find(|(family, _)| family.name == BASELINE).map(|(_, score)| score)
+        data.families
+            .iter()
+            .zip(&self.families)
+            .find(|(family, _)| family.name == BASELINE)
+            .map(|(_, score)| score)
     }
 }
 
 fn score(data: &ReportData, family: &FamilyResult, rows: &[usize]) -> Option<Score> {
-    let pairs: Vec<_> =
-        rows.iter().filter_map(|row| Some((data.track.measured.get(*row)?, family.predicted.get(*row)?))).collect();
+    let pairs: Vec<_> = rows
+        .iter()
+        .filter_map(|row| Some((data.track.measured.get(*row)?, family.predicted.get(*row)?)))
+        .collect();
     if pairs.is_empty() {
         return None;
     }
     let output = |index: usize| {
-        let of_output = pairs.iter().map(|(measured, predicted)| (measured[index], predicted[index]));
-        let mut errors: Vec<f64> =
-            of_output.clone().map(|(measured, predicted)| (measured - predicted).abs()).collect();
-        Some(OutputScore { metrics: metrics(of_output)?, p99: percentile(&mut errors, 0.99)? })
+        let of_output = pairs
+            .iter()
+            .map(|(measured, predicted)| (measured[index], predicted[index]));
+        let mut errors: Vec<f64> = of_output
+            .clone()
+            .map(|(measured, predicted)| (measured - predicted).abs())
+            .collect();
+        Some(OutputScore {
+            metrics: metrics(of_output)?,
+            p99: percentile(&mut errors, 0.99)?,
+        })
     };
     let many = data.outputs.len();
-    let lengths = pairs.iter().map(|(measured, predicted)| length(measured, predicted, many));
-    Some(Score { outputs: (0..many).map(output).collect(), rms_length: root_mean_square(lengths)? })
+    let lengths = pairs
+        .iter()
+        .map(|(measured, predicted)| length(measured, predicted, many));
+    Some(Score {
+        outputs: (0..many).map(output).collect(),
+        rms_length: root_mean_square(lengths)?,
+    })
 }

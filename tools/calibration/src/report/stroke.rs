@@ -1,4 +1,5 @@
-//! A stroke back and forth through the middle of the calibrated region: what shows the branches of a model.
+//! A stroke back and forth through the middle of the calibrated region: what shows the branches of
+//! a model.
 
 use i2ris::model::{Hull, Model};
 use i2ris::units::MotorVec;
@@ -33,18 +34,27 @@ impl Stroke {
             let (mut inside, mut outside) = (0.0, sign * FURTHEST);
             for _ in 0..HALVINGS {
                 let middle = 0.5 * (inside + outside);
-                if hull.contains(&at(middle)) { inside = middle } else { outside = middle }
+                if hull.contains(&at(middle)) {
+                    inside = middle
+                } else {
+                    outside = middle
+                }
             }
             at(inside)
         };
-        Self { from: end(-1.0), to: end(1.0) }
+        Self {
+            from: end(-1.0),
+            to: end(1.0),
+        }
     }
 
     /// Positions from one end to the other.
     pub fn positions(&self) -> impl DoubleEndedIterator<Item = MotorVec> + '_ {
         (0..POSITIONS).map(move |i| {
             let share = i as f64 / (POSITIONS - 1) as f64;
-            std::array::from_fn(|motor| self.from[motor] + share * (self.to[motor] - self.from[motor]))
+            std::array::from_fn(|motor| {
+                self.from[motor] + share * (self.to[motor] - self.from[motor])
+            })
         })
     }
 }
@@ -59,7 +69,8 @@ pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: 
     let mut memory = model.new_memory();
     let mut last = stroke.positions().next().unwrap_or_default();
     let mut point = |counts: MotorVec| {
-        // Half way first: families that ask for the direction see it before the position that counts.
+        // Half way first: families that ask for the direction see it before the position that
+        // counts.
         let middle = std::array::from_fn(|motor| 0.5 * (last[motor] + counts[motor]));
         model.advance(&mut memory, &middle);
         model.advance(&mut memory, &counts);
@@ -68,9 +79,12 @@ pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: 
         [straight.along(&counts), mean, straight.at(&counts)]
     };
     for _ in 0..STROKES_BEFORE {
-        stroke.positions().chain(stroke.positions().rev()).for_each(|counts| {
-            point(counts);
-        });
+        stroke
+            .positions()
+            .chain(stroke.positions().rev())
+            .for_each(|counts| {
+                point(counts);
+            });
     }
     let rising = stroke.positions().map(&mut point).collect();
     let falling = stroke.positions().rev().map(&mut point).collect();

@@ -7,7 +7,8 @@ use super::data::{FamilyResult, ReportData};
 use super::score::{BASELINE, FamilyScore, Scores};
 use super::words::{error, list, unit};
 
-/// A model whose error on unseen rows is this much larger than in training has learned what does not carry over.
+/// A model whose error on unseen rows is this much larger than in training has learned what does
+/// not carry over.
 const CARRIES_OVER: f64 = 1.5;
 
 /// A model within this factor of the noise leaves nothing to gain.
@@ -18,20 +19,44 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
         page.lead(verdict(data, scores, family, score));
     }
     page.paragraph(what_was_read(data));
-    let warnings: Vec<String> = data.warnings.iter().cloned().chain(findings(data, scores)).collect();
+    let warnings: Vec<String> = data
+        .warnings
+        .iter()
+        .cloned()
+        .chain(findings(data, scores))
+        .collect();
     if !warnings.is_empty() {
         page.notice("Keep in mind", warnings);
     }
 }
 
-fn verdict(data: &ReportData, scores: &Scores, family: &FamilyResult, score: &FamilyScore) -> String {
-    let rows = if score.held_out.is_some() { "on the rows held out" } else { "on the rows used for training" };
-    let Some(judged) = score.judged() else { return format!("The model is of the family {}.", family.name) };
+fn verdict(
+    data: &ReportData,
+    scores: &Scores,
+    family: &FamilyResult,
+    score: &FamilyScore,
+) -> String {
+    let rows = if score.held_out.is_some() {
+        "on the rows held out"
+    } else {
+        "on the rows used for training"
+    };
+    let Some(judged) = score.judged() else {
+        return format!("The model is of the family {}.", family.name);
+    };
     let error_said = format!("{} {}", error(judged.rms_length), unit(data));
-    let said = format!("The model is of the family {}: root mean square error {error_said} {rows}", family.name);
-    let baseline = scores.baseline(data).and_then(FamilyScore::judged).filter(|_| family.name != BASELINE);
+    let said = format!(
+        "The model is of the family {}: root mean square error {error_said} {rows}",
+        family.name
+    );
+    let baseline = scores
+        .baseline(data)
+        .and_then(FamilyScore::judged)
+        .filter(|_| family.name != BASELINE);
     match baseline.map(|baseline| 100.0 * (1.0 - judged.rms_length / baseline.rms_length)) {
-        Some(better) if better >= 0.0 => format!("{said}, {} % below {BASELINE}.", fixed(better, 0)),
+        Some(better) if better >= 0.0 => {
+            format!("{said}, {} % below {BASELINE}.", fixed(better, 0))
+        }
         Some(worse) => format!("{said}, {} % above {BASELINE}.", fixed(-worse, 0)),
         None => format!("{said}."),
     }
@@ -39,14 +64,22 @@ fn verdict(data: &ReportData, scores: &Scores, family: &FamilyResult, score: &Fa
 
 fn what_was_read(data: &ReportData) -> String {
     let track = &data.track;
-    let outputs: Vec<String> = data.outputs.iter().map(|output| output.name.clone()).collect();
+    let outputs: Vec<String> = data
+        .outputs
+        .iter()
+        .map(|output| output.name.clone())
+        .collect();
     let span = match track.time.last() {
         Some(seconds) if track.timed => format!(" over {} s", fixed(*seconds, 0)),
         _ => String::new(),
     };
     let held_out = match track.held_out().len() {
         0 => "none were held out".to_owned(),
-        rows => format!("{} were held out ({})", grouped(rows), data.recording.held_out),
+        rows => format!(
+            "{} were held out ({})",
+            grouped(rows),
+            data.recording.held_out
+        ),
     };
     format!(
         "Recording {} of robot {}: {} rows of {}{span}, {}. {} rows were used for training, {held_out}.",
@@ -54,7 +87,11 @@ fn what_was_read(data: &ReportData) -> String {
         data.recording.robot_id,
         grouped(track.time.len()),
         list(&outputs),
-        if data.recording.motors == 1 { "one motor" } else { "two motors" },
+        if data.recording.motors == 1 {
+            "one motor"
+        } else {
+            "two motors"
+        },
         grouped(track.training.len()),
     )
 }
@@ -69,7 +106,9 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
                 .to_owned(),
         );
     }
-    let Some((family, score)) = scores.chosen(data) else { return findings };
+    let Some((family, score)) = scores.chosen(data) else {
+        return findings;
+    };
     if data.chosen_by_held_out {
         findings.push(format!(
             "The family was chosen among {} by its error on the rows held out, so that error flatters it. Quote one on \
@@ -99,14 +138,22 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
             unit(data)
         ));
     }
-    let better = data.families.iter().zip(&scores.families).filter(|(other, _)| other.name != family.name);
+    let better = data
+        .families
+        .iter()
+        .zip(&scores.families)
+        .filter(|(other, _)| other.name != family.name);
     let better = better.filter(|(_, other)| match (other.judged(), score.judged()) {
         (Some(other), Some(chosen)) => other.rms_length < chosen.rms_length,
         _ => false,
     });
     let better: Vec<String> = better.map(|(other, _)| other.name.clone()).collect();
     if !better.is_empty() {
-        findings.push(format!("On these rows {} had less error than {}.", list(&better), family.name));
+        findings.push(format!(
+            "On these rows {} had less error than {}.",
+            list(&better),
+            family.name
+        ));
     }
     findings
 }

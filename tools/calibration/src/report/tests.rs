@@ -17,7 +17,10 @@ use crate::testing::{noise, one_motor, recording, straight, wander};
 const NASTY: &str = "<i>\"&'</i>.csv";
 
 fn fitted(recording: &Recording) -> FitOutcome {
-    let em = EmOptions { restarts: 2, ..EmOptions::default() };
+    let em = EmOptions {
+        restarts: 2,
+        ..EmOptions::default()
+    };
     fit(
         recording,
         &FitOptions {
@@ -34,10 +37,26 @@ fn fitted(recording: &Recording) -> FitOutcome {
 fn gathered(recording: &Recording) -> ReportData {
     let outcome = fitted(recording);
     let families = [
-        FamilyFit { name: "linear", model: &outcome.linear, chosen: false, seconds: Some(0.001) },
-        FamilyFit { name: "gmr", model: &outcome.model, chosen: true, seconds: Some(1.25) },
+        FamilyFit {
+            name: "linear",
+            model: &outcome.linear,
+            chosen: false,
+            seconds: Some(0.001),
+        },
+        FamilyFit {
+            name: "gmr",
+            model: &outcome.model,
+            chosen: true,
+            seconds: Some(1.25),
+        },
     ];
-    gather(recording, &outcome.report.survey, &outcome.report.split, &outcome.report.training, &families)
+    gather(
+        recording,
+        &outcome.report.survey,
+        &outcome.report.split,
+        &outcome.report.training,
+        &families,
+    )
 }
 
 fn two_axes() -> Recording {
@@ -50,7 +69,10 @@ fn two_axes() -> Recording {
 }
 
 fn parse(text: &str) -> roxmltree::Document<'_> {
-    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+    let options = roxmltree::ParsingOptions {
+        allow_dtd: true,
+        ..Default::default()
+    };
     roxmltree::Document::parse_with_options(text, options).unwrap()
 }
 
@@ -59,16 +81,27 @@ fn parse(text: &str) -> roxmltree::Document<'_> {
 fn sound(text: &str) {
     let document = parse(text);
     let without = text.replace("http://www.w3.org/2000/svg", "");
-    for part in ["http:", "https:", "//", "<script", "<link", "<img", "@import", "NaN", "inf\"", "inf "] {
+    for part in [
+        "http:", "https:", "//", "<script", "<link", "<img", "@import", "NaN", "inf\"", "inf ",
+    ] {
         assert!(!without.contains(part), "{part}");
     }
-    let mut ids: Vec<_> = document.descendants().filter_map(|node| node.attribute("id")).collect();
+    let mut ids: Vec<_> = document
+        .descendants()
+        .filter_map(|node| node.attribute("id"))
+        .collect();
     let all = ids.len();
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids.len(), all, "identifiers are not unique");
-    for svg in document.descendants().filter(|node| node.tag_name().name() == "svg") {
-        let named = |name: &str| svg.children().any(|child| child.tag_name().name() == name && child.text().is_some());
+    for svg in document
+        .descendants()
+        .filter(|node| node.tag_name().name() == "svg")
+    {
+        let named = |name: &str| {
+            svg.children()
+                .any(|child| child.tag_name().name() == name && child.text().is_some())
+        };
         assert!(named("title") && named("desc"), "a figure without words");
     }
 }
@@ -79,13 +112,30 @@ fn a_report_holds_all_that_was_promised() {
     let data = gathered(&recording);
     let text = html(&data);
     sound(&text);
-    assert_eq!(parse(&text).descendants().filter(|node| node.tag_name().name() == "svg").count(), 6);
+    assert_eq!(
+        parse(&text)
+            .descendants()
+            .filter(|node| node.tag_name().name() == "svg")
+            .count(),
+        6
+    );
     assert!(text.contains(recording.sha256()));
     for family in &data.families {
         assert_eq!(family.model_id.len(), 64);
         assert!(text.contains(&family.model_id), "{}", family.name);
     }
-    for part in ["R²", "RMSD", "NRMSD", "MAE", "p99", "max", "log-likelihood", "BIC", "fit (s)", "gmr (chosen)"] {
+    for part in [
+        "R²",
+        "RMSD",
+        "NRMSD",
+        "MAE",
+        "p99",
+        "max",
+        "log-likelihood",
+        "BIC",
+        "fit (s)",
+        "gmr (chosen)",
+    ] {
         assert!(text.contains(part), "{part}");
     }
 }
@@ -95,10 +145,22 @@ fn the_figures_of_merit_are_those_of_the_model_file() {
     let recording = two_axes();
     let outcome = fitted(&recording);
     let scores = Scores::new(&gathered(&recording));
-    for (score, model) in scores.families.iter().zip([&outcome.linear, &outcome.model]) {
+    for (score, model) in scores
+        .families
+        .iter()
+        .zip([&outcome.linear, &outcome.model])
+    {
         for (index, metrics) in model.file().metrics.iter().enumerate() {
-            assert_eq!(score.training.as_ref().unwrap().outputs[index].unwrap().metrics, metrics.training);
-            assert_eq!(score.held_out.as_ref().unwrap().outputs[index].map(|found| found.metrics), metrics.held_out);
+            assert_eq!(
+                score.training.as_ref().unwrap().outputs[index]
+                    .unwrap()
+                    .metrics,
+                metrics.training
+            );
+            assert_eq!(
+                score.held_out.as_ref().unwrap().outputs[index].map(|found| found.metrics),
+                metrics.held_out
+            );
         }
     }
 }
@@ -109,26 +171,50 @@ fn a_choice_by_the_error_that_is_shown_is_told() {
     let mut data = gathered(&two_axes());
     assert!(!html(&data).contains("flatters"));
     data.chosen_by_held_out = true;
-    assert!(html(&data).contains("chosen among 2 by its error on the rows held out, so that error flatters it"));
+    assert!(
+        html(&data).contains(
+            "chosen among 2 by its error on the rows held out, so that error flatters it"
+        )
+    );
 }
 
 #[test]
 fn names_cannot_break_out() {
     let mut data = gathered(&two_axes());
-    for name in [&mut data.title, &mut data.recording.name, &mut data.recording.robot_id, &mut data.software] {
+    for name in [
+        &mut data.title,
+        &mut data.recording.name,
+        &mut data.recording.robot_id,
+        &mut data.software,
+    ] {
         *name = NASTY.to_owned();
     }
-    data.outputs.iter_mut().for_each(|output| output.name = NASTY.to_owned());
-    data.families.iter_mut().for_each(|family| family.name = NASTY.to_owned());
+    data.outputs
+        .iter_mut()
+        .for_each(|output| output.name = NASTY.to_owned());
+    data.families
+        .iter_mut()
+        .for_each(|family| family.name = NASTY.to_owned());
     data.settings.push((NASTY.to_owned(), NASTY.to_owned()));
     data.warnings.push(NASTY.to_owned());
     let text = html(&data);
     sound(&text);
     let document = parse(&text);
-    assert!(document.descendants().all(|node| node.tag_name().name() != "i"));
+    assert!(
+        document
+            .descendants()
+            .all(|node| node.tag_name().name() != "i")
+    );
     for name in ["h1", "li", "td", "th", "text", "figcaption"] {
-        let mut all = document.descendants().filter(|node| node.tag_name().name() == name);
-        assert!(all.any(|node| node.descendants().any(|n| n.text().is_some_and(|t| t.contains(NASTY)))), "{name}");
+        let mut all = document
+            .descendants()
+            .filter(|node| node.tag_name().name() == name);
+        assert!(
+            all.any(|node| node
+                .descendants()
+                .any(|n| n.text().is_some_and(|t| t.contains(NASTY)))),
+            "{name}"
+        );
     }
 }
 
@@ -148,7 +234,9 @@ fn one_motor_and_one_output_make_a_report() {
 fn nothing_makes_a_report_too() {
     sound(&html(&ReportData::default()));
     let mut data = gathered(&two_axes());
-    data.families.iter_mut().for_each(|family| family.chosen = false);
+    data.families
+        .iter_mut()
+        .for_each(|family| family.chosen = false);
     data.track.held_out_from = data.track.time.len();
     let text = html(&data);
     sound(&text);
@@ -177,19 +265,28 @@ fn thirty_thousand_rows_stay_below_two_megabytes() {
     let rows = 30_000;
     let track = &mut data.track;
     track.time = (0..rows).map(|row| row as f64 / 30.0).collect();
-    track.counts = (0..rows).map(|_| [900.0 * noise(), 900.0 * noise()]).collect();
+    track.counts = (0..rows)
+        .map(|_| [900.0 * noise(), 900.0 * noise()])
+        .collect();
     track.rising = (0..rows).map(|_| [noise() > 0.0; 3]).collect();
-    track.measured = (0..rows).map(|_| [20.0 * noise(), 20.0 * noise(), 0.0]).collect();
+    track.measured = (0..rows)
+        .map(|_| [20.0 * noise(), 20.0 * noise(), 0.0])
+        .collect();
     track.training = (0..rows * 3 / 4).collect();
     track.held_out_from = rows * 3 / 4;
     let measured = track.measured.clone();
     data.families.extend(data.families.clone());
     data.families.extend(data.families[..2].to_vec());
     for family in &mut data.families {
-        family.predicted = measured.iter().map(|[a, b, _]| [a + noise(), b + noise(), 0.0]).collect();
+        family.predicted = measured
+            .iter()
+            .map(|[a, b, _]| [a + noise(), b + noise(), 0.0])
+            .collect();
     }
     for view in &mut data.read_out {
-        view.points = (0..rows).map(|_| [900.0 * noise(), 20.0 * noise()]).collect();
+        view.points = (0..rows)
+            .map(|_| [900.0 * noise(), 20.0 * noise()])
+            .collect();
     }
     let size = html(&data).len();
     assert!((100_000..2_000_000).contains(&size), "{size} bytes");
@@ -203,7 +300,11 @@ fn directions_follow_the_counts_and_not_their_flicker() {
         let flicker = if (row as i64) % 2 == 0 { 0.25 } else { -0.25 };
         ((100.0 - 2.0 * (row - 50.0).abs()) + flicker, row)
     });
-    let rising: Vec<bool> = gathered_track(&recording).rising.iter().map(|now| now[0]).collect();
+    let rising: Vec<bool> = gathered_track(&recording)
+        .rising
+        .iter()
+        .map(|now| now[0])
+        .collect();
     assert!(rising[..51].iter().all(|up| *up), "{rising:?}");
     assert!(rising[52..].iter().all(|up| !*up), "{rising:?}");
 }
@@ -212,22 +313,46 @@ fn directions_follow_the_counts_and_not_their_flicker() {
 fn gathered_track(recording: &Recording) -> Track {
     let outcome = fit(
         recording,
-        &FitOptions { choice: Choice::One(Family::Linear), hold_out: HoldOut::Fraction(0.6), ..FitOptions::default() },
+        &FitOptions {
+            choice: Choice::One(Family::Linear),
+            hold_out: HoldOut::Fraction(0.6),
+            ..FitOptions::default()
+        },
         &Silent,
     )
     .unwrap();
-    let families = [FamilyFit { name: "linear", model: &outcome.model, chosen: true, seconds: None }];
-    gather(recording, &outcome.report.survey, &outcome.report.split, &outcome.report.training, &families).track
+    let families = [FamilyFit {
+        name: "linear",
+        model: &outcome.model,
+        chosen: true,
+        seconds: None,
+    }];
+    gather(
+        recording,
+        &outcome.report.survey,
+        &outcome.report.split,
+        &outcome.report.training,
+        &families,
+    )
+    .track
 }
 
 #[test]
 fn a_stroke_goes_from_end_to_end_of_the_hull() {
-    let corners = [[-100.0, -50.0], [100.0, -50.0], [100.0, 50.0], [-100.0, 50.0]];
+    let corners = [
+        [-100.0, -50.0],
+        [100.0, -50.0],
+        [100.0, 50.0],
+        [-100.0, 50.0],
+    ];
     let hull = Hull::from_points(2, &corners).unwrap();
     let stroke = stroke::Stroke::new(&hull, [0.0, 1.0]);
     let positions: Vec<_> = stroke.positions().collect();
     let (first, last) = (positions[0], positions[positions.len() - 1]);
-    assert!((first[1] + 50.0).abs() < 1e-3 && (last[1] - 50.0).abs() < 1e-3, "{first:?} {last:?}");
+    assert!(
+        (first[1] + 50.0).abs() < 1e-3 && (last[1] - 50.0).abs() < 1e-3,
+        "{first:?} {last:?}"
+    );
     assert!(positions.iter().all(|at| at[0].abs() < 1e-9));
 }
 
@@ -241,7 +366,9 @@ fn branches_are_as_far_apart_as_the_play_is_wide() {
     });
     let outcome = fitted(&recording);
     let mut file = outcome.model.file().clone();
-    let FamilyParameters::Gmr { mixture } = file.family else { panic!("not a mixture") };
+    let FamilyParameters::Gmr { mixture } = file.family else {
+        panic!("not a mixture")
+    };
     file.family = FamilyParameters::GmrPlay {
         plays: PlayParameters {
             thresholds_counts: vec![vec![0.0, 50.0]],
@@ -253,26 +380,56 @@ fn branches_are_as_far_apart_as_the_play_is_wide() {
         virtual_hull: file.hull.clone(),
     };
     let model = Model::from_file(file).unwrap();
-    let line = Straight { gain: [0.02, 0.0], offset: 0.0 };
+    let line = Straight {
+        gain: [0.02, 0.0],
+        offset: 0.0,
+    };
     let unit = std::f64::consts::PI / 180.0;
     let found = branches(&model, 0, &line, unit);
     let middle = found.rising.len() / 2;
-    let (up, down) = (found.rising[middle], found.falling[found.falling.len() - 1 - middle]);
+    let (up, down) = (
+        found.rising[middle],
+        found.falling[found.falling.len() - 1 - middle],
+    );
     // The lagging play carries 0.8 of the virtual counts: 0.8 * 2 * 50 counts of 0.02 deg.
-    assert!((up[0] - down[0]).abs() < 1e-6 && ((down[1] - up[1]) - 1.6).abs() < 0.02, "{up:?} {down:?}");
+    assert!(
+        (up[0] - down[0]).abs() < 1e-6 && ((down[1] - up[1]) - 1.6).abs() < 0.02,
+        "{up:?} {down:?}"
+    );
     let memoryless = branches(&outcome.model, 0, &line, unit);
-    assert!(memoryless.rising.iter().zip(memoryless.falling.iter().rev()).all(|(up, down)| up[1] == down[1]));
+    assert!(
+        memoryless
+            .rising
+            .iter()
+            .zip(memoryless.falling.iter().rev())
+            .all(|(up, down)| up[1] == down[1])
+    );
 }
 
 #[test]
 fn components_are_projected_on_the_plane_of_the_output() {
     let data = gathered(&two_axes());
     for (output, view) in data.outputs.iter().zip(&data.read_out) {
-        let weights: f64 = view.components.iter().map(|component| component.weight).sum();
+        let weights: f64 = view
+            .components
+            .iter()
+            .map(|component| component.weight)
+            .sum();
         assert!((weights - 1.0).abs() < 1e-9);
-        // The data are a straight line with noise of 0.05 deg, so across it every component is about as wide as that.
-        let slope = output.straight.gain.iter().map(|gain| gain * gain).sum::<f64>().sqrt();
-        for Component { covariance: [[xx, xy], [_, yy]], .. } in &view.components {
+        // The data are a straight line with noise of 0.05 deg, so across it every component is
+        // about as wide as that.
+        let slope = output
+            .straight
+            .gain
+            .iter()
+            .map(|gain| gain * gain)
+            .sum::<f64>()
+            .sqrt();
+        for Component {
+            covariance: [[xx, xy], [_, yy]],
+            ..
+        } in &view.components
+        {
             let across = yy - 2.0 * slope * xy + slope * slope * xx;
             assert!((0.0..0.3).contains(&across), "{across}");
         }

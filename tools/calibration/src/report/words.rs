@@ -32,7 +32,9 @@ pub(super) fn with_unit(output: &OutputFacts) -> String {
 
 /// The unit of all outputs.
 pub(super) fn unit(data: &ReportData) -> &str {
-    data.outputs.first().map_or("", |output| output.unit.as_str())
+    data.outputs
+        .first()
+        .map_or("", |output| output.unit.as_str())
 }
 
 /// The model that was chosen.
@@ -40,16 +42,25 @@ pub(super) fn chosen(data: &ReportData) -> Option<&FamilyResult> {
     data.families.iter().find(|family| family.chosen)
 }
 
-/// What the chosen model is compared with in the figures: the memoryless mixture if there is one, otherwise the
-/// baseline; nothing if that is the chosen one.
+/// What the chosen model is compared with in the figures: the memoryless mixture if there is one,
+/// otherwise the baseline; nothing if that is the chosen one.
 pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
-    let named = |name: &str| data.families.iter().find(|family| family.name == name && !family.chosen);
+    let named = |name: &str| {
+        data.families
+            .iter()
+            .find(|family| family.name == name && !family.chosen)
+    };
     named(MEMORYLESS).or_else(|| named(BASELINE))
 }
 
-/// What an axis of counts along a direction shows: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the sign of the counts.
+/// What an axis of counts along a direction shows: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the sign of
+/// the counts.
 pub(super) fn along(direction: &MotorVec, motors: usize, q: char) -> String {
-    let named = direction.iter().zip(["₀", "₁"]).take(motors).filter(|(part, _)| part.abs() >= NEGLIGIBLE);
+    let named = direction
+        .iter()
+        .zip(["₀", "₁"])
+        .take(motors)
+        .filter(|(part, _)| part.abs() >= NEGLIGIBLE);
     let named: Vec<_> = named.collect();
     match named.as_slice() {
         [(part, index)] if **part > 0.0 => format!("{q}{index}"),
@@ -90,6 +101,14 @@ mod tests {
     #[test]
     fn names_are_joined() {
         let names = ["a", "b", "c"].map(str::to_owned);
-        assert_eq!([list(&names), list(&names[..2]), list(&names[..1]), list(&[])], ["a, b and c", "a and b", "a", ""]);
+        assert_eq!(
+            [
+                list(&names),
+                list(&names[..2]),
+                list(&names[..1]),
+                list(&[])
+            ],
+            ["a, b and c", "a and b", "a", ""]
+        );
     }
 }

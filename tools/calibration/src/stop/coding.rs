@@ -1,8 +1,11 @@
 //! Between the parameters of stop operators and a vector of numbers without bounds.
 //!
-//! Lengths, forces and stiffnesses are positive and differ by orders of magnitude, so their logarithms are searched.
+//! Lengths, forces and stiffnesses are positive and differ by orders of magnitude, so their
+//! logarithms are searched.
 
-use i2ris::model::hysteresis::stop::{LEAST, StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
+use i2ris::model::hysteresis::stop::{
+    LEAST, StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
+};
 use nalgebra::DVector;
 
 /// Logarithms stay between these: 1e-6 to 3000.
@@ -23,38 +26,82 @@ pub(super) struct Coding {
 
 impl Coding {
     pub fn new(start: &StopParameters) -> Self {
-        let neutral = start.motors.iter().map(|motor| (motor.neutral_counts, motor.travel_per_count)).collect();
-        Self { motors: start.motors.len(), segments: start.segments.len(), stops: start.stops.len(), neutral }
+        let neutral = start
+            .motors
+            .iter()
+            .map(|motor| (motor.neutral_counts, motor.travel_per_count))
+            .collect();
+        Self {
+            motors: start.motors.len(),
+            segments: start.segments.len(),
+            stops: start.stops.len(),
+            neutral,
+        }
     }
 
     pub fn encode(&self, parameters: &StopParameters) -> DVector<f64> {
         let mut code = Vec::new();
         for (motor, (neutral, travel)) in parameters.motors.iter().zip(&self.neutral) {
-            code.extend([(motor.travel_per_count / travel).ln(), (motor.neutral_counts - neutral) * travel]);
+            code.extend([
+                (motor.travel_per_count / travel).ln(),
+                (motor.neutral_counts - neutral) * travel,
+            ]);
             code.extend(motor.slack.iter().chain(&motor.friction).map(|x| x.ln()));
         }
         if self.motors == 2 {
-            code.extend(parameters.motors.iter().map(|motor| motor.axis_deg.to_radians()));
+            code.extend(
+                parameters
+                    .motors
+                    .iter()
+                    .map(|motor| motor.axis_deg.to_radians()),
+            );
             code.push((parameters.shared / (1.0 - parameters.shared)).ln());
         }
         code.extend(springs(parameters).into_iter().flatten().map(f64::ln));
-        let friction = parameters.segments.first().map_or(1.0, |segment| segment.friction);
-        code.extend(parameters.segments.iter().skip(1).map(|segment| (segment.friction / friction).ln()));
-        let StopParameters { softness, loose_stiffness, base_friction, friction_growth, .. } = *parameters;
+        let friction = parameters
+            .segments
+            .first()
+            .map_or(1.0, |segment| segment.friction);
+        code.extend(
+            parameters
+                .segments
+                .iter()
+                .skip(1)
+                .map(|segment| (segment.friction / friction).ln()),
+        );
+        let StopParameters {
+            softness,
+            loose_stiffness,
+            base_friction,
+            friction_growth,
+            ..
+        } = *parameters;
         code.extend([softness, loose_stiffness, base_friction, friction_growth].map(f64::ln));
         code.extend(parameters.stops.iter().map(|stop| stop.stiffness.ln()));
         let first = parameters.stops.first().map_or(1.0, |stop| stop.share);
-        code.extend(parameters.stops.iter().skip(1).map(|stop| (stop.share / first).ln()));
+        code.extend(
+            parameters
+                .stops
+                .iter()
+                .skip(1)
+                .map(|stop| (stop.share / first).ln()),
+        );
         DVector::from_vec(code)
     }
 
     /// Always parameters within their bounds; only the directions of the motors may fall together.
     pub fn decode(&self, code: &DVector<f64>) -> StopParameters {
         let mut code = Reader(code.as_slice().iter());
-        let mut motors: Vec<StopMotor> = self.neutral.iter().map(|neutral| motor(&mut code, *neutral)).collect();
+        let mut motors: Vec<StopMotor> = self
+            .neutral
+            .iter()
+            .map(|neutral| motor(&mut code, *neutral))
+            .collect();
         let mut shared = 0.0;
         if self.motors == 2 {
-            motors.iter_mut().for_each(|motor| motor.axis_deg = code.plain().to_degrees() % 360.0);
+            motors
+                .iter_mut()
+                .for_each(|motor| motor.axis_deg = code.plain().to_degrees() % 360.0);
             shared = 1.0 / (1.0 + (-code.plain()).exp());
         }
         let segments = self.segments(&mut code);
@@ -63,11 +110,27 @@ impl Coding {
         let base_friction = code.positive();
         let friction_growth = code.positive().min(1.0);
         let stiffnesses: Vec<f64> = (0..self.stops).map(|_| code.positive().max(1e-4)).collect();
-        let shares: Vec<f64> = (0..self.stops).map(|stop| if stop == 0 { 1.0 } else { code.positive() }).collect();
+        let shares: Vec<f64> = (0..self.stops)
+            .map(|stop| if stop == 0 { 1.0 } else { code.positive() })
+            .collect();
         let sum: f64 = shares.iter().sum();
         let stops = stiffnesses.into_iter().zip(shares);
-        let stops = stops.map(|(stiffness, share)| StopElement { stiffness, share: share / sum }).collect();
-        StopParameters { motors, segments, softness, loose_stiffness, base_friction, friction_growth, shared, stops }
+        let stops = stops
+            .map(|(stiffness, share)| StopElement {
+                stiffness,
+                share: share / sum,
+            })
+            .collect();
+        StopParameters {
+            motors,
+            segments,
+            softness,
+            loose_stiffness,
+            base_friction,
+            friction_growth,
+            shared,
+            stops,
+        }
     }
 }
 
@@ -75,7 +138,9 @@ impl Coding {
     fn segments(&self, code: &mut Reader) -> Vec<StopSegment> {
         let springs: Vec<[f64; 3]> = (0..self.segments).map(|_| code.three()).collect();
         let others: Vec<[f64; 3]> = (1..self.motors).map(|_| code.three()).collect();
-        let friction: Vec<f64> = (0..self.segments).map(|s| if s == 0 { 1.0 } else { code.positive() }).collect();
+        let friction: Vec<f64> = (0..self.segments)
+            .map(|s| if s == 0 { 1.0 } else { code.positive() })
+            .collect();
         let mean = friction.iter().sum::<f64>() / friction.len().max(1) as f64;
         let axes = |spring: &[f64; 3]| {
             let of = |ratio: &[f64; 3]| StopAxis {
@@ -93,12 +158,17 @@ impl Coding {
     }
 }
 
-/// Springs of the segments along the first axis, and then, relative to them and for all segments alike, along the other.
+/// Springs of the segments along the first axis, and then, relative to them and for all segments
+/// alike, along the other.
 fn springs(parameters: &StopParameters) -> Vec<[f64; 3]> {
     let numbers = |axis: &StopAxis| [axis.stiffness, axis.stiffening, axis.limit];
     let first = |segment: &StopSegment| segment.axes.first().map(numbers);
     let mut springs: Vec<[f64; 3]> = parameters.segments.iter().filter_map(first).collect();
-    if let [one, other] = parameters.segments.first().map_or(&[][..], |segment| &segment.axes) {
+    if let [one, other] = parameters
+        .segments
+        .first()
+        .map_or(&[][..], |segment| &segment.axes)
+    {
         let (one, other) = (numbers(one), numbers(other));
         springs.push(std::array::from_fn(|i| other[i] / one[i]));
     }
@@ -144,7 +214,12 @@ mod tests {
 
     fn of(segments: usize) -> StopParameters {
         let structure = Structure { segments, stops: 3 };
-        start::<2>(&Matrix2::new(0.02, 0.015, -0.015, 0.02), &SVector::from([10.0, -30.0]), 30.0, structure)
+        start::<2>(
+            &Matrix2::new(0.02, 0.015, -0.015, 0.02),
+            &SVector::from([10.0, -30.0]),
+            30.0,
+            structure,
+        )
     }
 
     #[test]

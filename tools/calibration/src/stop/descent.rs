@@ -1,7 +1,8 @@
-//! Least squares by Levenberg and Marquardt (K. Levenberg 1944; D. Marquardt 1963), with differences for derivatives.
+//! Least squares by Levenberg and Marquardt (K. Levenberg 1944; D. Marquardt 1963), with
+//! differences for derivatives.
 //!
-//! Every column of the Jacobian is one more simulation, so they are computed on all cores. Sums are taken in a fixed
-//! order: the answer does not depend on how many there are.
+//! Every column of the Jacobian is one more simulation, so they are computed on all cores. Sums are
+//! taken in a fixed order: the answer does not depend on how many there are.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -48,7 +49,10 @@ pub(super) fn descend(
     mut stepped: impl FnMut(),
 ) -> Option<Valley> {
     let mut residuals = squares.residuals(&start)?;
-    let mut here = Valley { at: start, sum_of_squares: residuals.norm_squared() };
+    let mut here = Valley {
+        at: start,
+        sum_of_squares: residuals.norm_squared(),
+    };
     let mut damping = FIRST_DAMPING;
     let mut done = 0;
     while done < patience.iterations {
@@ -59,7 +63,10 @@ pub(super) fn descend(
             match best.filter(|step| step.residuals.norm_squared() < before) {
                 Some(step) => {
                     residuals = step.residuals;
-                    here = Valley { at: step.at, sum_of_squares: residuals.norm_squared() };
+                    here = Valley {
+                        at: step.at,
+                        sum_of_squares: residuals.norm_squared(),
+                    };
                     damping = step.damping.max(LEAST_DAMPING);
                     break;
                 }
@@ -94,13 +101,24 @@ impl Normal {
             let mut aside = at.clone();
             aside[parameter] += DIFFERENCE;
             let moved = squares.residuals(&aside);
-            moved.map_or_else(|| DVector::zeros(residuals.len()), |moved| (moved - residuals) / DIFFERENCE)
+            moved.map_or_else(
+                || DVector::zeros(residuals.len()),
+                |moved| (moved - residuals) / DIFFERENCE,
+            )
         };
         let columns: Vec<DVector<f64>> = (0..at.len()).into_par_iter().map(column).collect();
-        let squared =
-            DMatrix::from_fn(at.len(), at.len(), |i, j| if j <= i { columns[i].dot(&columns[j]) } else { 0.0 });
+        let squared = DMatrix::from_fn(at.len(), at.len(), |i, j| {
+            if j <= i {
+                columns[i].dot(&columns[j])
+            } else {
+                0.0
+            }
+        });
         let gradient = DVector::from_fn(at.len(), |i, _| columns[i].dot(residuals));
-        Self { squared: &squared + squared.transpose() - DMatrix::from_diagonal(&squared.diagonal()), gradient }
+        Self {
+            squared: &squared + squared.transpose() - DMatrix::from_diagonal(&squared.diagonal()),
+            gradient,
+        }
     }
 
     /// The best of the steps with several dampings.
@@ -110,17 +128,34 @@ impl Normal {
             .map(|factor| {
                 let damping = damping * factor;
                 let at = at + self.step(damping)?;
-                Some(Step { residuals: squares.residuals(&at)?, at, damping })
+                Some(Step {
+                    residuals: squares.residuals(&at)?,
+                    at,
+                    damping,
+                })
             })
             .collect();
-        steps.into_iter().flatten().min_by(|a, b| a.residuals.norm_squared().total_cmp(&b.residuals.norm_squared()))
+        steps.into_iter().flatten().min_by(|a, b| {
+            a.residuals
+                .norm_squared()
+                .total_cmp(&b.residuals.norm_squared())
+        })
     }
 
     fn step(&self, damping: f64) -> Option<DVector<f64>> {
-        let scale = self.squared.diagonal().map(|d| damping * d.max(f64::MIN_POSITIVE));
-        let step = -(&self.squared + DMatrix::from_diagonal(&scale)).cholesky()?.solve(&self.gradient);
+        let scale = self
+            .squared
+            .diagonal()
+            .map(|d| damping * d.max(f64::MIN_POSITIVE));
+        let step = -(&self.squared + DMatrix::from_diagonal(&scale))
+            .cholesky()?
+            .solve(&self.gradient);
         let longest = step.amax();
-        Some(if longest > LONGEST { step * (LONGEST / longest) } else { step })
+        Some(if longest > LONGEST {
+            step * (LONGEST / longest)
+        } else {
+            step
+        })
     }
 }
 
@@ -133,22 +168,39 @@ mod tests {
 
     impl Squares for Banana {
         fn residuals(&self, at: &DVector<f64>) -> Option<DVector<f64>> {
-            (at[0] < 1.5).then(|| DVector::from_vec(vec![10.0 * (at[1] - at[0] * at[0]), 1.0 - at[0]]))
+            (at[0] < 1.5)
+                .then(|| DVector::from_vec(vec![10.0 * (at[1] - at[0] * at[0]), 1.0 - at[0]]))
         }
     }
 
     #[test]
     fn a_curved_valley_is_followed_to_its_end() {
         let mut steps = 0;
-        let patience = Patience { iterations: 200, tolerance: 0.0 };
-        let found = descend(&Banana, DVector::from_vec(vec![-1.2, 1.0]), patience, || steps += 1).unwrap();
-        assert!((found.at - DVector::from_vec(vec![1.0, 1.0])).amax() < 1e-4, "{}", found.sum_of_squares);
+        let patience = Patience {
+            iterations: 200,
+            tolerance: 0.0,
+        };
+        let found = descend(
+            &Banana,
+            DVector::from_vec(vec![-1.2, 1.0]),
+            patience,
+            || steps += 1,
+        )
+        .unwrap();
+        assert!(
+            (found.at - DVector::from_vec(vec![1.0, 1.0])).amax() < 1e-4,
+            "{}",
+            found.sum_of_squares
+        );
         assert_eq!(steps, 200, "steps that are not needed are told of as well");
     }
 
     #[test]
     fn where_there_is_no_model_there_is_no_start() {
-        let patience = Patience { iterations: 5, tolerance: 0.0 };
+        let patience = Patience {
+            iterations: 5,
+            tolerance: 0.0,
+        };
         assert!(descend(&Banana, DVector::from_vec(vec![2.0, 1.0]), patience, || ()).is_none());
     }
 }

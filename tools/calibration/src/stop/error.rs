@@ -18,7 +18,9 @@ pub enum StopError {
         structures: Vec<Structure>,
     },
     /// A bend that was not measured in full.
-    #[error("{outputs} output(s) do not show how {motors} motors bend the snake; measure at least {motors}")]
+    #[error(
+        "{outputs} output(s) do not show how {motors} motors bend the snake; measure at least {motors}"
+    )]
     FewOutputs {
         /// Of the recording.
         motors: usize,
@@ -26,7 +28,9 @@ pub enum StopError {
         outputs: usize,
     },
     /// Not enough samples for so many parameters.
-    #[error("{samples} sample(s) do not determine {parameters} parameters, {least} would; record more")]
+    #[error(
+        "{samples} sample(s) do not determine {parameters} parameters, {least} would; record more"
+    )]
     FewSamples {
         /// Samples that can be used.
         samples: usize,
@@ -42,7 +46,9 @@ pub enum StopError {
     #[error(transparent)]
     Line(#[from] LinearError),
     /// Motors that bend the snake the same way.
-    #[error("both motors bend the snake in the same direction; record motion in which they move separately")]
+    #[error(
+        "both motors bend the snake in the same direction; record motion in which they move separately"
+    )]
     Degenerate,
     /// The result is refused.
     #[error(transparent)]

@@ -1,9 +1,10 @@
 //! Fits stop operators: friction that grows with the pull of the wires, and gaps between them.
 //!
-//! The bend of the operator is laid through the outputs by least squares; what shape remains is the affair of the
-//! [chain](crate::chain) behind it. Every candidate is simulated along the whole path of the motors. The search begins at
-//! the straight line with usual friction, from several guesses and on thinned data, goes on with the best one, and ends
-//! on all samples. A weak prior keeps parameters that the data do not show where they started.
+//! The bend of the operator is laid through the outputs by least squares; what shape remains is the
+//! affair of the [chain](crate::chain) behind it. Every candidate is simulated along the whole path
+//! of the motors. The search begins at the straight line with usual friction, from several guesses
+//! and on thinned data, goes on with the best one, and ends on all samples. A weak prior keeps
+//! parameters that the data do not show where they started.
 //!
 //! | file | holds |
 //! |---|---|
@@ -46,10 +47,22 @@ const COARSE_SPACING: f64 = 0.4;
 const FINE_SPACING: f64 = 0.1;
 
 /// How long each part of the search may take.
-const GUESS: Patience = Patience { iterations: 10, tolerance: 1e-3 };
-const COARSE: Patience = Patience { iterations: 25, tolerance: 1e-4 };
-const BLOCK: Patience = Patience { iterations: 6, tolerance: 1e-3 };
-const FINE: Patience = Patience { iterations: 25, tolerance: 1e-4 };
+const GUESS: Patience = Patience {
+    iterations: 10,
+    tolerance: 1e-3,
+};
+const COARSE: Patience = Patience {
+    iterations: 25,
+    tolerance: 1e-4,
+};
+const BLOCK: Patience = Patience {
+    iterations: 6,
+    tolerance: 1e-3,
+};
+const FINE: Patience = Patience {
+    iterations: 25,
+    tolerance: 1e-4,
+};
 
 /// Spread of the guesses around the usual parameters, logarithms.
 const SPREAD: f64 = 0.5;
@@ -95,7 +108,11 @@ pub struct StopOptions {
 impl Default for StopOptions {
     fn default() -> Self {
         let structures = [(1, 3), (3, 3)].map(|(segments, stops)| Structure { segments, stops });
-        Self { structures: structures.to_vec(), starts: 3, seed: 1 }
+        Self {
+            structures: structures.to_vec(),
+            starts: 3,
+            seed: 1,
+        }
     }
 }
 
@@ -104,7 +121,8 @@ impl Default for StopOptions {
 pub struct StopFit {
     /// For the model file.
     pub parameters: StopParameters,
-    /// RMS length of the difference of bend and outputs, their means taken off, in the unit of the outputs.
+    /// RMS length of the difference of bend and outputs, their means taken off, in the unit of the
+    /// outputs.
     pub rms: f64,
     /// The same for a straight line.
     pub linear_rms: f64,
@@ -116,14 +134,21 @@ pub struct StopFit {
     pub warnings: Vec<StopWarning>,
 }
 
-/// Fits stop operators to a series. The same series, options and seed give the same bits, whatever the number of threads.
+/// Fits stop operators to a series. The same series, options and seed give the same bits, whatever
+/// the number of threads.
 ///
 /// # Errors
 ///
 /// When the options or the series cannot give a fit; see [`StopError`].
-pub fn fit_stop(series: &Series, options: &StopOptions, progress: &dyn Progress) -> Result<StopFit, StopError> {
+pub fn fit_stop(
+    series: &Series,
+    options: &StopOptions,
+    progress: &dyn Progress,
+) -> Result<StopFit, StopError> {
     if options.structures.is_empty() || !options.structures.iter().all(Structure::exists) {
-        return Err(StopError::Structures { structures: options.structures.clone() });
+        return Err(StopError::Structures {
+            structures: options.structures.clone(),
+        });
     }
     for finding in findings(series) {
         if let Finding::FewReversals { .. } = finding {
@@ -146,23 +171,58 @@ fn fit_sized<const D: usize>(
         let start = target.start(*structure);
         Coding::new(&start).encode(&start).len()
     };
-    let carried = |structure: &&Structure| LEAST_SAMPLES * parameters(structure) <= target.samples();
+    let carried =
+        |structure: &&Structure| LEAST_SAMPLES * parameters(structure) <= target.samples();
     let structures: Vec<Structure> = options.structures.iter().filter(carried).copied().collect();
     if structures.is_empty() {
-        let parameters = options.structures.iter().map(parameters).min().unwrap_or_default();
+        let parameters = options
+            .structures
+            .iter()
+            .map(parameters)
+            .min()
+            .unwrap_or_default();
         let (samples, least) = (target.samples(), LEAST_SAMPLES * parameters);
-        return Err(StopError::FewSamples { samples, parameters, least });
+        return Err(StopError::FewSamples {
+            samples,
+            parameters,
+            least,
+        });
     }
-    let options = &StopOptions { structures, ..options.clone() };
-    let search = Search { target: &target, coarse: coarse(&target), options, progress };
+    let options = &StopOptions {
+        structures,
+        ..options.clone()
+    };
+    let search = Search {
+        target: &target,
+        coarse: coarse(&target),
+        options,
+        progress,
+    };
     let (parameters, tried) = search.run().ok_or(StopError::Degenerate)?;
-    let rms = target.unit * target.mean_square(&parameters, true).unwrap_or(f64::NAN).sqrt();
+    let rms = target.unit
+        * target
+            .mean_square(&parameters, true)
+            .unwrap_or(f64::NAN)
+            .sqrt();
     let linear_rms = target.unit * target.linear_mean_square().sqrt();
     let reading = StopReading::new::<D>(&parameters, target.unit)?;
     let little = rms > LITTLE_GAIN * linear_rms;
-    let warnings = little.then_some(StopWarning::LittleGain { rms, linear_rms }).into_iter().collect();
-    let tried = tried.into_iter().map(|(structure, error)| (structure, target.unit * error)).collect();
-    Ok(StopFit { parameters, rms, linear_rms, tried, reading, warnings })
+    let warnings = little
+        .then_some(StopWarning::LittleGain { rms, linear_rms })
+        .into_iter()
+        .collect();
+    let tried = tried
+        .into_iter()
+        .map(|(structure, error)| (structure, target.unit * error))
+        .collect();
+    Ok(StopFit {
+        parameters,
+        rms,
+        linear_rms,
+        tried,
+        reading,
+        warnings,
+    })
 }
 
 fn coarse<const D: usize>(target: &Target<D>) -> Target<D> {
@@ -189,9 +249,17 @@ impl<const D: usize> Search<'_, D> {
         let choices = self.options.structures.len();
         let per_choice = self.options.starts.max(1) * GUESS.iterations + COARSE.iterations;
         self.progress.begin(choices * per_choice + FINE.iterations);
-        let candidates: Vec<Candidate> =
-            self.options.structures.iter().filter_map(|structure| self.candidate(*structure)).collect();
-        let tried = if choices > 1 { self.left_out_errors(&candidates) } else { Vec::new() };
+        let candidates: Vec<Candidate> = self
+            .options
+            .structures
+            .iter()
+            .filter_map(|structure| self.candidate(*structure))
+            .collect();
+        let tried = if choices > 1 {
+            self.left_out_errors(&candidates)
+        } else {
+            Vec::new()
+        };
         let chosen = choose(candidates, &tried)?;
         let fine = self.target.thinned(1, FINE_SPACING);
         let found = self.descend(&fine, &chosen, chosen.at.clone(), FINE)?;
@@ -204,30 +272,56 @@ impl<const D: usize> Search<'_, D> {
         let start = self.target.start(structure);
         let coding = Coding::new(&start);
         let prior = coding.encode(&start);
-        let candidate = Candidate { structure, coding, at: prior.clone(), prior };
+        let candidate = Candidate {
+            structure,
+            coding,
+            at: prior.clone(),
+            prior,
+        };
         let mut random = Pcg64::seed_from_u64(self.options.seed);
         let guesses = (0..self.options.starts.max(1)).filter_map(|guess| {
             let spread = if guess == 0 { 0.0 } else { SPREAD };
-            let aside = candidate.prior.map(|p| p + spread * random.random_range(-1.0..1.0));
+            let aside = candidate
+                .prior
+                .map(|p| p + spread * random.random_range(-1.0..1.0));
             self.descend(&self.coarse, &candidate, aside, GUESS)
         });
         let best = guesses.min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?;
         let found = self.descend(&self.coarse, &candidate, best.at, COARSE)?;
-        Some(Candidate { at: found.at, ..candidate })
+        Some(Candidate {
+            at: found.at,
+            ..candidate
+        })
     }
 
-    fn descend(&self, data: &Target<D>, of: &Candidate, from: DVector<f64>, patience: Patience) -> Option<Valley> {
-        descend(&data.squares(&of.coding, &of.prior), from, patience, || self.progress.step())
+    fn descend(
+        &self,
+        data: &Target<D>,
+        of: &Candidate,
+        from: DVector<f64>,
+        patience: Patience,
+    ) -> Option<Valley> {
+        descend(&data.squares(&of.coding, &of.prior), from, patience, || {
+            self.progress.step()
+        })
     }
 
     /// RMS error of every candidate on blocks of the thinned data that it was fitted without.
     fn left_out_errors(&self, candidates: &[Candidate]) -> Vec<(Structure, f64)> {
         let blocks = blocks(self.coarse.samples(), BLOCKS);
         let error = |candidate: &Candidate| {
-            let squares: Option<Vec<f64>> = blocks.par_iter().map(|block| self.left_out(candidate, block)).collect();
-            squares.map_or(f64::INFINITY, |squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+            let squares: Option<Vec<f64>> = blocks
+                .par_iter()
+                .map(|block| self.left_out(candidate, block))
+                .collect();
+            squares.map_or(f64::INFINITY, |squares| {
+                (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+            })
         };
-        candidates.iter().map(|candidate| (candidate.structure, error(candidate))).collect()
+        candidates
+            .iter()
+            .map(|candidate| (candidate.structure, error(candidate)))
+            .collect()
     }
 
     fn left_out(&self, candidate: &Candidate, block: &std::ops::Range<usize>) -> Option<f64> {
@@ -240,7 +334,12 @@ impl<const D: usize> Search<'_, D> {
 
 /// The first that comes near the least error.
 fn choose(candidates: Vec<Candidate>, tried: &[(Structure, f64)]) -> Option<Candidate> {
-    let least = tried.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
-    let near = tried.iter().position(|(_, error)| *error <= least * (1.0 + WORTH_IT));
+    let least = tried
+        .iter()
+        .map(|(_, error)| *error)
+        .fold(f64::INFINITY, f64::min);
+    let near = tried
+        .iter()
+        .position(|(_, error)| *error <= least * (1.0 + WORTH_IT));
     candidates.into_iter().nth(near.unwrap_or_default())
 }

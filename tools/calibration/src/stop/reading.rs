@@ -35,7 +35,10 @@ pub struct MotorReading {
 
 impl StopReading {
     /// `unit` is that of the bend, in outputs.
-    pub(super) fn new<const D: usize>(parameters: &StopParameters, unit: f64) -> Result<Self, ModelError> {
+    pub(super) fn new<const D: usize>(
+        parameters: &StopParameters,
+        unit: f64,
+    ) -> Result<Self, ModelError> {
         let gains = Stops::<D>::prepare(parameters)?.gains();
         let reading = |(motor, gain): (&StopMotor, f64)| {
             let slack: f64 = motor.slack.iter().sum();
@@ -48,7 +51,12 @@ impl StopReading {
             }
         };
         Ok(Self {
-            motors: parameters.motors.iter().zip(gains.iter().copied()).map(reading).collect(),
+            motors: parameters
+                .motors
+                .iter()
+                .zip(gains.iter().copied())
+                .map(reading)
+                .collect(),
             base_friction: parameters.base_friction * unit,
             shared: parameters.shared,
             segments: parameters.segments.len(),
@@ -60,7 +68,13 @@ impl fmt::Display for StopReading {
     /// A line per motor, then one for all of them.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (motor, reading) in self.motors.iter().enumerate() {
-            let MotorReading { slack_counts, slack, axis_deg, gain_per_count, friction } = reading;
+            let MotorReading {
+                slack_counts,
+                slack,
+                axis_deg,
+                gain_per_count,
+                friction,
+            } = reading;
             writeln!(
                 f,
                 "motor {motor}: slack {slack_counts:.0} counts ({slack:.2}), {gain_per_count:.4} per count, axis at \
@@ -68,7 +82,12 @@ impl fmt::Display for StopReading {
                 friction[0], friction[1]
             )?;
         }
-        let Self { segments, base_friction, shared, .. } = self;
+        let Self {
+            segments,
+            base_friction,
+            shared,
+            ..
+        } = self;
         writeln!(
             f,
             "{segments} segment(s); friction without load {base_friction:.2}, {:.0} % of it shared by the axes",

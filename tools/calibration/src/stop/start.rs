@@ -1,6 +1,9 @@
-//! Where the search starts: the straight line through the data, and what such snakes are usually like.
+//! Where the search starts: the straight line through the data, and what such snakes are usually
+//! like.
 
-use i2ris::model::hysteresis::stop::{StopAxis, StopElement, StopMotor, StopParameters, StopSegment};
+use i2ris::model::hysteresis::stop::{
+    StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
+};
 use nalgebra::{SMatrix, SVector};
 
 use super::Structure;
@@ -8,8 +11,8 @@ use super::Structure;
 /// Elastic stiffness over that of a taut wire.
 const STIFFNESS: f64 = 0.2;
 
-/// Stiffness of the stiffest stop, and of the softest of few or of many stops. Many of them are for snakes that bend in
-/// stretches one after the other, where the last one yields late.
+/// Stiffness of the stiffest stop, and of the softest of few or of many stops. Many of them are for
+/// snakes that bend in stretches one after the other, where the last one yields late.
 const STIFFEST: f64 = 10.0;
 const SOFTEST_OF_FEW: f64 = 0.4;
 const SOFTEST_OF_MANY: f64 = 0.12;
@@ -21,8 +24,8 @@ const SHARE: f64 = 0.7;
 /// Joint ends over the furthest bend of the data.
 const LIMIT: f64 = 1.2;
 
-/// Parameters for a straight model: `gain` in bend per count, the counts at which nothing bends, the furthest bend of the
-/// data.
+/// Parameters for a straight model: `gain` in bend per count, the counts at which nothing bends,
+/// the furthest bend of the data.
 pub(super) fn start<const D: usize>(
     gain: &SMatrix<f64, D, D>,
     neutral: &SVector<f64, D>,
@@ -31,7 +34,11 @@ pub(super) fn start<const D: usize>(
 ) -> StopParameters {
     let motor = |i: usize| {
         let (along, up) = (gain[(0, i)], gain[(D - 1, i)]);
-        let axis_deg = if D == 1 { 0.0 } else { up.atan2(along).to_degrees() };
+        let axis_deg = if D == 1 {
+            0.0
+        } else {
+            up.atan2(along).to_degrees()
+        };
         StopMotor {
             neutral_counts: neutral[i],
             travel_per_count: gain.column(i).norm() * (1.0 + STIFFNESS),
@@ -40,7 +47,8 @@ pub(super) fn start<const D: usize>(
             friction: [0.2; 2],
         }
     };
-    // All segments together are as stiff as one would be; the later in the row, the further and the harder it bends.
+    // All segments together are as stiff as one would be; the later in the row, the further and the
+    // harder it bends.
     let segment = |s: usize| {
         let rank = 2.0 * (s as f64 + 1.0) / (segments as f64 + 1.0);
         let axis = |_| StopAxis {
@@ -48,10 +56,17 @@ pub(super) fn start<const D: usize>(
             stiffening: 2e-5,
             limit: LIMIT * furthest * rank / segments as f64,
         };
-        StopSegment { axes: (0..D).map(axis).collect(), friction: rank }
+        StopSegment {
+            axes: (0..D).map(axis).collect(),
+            friction: rank,
+        }
     };
     let sum: f64 = 1.0 + SHARE * (stops as f64 - 1.0);
-    let softest = if stops <= FEW { SOFTEST_OF_FEW } else { SOFTEST_OF_MANY };
+    let softest = if stops <= FEW {
+        SOFTEST_OF_FEW
+    } else {
+        SOFTEST_OF_MANY
+    };
     let ratio = (softest / STIFFEST).powf(1.0 / (stops as f64 - 1.0).max(1.0));
     let stop = |k: usize| StopElement {
         stiffness: STIFFEST * ratio.powi(k as i32),

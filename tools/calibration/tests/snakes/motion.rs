@@ -16,10 +16,19 @@ fn wander(random: &mut Pcg64, ticks: usize, corner: f64) -> Vec<f64> {
         .map(|wave| {
             let frequency = 3.0 * corner * (wave as f64 + random.random::<f64>()) / WAVES as f64;
             let size = gauss(random) / (1.0 + (frequency / corner).powi(4));
-            (size, TAU * frequency * TICK_S, random.random_range(0.0..TAU))
+            (
+                size,
+                TAU * frequency * TICK_S,
+                random.random_range(0.0..TAU),
+            )
         })
         .collect();
-    let at = |tick: usize| waves.iter().map(|(size, step, phase)| size * (step * tick as f64 + phase).sin()).sum();
+    let at = |tick: usize| {
+        waves
+            .iter()
+            .map(|(size, step, phase)| size * (step * tick as f64 + phase).sin())
+            .sum()
+    };
     let path: Vec<f64> = (0..ticks).map(at).collect();
     let deviation = (path.iter().map(|x| x * x).sum::<f64>() / ticks as f64).sqrt();
     path.into_iter().map(|x| x / deviation).collect()
@@ -30,16 +39,25 @@ pub fn gauss(random: &mut Pcg64) -> f64 {
     (-2.0 * a.ln()).sqrt() * (TAU * b).cos()
 }
 
-/// Goals like those of a surgeon's hand, degrees: wandering, bursts of nested minor loops, speeds up to `fastest`,
-/// tremor of 10 Hz.
-pub fn teleoperation(seed: u64, seconds: f64, span: f64, fastest: f64, tremor: f64) -> Vec<[f64; 2]> {
+/// Goals like those of a surgeon's hand, degrees: wandering, bursts of nested minor loops, speeds
+/// up to `fastest`, tremor of 10 Hz.
+pub fn teleoperation(
+    seed: u64,
+    seconds: f64,
+    span: f64,
+    fastest: f64,
+    tremor: f64,
+) -> Vec<[f64; 2]> {
     let mut random = Pcg64::seed_from_u64(seed);
     let ticks = (seconds / TICK_S) as usize;
     let mut goals = vec![[0.0; 2]; ticks];
     for axis in 0..2 {
         for (size, corner) in [(0.62, 0.06), (0.22, 0.25), (0.06, 0.8)] {
             let wander = wander(&mut random, ticks, corner);
-            goals.iter_mut().zip(wander).for_each(|(goal, w)| goal[axis] += size * w);
+            goals
+                .iter_mut()
+                .zip(wander)
+                .for_each(|(goal, w)| goal[axis] += size * w);
         }
     }
     (0..(seconds / 8.0) as usize).for_each(|_| burst(&mut random, &mut goals, seconds));
@@ -58,13 +76,22 @@ pub fn teleoperation(seed: u64, seconds: f64, span: f64, fastest: f64, tremor: f
 }
 
 fn burst(random: &mut Pcg64, goals: &mut [[f64; 2]], seconds: f64) {
-    let (centre, width) = (random.random_range(0.0..seconds), random.random_range(1.0..2.5_f64));
-    let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
+    let (centre, width) = (
+        random.random_range(0.0..seconds),
+        random.random_range(1.0..2.5_f64),
+    );
+    let (size, angle) = (
+        random.random_range(0.05..0.35),
+        random.random_range(0.0..TAU),
+    );
     let frequency: f64 = random.random_range(0.4..1.2);
     for (tick, goal) in goals.iter_mut().enumerate() {
         let since = tick as f64 * TICK_S - centre;
         let wave = size * (-(since / width).powi(2)).exp() * (TAU * frequency * since).sin();
-        *goal = [goal[0] + wave * f64::cos(angle), goal[1] + wave * f64::sin(angle)];
+        *goal = [
+            goal[0] + wave * f64::cos(angle),
+            goal[1] + wave * f64::sin(angle),
+        ];
     }
 }
 
@@ -94,7 +121,10 @@ fn smooth(path: &[[f64; 2]], half: usize) -> Vec<[f64; 2]> {
         let mut out = [0.0; 2];
         for (i, weight) in weights.iter().enumerate() {
             let from = path[(tick + i).saturating_sub(half).min(path.len() - 1)];
-            out = [out[0] + weight / sum * from[0], out[1] + weight / sum * from[1]];
+            out = [
+                out[0] + weight / sum * from[0],
+                out[1] + weight / sum * from[1],
+            ];
         }
         out
     };
@@ -120,5 +150,7 @@ pub fn plane(seed: u64, radius: f64, seconds: f64, fastest: f64) -> Vec<[f64; 2]
     sizes.sort_by(f64::total_cmp);
     let largest = sizes[sizes.len() * 999 / 1000];
     let scale = |[a, b]: [f64; 2]| radius / a.hypot(b).max(largest);
-    path.into_iter().map(|at| at.map(|x| (x * scale(at)).round())).collect()
+    path.into_iter()
+        .map(|at| at.map(|x| (x * scale(at)).round()))
+        .collect()
 }

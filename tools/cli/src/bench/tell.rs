@@ -7,7 +7,10 @@ use i2ris_bench::{Outcome, Role, Summary, Way};
 pub fn print(outcome: &Outcome) {
     println!("\n{}: {}", outcome.bench, outcome.about);
     println!("  {}", outcome.machine.words());
-    outcome.scheduling.iter().for_each(|line| println!("  {line}"));
+    outcome
+        .scheduling
+        .iter()
+        .for_each(|line| println!("  {line}"));
     println!(
         "  meanwhile {:.0} % of all processors in use, {:.1} % stolen by the host",
         outcome.weather.busy_percent, outcome.weather.stolen_percent
@@ -18,20 +21,37 @@ pub fn print(outcome: &Outcome) {
     );
     for group in outcome.groups() {
         println!("{group}");
-        outcome.ways.iter().filter(|way| way.group == group).for_each(|way| line(way, outcome.ratio(way)));
+        outcome
+            .ways
+            .iter()
+            .filter(|way| way.group == group)
+            .for_each(|way| line(way, outcome.ratio(way)));
     }
     if !outcome.quantities.is_empty() {
         println!();
     }
     for quantity in &outcome.quantities {
-        println!("  {:<54} {:>9.1} {}", quantity.name, quantity.value, quantity.unit);
+        println!(
+            "  {:<54} {:>9.1} {}",
+            quantity.name, quantity.value, quantity.unit
+        );
     }
     println!();
-    outcome.notes.iter().for_each(|note| println!("  note: {note}"));
+    outcome
+        .notes
+        .iter()
+        .for_each(|note| println!("  note: {note}"));
 }
 
 fn line(way: &Way, ratio: Option<Ratio>) {
-    let Summary { count, p50, p90, p99, p999, max } = way.spans.summary();
+    let Summary {
+        count,
+        p50,
+        p90,
+        p99,
+        p999,
+        max,
+    } = way.spans.summary();
     let us = |ns: u64| format!("{:.2}", ns as f64 / 1e3);
     let role = match way.role {
         Role::Floor => " (floor)",

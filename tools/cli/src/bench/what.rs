@@ -14,15 +14,18 @@ use crate::console::Interrupt;
 /// What to measure.
 #[derive(Debug, clap::Subcommand)]
 pub enum What {
-    /// Publish to receive, polled and woken: the controller's streams, iceoryx2, a bare word in shared memory, sockets
+    /// Publish to receive, polled and woken: the controller's streams, iceoryx2, a bare word in
+    /// shared memory, sockets
     Ipc(Ipc),
-    /// A periodic loop: lateness of the controller's ticker beside a bare timer, and what a tick computes
+    /// A periodic loop: lateness of the controller's ticker beside a bare timer, and what a tick
+    /// computes
     Loop(Loop),
     /// One call of a model: desired angles to counts, and back
     Inverse(Inverse),
     /// Exchanges with two emulated drives against what the wire allows
     Wire(Wire),
-    /// Command published, set-point on the wire, encoder position back at the client; with emulated drives
+    /// Command published, set-point on the wire, encoder position back at the client; with emulated
+    /// drives
     E2e(EndToEnd),
     /// All of them with their defaults, one after the other; takes about two minutes
     All(All),
@@ -111,10 +114,18 @@ impl Run<'_> {
     fn all(&self, controller: Option<PathBuf>) -> Result<Vec<Outcome>, Failure> {
         let all = [
             What::Ipc(Ipc { messages: 20_000 }),
-            What::Loop(Loop { rate_hz: 1000, spin_us: 100, duration_s: 10 }),
+            What::Loop(Loop {
+                rate_hz: 1000,
+                spin_us: 100,
+                duration_s: 10,
+            }),
             What::Inverse(Inverse { rounds: 50 }),
             What::Wire(Wire { duration_s: 10 }),
-            What::E2e(EndToEnd { commands: 1000, seed: 1, controller }),
+            What::E2e(EndToEnd {
+                commands: 1000,
+                seed: 1,
+                controller,
+            }),
         ];
         let mut outcomes = Vec::new();
         for what in &all {
@@ -129,22 +140,42 @@ impl Run<'_> {
         let port_priority = priority.saturating_sub(10);
         Ok(match what {
             What::Ipc(Ipc { messages }) => ipc::run(*messages, self.seats, &interrupted)?,
-            What::Loop(Loop { rate_hz, spin_us, duration_s }) => {
+            What::Loop(Loop {
+                rate_hz,
+                spin_us,
+                duration_s,
+            }) => {
                 let period = Nanos(1_000_000_000 / u64::from(*rate_hz));
-                let of =
-                    ticks::Loop { period, spin: Nanos::from_micros(*spin_us), turns: *duration_s, seats: self.seats };
+                let of = ticks::Loop {
+                    period,
+                    spin: Nanos::from_micros(*spin_us),
+                    turns: *duration_s,
+                    seats: self.seats,
+                };
                 ticks::run(of, &interrupted)?
             }
             What::Inverse(Inverse { rounds }) => inverse::run(*rounds, self.seats, &interrupted)?,
-            What::Wire(Wire { duration_s }) => wire::run(f64::from(*duration_s), port_priority, &interrupted)?,
-            What::E2e(EndToEnd { commands, seed, controller }) => {
+            What::Wire(Wire { duration_s }) => {
+                wire::run(f64::from(*duration_s), port_priority, &interrupted)?
+            }
+            What::E2e(EndToEnd {
+                commands,
+                seed,
+                controller,
+            }) => {
                 let controller = match controller {
                     Some(program) => program.clone(),
                     None => std::env::current_exe()?.with_file_name("i2ris-control"),
                 };
                 let pinned = self.seats.pinned;
                 e2e::run(
-                    &e2e::EndToEnd { commands: *commands, controller, priority, pinned, seed: *seed },
+                    &e2e::EndToEnd {
+                        commands: *commands,
+                        controller,
+                        priority,
+                        pinned,
+                        seed: *seed,
+                    },
                     &interrupted,
                 )?
             }

@@ -60,7 +60,13 @@ struct Figures {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (recording, _) = Recording::read(&arguments.recording, &ColumnMap::default())?;
-    let all = || arguments.models.iter().map(|file| entry(file, &recording)).collect::<Result<Vec<_>, _>>();
+    let all = || {
+        arguments
+            .models
+            .iter()
+            .map(|file| entry(file, &recording))
+            .collect::<Result<Vec<_>, _>>()
+    };
     let entries = while_working("comparing", all)?;
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&entries)?);
@@ -76,10 +82,18 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
     let predicted = predictions(&model, recording);
     let mut outputs = Vec::new();
     for (output, spec) in recording.outputs().iter().enumerate() {
-        let pairs = recording.rows().iter().zip(&predicted).map(|(row, at)| (row.outputs[output], at[output]));
-        let mut errors: Vec<f64> = pairs.clone().map(|(measured, predicted)| (measured - predicted).abs()).collect();
+        let pairs = recording
+            .rows()
+            .iter()
+            .zip(&predicted)
+            .map(|(row, at)| (row.outputs[output], at[output]));
+        let mut errors: Vec<f64> = pairs
+            .clone()
+            .map(|(measured, predicted)| (measured - predicted).abs())
+            .collect();
         errors.sort_by(f64::total_cmp);
-        let found = metrics(pairs).ok_or_else(|| format!("{} does not vary in the recording", spec.name))?;
+        let found = metrics(pairs)
+            .ok_or_else(|| format!("{} does not vary in the recording", spec.name))?;
         outputs.push(Figures {
             name: spec.name.clone(),
             unit: spec.unit.to_string(),
@@ -92,46 +106,99 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
         });
     }
     let trained_on_it = model.file().training.data_sha256 == recording.sha256();
-    let rms_length = outputs.iter().map(|figures| figures.rmsd * figures.rmsd).sum::<f64>().sqrt();
-    Ok(Entry { model: file.display().to_string(), family: family(&model), trained_on_it, outputs, rms_length })
+    let rms_length = outputs
+        .iter()
+        .map(|figures| figures.rmsd * figures.rmsd)
+        .sum::<f64>()
+        .sqrt();
+    Ok(Entry {
+        model: file.display().to_string(),
+        family: family(&model),
+        trained_on_it,
+        outputs,
+        rms_length,
+    })
 }
 
 /// As it stands in the file.
 fn family(model: &Model) -> String {
     let value = serde_json::to_value(&model.file().family).unwrap_or_default();
-    value.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?").to_owned()
+    value
+        .get("kind")
+        .and_then(|kind| kind.as_str())
+        .unwrap_or("?")
+        .to_owned()
 }
 
 fn check(model: &Model, recording: &Recording) -> Result<(), String> {
     if model.motors() != recording.motors() {
-        return Err(format!("is for {} motor(s), the recording has {}", model.motors(), recording.motors()));
+        return Err(format!(
+            "is for {} motor(s), the recording has {}",
+            model.motors(),
+            recording.motors()
+        ));
     }
     let names = |outputs: &[OutputSpec]| {
-        outputs.iter().map(|output| format!("{} ({})", output.name, output.unit)).collect::<Vec<_>>().join(", ")
+        outputs
+            .iter()
+            .map(|output| format!("{} ({})", output.name, output.unit))
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     if model.file().outputs != recording.outputs() {
         let (of_model, of_recording) = (names(&model.file().outputs), names(recording.outputs()));
-        return Err(format!("has the outputs {of_model}, the recording {of_recording}"));
+        return Err(format!(
+            "has the outputs {of_model}, the recording {of_recording}"
+        ));
     }
     Ok(())
 }
 
 fn print(entries: &[Entry], recording: &Recording) {
     let (rows, places) = (recording.rows().len(), recording.path().len());
-    println!("recording  {}: {rows} rows with angles on a way of {places} positions", recording.name());
-    let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"].map(|name| format!("{name:>9}")).concat();
-    println!("\n{:<16}{:<12}{header}{:>12}", "family", "output", "RMS length");
+    println!(
+        "recording  {}: {rows} rows with angles on a way of {places} positions",
+        recording.name()
+    );
+    let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"]
+        .map(|name| format!("{name:>9}"))
+        .concat();
+    println!(
+        "\n{:<16}{:<12}{header}{:>12}",
+        "family", "output", "RMS length"
+    );
     for entry in entries {
         for (place, figures) in entry.outputs.iter().enumerate() {
-            let family = if place == 0 { entry.family.as_str() } else { "" };
-            let length = if place == 0 { format!("{:>12.3}", entry.rms_length) } else { String::new() };
-            let Figures { name, unit, r2, rmsd, nrmsd, mae, p99, max } = figures;
+            let family = if place == 0 {
+                entry.family.as_str()
+            } else {
+                ""
+            };
+            let length = if place == 0 {
+                format!("{:>12.3}", entry.rms_length)
+            } else {
+                String::new()
+            };
+            let Figures {
+                name,
+                unit,
+                r2,
+                rmsd,
+                nrmsd,
+                mae,
+                p99,
+                max,
+            } = figures;
             println!(
                 "{family:<16}{:<12}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{p99:>9.3}{max:>9.3}{length}",
                 format!("{name} ({unit})")
             );
         }
-        let trained = if entry.trained_on_it { ", fitted to this very recording" } else { "" };
+        let trained = if entry.trained_on_it {
+            ", fitted to this very recording"
+        } else {
+            ""
+        };
         println!("  {}{trained}", entry.model);
     }
 }

@@ -26,7 +26,8 @@ const MAX_LATENCY_MS: f64 = 1000.0;
 pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles
     file: PathBuf,
-    /// Where to write the model; an existing file is replaced, all at once, when everything went well
+    /// Where to write the model; an existing file is replaced, all at once, when everything went
+    /// well
     #[arg(long, short, value_name = "MODEL.json")]
     output: PathBuf,
     /// Where to write a report with figures: one HTML file that needs nothing but itself
@@ -44,10 +45,12 @@ pub struct Arguments {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Model")]
 struct ModelArguments {
-    /// Family of models, or `best`: all of them, and the one with the least error on the rows held out is written
+    /// Family of models, or `best`: all of them, and the one with the least error on the rows held
+    /// out is written
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
-    /// Number of components of the mixture of `gmr` [default: chosen by the error on blocks left out]
+    /// Number of components of the mixture of `gmr` [default: chosen by the error on blocks left
+    /// out]
     #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64), conflicts_with = "max_components")]
     components: Option<u8>,
     /// Most components to choose from
@@ -68,7 +71,8 @@ struct ModelArguments {
     /// Train on readings that are flagged as spikes, too
     #[arg(long)]
     keep_spikes: bool,
-    /// Take so much off the stamps of the angles first; `auto` takes off what the recording itself says
+    /// Take so much off the stamps of the angles first; `auto` takes off what the recording itself
+    /// says
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     latency_ms: Option<LatencyChoice>,
 }
@@ -76,10 +80,12 @@ struct ModelArguments {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Columns of the recording")]
 struct ColumnArguments {
-    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or `Encoder counts 0,Encoder counts 1`]
+    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or
+    /// `Encoder counts 0,Encoder counts 1`]
     #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
     counts: Vec<String>,
-    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or `pitches=pitch,yaws=yaw`]
+    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or
+    /// `pitches=pitch,yaws=yaw`]
     #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
     angles: Vec<OutputColumn>,
     /// Time stamps, s [default: `t_s` or `Enc TS`, if there is one]
@@ -104,8 +110,13 @@ impl FromStr for LatencyChoice {
         if text == "auto" {
             return Ok(Self::Auto);
         }
-        let ms = text.parse().ok().filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
-        ms.map(Self::Ms).ok_or_else(|| format!("must be `auto` or a number of at most {MAX_LATENCY_MS} either way"))
+        let ms = text
+            .parse()
+            .ok()
+            .filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
+        ms.map(Self::Ms).ok_or_else(|| {
+            format!("must be `auto` or a number of at most {MAX_LATENCY_MS} either way")
+        })
     }
 }
 
@@ -113,7 +124,10 @@ impl LatencyChoice {
     /// The recording without the latency, and what was taken off.
     fn take_off(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
         if recording.rows().iter().any(|row| row.time_s.is_none()) {
-            return Err("--latency-ms: the recording has no time stamps; name their column with --time".into());
+            return Err(
+                "--latency-ms: the recording has no time stamps; name their column with --time"
+                    .into(),
+            );
         }
         let seconds = match self {
             Self::Ms(ms) => ms / 1e3,
@@ -128,7 +142,11 @@ impl LatencyChoice {
         };
         let shifted = recording.shifted(seconds);
         if shifted.rows().len() < MIN_ROWS {
-            return Err(format!("--latency-ms: {} row(s) are left; give less", shifted.rows().len()).into());
+            return Err(format!(
+                "--latency-ms: {} row(s) are left; give less",
+                shifted.rows().len()
+            )
+            .into());
         }
         Ok((shifted, seconds))
     }
@@ -156,7 +174,10 @@ impl Arguments {
                 ..EmOptions::default()
             },
             hold_out: model.hold_out,
-            spikes: SpikeOptions { keep: model.keep_spikes, ..SpikeOptions::default() },
+            spikes: SpikeOptions {
+                keep: model.keep_spikes,
+                ..SpikeOptions::default()
+            },
         }
     }
 }
@@ -168,7 +189,11 @@ impl ColumnArguments {
             None if self.no_time => TimeColumn::Ignored,
             None => TimeColumn::Known,
         };
-        ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }
+        ColumnMap {
+            time,
+            counts: self.counts.clone(),
+            outputs: self.angles.clone(),
+        }
     }
 }
 
@@ -179,7 +204,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         check_output("--report", page, file)?;
         if same(page, output) {
-            return Err(format!("--report {}: is the model itself; name another file", page.display()).into());
+            return Err(format!(
+                "--report {}: is the model itself; name another file",
+                page.display()
+            )
+            .into());
         }
     }
     let options = arguments.options();
@@ -193,14 +222,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
     if let Some(page) = &arguments.report {
         let mut data = of_fit(&recording, &read, &options, &outcome);
-        data.settings
-            .extend(taken_off.map(|s| ("setting: latency taken off".to_owned(), format!("{:+.1} ms", 1e3 * s))));
+        data.settings.extend(taken_off.map(|s| {
+            (
+                "setting: latency taken off".to_owned(),
+                format!("{:+.1} ms", 1e3 * s),
+            )
+        }));
         write(page, &html(&data))?;
     }
     outcome.model.file().write(output)?;
     print!("{}", report(&recording, &read, &options, &outcome));
     if let Some(seconds) = taken_off {
-        println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
+        println!(
+            "latency    {:+.1} ms were taken off the stamps of the angles",
+            1e3 * seconds
+        );
     }
     println!("\nwrote {}", output.display());
     if let Some(page) = &arguments.report {
@@ -212,12 +248,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Finds out before the long work what would go wrong after it. `option` names the file to write.
 fn check_output(option: &str, output: &Path, recording: &Path) -> Result<(), Failure> {
     let shown = output.display();
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = output
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     if output.is_dir() {
         return Err(format!("{option} {shown}: is a folder; name a file in it").into());
     }
     if !folder.is_dir() {
-        return Err(format!("{option} {shown}: there is no folder {}; make it", folder.display()).into());
+        return Err(format!(
+            "{option} {shown}: there is no folder {}; make it",
+            folder.display()
+        )
+        .into());
     }
     if same(output, recording) {
         return Err(format!("{option} {shown}: is the recording itself; name another file").into());
@@ -229,7 +272,9 @@ fn check_output(option: &str, output: &Path, recording: &Path) -> Result<(), Fai
 fn same(a: &Path, b: &Path) -> bool {
     match (fs::canonicalize(a), fs::canonicalize(b)) {
         (Ok(a), Ok(b)) => a == b,
-        _ => std::path::absolute(a).ok().is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
+        _ => std::path::absolute(a)
+            .ok()
+            .is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
     }
 }
 

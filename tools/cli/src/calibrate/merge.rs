@@ -1,5 +1,5 @@
-//! `i2ris calibrate merge`: encoder counts of a recording with angles that were measured afterwards, brought together by
-//! their stamps.
+//! `i2ris calibrate merge`: encoder counts of a recording with angles that were measured
+//! afterwards, brought together by their stamps.
 
 use std::path::PathBuf;
 
@@ -36,7 +36,10 @@ pub struct Arguments {
 }
 
 fn shift(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|seconds: &f64| seconds.is_finite());
+    let value = text
+        .parse()
+        .ok()
+        .filter(|seconds: &f64| seconds.is_finite());
     value.ok_or_else(|| "must be a number of seconds".to_owned())
 }
 
@@ -47,16 +50,24 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (rows, lost) = merge(&recording, &seen, arguments.shift_s);
     if lost == seen.len() {
         let (recording, angles) = (arguments.recording.display(), arguments.angles.display());
-        return Err(
-            format!("no picture of {angles} lies within {recording}: are the clocks the same? See --shift-s").into()
-        );
+        return Err(format!(
+            "no picture of {angles} lies within {recording}: are the clocks the same? See --shift-s"
+        )
+        .into());
     }
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
+    let outputs = ["pitch", "yaw"].map(|name| OutputSpec {
+        name: name.to_owned(),
+        unit: OutputUnit::Deg,
+    });
     let mut writer = RecordingWriter::new(Vec::new(), true, recording.motors(), &outputs)?;
     rows.iter().try_for_each(|row| writer.row(row))?;
     replace(&arguments.output, &writer.finish()?)
         .map_err(|error| format!("cannot write {}: {error}", arguments.output.display()))?;
-    println!("{} pictures with counts, {lost} left out; wrote {}", seen.len() - lost, arguments.output.display());
+    println!(
+        "{} pictures with counts, {lost} left out; wrote {}",
+        seen.len() - lost,
+        arguments.output.display()
+    );
     Ok(())
 }
 
@@ -65,7 +76,9 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
     let mut counts = Series::<2>::default();
     let mut rows = Vec::new();
     for position in recording.path() {
-        let Some(time_s) = position.time_s else { continue };
+        let Some(time_s) = position.time_s else {
+            continue;
+        };
         counts.push((time_s * 1e9).round() as u64, position.counts);
         rows.push(Row {
             line: 0,
@@ -81,8 +94,18 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
         // A cast of a negative number gives 0, which is before the recording.
         match counts.at((time_s * 1e9).round() as u64, GAP_NS) {
             Some(counts) => {
-                let outputs = [pose.pitch_rad.to_degrees(), pose.yaw_rad.to_degrees(), f64::NAN];
-                rows.push(Row { line: 0, time_s: Some(time_s), counts, outputs, place: 0 });
+                let outputs = [
+                    pose.pitch_rad.to_degrees(),
+                    pose.yaw_rad.to_degrees(),
+                    f64::NAN,
+                ];
+                rows.push(Row {
+                    line: 0,
+                    time_s: Some(time_s),
+                    counts,
+                    outputs,
+                    place: 0,
+                });
             }
             None => lost += 1,
         }
@@ -114,21 +137,43 @@ mod tests {
         for k in 0..100 {
             // Every other row has angles of its own; there is a hole of 0.2 s.
             let time = f64::from(k) * 0.01 + if k >= 50 { 0.2 } else { 0.0 };
-            let angles = if k % 2 == 0 { format!("{},{}", 0.1 * f64::from(k), 7 - k % 3) } else { ",".to_owned() };
+            let angles = if k % 2 == 0 {
+                format!("{},{}", 0.1 * f64::from(k), 7 - k % 3)
+            } else {
+                ",".to_owned()
+            };
             text += &format!("{time},{},{},{angles}\n", 100.0 * time, -300.0 * time);
         }
         fs::write(&path, text).unwrap();
         let (recording, _) = Recording::read(&path, &ColumnMap::default()).unwrap();
-        let pose = |deg: f64| Pose { pitch_rad: deg.to_radians(), yaw_rad: -deg.to_radians() };
-        let seen = [(0.005, 1.0), (0.1, 2.0), (0.55, 3.0), (0.905, 4.0), (9.0, 5.0)];
+        let pose = |deg: f64| Pose {
+            pitch_rad: deg.to_radians(),
+            yaw_rad: -deg.to_radians(),
+        };
+        let seen = [
+            (0.005, 1.0),
+            (0.1, 2.0),
+            (0.55, 3.0),
+            (0.905, 4.0),
+            (9.0, 5.0),
+        ];
         let seen = seen.map(|(time_s, deg): (f64, f64)| (Nanos((time_s * 1e9) as u64), pose(deg)));
         let (rows, lost) = merge(&recording, &seen, 0.01);
         assert_eq!(lost, 2, "one in the hole, one after the end");
         assert_eq!(rows.len(), 100 + 2, "one falls on a position");
-        let samples: Vec<&Row> = rows.iter().filter(|row| row.outputs[0].is_finite()).collect();
-        for (row, (time_s, deg)) in samples.iter().zip([(0.015, 1.0), (0.11, 2.0), (0.915, 4.0)]) {
+        let samples: Vec<&Row> = rows
+            .iter()
+            .filter(|row| row.outputs[0].is_finite())
+            .collect();
+        for (row, (time_s, deg)) in samples
+            .iter()
+            .zip([(0.015, 1.0), (0.11, 2.0), (0.915, 4.0)])
+        {
             assert!((row.time_s.unwrap() - time_s).abs() < 1e-6, "{row:?}");
-            assert!((row.counts[0] - 100.0 * time_s).abs() < 1e-6 && (row.counts[1] + 300.0 * time_s).abs() < 1e-6);
+            assert!(
+                (row.counts[0] - 100.0 * time_s).abs() < 1e-6
+                    && (row.counts[1] + 300.0 * time_s).abs() < 1e-6
+            );
             assert!((row.outputs[0] - deg).abs() < 1e-9 && (row.outputs[1] + deg).abs() < 1e-9);
         }
         assert!(rows.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));

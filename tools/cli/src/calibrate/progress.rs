@@ -16,7 +16,8 @@ impl Bar {
     pub fn new(what: &'static str) -> Self {
         let bar = ProgressBar::hidden().with_message(what);
         // The template is fixed; were it wrong, the bar would look plain.
-        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left")
+        {
             bar.set_style(style);
         }
         Self(bar)

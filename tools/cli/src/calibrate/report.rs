@@ -22,7 +22,12 @@ pub fn report<'a>(
     options: &'a FitOptions,
     outcome: &'a FitOutcome,
 ) -> impl Display + 'a {
-    Report { recording, read, options, outcome }
+    Report {
+        recording,
+        read,
+        options,
+        outcome,
+    }
 }
 
 struct Report<'a> {
@@ -40,7 +45,11 @@ impl Display for Report<'_> {
         self.metrics(f)?;
         self.readings(f)?;
         for warning in &self.outcome.report.survey.warnings {
-            write!(f, "\nwarning{}", &Wrapped(&warning.to_string()).to_string()["warning".len()..])?;
+            write!(
+                f,
+                "\nwarning{}",
+                &Wrapped(&warning.to_string()).to_string()["warning".len()..]
+            )?;
         }
         writeln!(f, "\nmodel id   {}", self.outcome.model.id())
     }
@@ -50,26 +59,57 @@ impl Report<'_> {
     fn what_was_read(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let read = self.read;
         writeln!(f, "recording  {}", self.recording.name())?;
-        let motors = read.counts_columns.iter().enumerate().map(|(motor, column)| format!("motor {motor} `{column}`"));
+        let motors = read
+            .counts_columns
+            .iter()
+            .enumerate()
+            .map(|(motor, column)| format!("motor {motor} `{column}`"));
         let outputs = self.recording.outputs().iter().zip(&read.output_columns);
         let outputs = outputs.map(|(output, column)| format!("{} `{column}`", output.name));
-        let time = read.time_column.iter().map(|column| format!("time `{column}`"));
+        let time = read
+            .time_column
+            .iter()
+            .map(|column| format!("time `{column}`"));
         let columns: Vec<_> = motors.chain(outputs).chain(time).collect();
         writeln!(f, "columns    {}", columns.join(", "))?;
         let positions = match read.positions {
             0 => String::new(),
             positions => format!(", {positions} of them without angles"),
         };
-        write!(f, "rows       {}{positions}; {} dropped for an empty cell", read.rows, read.dropped.len())?;
-        list(f, read.dropped.iter().map(|row| format!("{} ({})", row.line, row.column)))
+        write!(
+            f,
+            "rows       {}{positions}; {} dropped for an empty cell",
+            read.rows,
+            read.dropped.len()
+        )?;
+        list(
+            f,
+            read.dropped
+                .iter()
+                .map(|row| format!("{} ({})", row.line, row.column)),
+        )
     }
 
     fn what_was_found(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let FitOutcome { report, .. } = self.outcome;
-        write!(f, "spikes     {} reading(s) flagged", report.survey.spikes.len())?;
+        write!(
+            f,
+            "spikes     {} reading(s) flagged",
+            report.survey.spikes.len()
+        )?;
         let outputs = self.recording.outputs();
-        list(f, report.survey.spikes.iter().map(|spike| spike_text(spike, outputs)))?;
-        let noise = outputs.iter().zip(&report.survey.noise).map(|(output, noise)| noise_text(output, noise.as_ref()));
+        list(
+            f,
+            report
+                .survey
+                .spikes
+                .iter()
+                .map(|spike| spike_text(spike, outputs)),
+        )?;
+        let noise = outputs
+            .iter()
+            .zip(&report.survey.noise)
+            .map(|(output, noise)| noise_text(output, noise.as_ref()));
         writeln!(f, "noise      {}", noise.collect::<Vec<_>>().join(", "))?;
         self.latency(f)?;
         self.drift(f)?;
@@ -83,19 +123,40 @@ impl Report<'_> {
 
     /// How late the outputs are, if that stands out of its uncertainty.
     fn latency(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Some(latency) = self.outcome.report.survey.latency else { return Ok(()) };
+        let Some(latency) = self.outcome.report.survey.latency else {
+            return Ok(());
+        };
         let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
-        let hint = if ms.abs() > 4.0 * deviation.max(1.0) { "; `--latency-ms auto` takes it off" } else { "" };
-        writeln!(f, "latency    outputs are stamped {ms:+.1} ms late (standard deviation {deviation:.1} ms){hint}")
+        let hint = if ms.abs() > 4.0 * deviation.max(1.0) {
+            "; `--latency-ms auto` takes it off"
+        } else {
+            ""
+        };
+        writeln!(
+            f,
+            "latency    outputs are stamped {ms:+.1} ms late (standard deviation {deviation:.1} ms){hint}"
+        )
     }
 
     fn drift(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let drift = &self.outcome.report.drift;
-        let part = if drift.cycles { "cycle" } else { "fifth of the rows" };
-        let outputs = self.recording.outputs().iter().enumerate().map(|(index, output)| {
-            let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
-            format!("{} {per_part:+.3} {} (at most {largest:.3})", output.name, output.unit)
-        });
+        let part = if drift.cycles {
+            "cycle"
+        } else {
+            "fifth of the rows"
+        };
+        let outputs = self
+            .recording
+            .outputs()
+            .iter()
+            .enumerate()
+            .map(|(index, output)| {
+                let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
+                format!(
+                    "{} {per_part:+.3} {} (at most {largest:.3})",
+                    output.name, output.unit
+                )
+            });
         let outputs: Vec<_> = outputs.collect();
         let text = format!("per {part}, away from the model: {}", outputs.join(", "));
         write!(f, "drift{}", &Wrapped(&text).to_string()["drift".len()..])
@@ -105,8 +166,15 @@ impl Report<'_> {
     fn readings(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for outcome in &self.outcome.families {
             if let Some(reading) = &outcome.reading {
-                writeln!(f, "\n{} says of the robot (lengths in the unit of the outputs):", outcome.family)?;
-                reading.to_string().lines().try_for_each(|line| write!(f, "{}", Wrapped(line)))?;
+                writeln!(
+                    f,
+                    "\n{} says of the robot (lengths in the unit of the outputs):",
+                    outcome.family
+                )?;
+                reading
+                    .to_string()
+                    .lines()
+                    .try_for_each(|line| write!(f, "{}", Wrapped(line)))?;
             }
         }
         Ok(())
@@ -128,8 +196,13 @@ impl Report<'_> {
             "{:>4} {:>15} {:>8} {:>7} {:>12} {:>9}",
             "K", "log-likelihood", "spread", "failed", "BIC", "left out"
         )?;
-        candidates.iter().try_for_each(|candidate| candidate_line(f, candidate))?;
-        match (self.options.components, candidates.last().map(|last| &last.verdict)) {
+        candidates
+            .iter()
+            .try_for_each(|candidate| candidate_line(f, candidate))?;
+        match (
+            self.options.components,
+            candidates.last().map(|last| &last.verdict),
+        ) {
             (Components::UpTo(most), Some(Verdict::Chosen)) => {
                 writeln!(f, "More might be better: --max-components was {most}.")
             }
@@ -138,7 +211,9 @@ impl Report<'_> {
     }
 
     fn metrics(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let header = ["R2", "RMSD", "NRMSD", "MAE", "max"].map(|name| format!("{name:>9}")).concat();
+        let header = ["R2", "RMSD", "NRMSD", "MAE", "max"]
+            .map(|name| format!("{name:>9}"))
+            .concat();
         writeln!(f, "\n{:<38}{header}", "")?;
         for (index, output) in self.recording.outputs().iter().enumerate() {
             let mut name = format!("{} ({})", output.name, output.unit);
@@ -151,20 +226,49 @@ impl Report<'_> {
         }
         for outcome in &self.outcome.families {
             if let Err(reason) = &outcome.result {
-                write!(f, "{}", Wrapped(&format!("No `{}`: {reason}.", outcome.family)))?;
+                write!(
+                    f,
+                    "{}",
+                    Wrapped(&format!("No `{}`: {reason}.", outcome.family))
+                )?;
             }
         }
-        let flagged = self.outcome.report.split.held_out().filter(|row| self.outcome.report.survey.is_flagged(*row));
+        let flagged = self
+            .outcome
+            .report
+            .split
+            .held_out()
+            .filter(|row| self.outcome.report.survey.is_flagged(*row));
         match flagged.count() {
             0 => Ok(()),
-            flagged => writeln!(f, "The rows held out hold {flagged} flagged row(s), which count in these figures."),
+            flagged => writeln!(
+                f,
+                "The rows held out hold {flagged} flagged row(s), which count in these figures."
+            ),
         }
     }
 
-    fn family(&self, f: &mut Formatter<'_>, name: &str, family: Family, model: &Model, output: usize) -> fmt::Result {
-        let Some(metrics) = model.file().metrics.get(output) else { return Ok(()) };
-        let taken = if model.id() == self.outcome.model.id() { "*" } else { "" };
-        metrics_line(f, &format!("{name:<12}{:<15}training", format!("{family}{taken}")), Some(&metrics.training))?;
+    fn family(
+        &self,
+        f: &mut Formatter<'_>,
+        name: &str,
+        family: Family,
+        model: &Model,
+        output: usize,
+    ) -> fmt::Result {
+        let Some(metrics) = model.file().metrics.get(output) else {
+            return Ok(());
+        };
+        let taken = if model.id() == self.outcome.model.id() {
+            "*"
+        } else {
+            ""
+        };
+        metrics_line(
+            f,
+            &format!("{name:<12}{:<15}training", format!("{family}{taken}")),
+            Some(&metrics.training),
+        )?;
         if self.outcome.report.split.held_out().is_empty() {
             return Ok(());
         }
@@ -174,8 +278,17 @@ impl Report<'_> {
 
 fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>) -> fmt::Result {
     match metrics {
-        Some(FitMetrics { r2, rmsd, nrmsd, mae, max }) => {
-            writeln!(f, "{name:<38}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{max:>9.3}")
+        Some(FitMetrics {
+            r2,
+            rmsd,
+            nrmsd,
+            mae,
+            max,
+        }) => {
+            writeln!(
+                f,
+                "{name:<38}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{max:>9.3}"
+            )
         }
         None => writeln!(f, "{name:<38}{:>9}", "constant"),
     }
@@ -185,7 +298,9 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
     let verdict = match &candidate.verdict {
         Verdict::Chosen => "chosen",
         Verdict::Surpassed => "",
-        Verdict::Refused(ModelError::NotInvertible { .. }) => "refused: its inverse fails in the hull",
+        Verdict::Refused(ModelError::NotInvertible { .. }) => {
+            "refused: its inverse fails in the hull"
+        }
         Verdict::Refused(_) => "refused",
         Verdict::TooFlat(_) => "refused: it is nearly flat where the rows do not show that",
         Verdict::Failed(_) => "no start succeeded",
@@ -193,10 +308,16 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
     let line = match &candidate.fit {
         Some(fit) => {
             let (failed, spread) = (fit.starts.failures.len(), fit.starts.spread());
-            let climbing = if fit.converged { "" } else { " (not converged)" };
+            let climbing = if fit.converged {
+                ""
+            } else {
+                " (not converged)"
+            };
             let (likelihood, bic) = (fit.log_likelihood, fit.bic);
             let k = candidate.components;
-            let left_out = candidate.left_out_rms.map_or("-".to_owned(), |rms| format!("{rms:.3}"));
+            let left_out = candidate
+                .left_out_rms
+                .map_or("-".to_owned(), |rms| format!("{rms:.3}"));
             format!(
                 "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9}  {verdict}{climbing}"
             )
@@ -207,14 +328,23 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
 }
 
 fn spike_text(spike: &Spike, outputs: &[OutputSpec]) -> String {
-    let Some(OutputSpec { name, unit }) = outputs.get(spike.output) else { return spike.line.to_string() };
-    format!("{} ({name} {:.2} {unit}, {:+.2} off)", spike.line, spike.measured, spike.distance)
+    let Some(OutputSpec { name, unit }) = outputs.get(spike.output) else {
+        return spike.line.to_string();
+    };
+    format!(
+        "{} ({name} {:.2} {unit}, {:+.2} off)",
+        spike.line, spike.measured, spike.distance
+    )
 }
 
 fn noise_text(output: &OutputSpec, noise: Option<&NoiseFloor>) -> String {
     let OutputSpec { name, unit } = output;
     match noise {
-        Some(NoiseFloor { deviation, method, samples }) => format!("{name} {deviation:.3} {unit} ({samples} {method})"),
+        Some(NoiseFloor {
+            deviation,
+            method,
+            samples,
+        }) => format!("{name} {deviation:.3} {unit} ({samples} {method})"),
         None => format!("{name} cannot be told from these rows"),
     }
 }

@@ -38,11 +38,22 @@ impl Path {
     pub fn at(&self, t_s: f64) -> Angles {
         match self {
             Self::Point(angles) => *angles,
-            Self::Sine { center, amplitude, period_s } => {
+            Self::Sine {
+                center,
+                amplitude,
+                period_s,
+            } => {
                 let swing = (TAU * t_s / period_s).sin();
-                [center[0] + amplitude[0] * swing, center[1] + amplitude[1] * swing]
+                [
+                    center[0] + amplitude[0] * swing,
+                    center[1] + amplitude[1] * swing,
+                ]
             }
-            Self::Circle { center, radius, period_s } => {
+            Self::Circle {
+                center,
+                radius,
+                period_s,
+            } => {
                 let (sin, cos) = (TAU * t_s / period_s).sin_cos();
                 [center[0] + radius * cos, center[1] + radius * sin]
             }
@@ -110,7 +121,9 @@ pub enum TableError {
         t_s: f64,
     },
     /// No rows.
-    #[error("{path} holds no rows; write t_s,pitch_deg,yaw_deg in the first line and numbers below")]
+    #[error(
+        "{path} holds no rows; write t_s,pitch_deg,yaw_deg in the first line and numbers below"
+    )]
     Empty {
         /// The file.
         path: PathBuf,
@@ -122,13 +135,22 @@ const COLUMNS: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
 impl Table {
     /// Reads a CSV file with the columns `t_s`, `pitch_deg` and `yaw_deg`; others are ignored.
     pub fn load(path: &FilePath) -> Result<Self, TableError> {
-        let read = |source| TableError::Read { path: path.to_owned(), source };
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(read)?;
+        let read = |source| TableError::Read {
+            path: path.to_owned(),
+            source,
+        };
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_path(path)
+            .map_err(read)?;
         let header = reader.headers().map_err(read)?.clone();
         let mut places = [0; 3];
         for (place, column) in places.iter_mut().zip(COLUMNS) {
             let found = header.iter().position(|name| name == column);
-            *place = found.ok_or(TableError::Column { path: path.to_owned(), column })?;
+            *place = found.ok_or(TableError::Column {
+                path: path.to_owned(),
+                column,
+            })?;
         }
         let mut rows: Vec<(f64, Angles)> = Vec::new();
         for record in reader.records() {
@@ -136,11 +158,17 @@ impl Table {
             let line = record.position().map_or(0, csv::Position::line);
             let [t_s, pitch, yaw] = cells(&record, places, path, line)?;
             if rows.last().is_some_and(|(before, _)| *before >= t_s) {
-                return Err(TableError::Time { path: path.to_owned(), line, t_s });
+                return Err(TableError::Time {
+                    path: path.to_owned(),
+                    line,
+                    t_s,
+                });
             }
             rows.push((t_s, [pitch, yaw]));
         }
-        Self::starting_at_zero(rows).ok_or_else(|| TableError::Empty { path: path.to_owned() })
+        Self::starting_at_zero(rows).ok_or_else(|| TableError::Empty {
+            path: path.to_owned(),
+        })
     }
 
     fn starting_at_zero(mut rows: Vec<(f64, Angles)>) -> Option<Self> {
@@ -160,7 +188,10 @@ impl Table {
         match (before, self.0.get(next)) {
             (Some((start_s, from)), Some((end_s, to))) => {
                 let share = (t_s - start_s) / (end_s - start_s);
-                [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
+                [
+                    from[0] + share * (to[0] - from[0]),
+                    from[1] + share * (to[1] - from[1]),
+                ]
             }
             (Some((_, angles)), None) | (None, Some((_, angles))) => *angles,
             (None, None) => Angles::default(),
@@ -168,12 +199,22 @@ impl Table {
     }
 }
 
-fn cells(record: &csv::StringRecord, places: [usize; 3], path: &FilePath, line: u64) -> Result<[f64; 3], TableError> {
+fn cells(
+    record: &csv::StringRecord,
+    places: [usize; 3],
+    path: &FilePath,
+    line: u64,
+) -> Result<[f64; 3], TableError> {
     let mut values = [0.0; 3];
     for ((value, place), column) in values.iter_mut().zip(places).zip(COLUMNS) {
         let cell = record.get(place).unwrap_or_default();
         let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
-        let wrong = || TableError::Cell { path: path.to_owned(), line, column, cell: cell.to_owned() };
+        let wrong = || TableError::Cell {
+            path: path.to_owned(),
+            line,
+            column,
+            cell: cell.to_owned(),
+        };
         *value = number.ok_or_else(wrong)?;
     }
     Ok(values)
@@ -193,7 +234,11 @@ mod tests {
 
     #[test]
     fn a_circle_starts_to_the_side_and_comes_back() {
-        let circle = Path::Circle { center: [1.0, 2.0], radius: 5.0, period_s: 4.0 };
+        let circle = Path::Circle {
+            center: [1.0, 2.0],
+            radius: 5.0,
+            period_s: 4.0,
+        };
         let near = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
         assert!(near(circle.at(0.0), [6.0, 2.0]));
         assert!(near(circle.at(1.0), [1.0, 7.0]));
@@ -202,14 +247,19 @@ mod tests {
 
     #[test]
     fn a_sine_starts_in_the_middle() {
-        let sine = Path::Sine { center: [0.0, 1.0], amplitude: [10.0, 0.0], period_s: 2.0 };
+        let sine = Path::Sine {
+            center: [0.0, 1.0],
+            amplitude: [10.0, 0.0],
+            period_s: 2.0,
+        };
         assert_eq!(sine.at(0.0), [0.0, 1.0]);
         assert!((sine.at(0.5)[0] - 10.0).abs() < 1e-9);
     }
 
     #[test]
     fn rows_are_joined_by_straight_lines() {
-        let table = load("pitch_deg, t_s, note, yaw_deg\n0, 10, a, 4\n2, 11, b, 4\n2, 13, c, 0\n").unwrap();
+        let table =
+            load("pitch_deg, t_s, note, yaw_deg\n0, 10, a, 4\n2, 11, b, 4\n2, 13, c, 0\n").unwrap();
         let path = Path::Table(table);
         assert_eq!(path.length_s(), Some(3.0));
         assert_eq!(path.at(-1.0), [0.0, 4.0]);
@@ -222,12 +272,23 @@ mod tests {
     fn a_wrong_file_is_refused_with_the_line_and_the_column() {
         let refused = |text: &str| load(text).unwrap_err().to_string();
         assert!(refused("t_s,pitch_deg\n0,1\n").contains("no column `yaw_deg`"));
-        assert!(refused("t_s,pitch_deg,yaw_deg\n0,1,2\n1,nan,2\n").contains("line 3: `nan` is not a finite number"));
-        assert!(refused("t_s,pitch_deg,yaw_deg\n0,,2\n").contains("line 2: `` is not a finite number in column pitch"));
-        assert!(refused("t_s,pitch_deg,yaw_deg\n1,0,0\n1,1,1\n").contains("line 3: t_s = 1 is not later"));
+        assert!(
+            refused("t_s,pitch_deg,yaw_deg\n0,1,2\n1,nan,2\n")
+                .contains("line 3: `nan` is not a finite number")
+        );
+        assert!(
+            refused("t_s,pitch_deg,yaw_deg\n0,,2\n")
+                .contains("line 2: `` is not a finite number in column pitch")
+        );
+        assert!(
+            refused("t_s,pitch_deg,yaw_deg\n1,0,0\n1,1,1\n")
+                .contains("line 3: t_s = 1 is not later")
+        );
         assert!(refused("t_s,pitch_deg,yaw_deg\n").contains("holds no rows"));
         assert!(refused("t_s,pitch_deg,yaw_deg\n0,1\n").contains("line"));
-        let text = Table::load(FilePath::new("/does/not/exist.csv")).unwrap_err().to_string();
+        let text = Table::load(FilePath::new("/does/not/exist.csv"))
+            .unwrap_err()
+            .to_string();
         assert!(text.contains("/does/not/exist.csv"), "{text}");
     }
 }

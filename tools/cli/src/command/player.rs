@@ -1,4 +1,5 @@
-//! How to go there: a smooth approach from the present pose, then the path, with soft starts and stops. Pure.
+//! How to go there: a smooth approach from the present pose, then the path, with soft starts and
+//! stops. Pure.
 
 use super::path::{Angles, Path};
 
@@ -13,8 +14,9 @@ const LONGEST_STEP_S: f64 = 0.02;
 
 /// Plays a path.
 ///
-/// Time along the path runs at a rate between 0 and 1, which rises when the path begins and falls when it has to stop;
-/// where the path leads does not change, only how fast it is travelled. Times below 0 are the approach.
+/// Time along the path runs at a rate between 0 and 1, which rises when the path begins and falls
+/// when it has to stop; where the path leads does not change, only how fast it is travelled. Times
+/// below 0 are the approach.
 #[derive(Debug, Clone)]
 pub struct Player {
     from: Angles,
@@ -26,26 +28,42 @@ pub struct Player {
 }
 
 impl Player {
-    /// From the pose `from` to the start of the path, at no more than `speed_deg_s`, then along it for `end_s` seconds,
-    /// or as long as it is, or until stopped.
+    /// From the pose `from` to the start of the path, at no more than `speed_deg_s`, then along it
+    /// for `end_s` seconds, or as long as it is, or until stopped.
     pub fn new(from: Angles, path: Path, speed_deg_s: f64, end_s: Option<f64>) -> Self {
         let to = path.at(0.0);
         let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
         // A short way is limited by acceleration, a long one by speed.
         let acceleration = speed_deg_s / RAMP_S;
-        let approach_s =
-            (QUINTIC_PEAK * distance / speed_deg_s).max((QUINTIC_ACCELERATION * distance / acceleration).sqrt());
-        let end_s = [end_s, path.length_s()].into_iter().flatten().reduce(f64::min);
-        // The approach starts from rest by itself; a path that begins right here has to come up to speed.
+        let approach_s = (QUINTIC_PEAK * distance / speed_deg_s)
+            .max((QUINTIC_ACCELERATION * distance / acceleration).sqrt());
+        let end_s = [end_s, path.length_s()]
+            .into_iter()
+            .flatten()
+            .reduce(f64::min);
+        // The approach starts from rest by itself; a path that begins right here has to come up to
+        // speed.
         let rate = if approach_s > 0.0 { 1.0 } else { 0.0 };
-        Self { from, path, approach_s, end_s, at_s: -approach_s, rate }
+        Self {
+            from,
+            path,
+            approach_s,
+            end_s,
+            at_s: -approach_s,
+            rate,
+        }
     }
 
     /// Goes on by `step_s` seconds and returns where to be; `stop` asks to come to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> Angles {
         let step_s = step_s.clamp(0.0, LONGEST_STEP_S);
         let ramp = step_s / RAMP_S;
-        self.rate = if stop || self.over() { self.rate - ramp } else { self.rate + ramp }.clamp(0.0, 1.0);
+        self.rate = if stop || self.over() {
+            self.rate - ramp
+        } else {
+            self.rate + ramp
+        }
+        .clamp(0.0, 1.0);
         let approaching = self.at_s < 0.0;
         self.at_s += self.rate * step_s;
         if approaching && self.at_s >= 0.0 && self.path.moves() {
@@ -56,7 +74,8 @@ impl Player {
         self.angles()
     }
 
-    /// Whether everything has come to its end: the path is over or was stopped, and nothing moves any more.
+    /// Whether everything has come to its end: the path is over or was stopped, and nothing moves
+    /// any more.
     pub fn finished(&self, stop: bool) -> bool {
         let at_rest = self.rate == 0.0 || (self.at_s >= 0.0 && !self.path.moves());
         at_rest && (stop || self.over())
@@ -80,8 +99,14 @@ impl Player {
         if self.at_s >= 0.0 {
             return self.path.at(self.at_s);
         }
-        let (to, share) = (self.path.at(0.0), quintic(1.0 + self.at_s / self.approach_s));
-        [self.from[0] + share * (to[0] - self.from[0]), self.from[1] + share * (to[1] - self.from[1])]
+        let (to, share) = (
+            self.path.at(0.0),
+            quintic(1.0 + self.at_s / self.approach_s),
+        );
+        [
+            self.from[0] + share * (to[0] - self.from[0]),
+            self.from[1] + share * (to[1] - self.from[1]),
+        ]
     }
 }
 
@@ -116,19 +141,35 @@ mod tests {
 
     /// Largest speed, and largest change of speed from step to step, deg/s.
     fn speeds(poses: &[Angles]) -> (f64, f64) {
-        let speeds: Vec<f64> = poses.windows(2).map(|pair| distance(pair[0], pair[1]) / STEP_S).collect();
-        let jump = speeds.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(speeds[0], f64::max);
-        (speeds.iter().copied().fold(0.0, f64::max), jump.max(*speeds.last().unwrap()))
+        let speeds: Vec<f64> = poses
+            .windows(2)
+            .map(|pair| distance(pair[0], pair[1]) / STEP_S)
+            .collect();
+        let jump = speeds
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .fold(speeds[0], f64::max);
+        (
+            speeds.iter().copied().fold(0.0, f64::max),
+            jump.max(*speeds.last().unwrap()),
+        )
     }
 
     fn circle() -> Path {
-        Path::Circle { center: [0.0, 0.0], radius: 5.0, period_s: 4.0 }
+        Path::Circle {
+            center: [0.0, 0.0],
+            radius: 5.0,
+            period_s: 4.0,
+        }
     }
 
     #[test]
     fn a_pose_is_reached_smoothly_and_no_faster_than_allowed() {
         let target = [12.0, -5.0];
-        let poses = play(Player::new([0.0, 0.0], Path::Point(target), 10.0, Some(0.5)), f64::INFINITY);
+        let poses = play(
+            Player::new([0.0, 0.0], Path::Point(target), 10.0, Some(0.5)),
+            f64::INFINITY,
+        );
         assert!(distance(*poses.last().unwrap(), target) < 1e-9);
         let (fastest, jump) = speeds(&poses);
         assert!((9.0..=10.0 + 1e-6).contains(&fastest), "{fastest}");
@@ -137,14 +178,20 @@ mod tests {
 
     #[test]
     fn a_short_way_is_not_a_jerk() {
-        let poses = play(Player::new([0.0, 0.0], Path::Point([0.1, 0.0]), 10.0, Some(0.1)), f64::INFINITY);
+        let poses = play(
+            Player::new([0.0, 0.0], Path::Point([0.1, 0.0]), 10.0, Some(0.1)),
+            f64::INFINITY,
+        );
         let (_, jump) = speeds(&poses);
         assert!(jump < 10.0 * STEP_S / RAMP_S * 1.05, "{jump}");
     }
 
     #[test]
     fn a_circle_begins_and_ends_softly_and_takes_its_time() {
-        let poses = play(Player::new([1.0, 1.0], circle(), 10.0, Some(8.0)), f64::INFINITY);
+        let poses = play(
+            Player::new([1.0, 1.0], circle(), 10.0, Some(8.0)),
+            f64::INFINITY,
+        );
         let (fastest, jump) = speeds(&poses);
         let along = std::f64::consts::TAU * 5.0 / 4.0;
         assert!(fastest <= along.max(10.0) + 1e-6, "{fastest}");
@@ -152,12 +199,18 @@ mod tests {
         // Nothing but the ramps comes on top of approach and duration.
         let approach = Player::new([1.0, 1.0], circle(), 10.0, None).approach_s;
         let total = poses.len() as f64 * STEP_S;
-        assert!((total - approach - 8.0 - 1.5 * RAMP_S).abs() < 0.05, "{total}");
+        assert!(
+            (total - approach - 8.0 - 1.5 * RAMP_S).abs() < 0.05,
+            "{total}"
+        );
     }
 
     #[test]
     fn a_path_that_begins_at_the_present_pose_begins_softly() {
-        let (_, jump) = speeds(&play(Player::new([5.0, 0.0], circle(), 10.0, Some(1.0)), f64::INFINITY));
+        let (_, jump) = speeds(&play(
+            Player::new([5.0, 0.0], circle(), 10.0, Some(1.0)),
+            f64::INFINITY,
+        ));
         assert!(jump < 0.2, "{jump}");
     }
 

@@ -45,9 +45,11 @@ pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
         match setpoint.refresh()? {
             Some(joint) if joint.flags & JointState::VALID != 0 => return two_angles(joint),
             Some(_) if clock::now().since(start) > FIRST_NEWS => {
-                return Err("the controller has no model loaded, so it cannot be commanded by angles; \
+                return Err(
+                    "the controller has no model loaded, so it cannot be commanded by angles; \
                             name a model file in its configuration"
-                    .into());
+                        .into(),
+                );
             }
             None if clock::now().since(start) > FIRST_NEWS => return Err(Stop::Silent.into()),
             _ => clock::sleep(Nanos::from_millis(5)),
@@ -57,20 +59,30 @@ pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
 
 pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     match joint.count {
-        2 => Ok([joint.position[0].to_degrees(), joint.position[1].to_degrees()]),
-        count => {
-            Err(format!("the controller's model has {count} outputs; this program moves pitch and yaw only").into())
-        }
+        2 => Ok([
+            joint.position[0].to_degrees(),
+            joint.position[1].to_degrees(),
+        ]),
+        count => Err(format!(
+            "the controller's model has {count} outputs; this program moves pitch and yaw only"
+        )
+        .into()),
     }
 }
 
-/// Streams the plan until it ends, is interrupted, or makes no sense any more, and gives the lease back.
+/// Streams the plan until it ends, is interrupted, or makes no sense any more, and gives the lease
+/// back.
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut screen = Screen::stdout();
     let state = prepare(client, plan.enable, interrupt)?;
     let watch = Watch::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
-    let player = Player::new(pose, plan.path.unwrap_or(Path::Point(pose)), plan.speed_deg_s, plan.duration_s);
+    let player = Player::new(
+        pose,
+        plan.path.unwrap_or(Path::Point(pose)),
+        plan.speed_deg_s,
+        plan.duration_s,
+    );
     let mut stream = Stream {
         name: plan.name,
         player,
@@ -81,7 +93,12 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
         tracking: Tracking::default(),
         next_show: Nanos::ZERO,
     };
-    let outcome = stream.play(client, Nanos((1e9 / plan.rate_hz) as u64), interrupt, &mut screen);
+    let outcome = stream.play(
+        client,
+        Nanos((1e9 / plan.rate_hz) as u64),
+        interrupt,
+        &mut screen,
+    );
     let released = client.state_command(StateCommand::Release);
     outcome?;
     released?;
@@ -125,11 +142,20 @@ impl Stream {
         }
     }
 
-    /// Looks at what the controller makes of it. The answer is whether anyone still reads what is shown.
-    fn follow(&mut self, client: &mut Client, angles: Angles, screen: &mut Screen) -> Result<bool, Failure> {
+    /// Looks at what the controller makes of it. The answer is whether anyone still reads what is
+    /// shown.
+    fn follow(
+        &mut self,
+        client: &mut Client,
+        angles: Angles,
+        screen: &mut Screen,
+    ) -> Result<bool, Failure> {
         let state = client.operating_state()?;
         let now = clock::now();
-        let refusal = state.map(|state| self.watch.judge(&state, now)).transpose()?.flatten();
+        let refusal = state
+            .map(|state| self.watch.judge(&state, now))
+            .transpose()?
+            .flatten();
         if let (Some(goal), Some(measured)) = (self.goal.refresh()?, self.measured.refresh()?) {
             self.tracking.record(goal, measured);
         }
@@ -139,7 +165,12 @@ impl Stream {
         if now < self.next_show {
             return Ok(true);
         }
-        self.next_show = now + if screen.is_terminal() { SHOW_PERIOD } else { LOG_PERIOD };
+        self.next_show = now
+            + if screen.is_terminal() {
+                SHOW_PERIOD
+            } else {
+                LOG_PERIOD
+            };
         Ok(until_closed(screen.draw(&[self.line(angles)]))?)
     }
 
@@ -149,10 +180,23 @@ impl Stream {
             Some(left_s) => format!("{left_s:.1} s left"),
             None => "until Ctrl-C".to_owned(),
         };
-        let measured = self.measured.value().filter(|joint| joint.flags & JointState::VALID != 0).map_or_else(
-            || "unknown".to_owned(),
-            |joint| format!("{:+.2} {:+.2}", joint.position[0].to_degrees(), joint.position[1].to_degrees()),
-        );
-        format!("{}: {left}; pitch, yaw commanded {pitch:+.2} {yaw:+.2}, measured {measured} deg", self.name)
+        let measured = self
+            .measured
+            .value()
+            .filter(|joint| joint.flags & JointState::VALID != 0)
+            .map_or_else(
+                || "unknown".to_owned(),
+                |joint| {
+                    format!(
+                        "{:+.2} {:+.2}",
+                        joint.position[0].to_degrees(),
+                        joint.position[1].to_degrees()
+                    )
+                },
+            );
+        format!(
+            "{}: {left}; pitch, yaw commanded {pitch:+.2} {yaw:+.2}, measured {measured} deg",
+            self.name
+        )
     }
 }

@@ -18,13 +18,19 @@ pub enum Stop {
     )]
     Fault(Fault),
     /// Not in ENABLED.
-    #[error("the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`")]
+    #[error(
+        "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
+    )]
     NotEnabled(OperatingState),
     /// A number that no enum knows.
-    #[error("the controller reports state {0}, which this program does not know; build both from one release")]
+    #[error(
+        "the controller reports state {0}, which this program does not know; build both from one release"
+    )]
     Unknown(u32),
     /// Someone else commands.
-    #[error("client {0:016x} holds the lease; end that program first, or wait until it falls silent")]
+    #[error(
+        "client {0:016x} holds the lease; end that program first, or wait until it falls silent"
+    )]
     Lease(u64),
     /// Someone else took over.
     #[error("lost the lease to client {0:016x}")]
@@ -47,7 +53,9 @@ pub enum Stop {
 pub fn enabled(state: &OperatingStateMsg) -> Result<(), Stop> {
     match OperatingState::from_number(state.state) {
         Some(OperatingState::Enabled) => Ok(()),
-        Some(OperatingState::Fault) => Err(Stop::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None))),
+        Some(OperatingState::Fault) => Err(Stop::Fault(
+            Fault::from_number(state.fault).unwrap_or(Fault::None),
+        )),
         Some(other) => Err(Stop::NotEnabled(other)),
         None => Err(Stop::Unknown(state.state)),
     }
@@ -82,7 +90,11 @@ impl Watch {
     }
 
     /// Takes in the newest state. The answer is a refusal that is worth telling.
-    pub fn judge(&mut self, state: &OperatingStateMsg, now: Nanos) -> Result<Option<Refusal>, Stop> {
+    pub fn judge(
+        &mut self,
+        state: &OperatingStateMsg,
+        now: Nanos,
+    ) -> Result<Option<Refusal>, Stop> {
         if state.boot_id != self.boot_id {
             return Err(Stop::Restarted);
         }
@@ -129,7 +141,9 @@ impl Watch {
     }
 
     fn worth_telling(&mut self, refusal: Refusal, now: Nanos) -> bool {
-        let repeated = self.told.is_some_and(|(told, when)| told == refusal && now.since(when) < REPEAT);
+        let repeated = self
+            .told
+            .is_some_and(|(told, when)| told == refusal && now.since(when) < REPEAT);
         if !repeated {
             self.told = Some((refusal, now));
         }
@@ -151,7 +165,8 @@ impl Tracking {
         if goal.flags & measured.flags & JointState::VALID == 0 {
             return;
         }
-        let error = (goal.position[0] - measured.position[0]).hypot(goal.position[1] - measured.position[1]);
+        let error = (goal.position[0] - measured.position[0])
+            .hypot(goal.position[1] - measured.position[1]);
         self.samples += 1;
         self.squares += error * error;
         self.largest = self.largest.max(error);
@@ -164,7 +179,9 @@ impl Tracking {
         }
         let rms = (self.squares / self.samples as f64).sqrt().to_degrees();
         let largest = self.largest.to_degrees();
-        Some(format!("followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own estimate"))
+        Some(format!(
+            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own estimate"
+        ))
     }
 }
 
@@ -197,7 +214,11 @@ mod tests {
         let mut watch = watch();
         for step in 1..300 {
             let now = at(step * 10);
-            let state = OperatingStateMsg { accepted: step, lease_client_id: ME, ..state(now) };
+            let state = OperatingStateMsg {
+                accepted: step,
+                lease_client_id: ME,
+                ..state(now)
+            };
             assert_eq!(watch.judge(&state, now), Ok(None));
         }
     }
@@ -209,7 +230,12 @@ mod tests {
         for step in 1..=250 {
             let now = at(step * 10);
             let refusal = Refusal::Step.number();
-            let state = OperatingStateMsg { accepted: step, refused: step, last_refusal: refusal, ..state(now) };
+            let state = OperatingStateMsg {
+                accepted: step,
+                refused: step,
+                last_refusal: refusal,
+                ..state(now)
+            };
             told += u64::from(watch.judge(&state, now).unwrap() == Some(Refusal::Step));
         }
         assert_eq!(told, 3);
@@ -218,11 +244,23 @@ mod tests {
     #[test]
     fn if_nothing_is_accepted_for_a_second_the_reason_is_given() {
         let mut watch = watch();
-        let refused =
-            |now, refused| OperatingStateMsg { refused, last_refusal: Refusal::NotHomed.number(), ..state(now) };
-        assert_eq!(watch.judge(&refused(at(900), 5), at(900)), Ok(Some(Refusal::NotHomed)));
-        assert_eq!(watch.judge(&refused(at(1100), 6), at(1100)), Err(Stop::Refused(Refusal::NotHomed)));
-        assert_eq!(self::watch().judge(&state(at(1100)), at(1100)), Err(Stop::Ignored));
+        let refused = |now, refused| OperatingStateMsg {
+            refused,
+            last_refusal: Refusal::NotHomed.number(),
+            ..state(now)
+        };
+        assert_eq!(
+            watch.judge(&refused(at(900), 5), at(900)),
+            Ok(Some(Refusal::NotHomed))
+        );
+        assert_eq!(
+            watch.judge(&refused(at(1100), 6), at(1100)),
+            Err(Stop::Refused(Refusal::NotHomed))
+        );
+        assert_eq!(
+            self::watch().judge(&state(at(1100)), at(1100)),
+            Err(Stop::Ignored)
+        );
     }
 
     #[test]
@@ -232,39 +270,71 @@ mod tests {
             fault: Fault::FollowingError.number(),
             ..state(at(1))
         };
-        assert_eq!(watch().judge(&fault, at(1)), Err(Stop::Fault(Fault::FollowingError)));
-        let paused = OperatingStateMsg { state: OperatingState::Paused.number(), ..state(at(1)) };
-        assert_eq!(watch().judge(&paused, at(1)), Err(Stop::NotEnabled(OperatingState::Paused)));
-        let newer = OperatingStateMsg { state: 77, ..state(at(1)) };
+        assert_eq!(
+            watch().judge(&fault, at(1)),
+            Err(Stop::Fault(Fault::FollowingError))
+        );
+        let paused = OperatingStateMsg {
+            state: OperatingState::Paused.number(),
+            ..state(at(1))
+        };
+        assert_eq!(
+            watch().judge(&paused, at(1)),
+            Err(Stop::NotEnabled(OperatingState::Paused))
+        );
+        let newer = OperatingStateMsg {
+            state: 77,
+            ..state(at(1))
+        };
         assert_eq!(watch().judge(&newer, at(1)), Err(Stop::Unknown(77)));
     }
 
     #[test]
     fn a_lease_in_other_hands_ends_it() {
-        let held_by = |client, now| OperatingStateMsg { lease_client_id: client, ..state(now) };
+        let held_by = |client, now| OperatingStateMsg {
+            lease_client_id: client,
+            ..state(now)
+        };
         let mut watch = watch();
         assert_eq!(watch.judge(&held_by(ME, at(1)), at(1)), Ok(None));
         assert_eq!(watch.judge(&held_by(0, at(2)), at(2)), Ok(None));
-        assert_eq!(watch.judge(&held_by(OTHER, at(3)), at(3)), Err(Stop::LostLease(OTHER)));
-        assert_eq!(self::watch().judge(&held_by(OTHER, at(1)), at(1)), Err(Stop::Lease(OTHER)));
+        assert_eq!(
+            watch.judge(&held_by(OTHER, at(3)), at(3)),
+            Err(Stop::LostLease(OTHER))
+        );
+        assert_eq!(
+            self::watch().judge(&held_by(OTHER, at(1)), at(1)),
+            Err(Stop::Lease(OTHER))
+        );
     }
 
     #[test]
     fn silence_and_a_restart_end_it() {
         assert_eq!(watch().judge(&state(at(0)), at(1200)), Err(Stop::Silent));
-        let restarted = OperatingStateMsg { boot_id: 2, ..state(at(1)) };
+        let restarted = OperatingStateMsg {
+            boot_id: 2,
+            ..state(at(1))
+        };
         assert_eq!(watch().judge(&restarted, at(1)), Err(Stop::Restarted));
     }
 
     #[test]
     fn tracking_is_summed_up_in_degrees() {
-        let joint =
-            |pitch: f64, flags| JointState { position: [pitch.to_radians(), 0.0, 0.0], flags, ..JointState::default() };
+        let joint = |pitch: f64, flags| JointState {
+            position: [pitch.to_radians(), 0.0, 0.0],
+            flags,
+            ..JointState::default()
+        };
         let mut tracking = Tracking::default();
         assert_eq!(tracking.summary(), None);
         tracking.record(&joint(3.0, 1), &joint(0.0, 1));
         tracking.record(&joint(4.0, 1), &joint(0.0, 1));
         tracking.record(&joint(90.0, 1), &joint(0.0, 0));
-        assert!(tracking.summary().unwrap().contains("3.54 deg RMS, 4.00 deg at most"));
+        assert!(
+            tracking
+                .summary()
+                .unwrap()
+                .contains("3.54 deg RMS, 4.00 deg at most")
+        );
     }
 }

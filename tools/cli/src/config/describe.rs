@@ -37,7 +37,11 @@ fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &st
         }
     }
     for (key, inner) in keys {
-        let place = if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+        let place = if path.is_empty() {
+            key.to_owned()
+        } else {
+            format!("{path}.{key}")
+        };
         match table.get(key) {
             Some(Value::Table(inside)) => {
                 text.push('\n');
@@ -60,7 +64,10 @@ fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &st
 }
 
 fn is_table(value: &Value) -> bool {
-    value.is_table() || value.as_array().is_some_and(|list| list.iter().any(Value::is_table))
+    value.is_table()
+        || value
+            .as_array()
+            .is_some_and(|list| list.iter().any(Value::is_table))
 }
 
 fn write_meaning(text: &mut String, node: Node<'_>) {
@@ -97,20 +104,33 @@ mod tests {
     #[test]
     fn what_is_printed_means_the_same_and_tells_every_key() {
         for file in ["robot.toml", "emulator.toml"] {
-            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
+            let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../../config")
+                .join(file);
             let config = Config::parse(&std::fs::read_to_string(&path).unwrap(), &path).unwrap();
             let text = describe(&config).unwrap();
-            assert_eq!(Config::parse(&text, Path::new("printed.toml")).unwrap(), config, "{text}");
+            assert_eq!(
+                Config::parse(&text, Path::new("printed.toml")).unwrap(),
+                config,
+                "{text}"
+            );
             let lines: Vec<&str> = text.lines().collect();
             let is_key = |line: &str| match line.strip_prefix("# ") {
                 Some(absent) => absent.ends_with(" =") && absent.split(' ').count() == 2,
                 None => line.starts_with('[') || line.contains(" ="),
             };
             for (number, line) in lines.iter().enumerate().filter(|(_, line)| is_key(line)) {
-                assert!(lines[number - 1].starts_with("# "), "{file}: `{line}` has no meaning above it");
+                assert!(
+                    lines[number - 1].starts_with("# "),
+                    "{file}: `{line}` has no meaning above it"
+                );
                 assert!(line.len() <= WIDTH);
             }
-            assert!(text.contains("# cpu =\n") && text.contains("# \"stop-positive\": At the hard stop"), "{text}");
+            assert!(
+                text.contains("# cpu =\n")
+                    && text.contains("# \"stop-positive\": At the hard stop"),
+                "{text}"
+            );
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The schema of the configuration, as it follows from the code: keys, types, and the documentation of each key.
+//! The schema of the configuration, as it follows from the code: keys, types, and the documentation
+//! of each key.
 
 use i2ris::config::Config;
 use i2ris_emulator::snake::SnakeConfig;
@@ -41,8 +42,16 @@ impl<'a> Node<'a> {
 
     /// The keys of a table, in the order of the alphabet; empty for what is no table.
     pub fn keys(self) -> Vec<(&'a str, Self)> {
-        let object = self.resolved().here.get("properties").and_then(Value::as_object);
-        object.into_iter().flatten().map(|(key, here)| (key.as_str(), Self { here, ..self })).collect()
+        let object = self
+            .resolved()
+            .here
+            .get("properties")
+            .and_then(Value::as_object);
+        object
+            .into_iter()
+            .flatten()
+            .map(|(key, here)| (key.as_str(), Self { here, ..self }))
+            .collect()
     }
 
     /// What an array holds.
@@ -59,19 +68,34 @@ impl<'a> Node<'a> {
     /// The words that can stand here, each with what it means; empty where any value of a type can.
     pub fn words(self) -> Vec<(&'a str, &'a str)> {
         let choices = self.resolved().here.get("oneOf").and_then(Value::as_array);
-        let word = |choice: &'a Value| Some((choice.get("const")?.as_str()?, choice.get("description")?.as_str()?));
+        let word = |choice: &'a Value| {
+            Some((
+                choice.get("const")?.as_str()?,
+                choice.get("description")?.as_str()?,
+            ))
+        };
         choices.into_iter().flatten().filter_map(word).collect()
     }
 
     /// Behind references, and behind "this or nothing".
     fn resolved(self) -> Self {
         let here = self.here;
-        if let Some(name) = here.get("$ref").and_then(Value::as_str).and_then(|name| name.strip_prefix("#/")) {
-            let target = name.split('/').try_fold(self.root, |node, part| node.get(part));
+        if let Some(name) = here
+            .get("$ref")
+            .and_then(Value::as_str)
+            .and_then(|name| name.strip_prefix("#/"))
+        {
+            let target = name
+                .split('/')
+                .try_fold(self.root, |node, part| node.get(part));
             return target.map_or(self, |here| Self { here, ..self }.resolved());
         }
         let some = |choice: &&Value| choice.get("type").and_then(Value::as_str) != Some("null");
-        match here.get("anyOf").and_then(Value::as_array).and_then(|choices| choices.iter().find(some)) {
+        match here
+            .get("anyOf")
+            .and_then(Value::as_array)
+            .and_then(|choices| choices.iter().find(some))
+        {
             Some(here) => Self { here, ..self }.resolved(),
             None => self,
         }
@@ -119,7 +143,9 @@ mod tests {
             (Kind::Vision, "vision.toml"),
         ] {
             let schema = of(kind);
-            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
+            let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+                .join("../../config")
+                .join(file);
             let table: toml::Table = fs::read_to_string(path).unwrap().parse().unwrap();
             let mut found = Vec::new();
             unknown(&table, Node::root(&schema), "", &mut found);
@@ -142,17 +168,27 @@ mod tests {
 
     #[test]
     fn every_key_of_the_schema_has_a_meaning_and_tables_are_closed() {
-        for (kind, least) in [(Kind::Controller, 60), (Kind::Snake, 20), (Kind::Vision, 12)] {
+        for (kind, least) in [
+            (Kind::Controller, 60),
+            (Kind::Snake, 20),
+            (Kind::Vision, 12),
+        ] {
             let schema = of(kind);
             let (mut found, mut count) = (Vec::new(), 0);
             without_meaning(Node::root(&schema), "", &mut found, &mut count);
-            assert!(found.is_empty() && count > least, "{kind:?}: {count} keys, without meaning: {found:?}");
+            assert!(
+                found.is_empty() && count > least,
+                "{kind:?}: {count} keys, without meaning: {found:?}"
+            );
         }
         let schema = of(Kind::Controller);
         assert_eq!(schema["additionalProperties"], false);
         let limits = &schema["$defs"]["LimitConfig"];
         assert_eq!(
-            (&limits["additionalProperties"], limits["properties"]["late_ticks"]["default"].as_u64()),
+            (
+                &limits["additionalProperties"],
+                limits["properties"]["late_ticks"]["default"].as_u64()
+            ),
             (&Value::Bool(false), Some(0))
         );
     }

@@ -1,4 +1,5 @@
-//! The set-up of the demo: an emulator, and controllers one after the other, in a folder and a domain of their own.
+//! The set-up of the demo: an emulator, and controllers one after the other, in a folder and a
+//! domain of their own.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,11 +16,12 @@ use crate::Failure;
 /// A robot of the emulator's kind, so that models and configuration match.
 const CONTROLLER_CONFIG: &str = include_str!("../../../../config/emulator.toml");
 
-/// Bringing up drives and shared memory takes well under a second; a loaded machine may need much longer.
+/// Bringing up drives and shared memory takes well under a second; a loaded machine may need much
+/// longer.
 const START_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 
-/// How late an emulated drive may answer. The demo shares the machine with whatever else runs on it, and a stall of the
-/// emulator is not what it is about.
+/// How late an emulated drive may answer. The demo shares the machine with whatever else runs on
+/// it, and a stall of the emulator is not what it is about.
 const PATIENCE_MS: u64 = 500;
 
 /// A stroke of conditioning takes so long at most.
@@ -63,7 +65,8 @@ impl Bench {
         this_program: PathBuf,
         controller_program: PathBuf,
     ) -> Result<Self, Failure> {
-        fs::create_dir_all(&folder).map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
+        fs::create_dir_all(&folder)
+            .map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
         fs::write(folder.join("snake.toml"), snake.config())?;
         let domain = format!("demo-{}", std::process::id());
         let mut config = Config::parse(CONTROLLER_CONFIG, Path::new("config/emulator.toml"))?;
@@ -74,7 +77,13 @@ impl Bench {
         }
         config.limits.feedback_stale_ms = PATIENCE_MS;
         config.limits.feedback_lost_ms = 5 * PATIENCE_MS;
-        Ok(Self { folder, domain, config, this_program, controller_program })
+        Ok(Self {
+            folder,
+            domain,
+            config,
+            this_program,
+            controller_program,
+        })
     }
 
     /// A file of the demo.
@@ -106,9 +115,13 @@ impl Bench {
 
     /// Takes recording and models of an earlier demo.
     pub fn take(&self, folder: &Path) -> Result<(), Failure> {
-        for entry in fs::read_dir(folder).map_err(|error| format!("cannot read {}: {error}", folder.display()))? {
+        for entry in fs::read_dir(folder)
+            .map_err(|error| format!("cannot read {}: {error}", folder.display()))?
+        {
             let path = entry?.path();
-            if path.extension().is_some_and(|extension| extension == "json" || extension == "csv")
+            if path
+                .extension()
+                .is_some_and(|extension| extension == "json" || extension == "csv")
                 && let Some(name) = path.file_name()
             {
                 fs::copy(&path, self.folder.join(name))?;
@@ -119,13 +132,24 @@ impl Bench {
 
     /// Starts `i2ris` with arguments.
     pub fn tool(&self, name: &'static str, arguments: &[&str]) -> Result<Process, Failure> {
-        let arguments: Vec<String> = arguments.iter().map(|&argument| argument.to_owned()).collect();
+        let arguments: Vec<String> = arguments
+            .iter()
+            .map(|&argument| argument.to_owned())
+            .collect();
         Process::start(name, &self.this_program, &arguments, &self.folder)
     }
 
     /// Starts `i2ris` with arguments in the domain of the demo.
-    pub fn tool_in_domain(&self, name: &'static str, arguments: &[&str]) -> Result<Process, Failure> {
-        let in_domain: Vec<&str> = arguments.iter().copied().chain(["--domain", &self.domain]).collect();
+    pub fn tool_in_domain(
+        &self,
+        name: &'static str,
+        arguments: &[&str],
+    ) -> Result<Process, Failure> {
+        let in_domain: Vec<&str> = arguments
+            .iter()
+            .copied()
+            .chain(["--domain", &self.domain])
+            .collect();
         self.tool(name, &in_domain)
     }
 
@@ -135,7 +159,9 @@ impl Bench {
         let ports = text(&self.folder)?;
         let seed = seed.to_string();
         let log = text(&self.path("setpoints.csv"))?;
-        let arguments = ["emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed, "--log", &log];
+        let arguments = [
+            "emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed, "--log", &log,
+        ];
         let mut emulator = self.tool_in_domain("emulator", &[&arguments[..], options].concat())?;
         let start = i2ris::clock::now();
         while !self.config.ports.iter().all(|port| port.device.exists()) {
@@ -148,15 +174,20 @@ impl Bench {
         Ok(emulator)
     }
 
-    /// Starts a controller with a model or with none, brings it to ENABLED with its zero known, and returns it with a
-    /// client.
+    /// Starts a controller with a model or with none, brings it to ENABLED with its zero known, and
+    /// returns it with a client.
     pub fn start_controller(&self, model: Option<&str>) -> Result<(Process, Client), Failure> {
         let mut config = self.config.clone();
         config.control.model = model.map(PathBuf::from);
         let file = self.path("controller.toml");
         fs::write(&file, toml::to_string(&config)?)?;
         let arguments = ["--config".to_owned(), text(&file)?];
-        let mut controller = Process::start("controller", &self.controller_program, &arguments, &self.folder)?;
+        let mut controller = Process::start(
+            "controller",
+            &self.controller_program,
+            &arguments,
+            &self.folder,
+        )?;
         let mut client = self.connect(&mut controller)?;
         enable(&mut client)?;
         Ok((controller, client))
@@ -186,22 +217,31 @@ fn enable(client: &mut Client) -> Result<(), Failure> {
     let state = client.wait_for(START_TIMEOUT, at_rest)?;
     if state.flags & OperatingStateMsg::HOMED == 0 {
         client.state_command(StateCommand::Home)?;
-        client.wait_for(START_TIMEOUT, |state| at_rest(state) && state.flags & OperatingStateMsg::HOMED != 0)?;
+        client.wait_for(START_TIMEOUT, |state| {
+            at_rest(state) && state.flags & OperatingStateMsg::HOMED != 0
+        })?;
     }
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
-    client.wait_for(START_TIMEOUT, |state| at_rest(state) && state.state == enabled)?;
+    client.wait_for(START_TIMEOUT, |state| {
+        at_rest(state) && state.state == enabled
+    })?;
     Ok(())
 }
 
 /// Wipes out what is not known about the past of the wires.
 pub fn condition(client: &mut Client) -> Result<(), Failure> {
     client.state_command(StateCommand::Condition)?;
-    client.wait_for(CONDITION_TIMEOUT, |state| state.flags & OperatingStateMsg::BUSY == 0)?;
+    client.wait_for(CONDITION_TIMEOUT, |state| {
+        state.flags & OperatingStateMsg::BUSY == 0
+    })?;
     Ok(())
 }
 
-/// Command lines here are text; the demo's own folders are, unless the repository lies under an odd name.
+/// Command lines here are text; the demo's own folders are, unless the repository lies under an odd
+/// name.
 pub fn text(path: &Path) -> Result<String, Failure> {
-    path.to_str().map(str::to_owned).ok_or_else(|| format!("{} is not UTF-8", path.display()).into())
+    path.to_str()
+        .map(str::to_owned)
+        .ok_or_else(|| format!("{} is not UTF-8", path.display()).into())
 }

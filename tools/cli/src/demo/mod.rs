@@ -43,15 +43,16 @@ pub struct Arguments {
     /// How long to calibrate
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     calibration_s: f64,
-    /// Families of models to compare; `best` is the one with the least error on what was held out [default:
-    /// linear,gmr,best; with --through-images: gmr-stop]
+    /// Families of models to compare; `best` is the one with the least error on what was held out
+    /// [default: linear,gmr,best; with --through-images: gmr-stop]
     #[arg(long, value_name = "FAMILY,..", value_delimiter = ',')]
     families: Vec<String>,
-    /// Calibrate twice over the same motion, by the true angles and through synthetic pictures of this size, and compare
+    /// Calibrate twice over the same motion, by the true angles and through synthetic pictures of
+    /// this size, and compare
     #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960")]
     through_images: Option<Size>,
-    /// With --through-images: use every so manieth picture of the camera, for both calibrations; 1 draws 18,000 pictures
-    /// of five minutes
+    /// With --through-images: use every so manieth picture of the camera, for both calibrations; 1
+    /// draws 18,000 pictures of five minutes
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     pictures_every: u32,
     /// What to follow
@@ -63,7 +64,8 @@ pub struct Arguments {
     /// Seed of everything random; no calibration has the one of the motions
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Take an earlier recording instead of calibrating, and the models beside it that are called FAMILY.json
+    /// Take an earlier recording instead of calibrating, and the models beside it that are called
+    /// FAMILY.json
     #[arg(long, value_name = "FOLDER")]
     from: Option<PathBuf>,
     /// Copy the recording, the models and the logs to this folder before cleaning up
@@ -74,7 +76,11 @@ pub struct Arguments {
 impl Arguments {
     /// The families asked for, or the usual ones, separated by commas.
     fn families(&self, usual: &str) -> Vec<String> {
-        if self.families.is_empty() { usual.split(',').map(str::to_owned).collect() } else { self.families.clone() }
+        if self.families.is_empty() {
+            usual.split(',').map(str::to_owned).collect()
+        } else {
+            self.families.clone()
+        }
     }
 }
 
@@ -101,8 +107,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn show(bench: &Bench, arguments: &Arguments) -> Result<(), Failure> {
-    let mut emulator =
-        step("start two emulated drives with a snake behind them", || bench.start_emulator(arguments.seed, &[]))?;
+    let mut emulator = step("start two emulated drives with a snake behind them", || {
+        bench.start_emulator(arguments.seed, &[])
+    })?;
     match &arguments.from {
         Some(folder) => bench.take(folder)?,
         None => calibrate(bench, &mut emulator, arguments)?,
@@ -110,7 +117,9 @@ fn show(bench: &Bench, arguments: &Arguments) -> Result<(), Failure> {
     let families = arguments.families("linear,gmr,best");
     for family in &families {
         if !bench.path(&format!("{family}.json")).exists() {
-            step(&format!("fit `{family}`"), || fit_to(bench, "recording.csv", family, family, arguments.seed))?;
+            step(&format!("fit `{family}`"), || {
+                fit_to(bench, "recording.csv", family, family, arguments.seed)
+            })?;
         }
     }
     let mut followed = Vec::new();
@@ -118,24 +127,46 @@ fn show(bench: &Bench, arguments: &Arguments) -> Result<(), Failure> {
         followed.extend(follow(bench, &mut emulator, arguments, family)?);
     }
     step("stop the emulator", || emulator.end())?;
-    summary::print(&followed, "The camera adds its noise of about 0.05 degrees per axis.");
+    summary::print(
+        &followed,
+        "The camera adds its noise of about 0.05 degrees per axis.",
+    );
     Ok(())
 }
 
 /// Follows every motion with a model.
-fn follow(bench: &Bench, emulator: &mut Process, arguments: &Arguments, model: &str) -> Result<Vec<Followed>, Failure> {
+fn follow(
+    bench: &Bench,
+    emulator: &mut Process,
+    arguments: &Arguments,
+    model: &str,
+) -> Result<Vec<Followed>, Failure> {
     let start = || bench.start_controller(Some(&format!("{model}.json")));
-    let (mut controller, mut client) = step(&format!("start the controller with `{model}`"), start)?;
+    let (mut controller, mut client) =
+        step(&format!("start the controller with `{model}`"), start)?;
     step("condition the wires", || bench::condition(&mut client))?;
     let mut followed = Vec::new();
     for motion in &arguments.motions {
         let path = motion.path(arguments.motion_s, MOTION_SEEDS + arguments.seed);
         let file = bench.path("motion.csv");
         track::write_path(&file, &path)?;
-        let bar = bar(&format!("follow {motion} with `{model}`"), path.len() as f64 / motion::RATE_HZ);
-        let run = track::follow(bench, &client, &mut [&mut *emulator, &mut controller], &file, &bar)?;
+        let bar = bar(
+            &format!("follow {motion} with `{model}`"),
+            path.len() as f64 / motion::RATE_HZ,
+        );
+        let run = track::follow(
+            bench,
+            &client,
+            &mut [&mut *emulator, &mut controller],
+            &file,
+            &bar,
+        )?;
         finish(&bar, &format!("{} pictures", run.errors_deg.len()));
-        followed.push(Followed { family: model.to_owned(), motion: *motion, run });
+        followed.push(Followed {
+            family: model.to_owned(),
+            motion: *motion,
+            run,
+        });
     }
     drop(client);
     controller.end()?;
@@ -143,15 +174,30 @@ fn follow(bench: &Bench, emulator: &mut Process, arguments: &Arguments, model: &
 }
 
 fn calibrate(bench: &Bench, emulator: &mut Process, arguments: &Arguments) -> Result<(), Failure> {
-    let (mut controller, client) = step("start the controller, home, enable", || bench.start_controller(None))?;
+    let (mut controller, client) = step("start the controller, home, enable", || {
+        bench.start_controller(None)
+    })?;
     drop(client);
     let duration_s = arguments.calibration_s;
     let bar = bar("calibration protocol through the controller", duration_s);
-    let (config, output) = (text(&bench.path("controller.toml"))?, text(&bench.path("recording.csv"))?);
+    let (config, output) = (
+        text(&bench.path("controller.toml"))?,
+        text(&bench.path("recording.csv"))?,
+    );
     let duration = duration_s.to_string();
     let seed = arguments.seed.to_string();
-    let collect =
-        ["calibrate", "collect", "--config", &config, "--output", &output, "--duration-s", &duration, "--seed", &seed];
+    let collect = [
+        "calibrate",
+        "collect",
+        "--config",
+        &config,
+        "--output",
+        &output,
+        "--duration-s",
+        &duration,
+        "--seed",
+        &seed,
+    ];
     let mut collect = bench.tool("collect", &collect)?;
     let start = i2ris::clock::now();
     while !collect.finished()? {
@@ -164,12 +210,32 @@ fn calibrate(bench: &Bench, emulator: &mut Process, arguments: &Arguments) -> Re
 }
 
 /// Fits a family to a recording and calls the model `name`.
-fn fit_to(bench: &Bench, recording: &str, family: &str, name: &str, seed: u64) -> Result<(), Failure> {
-    let (recording, output) = (text(&bench.path(recording))?, text(&bench.path(&format!("{name}.json")))?);
+fn fit_to(
+    bench: &Bench,
+    recording: &str,
+    family: &str,
+    name: &str,
+    seed: u64,
+) -> Result<(), Failure> {
+    let (recording, output) = (
+        text(&bench.path(recording))?,
+        text(&bench.path(&format!("{name}.json")))?,
+    );
     let robot = bench.config().robot_id.as_str();
     let seed = seed.to_string();
-    let fit =
-        ["calibrate", "fit", &recording, "--family", family, "--robot-id", robot, "--seed", &seed, "--output", &output];
+    let fit = [
+        "calibrate",
+        "fit",
+        &recording,
+        "--family",
+        family,
+        "--robot-id",
+        robot,
+        "--seed",
+        &seed,
+        "--output",
+        &output,
+    ];
     let mut fit = bench.tool("fit", &fit)?;
     while !fit.finished()? {
         watch_over(&mut [])?;
@@ -210,14 +276,21 @@ fn finish(bar: &ProgressBar, outcome: &str) {
     eprintln!("{what:<50} {outcome}");
 }
 
-/// `i2ris-control` beside this program. When cargo runs us it may be missing or older than its source: cargo builds one
-/// program at a time, so ask for it.
+/// `i2ris-control` beside this program. When cargo runs us it may be missing or older than its
+/// source: cargo builds one program at a time, so ask for it.
 fn controller_program(this_program: &Path) -> Result<PathBuf, Failure> {
     let program = this_program.with_file_name("i2ris-control");
     if let Some(cargo) = std::env::var_os("CARGO") {
         eprintln!("build the controller");
         let mut build = Command::new(cargo);
-        build.args(["build", "--quiet", "--package", "i2ris", "--bin", "i2ris-control"]);
+        build.args([
+            "build",
+            "--quiet",
+            "--package",
+            "i2ris",
+            "--bin",
+            "i2ris-control",
+        ]);
         if !cfg!(debug_assertions) {
             build.arg("--release");
         }
@@ -227,13 +300,20 @@ fn controller_program(this_program: &Path) -> Result<PathBuf, Failure> {
         }
     }
     if !program.exists() {
-        return Err(format!("there is no {}; build both programs: cargo build --release", program.display()).into());
+        return Err(format!(
+            "there is no {}; build both programs: cargo build --release",
+            program.display()
+        )
+        .into());
     }
     Ok(program)
 }
 
 /// A folder of this run, beside the folder of the programs: `target/demo-PID`.
 fn demo_folder(this_program: &Path) -> Result<PathBuf, Failure> {
-    let target = this_program.parent().and_then(Path::parent).ok_or("the program lies in no folder")?;
+    let target = this_program
+        .parent()
+        .and_then(Path::parent)
+        .ok_or("the program lies in no folder")?;
     Ok(target.join(format!("demo-{}", std::process::id())))
 }

@@ -42,15 +42,20 @@ impl fmt::Display for Motion {
 }
 
 impl Motion {
-    /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and `seed` are those of
-    /// teleoperation; the points have a seed too.
+    /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and
+    /// `seed` are those of teleoperation; the points have a seed too.
     pub fn path(self, duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         match self {
             Self::Teleoperation => teleoperation(duration_s, seed),
             Self::Circle => circle(),
             Self::Square => {
                 let round = [[18.0, 18.0], [18.0, -18.0], [-18.0, -18.0], [-18.0, 18.0]];
-                visit(round.into_iter().chain(round).chain([[18.0, 18.0], [0.0, 0.0]]))
+                visit(
+                    round
+                        .into_iter()
+                        .chain(round)
+                        .chain([[18.0, 18.0], [0.0, 0.0]]),
+                )
             }
             Self::Points => {
                 let mut random = Pcg64::seed_from_u64(seed);
@@ -86,7 +91,9 @@ fn visit(places: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
         let way = [to[0] - from[0], to[1] - from[1]];
         let duration_s = (way[0].hypot(way[1]) / 10.0 * 1.3_f64).max(0.5);
         path.extend(
-            samples(duration_s).map(|t_s| ease(t_s / duration_s)).map(|s| [from[0] + s * way[0], from[1] + s * way[1]]),
+            samples(duration_s)
+                .map(|t_s| ease(t_s / duration_s))
+                .map(|s| [from[0] + s * way[0], from[1] + s * way[1]]),
         );
         path.extend(samples(0.5).map(|_| to));
         from = to;
@@ -99,11 +106,24 @@ struct Wandering(Vec<(f64, f64)>);
 
 impl Wandering {
     fn below(hz: f64, random: &mut Pcg64) -> Self {
-        Self((0..16).map(|_| (random.random_range(0.1..1.0) * hz, random.random_range(0.0..TAU))).collect())
+        Self(
+            (0..16)
+                .map(|_| {
+                    (
+                        random.random_range(0.1..1.0) * hz,
+                        random.random_range(0.0..TAU),
+                    )
+                })
+                .collect(),
+        )
     }
 
     fn at(&self, t_s: f64) -> f64 {
-        let sum: f64 = self.0.iter().map(|(hz, phase)| (TAU * hz * t_s + phase).sin()).sum();
+        let sum: f64 = self
+            .0
+            .iter()
+            .map(|(hz, phase)| (TAU * hz * t_s + phase).sin())
+            .sum();
         sum * (2.0 / self.0.len() as f64).sqrt()
     }
 }
@@ -118,7 +138,10 @@ struct Loop {
 
 impl Loop {
     fn new(duration_s: f64, random: &mut Pcg64) -> Self {
-        let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
+        let (size, angle) = (
+            random.random_range(0.05..0.35),
+            random.random_range(0.0..TAU),
+        );
         Self {
             middle_s: random.random_range(0.0..duration_s),
             width_s: random.random_range(1.0..2.5),
@@ -136,14 +159,23 @@ impl Loop {
 fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
     let mut random = Pcg64::seed_from_u64(seed);
     let parts = [0, 1].map(|_| {
-        [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)].map(|(hz, share)| (Wandering::below(hz, &mut random), share))
+        [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)]
+            .map(|(hz, share)| (Wandering::below(hz, &mut random), share))
     });
-    let loops: Vec<Loop> = (0..(duration_s / 8.0) as u32).map(|_| Loop::new(duration_s, &mut random)).collect();
+    let loops: Vec<Loop> = (0..(duration_s / 8.0) as u32)
+        .map(|_| Loop::new(duration_s, &mut random))
+        .collect();
     let at = |t_s: f64| {
         let mut goal = [0.0; 2];
         for (axis, goal) in goal.iter_mut().enumerate() {
-            *goal = parts[axis].iter().map(|(noise, share)| share * noise.at(t_s)).sum::<f64>();
-            *goal += loops.iter().map(|swing| swing.size[axis] * swing.at(t_s)).sum::<f64>();
+            *goal = parts[axis]
+                .iter()
+                .map(|(noise, share)| share * noise.at(t_s))
+                .sum::<f64>();
+            *goal += loops
+                .iter()
+                .map(|swing| swing.size[axis] * swing.at(t_s))
+                .sum::<f64>();
         }
         // A hand knows where the range ends.
         let far = goal[0].hypot(goal[1]).max(1e-9);
@@ -155,8 +187,13 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         let strength = 1.0 + 0.4 * (TAU * 0.3 * t_s + phases[1 - axis]).sin();
         TREMOR_DEG * strength * (TAU * TREMOR_HZ * t_s + phases[axis]).sin()
     };
-    let trembling = |(goal, t_s): ([f64; 2], f64)| [goal[0] + tremor(t_s, 0), goal[1] + tremor(t_s, 1)];
-    slowed.into_iter().zip(samples(duration_s)).map(trembling).collect()
+    let trembling =
+        |(goal, t_s): ([f64; 2], f64)| [goal[0] + tremor(t_s, 0), goal[1] + tremor(t_s, 1)];
+    slowed
+        .into_iter()
+        .zip(samples(duration_s))
+        .map(trembling)
+        .collect()
 }
 
 /// The same path, slower wherever it is too fast; what then lasts too long is cut off.
@@ -181,10 +218,18 @@ mod tests {
 
     #[test]
     fn every_motion_begins_straight_and_stays_within_reach_and_speed() {
-        for motion in [Motion::Teleoperation, Motion::Circle, Motion::Square, Motion::Points] {
+        for motion in [
+            Motion::Teleoperation,
+            Motion::Circle,
+            Motion::Square,
+            Motion::Points,
+        ] {
             let path = motion.path(30.0, 5);
             let far = path.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
-            assert!(path[0][0].hypot(path[0][1]) < 0.2 && (10.0..36.0).contains(&far), "{motion}: {far}");
+            assert!(
+                path[0][0].hypot(path[0][1]) < 0.2 && (10.0..36.0).contains(&far),
+                "{motion}: {far}"
+            );
             let step = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) * RATE_HZ;
             let fastest = path.windows(2).map(step).fold(0.0, f64::max);
             // The tremor adds up to 2 pi 10 Hz 0.05 deg 1.4 per axis.
@@ -205,7 +250,11 @@ mod tests {
         // Second differences let the tremor through and hold the rest back.
         let gain = 2.0 - 2.0 * (TAU * TREMOR_HZ / RATE_HZ).cos();
         let second = |w: &[[f64; 2]]| (w[2][0] - 2.0 * w[1][0] + w[0][0]).powi(2);
-        let rms = (path.windows(3).map(second).sum::<f64>() / (path.len() - 2) as f64).sqrt() / gain;
-        assert!((0.03..0.05).contains(&rms), "{rms} instead of about 0.05 / sqrt 2");
+        let rms =
+            (path.windows(3).map(second).sum::<f64>() / (path.len() - 2) as f64).sqrt() / gain;
+        assert!(
+            (0.03..0.05).contains(&rms),
+            "{rms} instead of about 0.05 / sqrt 2"
+        );
     }
 }

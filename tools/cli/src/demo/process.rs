@@ -12,7 +12,8 @@ use nix::unistd::Pid;
 
 use crate::Failure;
 
-/// How long a child may take to end after it was asked to: the controller brings the drives down in order first.
+/// How long a child may take to end after it was asked to: the controller brings the drives down in
+/// order first.
 const END_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// A running child. What it prints goes to a file; dropping it ends it.
@@ -24,14 +25,25 @@ pub struct Process {
 
 impl Process {
     /// Starts `program`, writing what it prints to `NAME.log` in `folder`.
-    pub fn start(name: &'static str, program: &Path, arguments: &[String], folder: &Path) -> Result<Self, Failure> {
+    pub fn start(
+        name: &'static str,
+        program: &Path,
+        arguments: &[String],
+        folder: &Path,
+    ) -> Result<Self, Failure> {
         let log = folder.join(format!("{name}.log"));
         let output = File::options().create(true).append(true).open(&log)?;
         let mut command = Command::new(program);
-        command.args(arguments).stdin(Stdio::null()).stderr(output.try_clone()?).stdout(output);
+        command
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stderr(output.try_clone()?)
+            .stdout(output);
         // SAFETY: prctl is async-signal-safe and touches no memory of the parent.
         unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
-        let child = command.spawn().map_err(|error| format!("cannot start {}: {error}", program.display()))?;
+        let child = command
+            .spawn()
+            .map_err(|error| format!("cannot start {}: {error}", program.display()))?;
         Ok(Self { name, child, log })
     }
 
@@ -58,7 +70,12 @@ impl Process {
         match self.wait()? {
             Some(status) if status.success() => Ok(()),
             Some(status) => Err(self.failure(status)),
-            None => Err(format!("{} did not end within {} s of SIGTERM", self.name, END_TIMEOUT.as_secs()).into()),
+            None => Err(format!(
+                "{} did not end within {} s of SIGTERM",
+                self.name,
+                END_TIMEOUT.as_secs()
+            )
+            .into()),
         }
     }
 
@@ -82,7 +99,11 @@ impl Process {
         let text = fs::read_to_string(&self.log).unwrap_or_default();
         let lines: Vec<&str> = text.lines().collect();
         let tail = lines[lines.len().saturating_sub(8)..].join("\n  ");
-        format!("{} ended early ({status}); it said last:\n  {tail}", self.name).into()
+        format!(
+            "{} ended early ({status}); it said last:\n  {tail}",
+            self.name
+        )
+        .into()
     }
 }
 

@@ -30,16 +30,37 @@ fn tracking(followed: &[Followed]) {
     println!("\nTracking error on unseen motions: goal against camera, degrees");
     println!(
         "  {:14} {:16} {:>8} {:>9} {:>9} {:>10} {:>10} {:>10} {:>13}",
-        "motion", "model", "pictures", "pitch RMS", "yaw RMS", "length RMS", "length p99", "length max", "below linear"
+        "motion",
+        "model",
+        "pictures",
+        "pitch RMS",
+        "yaw RMS",
+        "length RMS",
+        "length p99",
+        "length max",
+        "below linear"
     );
-    for Followed { family, motion, run } in followed {
+    for Followed {
+        family,
+        motion,
+        run,
+    } in followed
+    {
         let errors = &run.errors_deg;
         let [pitch, yaw, length] = rms_deg(errors);
-        let (p99, max) = (length_percentile_deg(errors, 0.99), length_percentile_deg(errors, 1.0));
-        let linear = followed.iter().find(|other| other.family == "linear" && other.motion == *motion);
+        let (p99, max) = (
+            length_percentile_deg(errors, 0.99),
+            length_percentile_deg(errors, 1.0),
+        );
+        let linear = followed
+            .iter()
+            .find(|other| other.family == "linear" && other.motion == *motion);
         let below = match linear {
             Some(linear) if family != "linear" => {
-                format!("{:.1} %", 100.0 * (1.0 - length / rms_deg(&linear.run.errors_deg)[2]))
+                format!(
+                    "{:.1} %",
+                    100.0 * (1.0 - length / rms_deg(&linear.run.errors_deg)[2])
+                )
             }
             _ => "-".to_owned(),
         };
@@ -56,7 +77,8 @@ fn statistics(windows: &[PeriodStatistics]) {
         return;
     };
     let us = |ns: u64| ns as f64 / 1e3;
-    let worst = |pick: fn(&PeriodStatistics) -> u64| us(windows.iter().map(pick).max().unwrap_or(0));
+    let worst =
+        |pick: fn(&PeriodStatistics) -> u64| us(windows.iter().map(pick).max().unwrap_or(0));
     let typical = |pick: fn(&PeriodStatistics) -> u64| {
         let mut all: Vec<f64> = windows.iter().map(|window| us(pick(window))).collect();
         all.sort_by(f64::total_cmp);
@@ -69,7 +91,10 @@ fn statistics(windows: &[PeriodStatistics]) {
         1e9 / first.period_ns as f64,
         granted(last)
     );
-    println!("  {:12} {:>14} {:>14} {:>10}", "microseconds", "p50 (typical)", "p99 (typical)", "max");
+    println!(
+        "  {:12} {:>14} {:>14} {:>10}",
+        "microseconds", "p50 (typical)", "p99 (typical)", "max"
+    );
     println!(
         "  {:12} {:>14.1} {:>14.1} {:>10.1}",
         "lateness",
@@ -92,7 +117,11 @@ fn granted(statistics: &PeriodStatistics) -> String {
         0 => "normal scheduling".to_owned(),
         priority => format!("SCHED_FIFO {priority}"),
     };
-    let memory = if statistics.memory_locked == 1 { "memory locked" } else { "memory not locked" };
+    let memory = if statistics.memory_locked == 1 {
+        "memory locked"
+    } else {
+        "memory not locked"
+    };
     let cpu = if statistics.cpu == u32::MAX {
         "not pinned".to_owned()
     } else {
@@ -107,6 +136,12 @@ fn latency(sorted_us: &[f64]) {
         "\nCommand published by another process -> its set-point handed to the serial line, {} commands",
         sorted_us.len()
     );
-    println!("  p50 {:.2} ms, p90 {:.2} ms, p99 {:.2} ms, max {:.2} ms", ms(0.5), ms(0.9), ms(0.99), ms(1.0));
+    println!(
+        "  p50 {:.2} ms, p90 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
+        ms(0.5),
+        ms(0.9),
+        ms(0.99),
+        ms(1.0)
+    );
     println!("  On the wire a set-point takes another 1.2 ms (14 bytes at 115200 baud).");
 }

@@ -27,7 +27,8 @@ const NEAR_DEG: f64 = 0.2;
 pub struct Run {
     /// Difference between goal and camera for every picture: pitch and yaw, degrees.
     pub errors_deg: Vec<[f64; 2]>,
-    /// From the stamp of a command until its set-point had been handed to the serial line, microseconds, sorted.
+    /// From the stamp of a command until its set-point had been handed to the serial line,
+    /// microseconds, sorted.
     pub command_to_wire_us: Vec<f64>,
     /// One entry a second.
     pub statistics: Vec<PeriodStatistics>,
@@ -35,9 +36,14 @@ pub struct Run {
 
 /// Root mean square, per axis and of the length.
 pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
-    let mean =
-        |square: fn(&[f64; 2]) -> f64| (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt();
-    [mean(|e| e[0] * e[0]), mean(|e| e[1] * e[1]), mean(|e| e[0] * e[0] + e[1] * e[1])]
+    let mean = |square: fn(&[f64; 2]) -> f64| {
+        (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt()
+    };
+    [
+        mean(|e| e[0] * e[0]),
+        mean(|e| e[1] * e[1]),
+        mean(|e| e[0] * e[0] + e[1] * e[1]),
+    ]
 }
 
 /// Length of the error that a share of all pictures stays below.
@@ -109,7 +115,8 @@ impl Recorder {
 
     fn read(&mut self) -> Result<(), Failure> {
         let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
-        self.goal.drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
+        self.goal
+            .drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
         self.camera.drain(|seen| {
             if seen.flags != 0 {
                 self.pictures.push(seen.stamp_ns, degrees(seen.position));
@@ -120,24 +127,35 @@ impl Recorder {
             for (motor, last) in carried_out.iter_mut().enumerate() {
                 if state.command_stamp_ns[motor] != 0 && state.command_sequence[motor] != *last {
                     *last = state.command_sequence[motor];
-                    let span = Nanos(state.written_stamp_ns[motor]) - Nanos(state.command_stamp_ns[motor]);
+                    let span =
+                        Nanos(state.written_stamp_ns[motor]) - Nanos(state.command_stamp_ns[motor]);
                     latencies.push(span.as_seconds() * 1e6);
                 }
             }
         })?;
-        self.statistics.drain(|window| self.run.statistics.push(window))?;
+        self.statistics
+            .drain(|window| self.run.statistics.push(window))?;
         Ok(())
     }
 
     fn finish(mut self) -> Run {
         // Every motion begins at the straight pose.
         let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
-        let started = self.goals.iter().find(|(_, goal)| near(goal)).map_or(u64::MAX, |(stamp, _)| *stamp);
+        let started = self
+            .goals
+            .iter()
+            .find(|(_, goal)| near(goal))
+            .map_or(u64::MAX, |(stamp, _)| *stamp);
         let error = |&(stamp, seen): &(u64, [f64; 2])| {
             let goal = self.goals.at(stamp, GAP_NS)?;
             Some([seen[0] - goal[0], seen[1] - goal[1]])
         };
-        self.run.errors_deg = self.pictures.iter().filter(|(stamp, _)| *stamp >= started).filter_map(error).collect();
+        self.run.errors_deg = self
+            .pictures
+            .iter()
+            .filter(|(stamp, _)| *stamp >= started)
+            .filter_map(error)
+            .collect();
         self.run.command_to_wire_us.sort_by(f64::total_cmp);
         self.run
     }

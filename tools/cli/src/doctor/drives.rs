@@ -34,7 +34,11 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
             let ms = seen.exchange.as_seconds() * 1e3;
             let found = format!("answers, {ms:.1} ms an exchange");
             if seen.exchange > SLOW {
-                report.warn(name, found, "shorten the latency timer of the adapter, and use no hub");
+                report.warn(
+                    name,
+                    found,
+                    "shorten the latency timer of the adapter, and use no hub",
+                );
             } else {
                 report.pass(name, found);
             }
@@ -42,15 +46,19 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
                 let name = format!("motor {}", axis.motor);
                 match seen {
                     Ok(seen) => check_drive(&name, &seen, report),
-                    Err(why) => {
-                        report.fail(name, why, "correct `serial_number` and `node_id`, or swap the cables back")
-                    }
+                    Err(why) => report.fail(
+                        name,
+                        why,
+                        "correct `serial_number` and `node_id`, or swap the cables back",
+                    ),
                 }
             }
         }
-        Err(error @ DriveError::Busy { .. }) => {
-            report.warn(name, error.to_string(), "end the controller to look at its drives")
-        }
+        Err(error @ DriveError::Busy { .. }) => report.warn(
+            name,
+            error.to_string(),
+            "end the controller to look at its drives",
+        ),
         Err(error) => report.fail(name, error.to_string(), "see there"),
     }
 }
@@ -69,8 +77,16 @@ fn check_latency(port: &PortConfig, report: &mut Report) {
 }
 
 fn check_drive(name: &str, seen: &Inspection, report: &mut Report) {
-    let Inspection { family, serial_number, firmware, .. } = seen;
-    report.pass(name, format!("{family}, serial number {serial_number}, firmware 0x{firmware:04X}"));
+    let Inspection {
+        family,
+        serial_number,
+        firmware,
+        ..
+    } = seen;
+    report.pass(
+        name,
+        format!("{family}, serial number {serial_number}, firmware 0x{firmware:04X}"),
+    );
     check_state(name, seen, report);
     if let Some(volts) = seen.supply_v {
         let (name, found) = (format!("{name} supply"), format!("{volts:.1} V"));
@@ -85,7 +101,11 @@ fn check_drive(name: &str, seen: &Inspection, report: &mut Report) {
         report.pass(errors, "none in the history");
     } else {
         let listed: Vec<String> = seen.errors.iter().map(ToString::to_string).collect();
-        report.warn(errors, listed.join("; "), "remove the cause of the first; write 0 to object 0x1003:00 to clear");
+        report.warn(
+            errors,
+            listed.join("; "),
+            "remove the cause of the first; write 0 to object 0x1003:00 to clear",
+        );
     }
     check_limits(name, seen, report);
 }
@@ -107,7 +127,11 @@ fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
             "a controller died here; the next one switches the drive off in order at its start",
         ),
         Some(state) => report.pass(name, format!("{state:?}, {homed}")),
-        None => report.fail(name, "no known state", "check that the firmware is supported"),
+        None => report.fail(
+            name,
+            "no known state",
+            "check that the firmware is supported",
+        ),
     }
 }
 
@@ -121,10 +145,26 @@ fn check_limits(name: &str, seen: &Inspection, report: &mut Report) {
         .iter()
         .take(MOST_NAMED)
         // What is near 2^32 is a number below 0.
-        .map(|(object, wanted, found)| format!("{object} is {}, not {}", found.cast_signed(), wanted.cast_signed()))
+        .map(|(object, wanted, found)| {
+            format!(
+                "{object} is {}, not {}",
+                found.cast_signed(),
+                wanted.cast_signed()
+            )
+        })
         .collect();
     let more = seen.differences.len().saturating_sub(MOST_NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
     // Every start of the controller writes them, so before the first one this is as it should be.
-    report.pass(name, format!("{}{more}; the controller writes them at its start", listed.join(", ")));
+    report.pass(
+        name,
+        format!(
+            "{}{more}; the controller writes them at its start",
+            listed.join(", ")
+        ),
+    );
 }

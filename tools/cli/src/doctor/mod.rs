@@ -1,7 +1,7 @@
 //! `i2ris doctor`: everything that must be right before a robot moves, a line each, with the fix.
 //!
-//! Nothing is changed: drives are read, not written. While a controller runs it holds the ports, and the drives cannot be
-//! looked at.
+//! Nothing is changed: drives are read, not written. While a controller runs it holds the ports,
+//! and the drives cannot be looked at.
 
 mod drives;
 mod report;
@@ -42,9 +42,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
                 drives::check_port(port, !arguments.no_drives, &mut report);
             }
         }
-        Err(error) => {
-            report.fail("configuration", error.to_string(), "correct the file, or name another with --config")
-        }
+        Err(error) => report.fail(
+            "configuration",
+            error.to_string(),
+            "correct the file, or name another with --config",
+        ),
     }
     if arguments.json {
         println!("{}", report.to_json()?);

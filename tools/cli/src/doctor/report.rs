@@ -42,22 +42,40 @@ impl Report {
     }
 
     /// Adds a check with a doubt.
-    pub fn warn(&mut self, name: impl Into<String>, found: impl Into<String>, fix: impl Into<String>) {
+    pub fn warn(
+        &mut self,
+        name: impl Into<String>,
+        found: impl Into<String>,
+        fix: impl Into<String>,
+    ) {
         self.add(Level::Warn, name.into(), found.into(), fix.into());
     }
 
     /// Adds a check that failed.
-    pub fn fail(&mut self, name: impl Into<String>, found: impl Into<String>, fix: impl Into<String>) {
+    pub fn fail(
+        &mut self,
+        name: impl Into<String>,
+        found: impl Into<String>,
+        fix: impl Into<String>,
+    ) {
         self.add(Level::Fail, name.into(), found.into(), fix.into());
     }
 
     fn add(&mut self, level: Level, name: String, found: String, fix: String) {
-        self.checks.push(Check { name, level, found, fix });
+        self.checks.push(Check {
+            name,
+            level,
+            found,
+            fix,
+        });
     }
 
     /// How many failed.
     pub fn failures(&self) -> usize {
-        self.checks.iter().filter(|check| check.level == Level::Fail).count()
+        self.checks
+            .iter()
+            .filter(|check| check.level == Level::Fail)
+            .count()
     }
 
     /// All checks as JSON.
@@ -68,15 +86,30 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let width = self.checks.iter().map(|check| check.name.chars().count()).max().unwrap_or(0);
-        for Check { name, level, found, fix } in &self.checks {
+        let width = self
+            .checks
+            .iter()
+            .map(|check| check.name.chars().count())
+            .max()
+            .unwrap_or(0);
+        for Check {
+            name,
+            level,
+            found,
+            fix,
+        } in &self.checks
+        {
             let mark = match level {
                 Level::Ok => "ok  ",
                 Level::Warn => "WARN",
                 Level::Fail => "FAIL",
             };
             write!(f, "{mark}  {name:width$}  {found}")?;
-            if fix.is_empty() { writeln!(f)? } else { writeln!(f, "\n      {:width$}  -> {fix}", "")? }
+            if fix.is_empty() {
+                writeln!(f)?
+            } else {
+                writeln!(f, "\n      {:width$}  -> {fix}", "")?
+            }
         }
         Ok(())
     }

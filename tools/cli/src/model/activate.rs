@@ -11,7 +11,8 @@ use crate::console::DomainOption;
 /// Arguments of `i2ris model activate`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The beginning of the identity of the model that is expected to be staged [default: whichever is]
+    /// The beginning of the identity of the model that is expected to be staged [default: whichever
+    /// is]
     id: Option<String>,
     /// Also while the hysteresis memory of the model is unknown
     #[arg(long)]
@@ -31,7 +32,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if staged.flags & ModelSlot::PRESENT == 0 {
         return Err("no model is staged; stage one with `i2ris model stage FILE`".into());
     }
-    if let Some(expected) = arguments.id.as_ref().filter(|expected| !id.to_string().starts_with(expected.as_str())) {
+    if let Some(expected) = arguments
+        .id
+        .as_ref()
+        .filter(|expected| !id.to_string().starts_with(expected.as_str()))
+    {
         return Err(format!("{id} is staged, not {expected}").into());
     }
     show(&client.activate_model(id, arguments.force)?, arguments.json)

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig, IpcConfig, JointLimitConfig,
-    LimitConfig, MoveConfig, PlausibilityConfig, PortConfig, RecordConfig, SwapConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
+    RecordConfig, SwapConfig,
 };
 use i2ris::control::Goal;
 use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
@@ -21,7 +22,8 @@ use crate::Failure;
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
 
-/// The approach has come to rest when the set-points have stood for so many ticks; it gets so many to do so.
+/// The approach has come to rest when the set-points have stood for so many ticks; it gets so many
+/// to do so.
 const REST_TICKS: u32 = 50;
 const LONGEST_REST_TICKS: u32 = 10_000;
 
@@ -46,7 +48,8 @@ pub struct Arguments {
     /// Where to write time, wanted angles and counts
     #[arg(long, short, value_name = "COUNTS.csv")]
     output: PathBuf,
-    /// The configuration of the controller: rate, limits, filters [default: what a configuration has by default]
+    /// The configuration of the controller: rate, limits, filters [default: what a configuration
+    /// has by default]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Without limits on velocity, acceleration, steps and position; the calibrated hull stays
@@ -71,13 +74,21 @@ struct Outcome {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { trajectory, output, .. } = arguments;
+    let Arguments {
+        trajectory, output, ..
+    } = arguments;
     check_output(output, &[&arguments.model, trajectory])?;
     let model = Arc::new(Model::load(&arguments.model)?);
     let config = config(arguments, &model)?;
-    let columns: Vec<String> = std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
+    let columns: Vec<String> = std::iter::once("t_s".to_owned())
+        .chain(output_columns(&model))
+        .collect();
     let table = Table::read(trajectory, &columns)?;
-    let wanted = Wanted { rows: &table.rows, si: si(&model), outputs: model.outputs() };
+    let wanted = Wanted {
+        rows: &table.rows,
+        si: si(&model),
+        outputs: model.outputs(),
+    };
     let mut past = history(arguments.history.as_ref(), &model)?;
     if past.is_empty() {
         past.push(beginning(&model, &wanted.at(wanted.start_s())));
@@ -85,10 +96,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut rehearsal = Rehearsal::new(&config, &model, &past)?;
     approach(&mut rehearsal, &wanted, arguments.no_limits)
         .map_err(|error| told(error, trajectory, wanted.start_s(), &config))?;
-    let known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
-    let mut outcome =
-        Outcome { ticks: 0, clipped_ticks: 0, memory_known: known, travel_counts: vec![0.0; model.motors()] };
-    let rows = play(&mut rehearsal, &wanted, &mut outcome).map_err(|(error, t)| told(error, trajectory, t, &config))?;
+    let known = rehearsal
+        .report()
+        .joint
+        .is_some_and(|joint| joint.memory_known);
+    let mut outcome = Outcome {
+        ticks: 0,
+        clipped_ticks: 0,
+        memory_known: known,
+        travel_counts: vec![0.0; model.motors()],
+    };
+    let rows = play(&mut rehearsal, &wanted, &mut outcome)
+        .map_err(|(error, t)| told(error, trajectory, t, &config))?;
     let header: Vec<String> = columns.into_iter().chain(counts_columns(&model)).collect();
     table::write(output, &header, &rows)?;
     print(&outcome, output, arguments.json)
@@ -107,7 +126,10 @@ fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
     }
     println!("wrote {} ticks to {}", outcome.ticks, output.display());
     if outcome.clipped_ticks > 0 {
-        println!("{} of them could not be reached and were clipped to the nearest pose", outcome.clipped_ticks);
+        println!(
+            "{} of them could not be reached and were clipped to the nearest pose",
+            outcome.clipped_ticks
+        );
     }
     Ok(())
 }
@@ -121,24 +143,45 @@ struct Wanted<'a> {
 
 impl Wanted<'_> {
     fn start_s(&self) -> f64 {
-        self.rows.first().and_then(|row| row.values.first()).copied().unwrap_or_default()
+        self.rows
+            .first()
+            .and_then(|row| row.values.first())
+            .copied()
+            .unwrap_or_default()
     }
 
     fn end_s(&self) -> f64 {
-        self.rows.last().and_then(|row| row.values.first()).copied().unwrap_or_default()
+        self.rows
+            .last()
+            .and_then(|row| row.values.first())
+            .copied()
+            .unwrap_or_default()
     }
 
     /// rad (m), linearly between the rows.
     fn at(&self, time_s: f64) -> OutputVec {
         let time = |row: &Row| row.values.first().copied().unwrap_or_default();
-        let after = self.rows.partition_point(|row| time(row) < time_s).min(self.rows.len().saturating_sub(1));
-        let (Some(from), Some(to)) = (self.rows.get(after.saturating_sub(1)), self.rows.get(after)) else {
+        let after = self
+            .rows
+            .partition_point(|row| time(row) < time_s)
+            .min(self.rows.len().saturating_sub(1));
+        let (Some(from), Some(to)) = (self.rows.get(after.saturating_sub(1)), self.rows.get(after))
+        else {
             return OutputVec::default();
         };
         let (start, end) = (time(from), time(to));
-        let share = if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
-        let values: Vec<f64> =
-            from.values.iter().zip(&to.values).skip(1).map(|(from, to)| from + share * (to - from)).collect();
+        let share = if end > start {
+            ((time_s - start) / (end - start)).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
+        let values: Vec<f64> = from
+            .values
+            .iter()
+            .zip(&to.values)
+            .skip(1)
+            .map(|(from, to)| from + share * (to - from))
+            .collect();
         outputs(&values, self.si)
     }
 
@@ -148,12 +191,24 @@ impl Wanted<'_> {
 }
 
 /// Goes to the first pose, straight in the outputs, and waits until the motors stand.
-fn approach(rehearsal: &mut Rehearsal, wanted: &Wanted, at_once: bool) -> Result<(), RehearsalError> {
+fn approach(
+    rehearsal: &mut Rehearsal,
+    wanted: &Wanted,
+    at_once: bool,
+) -> Result<(), RehearsalError> {
     let to = wanted.at(wanted.start_s());
     let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
-    let distance = from.iter().zip(&to).map(|(from, to)| (to - from).powi(2)).sum::<f64>().sqrt();
-    let ticks =
-        if at_once { 1.0 } else { (distance / (APPROACH * wanted.si * rehearsal.period().as_seconds())).ceil() };
+    let distance = from
+        .iter()
+        .zip(&to)
+        .map(|(from, to)| (to - from).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    let ticks = if at_once {
+        1.0
+    } else {
+        (distance / (APPROACH * wanted.si * rehearsal.period().as_seconds())).ceil()
+    };
     for tick in 1..=ticks as u64 {
         let share = tick as f64 / ticks;
         let here = std::array::from_fn(|output| from[output] + share * (to[output] - from[output]));
@@ -184,7 +239,9 @@ fn play(
     for tick in 0..=ticks {
         let time_s = start + tick as f64 * period;
         let angles = wanted.at(time_s);
-        let report = rehearsal.follow(wanted.goal(angles)).map_err(|error| (error, time_s))?;
+        let report = rehearsal
+            .follow(wanted.goal(angles))
+            .map_err(|error| (error, time_s))?;
         outcome.ticks += 1;
         outcome.clipped_ticks += usize::from(report.clipped);
         let counts = report.setpoints;
@@ -192,9 +249,20 @@ fn play(
             *travel += (counts.as_f64() - before.as_f64()).abs();
         }
         before = counts;
-        let angles = angles.into_iter().take(wanted.outputs).map(|angle| angle / wanted.si);
-        let counts = counts.iter().take(outcome.travel_counts.len()).map(|counts| counts.as_f64());
-        rows.push(std::iter::once(time_s).chain(angles).chain(counts).collect());
+        let angles = angles
+            .into_iter()
+            .take(wanted.outputs)
+            .map(|angle| angle / wanted.si);
+        let counts = counts
+            .iter()
+            .take(outcome.travel_counts.len())
+            .map(|counts| counts.as_f64());
+        rows.push(
+            std::iter::once(time_s)
+                .chain(angles)
+                .chain(counts)
+                .collect(),
+        );
     }
     Ok(rows)
 }
@@ -221,7 +289,11 @@ fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
         }
         None => standard(model),
     };
-    Ok(if arguments.no_limits { without_limits(&config) } else { config })
+    Ok(if arguments.no_limits {
+        without_limits(&config)
+    } else {
+        config
+    })
 }
 
 /// A robot for a model: every default, and position limits around the calibrated hull.
@@ -229,7 +301,9 @@ fn standard(model: &Model) -> Config {
     let corners: Vec<MotorVec> = model.hull().corners().collect();
     let axis = |motor: usize| {
         let values = corners.iter().map(|corner| corner[motor]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+            (l.min(v), h.max(v))
+        });
         let limits = [
             Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN)),
             Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX)),

@@ -33,7 +33,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { counts, output, .. } = arguments;
     check_output(output, &[&arguments.model, counts])?;
     let model = Model::load(&arguments.model)?;
-    let columns: Vec<String> = std::iter::once("t_s".to_owned()).chain(counts_columns(&model)).collect();
+    let columns: Vec<String> = std::iter::once("t_s".to_owned())
+        .chain(counts_columns(&model))
+        .collect();
     let table = Table::read(counts, &columns)?;
     let mut memory = model.new_memory();
     for counts in history(arguments.history.as_ref(), &model)? {
@@ -48,10 +50,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let angles = model.predict(&counts, &memory).mean;
         let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);
         let time = row.values.iter().take(1).copied();
-        rows.push(time.chain(angles).chain(counts.into_iter().take(model.motors())).collect());
+        rows.push(
+            time.chain(angles)
+                .chain(counts.into_iter().take(model.motors()))
+                .collect(),
+        );
     }
-    let header: Vec<String> =
-        std::iter::once("t_s".to_owned()).chain(output_columns(&model)).chain(counts_columns(&model)).collect();
+    let header: Vec<String> = std::iter::once("t_s".to_owned())
+        .chain(output_columns(&model))
+        .chain(counts_columns(&model))
+        .collect();
     table::write(output, &header, &rows)?;
     println!("wrote {} rows to {}", rows.len(), output.display());
     if unknown > 0 {

@@ -27,7 +27,9 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    let reply = while_working("the controller checks the model", || client.stage_model(&arguments.model))?;
+    let reply = while_working("the controller checks the model", || {
+        client.stage_model(&arguments.model)
+    })?;
     if arguments.json {
         let outcome = serde_json::json!({ "models": models(&reply), "difference": as_json(&reply.difference) });
         println!("{}", serde_json::to_string_pretty(&outcome)?);
@@ -56,13 +58,19 @@ fn difference(difference: &ModelDifference) {
         return;
     }
     let counts = |counts: [f64; 2]| format!("{:+.0} {:+.0}", counts[0], counts[1]);
-    println!("the motors would turn by {} counts here", counts(difference.present_counts));
+    println!(
+        "the motors would turn by {} counts here",
+        counts(difference.present_counts)
+    );
     println!(
         "and by {} at {}, where it is most",
         counts(difference.largest_counts),
         counts(difference.largest_at_counts)
     );
     if difference.unreached > 0.0 {
-        println!("{:.0} % of the poses of the model in use are out of its reach", difference.unreached * 100.0);
+        println!(
+            "{:.0} % of the poses of the model in use are out of its reach",
+            difference.unreached * 100.0
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! Everything that a monitor shows, whichever way: filled by [`super::sight::Sight`], read by the screens.
+//! Everything that a monitor shows, whichever way: filled by [`super::sight::Sight`], read by the
+//! screens.
 
 use super::journal::Journal;
 use super::models::Models;

@@ -1,4 +1,5 @@
-//! The calibrated hull and the directions of the motors, as they look in the plane of pitch and yaw.
+//! The calibrated hull and the directions of the motors, as they look in the plane of pitch and
+//! yaw.
 
 use std::path::Path;
 
@@ -14,27 +15,40 @@ const POINTS_PER_SIDE: usize = 12;
 pub struct Outline {
     /// The edge of the hull: pitch and yaw, degrees, closed. Empty: unknown.
     pub points: Vec<[f64; 2]>,
-    /// For each motor the weights of pitch and yaw in the bend that is its own: one that the other motor does not change, as
-    /// far as the snake is linear. With motors at 45 deg to the axes neither pitch nor yaw shows a clean loop.
+    /// For each motor the weights of pitch and yaw in the bend that is its own: one that the other
+    /// motor does not change, as far as the snake is linear. With motors at 45 deg to the axes
+    /// neither pitch nor yaw shows a clean loop.
     pub along: [[f64; 2]; MAX_MOTORS],
 }
 
 impl Default for Outline {
     /// Motor 0 bends in pitch, motor 1 in yaw: what is shown without a model.
     fn default() -> Self {
-        Self { points: Vec::new(), along: [[1.0, 0.0], [0.0, 1.0]] }
+        Self {
+            points: Vec::new(),
+            along: [[1.0, 0.0], [0.0, 1.0]],
+        }
     }
 }
 
 impl Outline {
     /// The bend of the motor's own, degrees.
     pub fn bend(&self, motor: usize, angles: [f64; 2]) -> f64 {
-        self.along.get(motor).map_or(0.0, |weights| weights[0] * angles[0] + weights[1] * angles[1])
+        self.along.get(motor).map_or(0.0, |weights| {
+            weights[0] * angles[0] + weights[1] * angles[1]
+        })
     }
 
     /// What `bend` is, for people.
     pub fn name(&self, motor: usize) -> &'static str {
-        match (*self == Self { points: self.points.clone(), ..Self::default() }, motor) {
+        match (
+            *self
+                == Self {
+                    points: self.points.clone(),
+                    ..Self::default()
+                },
+            motor,
+        ) {
             (true, 0) => "pitch",
             (true, _) => "yaw",
             (false, _) => "own bend",
@@ -49,8 +63,14 @@ pub enum OutlineError {
     #[error("no hull: {0}; or name the file with --model")]
     Model(#[from] i2ris::model::ModelError),
     /// It is another model.
-    #[error("no hull: {file} is model {found}, the controller uses {used}; name the right file with --model")]
-    Other { file: String, found: String, used: String },
+    #[error(
+        "no hull: {file} is model {found}, the controller uses {used}; name the right file with --model"
+    )]
+    Other {
+        file: String,
+        found: String,
+        used: String,
+    },
     /// Its outputs are not two angles.
     #[error("no hull: the model tells no pitch and yaw")]
     NoAngles,
@@ -64,10 +84,20 @@ pub enum OutlineError {
 pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {
-        let (found, used) = (super::view::short_id(model.id()), super::view::short_id(used));
-        return Err(OutlineError::Other { file: file.display().to_string(), found, used });
+        let (found, used) = (
+            super::view::short_id(model.id()),
+            super::view::short_id(used),
+        );
+        return Err(OutlineError::Other {
+            file: file.display().to_string(),
+            found,
+            used,
+        });
     }
-    Ok(Outline { points: edge(&model)?, along: own_directions(&model).unwrap_or(Outline::default().along) })
+    Ok(Outline {
+        points: edge(&model)?,
+        along: own_directions(&model).unwrap_or(Outline::default().along),
+    })
 }
 
 /// The rows of the inverse Jacobian in the middle of the hull, scaled so that they give degrees.
@@ -86,10 +116,15 @@ fn own_directions(model: &Model) -> Option<[[f64; 2]; MAX_MOTORS]> {
     Some([[d * scale[0], -b * scale[0]], [-c * scale[1], a * scale[1]]])
 }
 
-/// Where the angles end when the motors go from the middle of the hull to its edge: on the way back they are others, by the
-/// width of the hysteresis loop.
+/// Where the angles end when the motors go from the middle of the hull to its edge: on the way back
+/// they are others, by the width of the hysteresis loop.
 fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
-    let angles = model.file().outputs.iter().filter(|output| output.unit == OutputUnit::Deg).count();
+    let angles = model
+        .file()
+        .outputs
+        .iter()
+        .filter(|output| output.unit == OutputUnit::Deg)
+        .count();
     if (model.outputs(), angles, model.motors()) != (2, 2, 2) {
         return Err(OutlineError::NoAngles);
     }
@@ -101,7 +136,10 @@ fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
     for (from, to) in corners.iter().zip(next) {
         for step in 0..POINTS_PER_SIDE {
             let share = step as f64 / POINTS_PER_SIDE as f64;
-            let counts = [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])];
+            let counts = [
+                from[0] + share * (to[0] - from[0]),
+                from[1] + share * (to[1] - from[1]),
+            ];
             let mean = model.predict(&counts, &memory).mean;
             points.push([mean[0].to_degrees(), mean[1].to_degrees()]);
         }
@@ -113,8 +151,8 @@ fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
 #[cfg(test)]
 mod tests {
     use i2ris::model::file::{
-        FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, OutputSpec, SCHEMA_VERSION,
-        TrainingRecord,
+        FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, OutputSpec,
+        SCHEMA_VERSION, TrainingRecord,
     };
 
     use super::*;
@@ -125,19 +163,35 @@ mod tests {
     }
 
     fn with_gain(unit: OutputUnit, gain: [[f64; 2]; 2]) -> Model {
-        let fit = FitMetrics { r2: 0.99, rmsd: 1.0, nrmsd: 0.1, mae: 0.8, max: 2.0 };
+        let fit = FitMetrics {
+            r2: 0.99,
+            rmsd: 1.0,
+            nrmsd: 0.1,
+            mae: 0.8,
+            max: 2.0,
+        };
         Model::from_file(ModelFile {
             format: FORMAT.to_owned(),
             schema_version: SCHEMA_VERSION,
             robot_id: "test".to_owned(),
-            outputs: ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit }).to_vec(),
+            outputs: ["pitch", "yaw"]
+                .map(|name| OutputSpec {
+                    name: name.to_owned(),
+                    unit,
+                })
+                .to_vec(),
             family: FamilyParameters::Linear {
                 gain: gain.map(|row| row.to_vec()).to_vec(),
                 offset: vec![0.0, 1.0],
                 covariance: vec![vec![0.01, 0.0], vec![0.0, 0.01]],
             },
             hull: HullParameters {
-                corners: vec![vec![-500.0, -300.0], vec![500.0, -300.0], vec![500.0, 300.0], vec![-500.0, 300.0]],
+                corners: vec![
+                    vec![-500.0, -300.0],
+                    vec![500.0, -300.0],
+                    vec![500.0, 300.0],
+                    vec![-500.0, 300.0],
+                ],
             },
             training: TrainingRecord {
                 data_file: "none".to_owned(),
@@ -149,7 +203,13 @@ mod tests {
                 bic: None,
                 software: "test".to_owned(),
             },
-            metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
+            metrics: vec![
+                OutputMetrics {
+                    training: fit,
+                    held_out: None
+                };
+                2
+            ],
         })
         .unwrap()
     }
@@ -157,33 +217,62 @@ mod tests {
     #[test]
     fn corners_become_angles_and_the_outline_is_closed() {
         let points = edge(&linear(OutputUnit::Deg)).unwrap();
-        assert_eq!((points.len(), points[0]), (4 * POINTS_PER_SIDE + 1, points[4 * POINTS_PER_SIDE]));
-        let near = |wanted: [f64; 2]| points.iter().any(|p| (p[0] - wanted[0]).hypot(p[1] - wanted[1]) < 1e-9);
-        assert!([[-5.0, -5.0], [5.0, -5.0], [5.0, 7.0], [-5.0, 7.0]].into_iter().all(near), "{points:?}");
+        assert_eq!(
+            (points.len(), points[0]),
+            (4 * POINTS_PER_SIDE + 1, points[4 * POINTS_PER_SIDE])
+        );
+        let near = |wanted: [f64; 2]| {
+            points
+                .iter()
+                .any(|p| (p[0] - wanted[0]).hypot(p[1] - wanted[1]) < 1e-9)
+        };
+        assert!(
+            [[-5.0, -5.0], [5.0, -5.0], [5.0, 7.0], [-5.0, 7.0]]
+                .into_iter()
+                .all(near),
+            "{points:?}"
+        );
     }
 
     #[test]
     fn the_bend_of_a_motor_does_not_change_with_the_other_one() {
         let gain = [[0.02, 0.015], [-0.01, 0.02]];
         let along = own_directions(&with_gain(OutputUnit::Deg, gain)).unwrap();
-        let outline = Outline { along, ..Outline::default() };
+        let outline = Outline {
+            along,
+            ..Outline::default()
+        };
         let angles = |q: [f64; 2]| gain.map(|row| row[0] * q[0] + row[1] * q[1]);
         let bend = outline.bend(0, angles([300.0, 50.0]));
         assert!((bend - outline.bend(0, angles([300.0, -200.0]))).abs() < 1e-9);
-        assert!((bend - 300.0 * 0.02_f64.hypot(0.01)).abs() < 1e-9, "in degrees: {bend}");
-        assert_eq!((outline.name(0), Outline::default().name(1)), ("own bend", "yaw"));
-        assert!(own_directions(&with_gain(OutputUnit::Deg, [[0.01, 0.01], [0.01, 0.0101]])).is_none());
+        assert!(
+            (bend - 300.0 * 0.02_f64.hypot(0.01)).abs() < 1e-9,
+            "in degrees: {bend}"
+        );
+        assert_eq!(
+            (outline.name(0), Outline::default().name(1)),
+            ("own bend", "yaw")
+        );
+        assert!(
+            own_directions(&with_gain(OutputUnit::Deg, [[0.01, 0.01], [0.01, 0.0101]])).is_none()
+        );
     }
 
     #[test]
     fn a_model_of_positions_or_another_one_has_no_outline_here() {
-        assert!(matches!(edge(&linear(OutputUnit::Mm)), Err(OutlineError::NoAngles)));
+        assert!(matches!(
+            edge(&linear(OutputUnit::Mm)),
+            Err(OutlineError::NoAngles)
+        ));
         let folder = tempfile::tempdir().unwrap();
         let (file, model) = (folder.path().join("model.json"), linear(OutputUnit::Deg));
         std::fs::write(&file, serde_json::to_string(model.file()).unwrap()).unwrap();
         assert!(outline_of(&file, model.id()).is_ok());
         let error = outline_of(&file, ModelId([7; 32])).unwrap_err().to_string();
-        assert!(error.contains("the controller uses 07070707") && error.contains("--model"), "{error}");
+        assert!(
+            error.contains("the controller uses 07070707") && error.contains("--model"),
+            "{error}"
+        );
         assert!(outline_of(&folder.path().join("none.json"), model.id()).is_err());
     }
 }

@@ -1,8 +1,11 @@
-//! The last events, told from the streams: every change of what the controller says. Bounded, repeats folded.
+//! The last events, told from the streams: every change of what the controller says. Bounded,
+//! repeats folded.
 
 use std::collections::VecDeque;
 
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use i2ris::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+};
 use i2ris::ipc::word::phase_text;
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
@@ -75,18 +78,34 @@ impl Journal {
         }
         match problem {
             Some(text) => self.add(now, Level::Alarm, text.to_owned(), 1),
-            None => self.add(now, Level::Info, "the controller is heard again".to_owned(), 1),
+            None => self.add(
+                now,
+                Level::Info,
+                "the controller is heard again".to_owned(),
+                1,
+            ),
         }
         self.problem = problem.map(str::to_owned);
     }
 
     /// A state of the controller: what is new in it.
     pub fn state(&mut self, new: &OperatingStateMsg) {
-        let Some(old) = self.state.replace(*new) else { return };
+        let Some(old) = self.state.replace(*new) else {
+            return;
+        };
         let stamp = new.stamp();
         if old.boot_id != new.boot_id {
-            *self = Self { events: std::mem::take(&mut self.events), state: Some(*new), ..Self::default() };
-            return self.add(stamp, Level::Warning, "another start of the controller".to_owned(), 1);
+            *self = Self {
+                events: std::mem::take(&mut self.events),
+                state: Some(*new),
+                ..Self::default()
+            };
+            return self.add(
+                stamp,
+                Level::Warning,
+                "another start of the controller".to_owned(),
+                1,
+            );
         }
         if old.state != new.state {
             self.state_changed(&old, new);
@@ -105,21 +124,47 @@ impl Journal {
     fn state_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
         let fault = new.state == OperatingState::Fault.number();
         let reason = Fault::from_number(new.fault).filter(|_| fault);
-        let reason = reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+        let reason = reason
+            .map(|reason| format!(": {reason}"))
+            .unwrap_or_default();
         let level = if fault { Level::Alarm } else { Level::Info };
-        self.add(new.stamp(), level, format!("{} to {}{reason}", state_name(old), state_name(new)), 1);
+        self.add(
+            new.stamp(),
+            level,
+            format!("{} to {}{reason}", state_name(old), state_name(new)),
+            1,
+        );
     }
 
     fn flags_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
         for (flag, on, off, level) in [
-            (OperatingStateMsg::HOMED, "homed", "zero lost: not homed", Level::Info),
-            (OperatingStateMsg::MEMORY_KNOWN, "memory known", "memory unknown", Level::Info),
-            (OperatingStateMsg::CLIPPED, "goal clipped to the hull", "goal inside the hull", Level::Warning),
+            (
+                OperatingStateMsg::HOMED,
+                "homed",
+                "zero lost: not homed",
+                Level::Info,
+            ),
+            (
+                OperatingStateMsg::MEMORY_KNOWN,
+                "memory known",
+                "memory unknown",
+                Level::Info,
+            ),
+            (
+                OperatingStateMsg::CLIPPED,
+                "goal clipped to the hull",
+                "goal inside the hull",
+                Level::Warning,
+            ),
         ] {
             match (old.flags & flag != 0, new.flags & flag != 0) {
                 (false, true) => self.add(new.stamp(), level, on.to_owned(), 1),
                 (true, false) => {
-                    let level = if flag == OperatingStateMsg::CLIPPED { Level::Info } else { Level::Warning };
+                    let level = if flag == OperatingStateMsg::CLIPPED {
+                        Level::Info
+                    } else {
+                        Level::Warning
+                    };
                     self.add(new.stamp(), level, off.to_owned(), 1);
                 }
                 _ => {}
@@ -129,25 +174,46 @@ impl Journal {
 
     fn counters_rose(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
         if new.refused > old.refused {
-            let reason = Refusal::from_number(new.last_refusal).map_or("unknown reason", Refusal::text);
-            self.add(new.stamp(), Level::Warning, format!("command refused: {reason}"), new.refused - old.refused);
+            let reason =
+                Refusal::from_number(new.last_refusal).map_or("unknown reason", Refusal::text);
+            self.add(
+                new.stamp(),
+                Level::Warning,
+                format!("command refused: {reason}"),
+                new.refused - old.refused,
+            );
         }
         if new.stale_stops > old.stale_stops {
             let text = "the commander fell silent: held".to_owned();
-            self.add(new.stamp(), Level::Warning, text, new.stale_stops - old.stale_stops);
+            self.add(
+                new.stamp(),
+                Level::Warning,
+                text,
+                new.stale_stops - old.stale_stops,
+            );
         }
     }
 
     /// The motors: what is new.
     pub fn motors(&mut self, new: &ActuatorState) {
-        let Some(old) = self.motors.replace(*new).filter(|old| old.boot_id == new.boot_id) else { return };
+        let Some(old) = self
+            .motors
+            .replace(*new)
+            .filter(|old| old.boot_id == new.boot_id)
+        else {
+            return;
+        };
         for motor in 0..MAX_MOTORS {
             let (was, is) = (old.phase.get(motor), new.phase.get(motor));
             if let (Some(was), Some(is)) = (was, is)
                 && was != is
             {
                 let text = phase_text(*is);
-                let level = if matches!(text, "lost" | "at fault") { Level::Alarm } else { Level::Info };
+                let level = if matches!(text, "lost" | "at fault") {
+                    Level::Alarm
+                } else {
+                    Level::Info
+                };
                 self.add(new.stamp(), level, format!("motor {motor} {text}"), 1);
             }
             let (was, is) = (old.error_code.get(motor), new.error_code.get(motor));
@@ -155,7 +221,12 @@ impl Journal {
                 && was != is
                 && *is != 0
             {
-                self.add(new.stamp(), Level::Alarm, format!("motor {motor} error 0x{is:04X}"), 1);
+                self.add(
+                    new.stamp(),
+                    Level::Alarm,
+                    format!("motor {motor} error 0x{is:04X}"),
+                    1,
+                );
             }
         }
     }
@@ -175,8 +246,16 @@ impl Journal {
     /// Ticks that were missed.
     pub fn ticks(&mut self, statistics: &PeriodStatistics) {
         let before = self.missed.replace(statistics.total_missed);
-        if let Some(missed) = before.and_then(|before| statistics.total_missed.checked_sub(before)).filter(|n| *n > 0) {
-            self.add(statistics.stamp(), Level::Warning, "tick missed by the loop".to_owned(), missed);
+        if let Some(missed) = before
+            .and_then(|before| statistics.total_missed.checked_sub(before))
+            .filter(|n| *n > 0)
+        {
+            self.add(
+                statistics.stamp(),
+                Level::Warning,
+                "tick missed by the loop".to_owned(),
+                missed,
+            );
         }
     }
 
@@ -200,7 +279,11 @@ impl Journal {
     }
 
     fn add(&mut self, stamp: Nanos, level: Level, text: String, count: u64) {
-        let recent = self.events.iter_mut().rev().take_while(|event| stamp.since(event.stamp) < FOLDED);
+        let recent = self
+            .events
+            .iter_mut()
+            .rev()
+            .take_while(|event| stamp.since(event.stamp) < FOLDED);
         if let Some(same) = recent.into_iter().find(|event| event.text == text) {
             same.count += count;
             same.stamp = stamp;
@@ -209,7 +292,12 @@ impl Journal {
         if self.events.len() == KEPT {
             self.events.pop_front();
         }
-        self.events.push_back(Event { stamp, level, text, count });
+        self.events.push_back(Event {
+            stamp,
+            level,
+            text,
+            count,
+        });
     }
 }
 
@@ -230,7 +318,11 @@ mod tests {
     }
 
     fn told(journal: &Journal) -> Vec<(&str, u64)> {
-        journal.events.iter().map(|event| (event.text.as_str(), event.count)).collect()
+        journal
+            .events
+            .iter()
+            .map(|event| (event.text.as_str(), event.count))
+            .collect()
     }
 
     #[test]
@@ -269,7 +361,13 @@ mod tests {
         for n in 0..1000 {
             journal.say(Nanos::from_millis(n), Level::Info, format!("event {n}"));
         }
-        assert_eq!((journal.events.len(), journal.newest().next().unwrap().text.as_str()), (KEPT, "event 999"));
+        assert_eq!(
+            (
+                journal.events.len(),
+                journal.newest().next().unwrap().text.as_str()
+            ),
+            (KEPT, "event 999")
+        );
     }
 
     #[test]
@@ -283,14 +381,33 @@ mod tests {
     #[test]
     fn drives_models_ticks_and_cameras_are_told() {
         let mut journal = Journal::default();
-        let motors = |phase, code| ActuatorState { phase: [phase, 1], error_code: [code, 0], ..Default::default() };
+        let motors = |phase, code| ActuatorState {
+            phase: [phase, 1],
+            error_code: [code, 0],
+            ..Default::default()
+        };
         journal.motors(&motors(3, 0));
         journal.motors(&motors(7, 0x8611));
         journal.model(&JointState::default());
-        journal.model(&JointState { model_id: [0xab; 32], ..JointState::default() });
-        journal.ticks(&PeriodStatistics { total_missed: 4, ..PeriodStatistics::default() });
-        journal.ticks(&PeriodStatistics { total_missed: 6, ..PeriodStatistics::default() });
-        let seen = |flags| View { camera: Some(ExternalPosition { flags, ..Default::default() }), ..View::default() };
+        journal.model(&JointState {
+            model_id: [0xab; 32],
+            ..JointState::default()
+        });
+        journal.ticks(&PeriodStatistics {
+            total_missed: 4,
+            ..PeriodStatistics::default()
+        });
+        journal.ticks(&PeriodStatistics {
+            total_missed: 6,
+            ..PeriodStatistics::default()
+        });
+        let seen = |flags| View {
+            camera: Some(ExternalPosition {
+                flags,
+                ..Default::default()
+            }),
+            ..View::default()
+        };
         journal.camera(&seen(1), Nanos(1));
         journal.camera(&seen(0), Nanos(2));
         journal.camera(&seen(0), Nanos::from_millis(5000));
@@ -315,6 +432,9 @@ mod tests {
         journal.reach(Some("gone"), Nanos(2));
         journal.reach(Some("gone"), Nanos(3));
         journal.reach(None, Nanos(4));
-        assert_eq!(told(&journal), [("gone", 1), ("the controller is heard again", 1)]);
+        assert_eq!(
+            told(&journal),
+            [("gone", 1), ("the controller is heard again", 1)]
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! Which models are at hand, and the hull of the one in use: looked up in the background, because it takes time.
+//! Which models are at hand, and the hull of the one in use: looked up in the background, because
+//! it takes time.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -17,7 +18,8 @@ use super::view::short_id;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(200);
-/// How often it looks without being told to: models are staged by other programs, which nobody tells us.
+/// How often it looks without being told to: models are staged by other programs, which nobody
+/// tells us.
 const PERIOD: Duration = Duration::from_secs(3);
 
 /// What is known about models.
@@ -61,7 +63,11 @@ impl Models {
     }
 
     fn named(&self, place: usize) -> Option<Named> {
-        let slot = self.slots.as_ref()?.get(place).filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
+        let slot = self
+            .slots
+            .as_ref()?
+            .get(place)
+            .filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
         let id = ModelId(slot.model_id);
         Some(Named {
             id,
@@ -72,8 +78,8 @@ impl Models {
     }
 }
 
-/// Looks up models every few seconds, and whenever it is told to. It asks one question, `list`, over a connection that it closes again; it has no
-/// way to change anything.
+/// Looks up models every few seconds, and whenever it is told to. It asks one question, `list`,
+/// over a connection that it closes again; it has no way to change anything.
 #[derive(Debug)]
 pub struct Librarian {
     known: Arc<Mutex<Models>>,
@@ -81,7 +87,8 @@ pub struct Librarian {
 }
 
 impl Librarian {
-    /// Starts it. `file`: where the model in use lies, if its path as the controller tells it is no good here.
+    /// Starts it. `file`: where the model in use lies, if its path as the controller tells it is no
+    /// good here.
     pub fn start(domain: &Domain, file: Option<PathBuf>) -> Self {
         let known = Arc::new(Mutex::new(Models::default()));
         let (asks, questions) = sync_channel(1);
@@ -99,12 +106,20 @@ impl Librarian {
 
     /// What is known.
     pub fn known(&self) -> Models {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.known
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 }
 
 /// Until nobody can ask any more.
-fn look_again_and_again(domain: &Domain, file: Option<&Path>, questions: &Receiver<()>, known: &Mutex<Models>) {
+fn look_again_and_again(
+    domain: &Domain,
+    file: Option<&Path>,
+    questions: &Receiver<()>,
+    known: &Mutex<Models>,
+) {
     let mut drawn: Option<ModelId> = None;
     while questions.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
         let slots = list(domain);
@@ -155,9 +170,15 @@ mod tests {
             flags: ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN,
             ..ModelSlot::default()
         };
-        let models = Models { slots: Some([there, ModelSlot::default(), there]), ..Models::default() };
+        let models = Models {
+            slots: Some([there, ModelSlot::default(), there]),
+            ..Models::default()
+        };
         let named = models.used().unwrap();
-        assert_eq!((named.name.as_str(), named.file.as_str()), ("gmr-play 5a5a5a5a", "/models/a.json"));
+        assert_eq!(
+            (named.name.as_str(), named.file.as_str()),
+            ("gmr-play 5a5a5a5a", "/models/a.json")
+        );
         assert!(named.memory_known && models.staged().is_none() && models.former().is_some());
         assert!(Models::default().used().is_none());
     }

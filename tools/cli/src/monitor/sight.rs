@@ -2,7 +2,9 @@
 
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use i2ris::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+};
 use i2ris::units::{MAX_MOTORS, Nanos};
 
 use super::board::Board;
@@ -42,7 +44,8 @@ impl Sight {
         }
     }
 
-    /// Takes in what arrived. Returns whether another start of the controller, or another model, is there.
+    /// Takes in what arrived. Returns whether another start of the controller, or another model, is
+    /// there.
     pub fn refresh(&mut self, board: &mut Board, now: Nanos) -> bool {
         let model = board.view.measured.map(|measured| measured.model_id);
         let outcome = self.read(board);
@@ -54,7 +57,12 @@ impl Sight {
     }
 
     fn read(&mut self, board: &mut Board) -> Result<bool, ClientError> {
-        let Board { view, trail, journal, .. } = board;
+        let Board {
+            view,
+            trail,
+            journal,
+            ..
+        } = board;
         let (mut states, mut motors) = (Vec::new(), Vec::new());
         self.state.drain(|message| states.push(message))?;
         let anew = self.boot_id != self.state.boot_id();
@@ -71,14 +79,21 @@ impl Sight {
             journal.motors(message);
             view.actuators = Some(*message);
         }
-        view.exchange_rates = view.actuators.as_ref().and_then(|message| self.exchanges.rates(message));
+        view.exchange_rates = view
+            .actuators
+            .as_ref()
+            .and_then(|message| self.exchanges.rates(message));
         keep(&mut view.goal, self.goal.newest()?);
         keep(&mut view.setpoint, self.setpoint.newest()?);
         if keep(&mut view.measured, self.measured.newest()?) {
-            view.measured.iter().for_each(|message| journal.model(message));
+            view.measured
+                .iter()
+                .for_each(|message| journal.model(message));
         }
         if keep(&mut view.statistics, self.statistics.newest()?) {
-            view.statistics.iter().for_each(|message| journal.ticks(message));
+            view.statistics
+                .iter()
+                .for_each(|message| journal.ticks(message));
         }
         self.camera.drain(|message| {
             trail.see(&message);
@@ -109,10 +124,20 @@ impl Exchanges {
         let before = *self.before.get_or_insert(*message);
         let span = message.stamp() - before.stamp();
         if before.boot_id != message.boot_id {
-            *self = Self { before: Some(*message), ..Self::default() };
-        } else if span >= if self.rates.is_none() { FIRST_SPAN } else { RATE_SPAN } {
+            *self = Self {
+                before: Some(*message),
+                ..Self::default()
+            };
+        } else if span
+            >= if self.rates.is_none() {
+                FIRST_SPAN
+            } else {
+                RATE_SPAN
+            }
+        {
             self.rates = Some(std::array::from_fn(|motor| {
-                message.exchanges[motor].saturating_sub(before.exchanges[motor]) as f64 / span.as_seconds()
+                message.exchanges[motor].saturating_sub(before.exchanges[motor]) as f64
+                    / span.as_seconds()
             }));
             self.before = Some(*message);
         }
@@ -135,10 +160,27 @@ mod tests {
         let mut exchanges = Exchanges::default();
         assert_eq!(exchanges.rates(&message(1000, 100, 1)), None);
         assert_eq!(exchanges.rates(&message(1200, 180, 1)), None);
-        assert_eq!(exchanges.rates(&message(1500, 300, 1)), Some([400.0, 800.0]));
-        assert_eq!(exchanges.rates(&message(2000, 550, 1)), Some([400.0, 800.0]), "once a second");
-        assert_eq!(exchanges.rates(&message(2500, 800, 1)), Some([500.0, 1000.0]));
-        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "another controller counts anew");
-        assert_eq!(exchanges.rates(&message(3600, 103, 2)), Some([100.0, 200.0]));
+        assert_eq!(
+            exchanges.rates(&message(1500, 300, 1)),
+            Some([400.0, 800.0])
+        );
+        assert_eq!(
+            exchanges.rates(&message(2000, 550, 1)),
+            Some([400.0, 800.0]),
+            "once a second"
+        );
+        assert_eq!(
+            exchanges.rates(&message(2500, 800, 1)),
+            Some([500.0, 1000.0])
+        );
+        assert_eq!(
+            exchanges.rates(&message(2600, 3, 2)),
+            None,
+            "another controller counts anew"
+        );
+        assert_eq!(
+            exchanges.rates(&message(3600, 103, 2)),
+            Some([100.0, 200.0])
+        );
     }
 }

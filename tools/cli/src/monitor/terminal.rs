@@ -26,7 +26,8 @@ use crate::console::Interrupt;
 use desk::Desk;
 use hands::{Answer, Hands};
 
-/// Runs until `q`, a signal, or the end of `span`. The terminal is as it was afterwards, also after a panic.
+/// Runs until `q`, a signal, or the end of `span`. The terminal is as it was afterwards, also after
+/// a panic.
 pub fn run(
     domain: &Domain,
     sight: Sight,
@@ -49,10 +50,14 @@ pub fn run(
     on_screen(|terminal| session.run(terminal, &interrupt, span))
 }
 
-/// Takes the whole screen for as long as `work` runs, and gives it back: at its end, and before a panic is told.
-fn on_screen(work: impl FnOnce(&mut DefaultTerminal) -> Result<(), Failure>) -> Result<(), Failure> {
+/// Takes the whole screen for as long as `work` runs, and gives it back: at its end, and before a
+/// panic is told.
+fn on_screen(
+    work: impl FnOnce(&mut DefaultTerminal) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     // Installs the hook for panics, too.
-    let mut terminal = ratatui::try_init().map_err(|error| format!("cannot use this terminal: {error}"))?;
+    let mut terminal =
+        ratatui::try_init().map_err(|error| format!("cannot use this terminal: {error}"))?;
     let outcome = work(&mut terminal);
     ratatui::restore();
     outcome
@@ -76,19 +81,24 @@ impl Session {
     ) -> Result<(), Failure> {
         let start = clock::now();
         let mut next_draw = start;
-        while !self.desk.quit && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
+        while !self.desk.quit
+            && !interrupt.came()
+            && span.is_none_or(|span| clock::now().since(start) < span)
+        {
             let typed = self.keys()?;
             self.look();
             let now = clock::now();
             if typed || now >= next_draw {
                 next_draw = now + DRAW_PERIOD;
-                terminal.draw(|frame| screen::draw(frame, &self.board, &self.desk, &self.title, now))?;
+                terminal
+                    .draw(|frame| screen::draw(frame, &self.board, &self.desk, &self.title, now))?;
             }
         }
         Ok(())
     }
 
-    /// Waits a moment for keys and does what they say. Returns whether something has to be drawn at once.
+    /// Waits a moment for keys and does what they say. Returns whether something has to be drawn at
+    /// once.
     fn keys(&mut self) -> Result<bool, Failure> {
         let mut any = event::poll(Duration::from_nanos(READ_PERIOD.0))?;
         let typed = any;
@@ -120,7 +130,11 @@ impl Session {
     }
 
     fn hear(&mut self, answer: Answer, now: Nanos) {
-        let level = if answer.good { Level::Info } else { Level::Warning };
+        let level = if answer.good {
+            Level::Info
+        } else {
+            Level::Warning
+        };
         self.board.journal.say(now, level, answer.text.clone());
         self.desk.hear(answer, now);
     }
@@ -149,8 +163,17 @@ mod tests {
         let pty = nix::pty::openpty(None, None).unwrap();
         let slave = || std::process::Stdio::from(pty.slave.try_clone().unwrap());
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "monitor::terminal::tests::a_panic_puts_the_terminal_back", "--nocapture"]);
-        command.env(CHILD, "1").env("TERM", "xterm-256color").stdin(slave()).stdout(slave()).stderr(slave());
+        command.args([
+            "--exact",
+            "monitor::terminal::tests::a_panic_puts_the_terminal_back",
+            "--nocapture",
+        ]);
+        command
+            .env(CHILD, "1")
+            .env("TERM", "xterm-256color")
+            .stdin(slave())
+            .stdout(slave())
+            .stderr(slave());
         // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
         unsafe {
             command.pre_exec(|| {
@@ -164,7 +187,8 @@ mod tests {
         drop(command);
         let ours = File::from(pty.slave.try_clone().unwrap());
         let reader = std::thread::spawn(move || {
-            let (mut bytes, mut chunk, mut master) = (Vec::new(), [0; 4096], File::from(pty.master));
+            let (mut bytes, mut chunk, mut master) =
+                (Vec::new(), [0; 4096], File::from(pty.master));
             while !String::from_utf8_lossy(&bytes).contains("test result") {
                 match master.read(&mut chunk) {
                     Ok(count @ 1..) => bytes.extend(&chunk[..count]),
@@ -175,9 +199,18 @@ mod tests {
         });
         assert!(!child.wait().unwrap().success());
         let (text, _master) = reader.join().unwrap();
-        let place = |part: &str| text.find(part).unwrap_or_else(|| panic!("{part:?} is not in {text:?}"));
-        assert!(place("\u{1b}[?1049h") < place("\u{1b}[?1049l"), "the first screen again");
-        assert!(place("\u{1b}[?1049l") < place("on purpose"), "and the reason is on it");
+        let place = |part: &str| {
+            text.find(part)
+                .unwrap_or_else(|| panic!("{part:?} is not in {text:?}"))
+        };
+        assert!(
+            place("\u{1b}[?1049h") < place("\u{1b}[?1049l"),
+            "the first screen again"
+        );
+        assert!(
+            place("\u{1b}[?1049l") < place("on purpose"),
+            "and the reason is on it"
+        );
         let flags = tcgetattr(ours.as_fd()).unwrap().local_flags;
         assert!(flags.contains(LocalFlags::ICANON | LocalFlags::ECHO));
     }

@@ -8,7 +8,8 @@ use i2ris::units::{MAX_MOTORS, Nanos};
 
 use super::view::{STALE, View, angles, count};
 
-/// How far apart samples are: enough for the eye, a thousandth of the load of the streams themselves.
+/// How far apart samples are: enough for the eye, a thousandth of the load of the streams
+/// themselves.
 pub const SPACING: Nanos = Nanos::from_millis(40);
 /// How far back the trail goes.
 pub const SPAN: Nanos = Nanos::from_millis(30_000);
@@ -47,7 +48,8 @@ pub struct Picture {
     pub stamp: Nanos,
     /// Degrees.
     pub angles: [f64; 2],
-    /// Counts at that instant: cameras are late, and a picture beside the present counts would widen the loop.
+    /// Counts at that instant: cameras are late, and a picture beside the present counts would
+    /// widen the loop.
     pub counts: Pair,
 }
 
@@ -62,7 +64,11 @@ pub struct Trail {
 impl Trail {
     /// Takes a sample, if it is time for one.
     pub fn note(&mut self, view: &View, now: Nanos) {
-        if self.samples.last().is_some_and(|last| now.since(last.stamp) < SPACING) {
+        if self
+            .samples
+            .last()
+            .is_some_and(|last| now.since(last.stamp) < SPACING)
+        {
             return;
         }
         self.samples.push(sample(view, now));
@@ -79,7 +85,11 @@ impl Trail {
         if camera.flags & ExternalPosition::VALID == 0 || camera.count != 2 {
             return;
         }
-        let last = self.waiting.back().map(Message::stamp).or(self.pictures.last().map(|picture| picture.stamp));
+        let last = self
+            .waiting
+            .back()
+            .map(Message::stamp)
+            .or(self.pictures.last().map(|picture| picture.stamp));
         // Stamps that do not rise come from a camera that was started anew, or from a second one.
         if last.is_some_and(|last| camera.stamp().since(last) < SPACING && camera.stamp() >= last) {
             return;
@@ -103,24 +113,44 @@ impl Trail {
     /// The encoders have been read after the picture was taken, or never will be.
     fn is_due(&self, camera: &ExternalPosition, now: Nanos) -> bool {
         let later = |read: &Nanos| *read >= camera.stamp();
-        self.samples.last().is_some_and(|last| last.read.iter().all(later)) || camera.age(now) > STALE
+        self.samples
+            .last()
+            .is_some_and(|last| last.read.iter().all(later))
+            || camera.age(now) > STALE
     }
 
     fn take(&mut self, camera: &ExternalPosition) {
-        let counts = [self.counts_at(0, camera.stamp()), self.counts_at(1, camera.stamp())];
-        let counts = if let [Some(first), Some(second)] = counts { Some([first, second]) } else { None };
-        let angles = [camera.position[0].to_degrees(), camera.position[1].to_degrees()];
-        self.pictures.push(Picture { stamp: camera.stamp(), angles, counts });
+        let counts = [
+            self.counts_at(0, camera.stamp()),
+            self.counts_at(1, camera.stamp()),
+        ];
+        let counts = if let [Some(first), Some(second)] = counts {
+            Some([first, second])
+        } else {
+            None
+        };
+        let angles = [
+            camera.position[0].to_degrees(),
+            camera.position[1].to_degrees(),
+        ];
+        self.pictures.push(Picture {
+            stamp: camera.stamp(),
+            angles,
+            counts,
+        });
     }
 
-    /// The encoder position of a motor at an instant, between two readings of it; `None` where there is a gap.
+    /// The encoder position of a motor at an instant, between two readings of it; `None` where
+    /// there is a gap.
     fn counts_at(&self, motor: usize, instant: Nanos) -> Option<f64> {
-        let reading = |sample: &Sample| Some((*sample.read.get(motor)?, *sample.counts?.get(motor)?));
+        let reading =
+            |sample: &Sample| Some((*sample.read.get(motor)?, *sample.counts?.get(motor)?));
         let mut later: Option<(Nanos, f64)> = None;
         for (read, counts) in self.samples.entries.iter().rev().map_while(reading) {
             if read <= instant {
                 let (next, there) = later?;
-                let share = instant.since(read).as_seconds() / next.since(read).as_seconds().max(1e-9);
+                let share =
+                    instant.since(read).as_seconds() / next.since(read).as_seconds().max(1e-9);
                 return Some(counts + share * (there - counts));
             }
             later = Some((read, counts));
@@ -132,9 +162,19 @@ impl Trail {
 fn sample(view: &View, now: Nanos) -> Sample {
     let fresh = |joint: Option<&JointState>| angles(joint.filter(|joint| joint.age(now) <= STALE));
     let estimate = view.measured.as_ref();
-    let deviation = |joint: &JointState| [joint.deviation[0].to_degrees(), joint.deviation[1].to_degrees()];
-    let motors = view.actuators.as_ref().filter(|motors| motors.age(now) <= STALE);
-    let of = |field: fn(&ActuatorState) -> [i32; MAX_MOTORS]| motors.map(|motors| field(motors).map(f64::from));
+    let deviation = |joint: &JointState| {
+        [
+            joint.deviation[0].to_degrees(),
+            joint.deviation[1].to_degrees(),
+        ]
+    };
+    let motors = view
+        .actuators
+        .as_ref()
+        .filter(|motors| motors.age(now) <= STALE);
+    let of = |field: fn(&ActuatorState) -> [i32; MAX_MOTORS]| {
+        motors.map(|motors| field(motors).map(f64::from))
+    };
     Sample {
         stamp: now,
         read: motors.map_or([Nanos::ZERO; MAX_MOTORS], |motors| readings(motors, now)),
@@ -151,7 +191,9 @@ fn sample(view: &View, now: Nanos) -> Sample {
 /// When the encoders were read; a motor that is not there stands where it is.
 fn readings(motors: &ActuatorState, now: Nanos) -> [Nanos; MAX_MOTORS] {
     let mut read = motors.measured_stamp_ns.map(Nanos);
-    read.iter_mut().skip(count(motors.count)).for_each(|read| *read = now);
+    read.iter_mut()
+        .skip(count(motors.count))
+        .for_each(|read| *read = now);
     read
 }
 
@@ -175,7 +217,10 @@ struct Ring<T> {
 
 impl<T> Default for Ring<T> {
     fn default() -> Self {
-        Self { entries: VecDeque::with_capacity(KEPT), next: 0 }
+        Self {
+            entries: VecDeque::with_capacity(KEPT),
+            next: 0,
+        }
     }
 }
 
@@ -192,11 +237,18 @@ impl<T> Ring<T> {
         self.entries.back()
     }
 
-    /// A number from another start of the monitor may be larger than any here: then everything is new.
+    /// A number from another start of the monitor may be larger than any here: then everything is
+    /// new.
     fn after(&self, number: u64) -> impl Iterator<Item = &T> + Clone {
         let first = self.next - self.entries.len() as u64;
-        let skip = if number > self.next { 0 } else { number.saturating_sub(first) };
-        self.entries.iter().skip(usize::try_from(skip).unwrap_or(usize::MAX))
+        let skip = if number > self.next {
+            0
+        } else {
+            number.saturating_sub(first)
+        };
+        self.entries
+            .iter()
+            .skip(usize::try_from(skip).unwrap_or(usize::MAX))
     }
 }
 
@@ -241,7 +293,11 @@ mod tests {
         assert_eq!((samples.clone().count(), next), (KEPT, 2500));
         assert_eq!(samples.last().unwrap().stamp, Nanos::from_millis(100_960));
         assert_eq!(trail.samples(2498).0.count(), 2);
-        assert_eq!(trail.samples(9999).0.count(), KEPT, "the number of another monitor");
+        assert_eq!(
+            trail.samples(9999).0.count(),
+            KEPT,
+            "the number of another monitor"
+        );
     }
 
     #[test]
@@ -255,14 +311,20 @@ mod tests {
         }
         let picture = *trail.pictures(0).0.next().unwrap();
         let counts = picture.counts.unwrap();
-        assert!((counts[0] - 1333.0).abs() < 1e-6 && counts[1] == 7.0, "{picture:?}");
+        assert!(
+            (counts[0] - 1333.0).abs() < 1e-6 && counts[1] == 7.0,
+            "{picture:?}"
+        );
         assert!((picture.angles[0] - 0.1_f64.to_degrees()).abs() < 1e-12);
     }
 
     #[test]
     fn a_picture_from_a_gap_has_no_counts_and_one_without_a_snake_is_none() {
         let mut trail = Trail::default();
-        trail.see(&ExternalPosition { flags: 0, ..camera(900) });
+        trail.see(&ExternalPosition {
+            flags: 0,
+            ..camera(900)
+        });
         trail.see(&camera(900));
         trail.note(&moving(1000), Nanos::from_millis(1000));
         trail.note(&View::default(), Nanos::from_millis(1600));
@@ -275,7 +337,11 @@ mod tests {
         let mut trail = Trail::default();
         trail.note(&moving(1000), Nanos::from_millis(1100));
         trail.note(&moving(1000), Nanos::from_millis(1600));
-        let counts: Vec<_> = trail.samples(0).0.map(|sample| sample.counts.is_some()).collect();
+        let counts: Vec<_> = trail
+            .samples(0)
+            .0
+            .map(|sample| sample.counts.is_some())
+            .collect();
         assert_eq!(counts, [true, false]);
     }
 

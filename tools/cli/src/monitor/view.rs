@@ -8,7 +8,8 @@ use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
 
-/// Age at which a value is marked as stale. Cameras are slow; everything else comes many times a second.
+/// Age at which a value is marked as stale. Cameras are slow; everything else comes many times a
+/// second.
 pub const STALE: Nanos = Nanos::from_millis(500);
 /// The same for a camera.
 pub const CAMERA_STALE: Nanos = STALE;
@@ -42,67 +43,120 @@ impl View {
     /// The essentials, in one line.
     pub fn line(&self, now: Nanos) -> String {
         let state = self.state.map_or("no state", |state| state_name(&state));
-        let fault = self.fault().map(|fault| format!(" ({fault})")).unwrap_or_default();
+        let fault = self
+            .fault()
+            .map(|fault| format!(" ({fault})"))
+            .unwrap_or_default();
         let pair = |joint: Option<&JointState>| {
-            angles(joint).map_or_else(|| "- -".to_owned(), |[pitch, yaw]| format!("{pitch:+.2} {yaw:+.2}"))
+            angles(joint).map_or_else(
+                || "- -".to_owned(),
+                |[pitch, yaw]| format!("{pitch:+.2} {yaw:+.2}"),
+            )
         };
         let counts = self.actuators.map_or_else(String::new, |actuators| {
             let shown = |values: &[i32; MAX_MOTORS]| {
-                let counts: Vec<String> = values.iter().take(count(actuators.count)).map(i32::to_string).collect();
+                let counts: Vec<String> = values
+                    .iter()
+                    .take(count(actuators.count))
+                    .map(i32::to_string)
+                    .collect();
                 counts.join(" ")
             };
-            format!("; counts {} -> {}", shown(&actuators.setpoint_counts), shown(&actuators.measured_counts))
+            format!(
+                "; counts {} -> {}",
+                shown(&actuators.setpoint_counts),
+                shown(&actuators.measured_counts)
+            )
         });
         let late = self.statistics.map_or_else(String::new, |statistics| {
-            format!("; late p99 {} us, missed {}", microseconds(statistics.lateness.p99_ns), statistics.total_missed)
+            format!(
+                "; late p99 {} us, missed {}",
+                microseconds(statistics.lateness.p99_ns),
+                statistics.total_missed
+            )
         });
         let (setpoint, measured) = (pair(self.setpoint.as_ref()), pair(self.measured.as_ref()));
-        let camera = self.camera_angles().map_or_else(String::new, |[p, y]| format!(" camera {p:+.2} {y:+.2}"));
+        let camera = self
+            .camera_angles()
+            .map_or_else(String::new, |[p, y]| format!(" camera {p:+.2} {y:+.2}"));
         let stale = mark(self.state.as_ref(), now, STALE);
         let goal = pair(self.goal.as_ref());
-        format!("{state}{fault}{stale}; goal {goal} set-point {setpoint} measured {measured}{camera} deg{counts}{late}")
+        format!(
+            "{state}{fault}{stale}; goal {goal} set-point {setpoint} measured {measured}{camera} deg{counts}{late}"
+        )
     }
 
     fn state_line(&self, now: Nanos) -> String {
-        let Some(state) = &self.state else { return "state      not told yet".to_owned() };
+        let Some(state) = &self.state else {
+            return "state      not told yet".to_owned();
+        };
         let flag = |bit: u32, name: &'static str| (state.flags & bit != 0).then_some(name);
         let flags: Vec<&str> = [
-            Some(if state.flags & OperatingStateMsg::HOMED != 0 { "homed" } else { "not homed" }),
+            Some(if state.flags & OperatingStateMsg::HOMED != 0 {
+                "homed"
+            } else {
+                "not homed"
+            }),
             flag(OperatingStateMsg::BUSY, "busy"),
             flag(OperatingStateMsg::HOLDING, "holding"),
             flag(OperatingStateMsg::CLIPPED, "clipped"),
-            Some(if state.flags & OperatingStateMsg::MODEL != 0 { "model loaded" } else { "no model" }),
+            Some(if state.flags & OperatingStateMsg::MODEL != 0 {
+                "model loaded"
+            } else {
+                "no model"
+            }),
             flag(OperatingStateMsg::MEMORY_KNOWN, "memory known"),
         ]
         .into_iter()
         .flatten()
         .collect();
-        let fault = self.fault().map(|fault| format!(": {fault}")).unwrap_or_default();
+        let fault = self
+            .fault()
+            .map(|fault| format!(": {fault}"))
+            .unwrap_or_default();
         let since = now.since(Nanos(state.since_ns)).as_seconds();
         let name = state_name(state);
-        format!("state      {name}{fault} for {since:.0} s, {}{}", flags.join(", "), mark(Some(state), now, STALE))
+        format!(
+            "state      {name}{fault} for {since:.0} s, {}{}",
+            flags.join(", "),
+            mark(Some(state), now, STALE)
+        )
     }
 
     fn lease_line(&self) -> String {
-        let Some(state) = &self.state else { return "commander  -".to_owned() };
+        let Some(state) = &self.state else {
+            return "commander  -".to_owned();
+        };
         let holder = match state.lease_client_id {
             0 => "none".to_owned(),
             client => format!("{client:016x}"),
         };
-        let OperatingStateMsg { accepted, refused, stale_stops, .. } = state;
+        let OperatingStateMsg {
+            accepted,
+            refused,
+            stale_stops,
+            ..
+        } = state;
         let reason = Refusal::from_number(state.last_refusal)
             .filter(|refusal| *refusal != Refusal::None)
             .map(|refusal| format!(", last: {refusal}"))
             .unwrap_or_default();
-        format!("commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops {stale_stops}")
+        format!(
+            "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops {stale_stops}"
+        )
     }
 
     fn angle_lines(&self, now: Nanos) -> Vec<String> {
-        let mut lines =
-            vec![format!("{:<11}{:>9}{:>11}{:>11}{:>9}{:>9}", "deg", "goal", "set-point", "measured", "+-", "camera")];
+        let mut lines = vec![format!(
+            "{:<11}{:>9}{:>11}{:>11}{:>9}{:>9}",
+            "deg", "goal", "set-point", "measured", "+-", "camera"
+        )];
         let (goal, setpoint) = (angles(self.goal.as_ref()), angles(self.setpoint.as_ref()));
         let (measured, camera) = (angles(self.measured.as_ref()), self.camera_angles());
-        let deviation = self.measured.filter(is_valid).map(|joint| joint.deviation.map(f64::to_degrees));
+        let deviation = self
+            .measured
+            .filter(is_valid)
+            .map(|joint| joint.deviation.map(f64::to_degrees));
         for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
             let cell = |value: Option<[f64; 2]>| value.and_then(|value| value.get(axis).copied());
             let plus_minus = deviation.and_then(|value| value.get(axis).copied());
@@ -123,22 +177,45 @@ impl View {
     }
 
     fn motor_lines(&self, now: Nanos) -> Vec<String> {
-        let Some(actuators) = &self.actuators else { return vec!["motors     not told yet".to_owned()] };
-        (0..count(actuators.count)).map(|motor| self.motor_line(actuators, motor, now)).collect()
+        let Some(actuators) = &self.actuators else {
+            return vec!["motors     not told yet".to_owned()];
+        };
+        (0..count(actuators.count))
+            .map(|motor| self.motor_line(actuators, motor, now))
+            .collect()
     }
 
     fn motor_line(&self, actuators: &ActuatorState, motor: usize, now: Nanos) -> String {
         let drive = |values: &[i32; MAX_MOTORS]| values.get(motor).copied().unwrap_or_default();
         let word = |values: &[u16; MAX_MOTORS]| values.get(motor).copied().unwrap_or_default();
-        let phase = actuators.phase.get(motor).copied().map_or("unknown", phase_text);
+        let phase = actuators
+            .phase
+            .get(motor)
+            .copied()
+            .map_or("unknown", phase_text);
         let error = match word(&actuators.error_code) {
             0 => String::new(),
             code => format!(", error 0x{code:04X}"),
         };
-        let read = Nanos(actuators.measured_stamp_ns.get(motor).copied().unwrap_or_default());
-        let age = if read == Nanos::ZERO { "  NEVER READ".to_owned() } else { mark_age(now.since(read), STALE) };
-        let rate = self.exchange_rates.and_then(|rates| rates.get(motor).copied());
-        let rate = rate.map_or_else(|| "exchanges not counted yet".to_owned(), |rate| format!("{rate:.0} exchanges/s"));
+        let read = Nanos(
+            actuators
+                .measured_stamp_ns
+                .get(motor)
+                .copied()
+                .unwrap_or_default(),
+        );
+        let age = if read == Nanos::ZERO {
+            "  NEVER READ".to_owned()
+        } else {
+            mark_age(now.since(read), STALE)
+        };
+        let rate = self
+            .exchange_rates
+            .and_then(|rates| rates.get(motor).copied());
+        let rate = rate.map_or_else(
+            || "exchanges not counted yet".to_owned(),
+            |rate| format!("{rate:.0} exchanges/s"),
+        );
         format!(
             "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status 0x{:04X}; {rate}{age}",
             drive(&actuators.setpoint_counts),
@@ -149,7 +226,9 @@ impl View {
     }
 
     fn loop_lines(&self, now: Nanos) -> Vec<String> {
-        let Some(statistics) = &self.statistics else { return vec!["loop       not told yet".to_owned()] };
+        let Some(statistics) = &self.statistics else {
+            return vec!["loop       not told yet".to_owned()];
+        };
         let hertz = if statistics.window_ns == 0 {
             0.0
         } else {
@@ -175,21 +254,36 @@ impl View {
 
     /// Whether every stream that a controller always tells has told something.
     pub fn is_complete(&self) -> bool {
-        let Self { state, measured, actuators, statistics, exchange_rates, .. } = self;
-        let all = state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
+        let Self {
+            state,
+            measured,
+            actuators,
+            statistics,
+            exchange_rates,
+            ..
+        } = self;
+        let all =
+            state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
         all && exchange_rates.is_some()
     }
 
     /// Why the robot is in FAULT, if it is.
     pub fn fault(&self) -> Option<Fault> {
-        let state = self.state.filter(|state| state.state == OperatingState::Fault.number())?;
+        let state = self
+            .state
+            .filter(|state| state.state == OperatingState::Fault.number())?;
         Fault::from_number(state.fault)
     }
 
     /// What the camera saw last, degrees, fresh or not.
     pub fn camera_angles(&self) -> Option<[f64; 2]> {
-        let camera = self.camera.filter(|camera| camera.flags & ExternalPosition::VALID != 0 && camera.count == 2)?;
-        Some([camera.position[0].to_degrees(), camera.position[1].to_degrees()])
+        let camera = self
+            .camera
+            .filter(|camera| camera.flags & ExternalPosition::VALID != 0 && camera.count == 2)?;
+        Some([
+            camera.position[0].to_degrees(),
+            camera.position[1].to_degrees(),
+        ])
     }
 
     /// No camera is nothing unusual, a camera that fell silent or sees nothing is.
@@ -199,7 +293,9 @@ impl View {
             Some(camera) if camera.age(now) > CAMERA_STALE => {
                 format!("  CAMERA STALE {:.1} s", camera.age(now).as_seconds())
             }
-            Some(camera) if camera.flags & ExternalPosition::VALID == 0 => "  CAMERA SEES NOTHING".to_owned(),
+            Some(camera) if camera.flags & ExternalPosition::VALID == 0 => {
+                "  CAMERA SEES NOTHING".to_owned()
+            }
             Some(_) => String::new(),
         }
     }
@@ -211,7 +307,11 @@ pub fn granted(statistics: &PeriodStatistics) -> String {
         0 => "NORMAL SCHEDULING".to_owned(),
         priority => format!("SCHED_FIFO {priority}"),
     };
-    let memory = if statistics.memory_locked == 1 { "memory locked" } else { "MEMORY NOT LOCKED" };
+    let memory = if statistics.memory_locked == 1 {
+        "memory locked"
+    } else {
+        "MEMORY NOT LOCKED"
+    };
     let processor = match statistics.cpu {
         u32::MAX => "not pinned".to_owned(),
         cpu => format!("processor {cpu}"),
@@ -231,7 +331,10 @@ fn is_valid(joint: &JointState) -> bool {
 /// Pitch and yaw, degrees; `None` where they mean nothing, or are a position instead.
 pub fn angles(joint: Option<&JointState>) -> Option<[f64; 2]> {
     let joint = joint.filter(|joint| is_valid(joint) && joint.count == 2)?;
-    Some([joint.position[0].to_degrees(), joint.position[1].to_degrees()])
+    Some([
+        joint.position[0].to_degrees(),
+        joint.position[1].to_degrees(),
+    ])
 }
 
 /// How many motors there are.
@@ -251,7 +354,11 @@ pub fn short_id(id: ModelId) -> String {
 /// Microseconds, with as many digits as mean something.
 pub fn microseconds(nanos: u64) -> String {
     let value = nanos as f64 / 1000.0;
-    if value < 10.0 { format!("{value:.1}") } else { format!("{value:.0}") }
+    if value < 10.0 {
+        format!("{value:.1}")
+    } else {
+        format!("{value:.0}")
+    }
 }
 
 fn mark<T: Message>(message: Option<&T>, now: Nanos, limit: Nanos) -> String {
@@ -259,7 +366,11 @@ fn mark<T: Message>(message: Option<&T>, now: Nanos, limit: Nanos) -> String {
 }
 
 fn mark_age(age: Nanos, limit: Nanos) -> String {
-    if age > limit { format!("  STALE {:.1} s", age.as_seconds()) } else { String::new() }
+    if age > limit {
+        format!("  STALE {:.1} s", age.as_seconds())
+    } else {
+        String::new()
+    }
 }
 
 #[cfg(test)]
@@ -314,7 +425,12 @@ mod tests {
                 ticks: 1000,
                 total_ticks: 5000,
                 total_missed: 4,
-                lateness: SpanSummary { p50_ns: 100, p99_ns: 12_300, max_ns: 250_000, ..SpanSummary::default() },
+                lateness: SpanSummary {
+                    p50_ns: 100,
+                    p99_ns: 12_300,
+                    max_ns: 250_000,
+                    ..SpanSummary::default()
+                },
                 priority: 80,
                 cpu: 1,
                 memory_locked: 1,
@@ -355,7 +471,12 @@ mod tests {
     #[test]
     fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
         let camera = |stamp_ns, flags| View {
-            camera: Some(ExternalPosition { stamp_ns, flags, count: 2, ..ExternalPosition::default() }),
+            camera: Some(ExternalPosition {
+                stamp_ns,
+                flags,
+                count: 2,
+                ..ExternalPosition::default()
+            }),
             ..view()
         };
         assert!(page(&camera(NOW.0, 0)).contains("CAMERA SEES NOTHING"));
@@ -366,17 +487,32 @@ mod tests {
     #[test]
     fn what_is_not_known_is_not_invented() {
         let text = page(&View::default());
-        assert!(text.contains("state      not told yet") && text.contains("loop       not told yet"), "{text}");
-        let invalid = JointState { flags: 0, ..joint(5.0, 5.0) };
-        let text = page(&View { measured: Some(invalid), ..view() });
+        assert!(
+            text.contains("state      not told yet") && text.contains("loop       not told yet"),
+            "{text}"
+        );
+        let invalid = JointState {
+            flags: 0,
+            ..joint(5.0, 5.0)
+        };
+        let text = page(&View {
+            measured: Some(invalid),
+            ..view()
+        });
         assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
         assert!(View::default().line(NOW).contains("no state"));
     }
 
     #[test]
     fn what_is_missing_for_real_time_stands_out() {
-        let statistics = PeriodStatistics { cpu: u32::MAX, ..PeriodStatistics::default() };
-        assert_eq!(granted(&statistics), "NORMAL SCHEDULING, MEMORY NOT LOCKED, not pinned");
+        let statistics = PeriodStatistics {
+            cpu: u32::MAX,
+            ..PeriodStatistics::default()
+        };
+        assert_eq!(
+            granted(&statistics),
+            "NORMAL SCHEDULING, MEMORY NOT LOCKED, not pinned"
+        );
     }
 
     #[test]
@@ -393,6 +529,13 @@ mod tests {
             stamp_ns: NOW.0,
             ..OperatingStateMsg::default()
         };
-        assert!(View { state: Some(fault), ..view() }.line(NOW).starts_with("FAULT (a drive does not answer);"));
+        assert!(
+            View {
+                state: Some(fault),
+                ..view()
+            }
+            .line(NOW)
+            .starts_with("FAULT (a drive does not answer);")
+        );
     }
 }

@@ -1,12 +1,13 @@
 //! The page for a browser: to look at, not to touch.
 //!
-//! That nothing can be done through it is how it is built, not how it is configured. The server knows one method, GET, and
-//! answers from a [`Board`], which holds numbers; no type of the client library is within its reach. The thread that fills
-//! the board subscribes to streams and opens no publisher. What it asks for is the list of models, by a connection
-//! of its own that is closed again.
+//! That nothing can be done through it is how it is built, not how it is configured. The server
+//! knows one method, GET, and answers from a [`Board`], which holds numbers; no type of the client
+//! library is within its reach. The thread that fills the board subscribes to streams and opens no
+//! publisher. What it asks for is the list of models, by a connection of its own that is closed
+//! again.
 //!
-//! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a vanished one costs nothing:
-//! the server remembers nothing about any of them.
+//! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a
+//! vanished one costs nothing: the server remembers nothing about any of them.
 
 mod http;
 mod place;
@@ -32,8 +33,14 @@ use super::sight::{READ_PERIOD, Sight};
 use crate::Failure;
 use crate::console::{Interrupt, Screen, until_closed};
 
-/// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is none.
-pub fn run(domain: &Domain, place: Place, model: Option<PathBuf>, span: Option<Nanos>) -> Result<(), Failure> {
+/// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is
+/// none.
+pub fn run(
+    domain: &Domain,
+    place: Place,
+    model: Option<PathBuf>,
+    span: Option<Nanos>,
+) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let listener = TcpListener::bind(place.0).map_err(|error| {
         format!(
@@ -50,7 +57,10 @@ pub fn run(domain: &Domain, place: Place, model: Option<PathBuf>, span: Option<N
     }
     let source = Arc::new(Source::new(domain.name(), clock::now()));
     server::start(listener, Arc::clone(&source), address.ip().is_loopback())?;
-    let told = Screen::stdout().say(&format!("watch domain {} at http://{address}/ (to look at only)", domain.name()));
+    let told = Screen::stdout().say(&format!(
+        "watch domain {} at http://{address}/ (to look at only)",
+        domain.name()
+    ));
     until_closed(told)?;
     let librarian = Librarian::start(domain, model);
     let mut sight = Sight::new(&Watcher::new(domain));

@@ -51,9 +51,17 @@ pub struct InfoArguments {
 
 /// Makes a whole file.
 pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
-    let recovered = while_working("recovering", || recover::recover(&arguments.recording, &arguments.output))?;
-    let (messages, metadata, attachments) = (recovered.messages, recovered.metadata, recovered.attachments);
-    println!("recovered {messages} messages, {metadata} metadata records, {attachments} attachments");
+    let recovered = while_working("recovering", || {
+        recover::recover(&arguments.recording, &arguments.output)
+    })?;
+    let (messages, metadata, attachments) = (
+        recovered.messages,
+        recovered.metadata,
+        recovered.attachments,
+    );
+    println!(
+        "recovered {messages} messages, {metadata} metadata records, {attachments} attachments"
+    );
     match recovered.stopped_by {
         None => println!("the old file is whole"),
         Some(error) => println!("the old file ends there: {error}"),
@@ -67,7 +75,9 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
         FormatName::Csv => export::Format::Csv,
         FormatName::Parquet => export::Format::Parquet,
     };
-    let exported = while_working("exporting", || export::export(&arguments.recording, &arguments.output, format))?;
+    let exported = while_working("exporting", || {
+        export::export(&arguments.recording, &arguments.output, format)
+    })?;
     for (name, rows) in &exported.rows {
         println!("{rows:>9} rows  {}", arguments.output.join(name).display());
     }
@@ -92,20 +102,34 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     let mut cut_off = None;
     for record in Records::open(&arguments.recording)? {
         match record {
-            Ok(Record::Channel(channel)) => topics.entry(channel.id).or_default().name = channel.topic,
+            Ok(Record::Channel(channel)) => {
+                topics.entry(channel.id).or_default().name = channel.topic
+            }
             Ok(Record::Message { header, data }) => {
                 let topic = topics.entry(header.channel_id).or_default();
-                topic.first = if topic.messages == 0 { header.publish_time } else { topic.first };
+                topic.first = if topic.messages == 0 {
+                    header.publish_time
+                } else {
+                    topic.first
+                };
                 topic.last = header.publish_time;
                 topic.messages += 1;
                 topic.bytes += data.len() as u64;
             }
             Ok(Record::Metadata(metadata)) => {
                 println!("{}", metadata.name);
-                metadata.metadata.iter().for_each(|(name, value)| println!("  {name}: {value}"));
+                metadata
+                    .metadata
+                    .iter()
+                    .for_each(|(name, value)| println!("  {name}: {value}"));
             }
             Ok(Record::Attachment { header, data, .. }) => {
-                println!("attached {} ({} bytes, {})", header.name, data.len(), header.media_type);
+                println!(
+                    "attached {} ({} bytes, {})",
+                    header.name,
+                    data.len(),
+                    header.media_type
+                );
             }
             Ok(Record::DataEnd(_)) => break,
             Ok(_) => {}
@@ -115,10 +139,24 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
             }
         }
     }
-    for Topic { name, messages, bytes, first, last } in topics.values() {
+    for Topic {
+        name,
+        messages,
+        bytes,
+        first,
+        last,
+    } in topics.values()
+    {
         let span_s = last.saturating_sub(*first) as f64 * 1e-9;
-        let rate = if span_s > 0.0 { (*messages as f64 - 1.0) / span_s } else { 0.0 };
-        println!("{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {:>8.1} kB", *bytes as f64 / 1e3);
+        let rate = if span_s > 0.0 {
+            (*messages as f64 - 1.0) / span_s
+        } else {
+            0.0
+        };
+        println!(
+            "{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {:>8.1} kB",
+            *bytes as f64 / 1e3
+        );
     }
     match cut_off {
         None => Ok(()),

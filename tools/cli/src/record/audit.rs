@@ -6,15 +6,21 @@ use std::path::Path;
 use i2ris::control::audit::FILE;
 use serde_json::Value;
 
-/// Every line of one run, as they stand in the log; `None`: there is no such log, or it knows nothing of the run.
+/// Every line of one run, as they stand in the log; `None`: there is no such log, or it knows
+/// nothing of the run.
 pub fn lines(folder: &Path, boot_id: u64) -> Option<Vec<u8>> {
     of_run(&fs::read_to_string(folder.join(FILE)).ok()?, boot_id)
 }
 
 fn of_run(text: &str, boot_id: u64) -> Option<Vec<u8>> {
     let run = format!("{boot_id:016x}");
-    let is_own = |line: &&str| serde_json::from_str(line).is_ok_and(|entry: Value| entry["run"] == *run);
-    let lines: String = text.lines().filter(is_own).map(|line| format!("{line}\n")).collect();
+    let is_own =
+        |line: &&str| serde_json::from_str(line).is_ok_and(|entry: Value| entry["run"] == *run);
+    let lines: String = text
+        .lines()
+        .filter(is_own)
+        .map(|line| format!("{line}\n"))
+        .collect();
     (!lines.is_empty()).then(|| lines.into_bytes())
 }
 

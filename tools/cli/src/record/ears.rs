@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 use i2ris_record::layout::Laid;
@@ -51,13 +52,21 @@ impl Ears {
         drain(&mut self.statistics, Stream::Statistics, trial, now)?;
         drain(&mut self.external, Stream::External, trial, now)?;
         drain(&mut self.servo, Stream::ServoJp, trial, now)?;
-        drain(&mut self.servo_actuators, Stream::ServoActuators, trial, now)
+        drain(
+            &mut self.servo_actuators,
+            Stream::ServoActuators,
+            trial,
+            now,
+        )
     }
 
-    /// Messages that were overwritten before they were read. Commands and pictures may come from several senders, whose
-    /// numbers do not tell: they are left out.
+    /// Messages that were overwritten before they were read. Commands and pictures may come from
+    /// several senders, whose numbers do not tell: they are left out.
     pub fn missed(&self) -> BTreeMap<Stream, u64> {
-        let joints = self.joints.iter().map(|(stream, subscription)| (*stream, subscription.missed()));
+        let joints = self
+            .joints
+            .iter()
+            .map(|(stream, subscription)| (*stream, subscription.missed()));
         let others = [
             (Stream::Actuators, self.actuators.missed()),
             (Stream::State, self.state.missed()),
@@ -73,5 +82,7 @@ fn drain<T: Laid + Message>(
     trial: &mut Trial,
     now: Nanos,
 ) -> Result<(), ClientError> {
-    subscription.drain(|message| trial.take(stream, &message, now)).map(drop)
+    subscription
+        .drain(|message| trial.take(stream, &message, now))
+        .map(drop)
 }

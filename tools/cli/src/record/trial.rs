@@ -52,13 +52,19 @@ pub struct Arguments {
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let output = arguments.output.as_deref().ok_or("give --output FILE.mcap")?;
+    let output = arguments
+        .output
+        .as_deref()
+        .ok_or("give --output FILE.mcap")?;
     let interrupt = Interrupt::catch()?;
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
     let version = client.version()?;
@@ -70,13 +76,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let absent = listen(arguments, &interrupt, &mut ears, &mut trial, start);
     let length_s = clock::now().since(start).as_seconds();
     let missed = ears.missed();
-    let mut outcome: BTreeMap<String, String> =
-        missed.iter().map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string())).collect();
+    let mut outcome: BTreeMap<String, String> = missed
+        .iter()
+        .map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string()))
+        .collect();
     outcome.insert("dropped".to_owned(), trial.written().dropped.to_string());
     outcome.insert("length_s".to_owned(), length_s.to_string());
     // What happened in the meantime, with causes and callers: the streams do not tell those.
     let audit = config.and_then(|config| audit::lines(&config.record.folder, version.boot_id));
-    let files: Vec<Attached> = audit.into_iter().map(|lines| ("audit.jsonl".to_owned(), JSON_LINES, lines)).collect();
+    let files: Vec<Attached> = audit
+        .into_iter()
+        .map(|lines| ("audit.jsonl".to_owned(), JSON_LINES, lines))
+        .collect();
     let written = trial.finish(outcome, &files)?;
     tell(arguments.json, output, &written, &missed, length_s, absent?)
 }
@@ -89,7 +100,9 @@ fn listen(
     trial: &mut Trial,
     start: Nanos,
 ) -> Result<Nanos, Failure> {
-    let end = arguments.duration_s.map(|seconds| start + Nanos((seconds * 1e9) as u64));
+    let end = arguments
+        .duration_s
+        .map(|seconds| start + Nanos((seconds * 1e9) as u64));
     let mut screen = Screen::stdout();
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
     loop {
@@ -108,22 +121,42 @@ fn listen(
             let messages: u64 = trial.written().messages.values().sum();
             let dropped = trial.written().dropped;
             let seconds = now.since(start).as_seconds();
-            screen.draw(&[format!("recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C ends")])?;
+            screen.draw(&[format!(
+                "recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C ends"
+            )])?;
         }
         before = now;
         clock::sleep(READ_PERIOD);
     }
 }
 
-fn header(arguments: &Arguments, version: &Version, config: Option<&Config>) -> Result<Header, Failure> {
+fn header(
+    arguments: &Arguments,
+    version: &Version,
+    config: Option<&Config>,
+) -> Result<Header, Failure> {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let [major, minor, patch] = version.software;
-    let model: String = version.model_id.iter().map(|byte| format!("{byte:02x}")).collect();
+    let model: String = version
+        .model_id
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
     let mut about: BTreeMap<String, String> = [
         ("recorder", format!("i2ris {}", env!("CARGO_PKG_VERSION"))),
-        ("controller", format!("i2ris-control {major}.{minor}.{patch}")),
+        (
+            "controller",
+            format!("i2ris-control {major}.{minor}.{patch}"),
+        ),
         ("boot_id", format!("{:016x}", version.boot_id)),
-        ("model_id", if version.model_id == [0; 32] { "none".to_owned() } else { model }),
+        (
+            "model_id",
+            if version.model_id == [0; 32] {
+                "none".to_owned()
+            } else {
+                model
+            },
+        ),
         ("note", arguments.note.clone()),
     ]
     .map(|(name, value)| (name.to_owned(), value))
@@ -140,15 +173,24 @@ fn header(arguments: &Arguments, version: &Version, config: Option<&Config>) -> 
         attachments.extend(audit.map(|lines| ("audit-begin.jsonl".to_owned(), JSON_LINES, lines)));
     }
     let unix_offset_ns = unix.wrapping_sub(clock::now().0);
-    Ok(Header { about, attachments, unix_offset_ns, joints: joints(version) })
+    Ok(Header {
+        about,
+        attachments,
+        unix_offset_ns,
+        joints: joints(version),
+    })
 }
 
-/// The model that is attached is the one that the configuration names; the one in use may be another one by now.
+/// The model that is attached is the one that the configuration names; the one in use may be
+/// another one by now.
 fn model_file(file: &Path, version: &Version) -> String {
     match ModelFile::read(file).and_then(|model| model.id()) {
         Ok(id) if id.0 == version.model_id => format!("{}: the model in use", name(file)),
         Ok(_) => {
-            eprintln!("warning: {} is attached, but another model is in use", file.display());
+            eprintln!(
+                "warning: {} is attached, but another model is in use",
+                file.display()
+            );
             format!("{}: not the model in use", name(file))
         }
         Err(_) => format!("{}: cannot be read", name(file)),
@@ -156,7 +198,10 @@ fn model_file(file: &Path, version: &Version) -> String {
 }
 
 fn name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
@@ -165,11 +210,19 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 
 fn joints(version: &Version) -> Vec<String> {
     let named = version.output_names.iter().map(|bytes| {
-        let bytes: Vec<u8> = bytes.iter().copied().take_while(|byte| *byte != 0).collect();
+        let bytes: Vec<u8> = bytes
+            .iter()
+            .copied()
+            .take_while(|byte| *byte != 0)
+            .collect();
         String::from_utf8_lossy(&bytes).into_owned()
     });
     let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
-    if named.is_empty() { USUAL_NAMES.map(str::to_owned).to_vec() } else { named }
+    if named.is_empty() {
+        USUAL_NAMES.map(str::to_owned).to_vec()
+    } else {
+        named
+    }
 }
 
 fn tell(
@@ -181,10 +234,15 @@ fn tell(
     absent: Nanos,
 ) -> Result<(), Failure> {
     let lost: u64 = missed.values().sum();
-    let counts = || Stream::ALL.into_iter().map(|stream| (stream, written.messages.get(&stream).copied().unwrap_or(0)));
+    let counts = || {
+        Stream::ALL
+            .into_iter()
+            .map(|stream| (stream, written.messages.get(&stream).copied().unwrap_or(0)))
+    };
     if json {
-        let messages: serde_json::Map<_, _> =
-            counts().map(|(stream, count)| (stream.name().into(), count.into())).collect();
+        let messages: serde_json::Map<_, _> = counts()
+            .map(|(stream, count)| (stream.name().into(), count.into()))
+            .collect();
         let report = serde_json::json!({
             "file": output, "length_s": length_s, "messages": messages, "missed": lost, "dropped": written.dropped,
             "without_controller_s": absent.as_seconds(),
@@ -192,9 +250,17 @@ fn tell(
         println!("{report}");
         return Ok(());
     }
-    println!("recorded {length_s:.1} s to {}; {lost} messages missed, {} dropped", output.display(), written.dropped);
+    println!(
+        "recorded {length_s:.1} s to {}; {lost} messages missed, {} dropped",
+        output.display(),
+        written.dropped
+    );
     for (stream, count) in counts() {
-        println!("  {:<24} {count:>9}  {:>7.1} Hz", stream.name(), count as f64 / length_s);
+        println!(
+            "  {:<24} {count:>9}  {:>7.1} Hz",
+            stream.name(),
+            count as f64 / length_s
+        );
     }
     if absent > Nanos::ZERO {
         println!("  there was no controller for {:.1} s", absent.as_seconds());

@@ -21,7 +21,11 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { frames, cluttered: cluttered_frames, seed } = *arguments;
+    let Arguments {
+        frames,
+        cluttered: cluttered_frames,
+        seed,
+    } = *arguments;
     println!(
         "{:<66}{:>7}{:>7}{:>9}{:>8}{:>8}{:>9}{:>8}",
         "pictures at 1280x960, 200 px/mm, +-45 deg (both axes: +-40)",
@@ -33,19 +37,30 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         "claimed",
         "tip"
     );
-    println!("{:<66}{:>7}{:>7}{:>9}{:>8}{:>8}{:>9}{:>8}", "", "", "", "deg", "deg", "deg", "deg", "um");
+    println!(
+        "{:<66}{:>7}{:>7}{:>9}{:>8}{:>8}{:>9}{:>8}",
+        "", "", "", "deg", "deg", "deg", "deg", "um"
+    );
     for condition in conditions().iter().filter(|_| frames > 0) {
-        print_row(&while_working("measuring", || clear(condition, frames, seed)));
+        print_row(&while_working("measuring", || {
+            clear(condition, frames, seed)
+        }));
     }
     for (name, rig) in rigs().iter().filter(|_| frames > 0) {
-        print_row(&while_working("measuring with two views", || stereo(name, rig, frames, seed))?);
+        print_row(&while_working("measuring with two views", || {
+            stereo(name, rig, frames, seed)
+        })?);
     }
     if frames > 0 {
         let rate = while_working("measuring the speed", || speed(seed))?;
-        println!("\none view at 1280x960, one thread: {rate:.0} pictures per second (a camera delivers 30)");
+        println!(
+            "\none view at 1280x960, one thread: {rate:.0} pictures per second (a camera delivers 30)"
+        );
     }
     if cluttered_frames > 0 {
-        let outcome = while_working("measuring cluttered pictures", || cluttered(cluttered_frames, seed));
+        let outcome = while_working("measuring cluttered pictures", || {
+            cluttered(cluttered_frames, seed)
+        });
         println!(
             "\n{} cluttered pictures: {} good, largest error of those {:.3} deg, wrong by more than 1 deg: {}",
             outcome.frames,
@@ -57,14 +72,27 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             println!("{count:>7}  {doubt}");
         }
         if !outcome.wrong.is_empty() {
-            return Err(format!("confident wrong values (number, error in deg): {:?}", outcome.wrong).into());
+            return Err(format!(
+                "confident wrong values (number, error in deg): {:?}",
+                outcome.wrong
+            )
+            .into());
         }
     }
     Ok(())
 }
 
 fn print_row(row: &Row) {
-    let Row { name, frames, good, bias_deg, std_deg, max_deg, claimed_deg, tip_um } = row;
+    let Row {
+        name,
+        frames,
+        good,
+        bias_deg,
+        std_deg,
+        max_deg,
+        claimed_deg,
+        tip_um,
+    } = row;
     println!(
         "{name:<66}{frames:>7}{good:>7}{bias_deg:>+9.4}{std_deg:>8.4}{max_deg:>8.3}{claimed_deg:>9.4}{tip_um:>8.2}"
     );

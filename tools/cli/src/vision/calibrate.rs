@@ -1,4 +1,5 @@
-//! `i2ris vision calibrate`: which view shows which axis, which way round, how far turned; and the straight pose.
+//! `i2ris vision calibrate`: which view shows which axis, which way round, how far turned; and the
+//! straight pose.
 
 use std::path::PathBuf;
 
@@ -17,19 +18,22 @@ use crate::Failure;
 /// Arguments of `i2ris vision calibrate`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// What is known about the views so far; axis, reversed and turn_deg may be anything that is allowed
+    /// What is known about the views so far; axis, reversed and turn_deg may be anything that is
+    /// allowed
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
     setup: PathBuf,
     /// Where to write what is found
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Pictures of each view while only pitch moves: rest first, then towards positive, then as you like
+    /// Pictures of each view while only pitch moves: rest first, then towards positive, then as you
+    /// like
     #[arg(long, value_name = "PICTURES", num_args = 1..=2)]
     pitch: Vec<PathBuf>,
     /// Pictures of each view while only yaw moves, likewise
     #[arg(long, value_name = "PICTURES", num_args = 1..=2)]
     yaw: Vec<PathBuf>,
-    /// Pictures of each view at rest [default: the beginning of the pitch motion, or of the yaw motion]
+    /// Pictures of each view at rest [default: the beginning of the pitch motion, or of the yaw
+    /// motion]
     #[arg(long, value_name = "PICTURES", num_args = 1..=2, required_unless_present_any = ["pitch", "yaw"])]
     rest: Vec<PathBuf>,
     /// How long every motion rests at its beginning
@@ -43,7 +47,10 @@ pub struct Arguments {
 }
 
 fn between(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|deg: &f64| (15.0..=165.0).contains(deg));
+    let value = text
+        .parse()
+        .ok()
+        .filter(|deg: &f64| (15.0..=165.0).contains(deg));
     value.ok_or_else(|| "must be an angle from 15 to 165".to_owned())
 }
 
@@ -57,7 +64,9 @@ struct Motion {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut setup = Setup::load(&arguments.setup)?;
-    let read = |paths: &Vec<PathBuf>, rest_s| (!paths.is_empty()).then(|| motion(arguments, &setup, paths, rest_s));
+    let read = |paths: &Vec<PathBuf>, rest_s| {
+        (!paths.is_empty()).then(|| motion(arguments, &setup, paths, rest_s))
+    };
     let pitch = read(&arguments.pitch, arguments.rest_s).transpose()?;
     let yaw = read(&arguments.yaw, arguments.rest_s).transpose()?;
     let rest = read(&arguments.rest, Nanos(u64::MAX)).transpose()?;
@@ -85,12 +94,23 @@ fn orient(
         (_, None, None) => return Ok(()),
         ([first, second], Some(pitch), Some(yaw)) => {
             let pairs = |motion: &Motion| -> Vec<[f64; 2]> {
-                motion.tangents.iter().filter_map(|row| row.as_slice().try_into().ok()).collect()
+                motion
+                    .tangents
+                    .iter()
+                    .filter_map(|row| row.as_slice().try_into().ok())
+                    .collect()
             };
-            let found = two_views(&pairs(pitch), &pairs(yaw), arguments.between_deg.to_radians())?;
+            let found = two_views(
+                &pairs(pitch),
+                &pairs(yaw),
+                arguments.between_deg.to_radians(),
+            )?;
             first.set_plane(found.planes_rad[0]);
             second.set_plane(found.planes_rad[1]);
-            println!("both motions agree to {:.2} deg", found.apart_rad.to_degrees());
+            println!(
+                "both motions agree to {:.2} deg",
+                found.apart_rad.to_degrees()
+            );
         }
         ([view], pitch, yaw) => {
             let (axis, motion, name) = match (pitch, yaw) {
@@ -98,7 +118,11 @@ fn orient(
                 (None, Some(motion)) => (Axis::Yaw, motion, "yaw"),
                 _ => return Err("one view shows one axis: give --pitch or --yaw, not both".into()),
             };
-            let tangents: Vec<f64> = motion.tangents.iter().filter_map(|row| row.first().copied()).collect();
+            let tangents: Vec<f64> = motion
+                .tangents
+                .iter()
+                .filter_map(|row| row.first().copied())
+                .collect();
             (view.axis, view.turn_deg) = (axis, 0.0);
             view.reversed = is_reversed(name, &tangents)?;
         }
@@ -106,16 +130,28 @@ fn orient(
     }
     for view in &setup.views {
         let reversed = if view.reversed { ", reversed" } else { "" };
-        println!("view {}: shows {:?}{reversed}, turned by {:+.2} deg", view.name, view.axis, view.turn_deg);
+        println!(
+            "view {}: shows {:?}{reversed}, turned by {:+.2} deg",
+            view.name, view.axis, view.turn_deg
+        );
     }
     Ok(())
 }
 
 /// Measures a motion: the straight pose from its first `rest`, and everything from there.
-fn motion(arguments: &Arguments, setup: &Setup, paths: &[PathBuf], rest: Nanos) -> Result<Motion, Failure> {
+fn motion(
+    arguments: &Arguments,
+    setup: &Setup,
+    paths: &[PathBuf],
+    rest: Nanos,
+) -> Result<Motion, Failure> {
     if paths.len() != setup.views.len() {
         let (given, wanted) = (paths.len(), setup.views.len());
-        return Err(format!("{given} sources of pictures for {wanted} views in {}", arguments.setup.display()).into());
+        return Err(format!(
+            "{given} sources of pictures for {wanted} views in {}",
+            arguments.setup.display()
+        )
+        .into());
     }
     let mut views: Vec<Vec<Look>> = Vec::new();
     let mut rests = Vec::new();
@@ -131,15 +167,27 @@ fn motion(arguments: &Arguments, setup: &Setup, paths: &[PathBuf], rest: Nanos) 
             }
             looks.push(look);
         }
-        rests.push(resting.finish(&view.name).map_err(|error| format!("{}: {error}", path.display()))?);
+        rests.push(
+            resting
+                .finish(&view.name)
+                .map_err(|error| format!("{}: {error}", path.display()))?,
+        );
         views.push(looks);
     }
     let tangent = |view: usize, look: &Look| {
-        look.good().ok().map(|reading| (reading.angle_rad - rests[view].angle_deg.to_radians()).tan())
+        look.good()
+            .ok()
+            .map(|reading| (reading.angle_rad - rests[view].angle_deg.to_radians()).tan())
     };
     let tangents = match views.as_slice() {
-        [only] => only.iter().filter_map(|look| tangent(0, look).map(|t| vec![t])).collect(),
-        _ => pairs(setup, views).iter().filter_map(|[a, b]| Some(vec![tangent(0, a)?, tangent(1, b)?])).collect(),
+        [only] => only
+            .iter()
+            .filter_map(|look| tangent(0, look).map(|t| vec![t]))
+            .collect(),
+        _ => pairs(setup, views)
+            .iter()
+            .filter_map(|[a, b]| Some(vec![tangent(0, a)?, tangent(1, b)?]))
+            .collect(),
     };
     Ok(Motion { rests, tangents })
 }
@@ -147,7 +195,9 @@ fn motion(arguments: &Arguments, setup: &Setup, paths: &[PathBuf], rest: Nanos) 
 fn pairs(setup: &Setup, views: Vec<Vec<Look>>) -> Vec<[Look; 2]> {
     let mut pairer = Pairer::new(Nanos((setup.pair_within_ms * 1e6) as u64));
     for (view, looks) in views.into_iter().enumerate() {
-        looks.into_iter().for_each(|look| pairer.push(view, look.stamp, look));
+        looks
+            .into_iter()
+            .for_each(|look| pairer.push(view, look.stamp, look));
         pairer.end(view);
     }
     let mut pairs = Vec::new();

@@ -46,7 +46,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let setup = Setup::load(&arguments.setup)?;
     if arguments.pictures.len() != setup.views.len() {
         let (given, wanted) = (arguments.pictures.len(), setup.views.len());
-        return Err(format!("{given} sources of pictures for {wanted} views in {}", arguments.setup.display()).into());
+        return Err(format!(
+            "{given} sources of pictures for {wanted} views in {}",
+            arguments.setup.display()
+        )
+        .into());
     }
     if let Some(folder) = &arguments.overlays {
         fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
@@ -62,7 +66,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             let Some(shot) = source.next()? else { break };
             let look = eye.look(shot);
             number += 1;
-            let words = look.good().err().map_or_else(|| "good".to_owned(), |cause| cause.to_string());
+            let words = look
+                .good()
+                .err()
+                .map_or_else(|| "good".to_owned(), |cause| cause.to_string());
             *counts.entry(words).or_default() += 1;
             if !(number - 1).is_multiple_of(arguments.every as usize) {
                 continue;
@@ -74,7 +81,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
             sheet.add(&paper);
         }
-        println!("view {}: {number} pictures looked at, {shown} shown", view.name);
+        println!(
+            "view {}: {number} pictures looked at, {shown} shown",
+            view.name
+        );
         for (words, count) in counts {
             println!("{count:>7}  {words}");
         }
@@ -91,7 +101,9 @@ fn draw(name: &str, look: &Look) -> Paper {
     let seen: Result<Reading, String> = look.seen.clone().map_err(|cause: Cause| cause.to_string());
     match &look.picture {
         Some(picture) => overlay(picture, name, &seen),
-        None => Grey::new(320, 240, vec![40; 320 * 240])
-            .map_or_else(|| Paper::new(1, 1, [0; 3]), |card| overlay(&card, name, &seen)),
+        None => Grey::new(320, 240, vec![40; 320 * 240]).map_or_else(
+            || Paper::new(1, 1, [0; 3]),
+            |card| overlay(&card, name, &seen),
+        ),
     }
 }

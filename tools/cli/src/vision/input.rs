@@ -19,7 +19,8 @@ pub struct Format {
     /// Streams hold grey bytes without any header, pictures of this size [default: Y4M]
     #[arg(long, value_name = "WxH")]
     raw: Option<Size>,
-    /// Pictures were taken at this rate: stamps by number. Streams are otherwise stamped as they arrive
+    /// Pictures were taken at this rate: stamps by number. Streams are otherwise stamped as they
+    /// arrive
     #[arg(long, value_name = "PER-SECOND", value_parser = positive)]
     fps: Option<f64>,
     /// Pictures arrive this long after they were taken
@@ -28,12 +29,18 @@ pub struct Format {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0);
+    let value = text
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v > 0.0);
     value.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|v: &f64| v.is_finite() && *v >= 0.0);
+    let value = text
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v >= 0.0);
     value.ok_or_else(|| "must be a number, 0 or more".to_owned())
 }
 
@@ -44,13 +51,22 @@ impl Format {
             return self.stream(stdin());
         }
         if path.is_dir() {
-            return Ok(Box::new(Folder::open(path, self.fps.unwrap_or(FOLDER_FPS))?));
+            return Ok(Box::new(Folder::open(
+                path,
+                self.fps.unwrap_or(FOLDER_FPS),
+            )?));
         }
-        let file = File::open(path).map_err(|source| SourceError::Read { path: path.to_owned(), source })?;
+        let file = File::open(path).map_err(|source| SourceError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         self.stream(file)
     }
 
-    fn stream<R: Read + Send + 'static>(&self, from: R) -> Result<Box<dyn FrameSource>, SourceError> {
+    fn stream<R: Read + Send + 'static>(
+        &self,
+        from: R,
+    ) -> Result<Box<dyn FrameSource>, SourceError> {
         let reader = BufReader::with_capacity(BUFFER, from);
         Ok(match self.raw {
             Some(size) => Box::new(Raw::new(reader, size, self.clock())),

@@ -25,7 +25,8 @@ use crate::console::{DomainOption, Interrupt, until_closed};
 const PATIENCE: Duration = Duration::from_secs(1);
 /// How often it is looked whether to end.
 const GLANCE: Duration = Duration::from_millis(100);
-/// Looks of one view that wait for the other: a second and more of a camera, little memory of a recording.
+/// Looks of one view that wait for the other: a second and more of a camera, little memory of a
+/// recording.
 const WAITING: usize = 64;
 
 /// Arguments of `i2ris vision`.
@@ -55,8 +56,13 @@ pub struct Arguments {
 
 /// A span of 0 to 3600 s.
 pub fn span(text: &str) -> Result<Nanos, String> {
-    let seconds = text.parse().ok().filter(|s: &f64| (0.0..=3600.0).contains(s));
-    seconds.map(|s| Nanos((s * 1e9) as u64)).ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
+    let seconds = text
+        .parse()
+        .ok()
+        .filter(|s: &f64| (0.0..=3600.0).contains(s));
+    seconds
+        .map(|s| Nanos((s * 1e9) as u64))
+        .ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
 }
 
 /// What a view's thread tells.
@@ -65,13 +71,23 @@ type Told = Result<Look, SourceError>;
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let setup = Setup::load(&arguments.setup)?;
-    let Arguments { pictures, format, .. } = &arguments;
+    let Arguments {
+        pictures, format, ..
+    } = &arguments;
     if pictures.len() != setup.views.len() {
         let (given, wanted) = (pictures.len(), setup.views.len());
-        return Err(format!("{given} sources of pictures for {wanted} views in {}", arguments.setup.display()).into());
+        return Err(format!(
+            "{given} sources of pictures for {wanted} views in {}",
+            arguments.setup.display()
+        )
+        .into());
     }
     let live = format.is_live(pictures);
-    let reference = if arguments.rest_s == Nanos::ZERO { Reference::Setup } else { Reference::First(arguments.rest_s) };
+    let reference = if arguments.rest_s == Nanos::ZERO {
+        Reference::Setup
+    } else {
+        Reference::First(arguments.rest_s)
+    };
     let session = Session::new(&setup, reference)?;
     let outlet = Outlet::open(&arguments, live, session.axes())?;
     let interrupt = Interrupt::catch()?;
@@ -81,7 +97,14 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         thread::spawn(move || watch(&path, &format, eye, &sender));
         receiver
     });
-    let mut run = Run { views: views.collect(), session, outlet, live, interrupt, failure: None };
+    let mut run = Run {
+        views: views.collect(),
+        session,
+        outlet,
+        live,
+        interrupt,
+        failure: None,
+    };
     let outcome = run.go();
     eprint!("{}{}", report(&setup, &run.session), run.outlet.report());
     outcome?;
@@ -151,7 +174,12 @@ impl Run {
             }
             let rows = match self.session.rows() {
                 // Why there is no picture says more than that there is none.
-                Err(error) => return self.failure.take().map_or(Err(error.into()), |failure| Err(failure.into())),
+                Err(error) => {
+                    return self
+                        .failure
+                        .take()
+                        .map_or(Err(error.into()), |failure| Err(failure.into()));
+                }
                 Ok(rows) => rows,
             };
             if !self.outlet.put(&rows)? {
@@ -167,8 +195,12 @@ impl Run {
             match self.views[view].recv_timeout(GLANCE) {
                 Ok(told) => return Next::Told(Box::new(told)),
                 Err(RecvTimeoutError::Disconnected) => return Next::Ended,
-                Err(RecvTimeoutError::Timeout) if self.interrupt.came() => return Next::Interrupted,
-                Err(RecvTimeoutError::Timeout) if self.live && start.elapsed() >= PATIENCE => return Next::Stalled,
+                Err(RecvTimeoutError::Timeout) if self.interrupt.came() => {
+                    return Next::Interrupted;
+                }
+                Err(RecvTimeoutError::Timeout) if self.live && start.elapsed() >= PATIENCE => {
+                    return Next::Stalled;
+                }
                 Err(RecvTimeoutError::Timeout) => {}
             }
         }
@@ -193,18 +225,32 @@ struct Outlet {
 impl Outlet {
     fn open(arguments: &Arguments, live: bool, axes: [bool; 2]) -> Result<Self, Failure> {
         if arguments.publish && !live {
-            return Err("--publish needs pictures as they are taken: a stream, and no --fps".into());
+            return Err(
+                "--publish needs pictures as they are taken: a stream, and no --fps".into(),
+            );
         }
         if arguments.publish && !axes[0] {
-            return Err("--publish needs pitch: external/measured_jp has no way to say yaw alone".into());
+            return Err(
+                "--publish needs pitch: external/measured_jp has no way to say yaw alone".into(),
+            );
         }
         let to: Box<dyn Write> = match &arguments.output {
             None => Box::new(stdout()),
-            Some(path) => Box::new(File::create(path).map_err(|error| format!("{}: {error}", path.display()))?),
+            Some(path) => Box::new(
+                File::create(path).map_err(|error| format!("{}: {error}", path.display()))?,
+            ),
         };
-        let publisher =
-            if arguments.publish { Some(ExternalPublisher::new(&arguments.domain.domain()?)) } else { None };
-        Ok(Self { recorder: Recorder::new(to, axes)?, publisher, published: 0, unheard: 0 })
+        let publisher = if arguments.publish {
+            Some(ExternalPublisher::new(&arguments.domain.domain()?))
+        } else {
+            None
+        };
+        Ok(Self {
+            recorder: Recorder::new(to, axes)?,
+            publisher,
+            published: 0,
+            unheard: 0,
+        })
     }
 
     /// Writes and publishes. `false`: nobody reads any more.
@@ -224,7 +270,8 @@ impl Outlet {
         };
         let outcome = match &row.seen {
             Ok(joints) => {
-                let known = |values: [Option<f64>; 2]| values.into_iter().flatten().collect::<Vec<f64>>();
+                let known =
+                    |values: [Option<f64>; 2]| values.into_iter().flatten().collect::<Vec<f64>>();
                 let (angles, deviations) = (known(joints.angle_rad), known(joints.std_rad));
                 publisher.publish_judged(row.stamp, &angles, &deviations, joints.quality)
             }
@@ -243,6 +290,9 @@ impl Outlet {
         if self.publisher.is_none() {
             return String::new();
         }
-        format!("published {} rows; {} more while no controller served the domain\n", self.published, self.unheard)
+        format!(
+            "published {} rows; {} more while no controller served the domain\n",
+            self.published, self.unheard
+        )
     }
 }

@@ -1,4 +1,5 @@
-//! `i2ris vision render`: pictures of given angles, from a recording or from the emulator as it moves.
+//! `i2ris vision render`: pictures of given angles, from a recording or from the emulator as it
+//! moves.
 
 mod fifo;
 mod live;
@@ -23,16 +24,23 @@ const WIDTH_AT_200: f64 = 1280.0;
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Angles over time: CSV with t_s, pitch_deg and yaw_deg
-    #[arg(long, value_name = "FILE", required_unless_present = "live", conflicts_with = "live")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        required_unless_present = "live",
+        conflicts_with = "live"
+    )]
     angles: Option<PathBuf>,
-    /// Draw what `i2ris emulate --domain NAME` publishes as its camera, as Y4M into the FIFOs view0 and view1 of the
-    /// output folder; the domain must be one that no controller serves
+    /// Draw what `i2ris emulate --domain NAME` publishes as its camera, as Y4M into the FIFOs view0
+    /// and view1 of the output folder; the domain must be one that no controller serves
     #[arg(long, value_name = "NAME")]
     live: Option<String>,
-    /// Draw --angles as Y4M into FIFOs of the output folder, too, as fast as their reader takes them: no files
+    /// Draw --angles as Y4M into FIFOs of the output folder, too, as fast as their reader takes
+    /// them: no files
     #[arg(long, conflicts_with = "live")]
     stream: bool,
-    /// Folder for the pictures (view0, view1), those at rest (rest0, rest1) and their setup (vision.toml)
+    /// Folder for the pictures (view0, view1), those at rest (rest0, rest1) and their setup
+    /// (vision.toml)
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
     /// Size of the pictures
@@ -74,7 +82,8 @@ fn turn(text: &str) -> Result<f64, String> {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = rig(arguments);
-    fs::create_dir_all(&arguments.output).map_err(|error| format!("{}: {error}", arguments.output.display()))?;
+    fs::create_dir_all(&arguments.output)
+        .map_err(|error| format!("{}: {error}", arguments.output.display()))?;
     match (&arguments.angles, &arguments.live) {
         (Some(angles), _) => {
             let poses = table::read(angles)?;
@@ -91,7 +100,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 fifo(arguments, 0).display(),
                 fifo(arguments, 1).display()
             );
-            live::run(&rig, domain, &[fifo(arguments, 0), fifo(arguments, 1)], &Interrupt::catch()?)
+            live::run(
+                &rig,
+                domain,
+                &[fifo(arguments, 0), fifo(arguments, 1)],
+                &Interrupt::catch()?,
+            )
         }
         (None, None) => Err("give --angles or --live".into()),
     }
@@ -102,7 +116,9 @@ fn rig(arguments: &Arguments) -> Rig {
     let look = &arguments.look;
     let mut rig = Rig::laboratory(width, height, 200.0 * width as f64 / WIDTH_AT_200);
     rig.seed = look.seed;
-    rig.cameras.iter_mut().for_each(|camera| camera.plane_rad += look.turned_deg.to_radians());
+    rig.cameras
+        .iter_mut()
+        .for_each(|camera| camera.plane_rad += look.turned_deg.to_radians());
     if look.bare_fibre {
         rig.snake = Snake::fibre(0.125);
     }

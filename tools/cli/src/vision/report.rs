@@ -10,12 +10,23 @@ use i2ris_vision::setup::Setup;
 pub fn report(setup: &Setup, session: &Session) -> String {
     let mut text = String::new();
     for (view, rest) in setup.views.iter().zip(session.rests()) {
-        line(&mut text, &format!("view {}: {}", view.name, rest_words(rest)));
+        line(
+            &mut text,
+            &format!("view {}: {}", view.name, rest_words(rest)),
+        );
     }
-    let Tally { rows, good, causes, skew } = session.tally();
+    let Tally {
+        rows,
+        good,
+        causes,
+        skew,
+    } = session.tally();
     line(&mut text, &format!("{good} of {rows} rows have angles"));
     if setup.views.len() == 2 {
-        line(&mut text, &format!("pairs at most {:.1} ms apart", skew.as_seconds() * 1e3));
+        line(
+            &mut text,
+            &format!("pairs at most {:.1} ms apart", skew.as_seconds() * 1e3),
+        );
     }
     for ((view, cause), count) in causes {
         line(&mut text, &format!("{count:>7}  {view}: {cause}"));
@@ -25,7 +36,12 @@ pub fn report(setup: &Setup, session: &Session) -> String {
 
 /// A straight pose in words.
 pub fn rest_words(rest: &Rest) -> String {
-    let Rest { angle_deg, spread_deg, length_px, tip_px: [x, y] } = rest;
+    let Rest {
+        angle_deg,
+        spread_deg,
+        length_px,
+        tip_px: [x, y],
+    } = rest;
     format!(
         "rest at {angle_deg:+.3} deg, spread {spread_deg:.3} deg, length {length_px:.1} px, tip at {x:.1}, {y:.1} px"
     )

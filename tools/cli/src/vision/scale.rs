@@ -50,12 +50,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (before, after) = (read(&arguments.pictures[0])?, read(&arguments.pictures[1])?);
     let turned = (after.angle_rad - before.angle_rad).to_degrees().abs();
     if turned > 0.5 {
-        return Err(format!("the snake bent by {turned:.1} deg between both pictures; hold it still").into());
+        return Err(format!(
+            "the snake bent by {turned:.1} deg between both pictures; hold it still"
+        )
+        .into());
     }
     let moved = (after.tip_px[0] - before.tip_px[0]).hypot(after.tip_px[1] - before.tip_px[1]);
     if moved < 20.0 {
         return Err(format!("the tip moved by {moved:.1} px only; move the stage farther").into());
     }
-    println!("px_per_mm = {:.3}   # view {}: tip moved by {moved:.2} px", moved / arguments.moved_mm, view.name);
+    println!(
+        "px_per_mm = {:.3}   # view {}: tip moved by {moved:.2} px",
+        moved / arguments.moved_mm,
+        view.name
+    );
     Ok(())
 }

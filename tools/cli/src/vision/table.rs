@@ -10,13 +10,20 @@ use crate::Failure;
 /// Beyond this the snake cannot be drawn, deg.
 const MOST_DEG: f64 = 80.0;
 
-/// Reads the columns `t_s`, `pitch_deg` and `yaw_deg`; rows with an empty cell among them are left out.
+/// Reads the columns `t_s`, `pitch_deg` and `yaw_deg`; rows with an empty cell among them are left
+/// out.
 pub fn read(path: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
     let failed = |words: String| format!("{}: {words}", path.display());
     let mut reader = csv::Reader::from_path(path).map_err(|error| failed(error.to_string()))?;
-    let header = reader.headers().map_err(|error| failed(error.to_string()))?.clone();
+    let header = reader
+        .headers()
+        .map_err(|error| failed(error.to_string()))?
+        .clone();
     let column = |name: &str| {
-        header.iter().position(|h| h.trim() == name).ok_or_else(|| failed(format!("there is no column {name}")))
+        header
+            .iter()
+            .position(|h| h.trim() == name)
+            .ok_or_else(|| failed(format!("there is no column {name}")))
     };
     let columns = [column("t_s")?, column("pitch_deg")?, column("yaw_deg")?];
     let mut poses = Vec::new();
@@ -26,14 +33,28 @@ pub fn read(path: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
         if cells.iter().any(|cell| cell.is_empty()) {
             continue;
         }
-        let [time, pitch, yaw] = cells.map(|cell| cell.parse::<f64>().ok().filter(|v| v.is_finite()));
+        let [time, pitch, yaw] =
+            cells.map(|cell| cell.parse::<f64>().ok().filter(|v| v.is_finite()));
         let in_range = |angle: &f64| angle.abs() <= MOST_DEG;
-        match (time.filter(|t| *t >= 0.0), pitch.filter(in_range), yaw.filter(in_range)) {
+        match (
+            time.filter(|t| *t >= 0.0),
+            pitch.filter(in_range),
+            yaw.filter(in_range),
+        ) {
             (Some(time), Some(pitch), Some(yaw)) => poses.push((
                 Nanos((time * 1e9).round() as u64),
-                Pose { pitch_rad: pitch.to_radians(), yaw_rad: yaw.to_radians() },
+                Pose {
+                    pitch_rad: pitch.to_radians(),
+                    yaw_rad: yaw.to_radians(),
+                },
             )),
-            _ => return Err(failed(format!("row {}: not a time and two angles within 80 deg", i + 1)).into()),
+            _ => {
+                return Err(failed(format!(
+                    "row {}: not a time and two angles within 80 deg",
+                    i + 1
+                ))
+                .into());
+            }
         }
     }
     if poses.is_empty() {

@@ -1,5 +1,5 @@
-//! The Python client against a whole controller with emulated drives: models staged, swapped and rolled back while the snake
-//! moves.
+//! The Python client against a whole controller with emulated drives: models staged, swapped and
+//! rolled back while the snake moves.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,8 @@ impl Robot {
         let folder = tempfile::tempdir().unwrap();
         let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
         let snake = SnakeConfig::load(&files.join("snakes/steel.toml")).unwrap();
-        let emulator = Emulator::start(EmulatorConfig::new(snake, &folder.path().join("ports"))).unwrap();
+        let emulator =
+            Emulator::start(EmulatorConfig::new(snake, &folder.path().join("ports"))).unwrap();
         let mut config = Config::load(&files.join("emulator.toml")).unwrap();
         config.ipc.domain = format!("t{:016x}", random_id());
         for (axis, port) in config.ports.iter_mut().enumerate() {
@@ -38,15 +39,32 @@ impl Robot {
             port.reply_timeout_ms = 500;
         }
         // Tests share the machine: nobody spins, and stalls are not what this is about.
-        (config.control.spin_us, config.control.priority, config.control.lock_memory) = (0, 0, false);
-        (config.limits.feedback_stale_ms, config.limits.feedback_lost_ms) = (2000, 10_000);
+        (
+            config.control.spin_us,
+            config.control.priority,
+            config.control.lock_memory,
+        ) = (0, 0, false);
+        (
+            config.limits.feedback_stale_ms,
+            config.limits.feedback_lost_ms,
+        ) = (2000, 10_000);
         (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
         config.control.model = Some(linear_model(folder.path(), "first.json", 1.0));
         config.record.folder = folder.path().join("records");
-        let (domain, stop) = (Domain::new(&config.ipc.domain).unwrap(), Arc::new(AtomicBool::new(false)));
+        let (domain, stop) = (
+            Domain::new(&config.ipc.domain).unwrap(),
+            Arc::new(AtomicBool::new(false)),
+        );
         let asked = Arc::clone(&stop);
-        let controller = thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
-        Self { domain, folder, stop, controller: Some(controller), _emulator: emulator }
+        let controller =
+            thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
+        Self {
+            domain,
+            folder,
+            stop,
+            controller: Some(controller),
+            _emulator: emulator,
+        }
     }
 }
 
@@ -166,12 +184,24 @@ print('swapped and back')
 
 #[test]
 fn models_are_swapped_from_python_while_the_snake_moves() {
-    let Some(mut command) = python("iceoryx2, numpy") else { return };
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
     let robot = Robot::start();
     let second = linear_model(robot.folder.path(), "second.json", 1.1);
     let broken = robot.folder.path().join("broken.json");
     fs::write(&broken, "{}").unwrap();
-    let output = command.args(["-c", SCRIPT, robot.domain.name()]).args([&second, &broken]).output().unwrap();
-    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success() && out.contains("swapped and back"), "{out}{err}");
+    let output = command
+        .args(["-c", SCRIPT, robot.domain.name()])
+        .args([&second, &broken])
+        .output()
+        .unwrap();
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(
+        output.status.success() && out.contains("swapped and back"),
+        "{out}{err}"
+    );
 }

@@ -1,4 +1,5 @@
-//! Leading by hand: a gamepad played by a pipe in the form of the kernel's joystick events, a keyboard by a pseudo-terminal.
+//! Leading by hand: a gamepad played by a pipe in the form of the kernel's joystick events, a
+//! keyboard by a pseudo-terminal.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
@@ -36,13 +37,26 @@ impl Pad {
         let path = folder.path().join("js0");
         nix::unistd::mkfifo(&path, Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
         // Reading as well, so that opening does not wait for the program.
-        let file = OpenOptions::new().read(true).write(true).custom_flags(nix::libc::O_NONBLOCK).open(&path).unwrap();
-        Self { _folder: folder, path, file: Some(file) }
+        let file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(nix::libc::O_NONBLOCK)
+            .open(&path)
+            .unwrap();
+        Self {
+            _folder: folder,
+            path,
+            file: Some(file),
+        }
     }
 
     fn play(&mut self, kind: u8, number: u8, value: i16) {
         let [low, high] = value.to_le_bytes();
-        self.file.as_mut().unwrap().write_all(&[0, 0, 0, 0, low, high, kind, number]).unwrap();
+        self.file
+            .as_mut()
+            .unwrap()
+            .write_all(&[0, 0, 0, 0, low, high, kind, number])
+            .unwrap();
     }
 
     fn unplug(&mut self) {
@@ -51,7 +65,15 @@ impl Pad {
 }
 
 fn lead(controller: &Controller, pad: &Pad) -> Program {
-    let arguments = ["command", "--gamepad", pad.path.to_str().unwrap(), "--speed-deg-s", "20", "--scale", "0.5"];
+    let arguments = [
+        "command",
+        "--gamepad",
+        pad.path.to_str().unwrap(),
+        "--speed-deg-s",
+        "20",
+        "--scale",
+        "0.5",
+    ];
     Program::start(&controller.domain, &arguments)
 }
 
@@ -71,7 +93,9 @@ fn a_gamepad_leads_while_its_dead_man_is_held_and_when_it_is_unplugged_the_snake
     let mut pad = Pad::new();
     let program = lead(&controller, &pad);
     pad.play(AXIS, SIDE, 32767);
-    controller.wait("commands with an open clutch", |robot| robot.poses.len() > 50);
+    controller.wait("commands with an open clutch", |robot| {
+        robot.poses.len() > 50
+    });
     assert!(clutch_is_open(controller.robot().flags));
     assert_near(controller.robot().pose, [1.0, -1.0]);
     pad.play(BUTTON, DEAD_MAN, 1);
@@ -87,11 +111,23 @@ fn a_gamepad_leads_while_its_dead_man_is_held_and_when_it_is_unplugged_the_snake
     controller.wait("motion again", |robot| robot.pose[1] > there[1] + 1.0);
     pad.unplug();
     let (success, _, error) = program.end();
-    assert!(!success && error.contains("js0 is gone") && error.contains("the snake holds"), "{error}");
+    assert!(
+        !success && error.contains("js0 is gone") && error.contains("the snake holds"),
+        "{error}"
+    );
     let robot = controller.robot();
-    assert!(clutch_is_open(robot.flags), "the last word is the open clutch");
-    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
-    assert!((robot.pose[0] - 1.0).abs() < 1e-6, "the other axis stood still");
+    assert!(
+        clutch_is_open(robot.flags),
+        "the last word is the open clutch"
+    );
+    assert_eq!(
+        (robot.lease, robot.asked.last()),
+        (0, Some(&StateCommand::Release))
+    );
+    assert!(
+        (robot.pose[0] - 1.0).abs() < 1e-6,
+        "the other axis stood still"
+    );
     // Half of 20 deg/s.
     assert_no_jump(&robot.poses, 10.0);
 }
@@ -99,8 +135,14 @@ fn a_gamepad_leads_while_its_dead_man_is_held_and_when_it_is_unplugged_the_snake
 #[test]
 fn a_gamepad_that_is_not_there_is_named() {
     let controller = Controller::enabled();
-    let (success, _, error) = Program::run(&controller.domain, &["command", "--gamepad", "/nonexistent/js7"]);
-    assert!(!success && error.contains("/nonexistent/js7") && error.contains("ls /dev/input/js*"), "{error}");
+    let (success, _, error) = Program::run(
+        &controller.domain,
+        &["command", "--gamepad", "/nonexistent/js7"],
+    );
+    assert!(
+        !success && error.contains("/nonexistent/js7") && error.contains("ls /dev/input/js*"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -108,7 +150,14 @@ fn keys_lead_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
     let controller = Controller::enabled();
     let terminal = openpty(None, None).unwrap();
     let mut program = Command::new(env!("CARGO_BIN_EXE_i2ris"))
-        .args(["command", "--keyboard", "--step-deg", "0.5", "--domain", controller.domain.name()])
+        .args([
+            "command",
+            "--keyboard",
+            "--step-deg",
+            "0.5",
+            "--domain",
+            controller.domain.name(),
+        ])
         .stdin(Stdio::from(terminal.slave.try_clone().unwrap()))
         .stdout(Stdio::from(terminal.slave))
         .stderr(Stdio::piped())
@@ -145,9 +194,17 @@ fn keys_lead_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
     keys.write_all(b"q").unwrap();
     assert!(program.wait().unwrap().success());
     let text = shown.join().unwrap();
-    assert!(text.contains("Space closes the clutch") && text.contains("FOLLOWS") && text.contains("HOLDS"), "{text}");
+    assert!(
+        text.contains("Space closes the clutch")
+            && text.contains("FOLLOWS")
+            && text.contains("HOLDS"),
+        "{text}"
+    );
     let robot = controller.robot();
-    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert_eq!(
+        (robot.lease, robot.asked.last()),
+        (0, Some(&StateCommand::Release))
+    );
     assert_no_jump(&robot.poses, 10.0);
 }
 
@@ -158,7 +215,8 @@ fn a_keyboard_that_is_none_and_two_masters_at_once_are_refused() {
     assert!(!success && error.contains("needs a terminal"), "{error}");
     let (success, _, error) = Program::run(&controller.domain, &["command", "--keyboard", "hold"]);
     assert!(!success && error.contains("not both"), "{error}");
-    let (success, _, error) = Program::run(&controller.domain, &["command", "--keyboard", "--gamepad"]);
+    let (success, _, error) =
+        Program::run(&controller.domain, &["command", "--keyboard", "--gamepad"]);
     assert!(!success && error.contains("cannot be used with"), "{error}");
     assert!(controller.robot().poses.is_empty());
 }

@@ -8,10 +8,13 @@ use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
 use i2ris::ipc::payload::{
-    ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator,
-    ServoJp, StateCommandReply, StateCommandRequest, padded_text,
+    ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, padded_text,
 };
-use i2ris::ipc::{Domain, DomainGuard, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand, random_id};
+use i2ris::ipc::{
+    Domain, DomainGuard, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
+    random_id,
+};
 use i2ris::units::Nanos;
 
 /// What the robot is and what happened to it.
@@ -33,7 +36,8 @@ pub struct Robot {
     pub refuse: Option<Refusal>,
     /// Every state command, in order.
     pub asked: Vec<StateCommand>,
-    /// Models in use, staged and in use before, by the byte that their identity is made of; 0: none.
+    /// Models in use, staged and in use before, by the byte that their identity is made of; 0:
+    /// none.
     pub models: [u8; 3],
     /// Every request about models but `list`, in order.
     pub asked_of_models: Vec<ModelAction>,
@@ -86,9 +90,13 @@ impl Robot {
                 Refusal::None
             }
             StateCommand::Condition if self.conditions => Refusal::None,
-            StateCommand::Pause if self.state == OperatingState::Enabled => self.change(OperatingState::Paused),
+            StateCommand::Pause if self.state == OperatingState::Enabled => {
+                self.change(OperatingState::Paused)
+            }
             StateCommand::Hold if self.state == OperatingState::Enabled => Refusal::None,
-            StateCommand::Acknowledge if self.state == OperatingState::Fault => self.change(OperatingState::Disabled),
+            StateCommand::Acknowledge if self.state == OperatingState::Fault => {
+                self.change(OperatingState::Disabled)
+            }
             StateCommand::Pause | StateCommand::Hold | StateCommand::Acknowledge => Refusal::State,
             _ => Refusal::Unsupported,
         }
@@ -123,17 +131,28 @@ impl Robot {
             model_id: [byte; 32],
             family: padded_text("linear"),
             outputs: 2,
-            flags: if byte == 0 { 0 } else { ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN },
+            flags: if byte == 0 {
+                0
+            } else {
+                ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN
+            },
             ..ModelSlot::default()
         };
-        ModelReply { refusal: refusal.number(), slots: self.models.map(slot), ..ModelReply::default() }
+        ModelReply {
+            refusal: refusal.number(),
+            slots: self.models.map(slot),
+            ..ModelReply::default()
+        }
     }
 
     fn servo(&mut self, command: ServoJp) {
         if !self.takes(command.client_id, command.sequence) {
             return;
         }
-        self.pose = [command.position[0].to_degrees(), command.position[1].to_degrees()];
+        self.pose = [
+            command.position[0].to_degrees(),
+            command.position[1].to_degrees(),
+        ];
         self.flags = command.flags;
         self.poses.push((Nanos(command.stamp_ns), self.pose));
     }
@@ -146,7 +165,8 @@ impl Robot {
     }
 
     fn takes(&mut self, client_id: u64, sequence: u64) -> bool {
-        let allowed = self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == client_id);
+        let allowed =
+            self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == client_id);
         if !allowed || self.refuse.is_some() {
             self.refused += 1;
             return false;
@@ -176,7 +196,10 @@ impl Robot {
             count: 2,
             ..ActuatorState::default()
         });
-        server.publish_period_statistics(PeriodStatistics { stamp_ns: now.0, ..PeriodStatistics::default() });
+        server.publish_period_statistics(PeriodStatistics {
+            stamp_ns: now.0,
+            ..PeriodStatistics::default()
+        });
         server.publish_operating_state(OperatingStateMsg {
             stamp_ns: now.0,
             lease_client_id: self.lease,
@@ -185,7 +208,11 @@ impl Robot {
             state: self.state.number(),
             fault: self.fault.number(),
             last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
-            flags: if self.homed { OperatingStateMsg::HOMED } else { 0 },
+            flags: if self.homed {
+                OperatingStateMsg::HOMED
+            } else {
+                0
+            },
             ..OperatingStateMsg::default()
         });
     }
@@ -219,7 +246,12 @@ impl Controller {
             }
         });
         is_ready.recv().unwrap();
-        Self { domain, robot, stop, thread: Some(thread) }
+        Self {
+            domain,
+            robot,
+            stop,
+            thread: Some(thread),
+        }
     }
 
     /// A controller that is homed and enabled.
@@ -250,7 +282,13 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     server.poll_state_commands(now, |token, request| requests.push((token, request)));
     for (token, request) in requests {
         let refusal = robot.command(request).number();
-        server.reply(token, StateCommandReply { refusal, state: robot.state.number() });
+        server.reply(
+            token,
+            StateCommandReply {
+                refusal,
+                state: robot.state.number(),
+            },
+        );
     }
     let mut questions = Vec::new();
     server.poll_models(now, |token, request| questions.push((token, request)));
@@ -284,7 +322,14 @@ impl Program {
     pub fn start(domain: &Domain, arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris"));
         command.args(arguments).env("I2RIS_DOMAIN", domain.name());
-        Self(Some(command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()))
+        Self(Some(
+            command
+                .stdin(Stdio::null())
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap(),
+        ))
     }
 
     pub fn child(&mut self) -> &mut Child {
@@ -298,14 +343,30 @@ impl Program {
 
     /// Waits for the end: exit code, standard output, standard error.
     pub fn code(mut self) -> (Option<i32>, String, String) {
-        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
-        (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = self.0.take().unwrap().wait_with_output().unwrap();
+        (
+            status.code(),
+            String::from_utf8(stdout).unwrap(),
+            String::from_utf8(stderr).unwrap(),
+        )
     }
 
     /// Waits for the end: success, standard output, standard error.
     pub fn end(mut self) -> (bool, String, String) {
-        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
-        (status.success(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = self.0.take().unwrap().wait_with_output().unwrap();
+        (
+            status.success(),
+            String::from_utf8(stdout).unwrap(),
+            String::from_utf8(stderr).unwrap(),
+        )
     }
 
     /// Runs to the end.

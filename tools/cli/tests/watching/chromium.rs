@@ -1,5 +1,6 @@
-//! Chromium without a window, spoken to over two pipes (Chrome DevTools Protocol, `--remote-debugging-pipe`: JSON messages,
-//! each ended by a 0, in on descriptor 3 and out on descriptor 4).
+//! Chromium without a window, spoken to over two pipes (Chrome DevTools Protocol,
+//! `--remote-debugging-pipe`: JSON messages, each ended by a 0, in on descriptor 3 and out on
+//! descriptor 4).
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
@@ -31,9 +32,18 @@ pub struct Browser {
 /// Where Chromium is, if it is installed.
 pub fn find() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
-    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+    let names = [
+        "chromium",
+        "chromium-browser",
+        "google-chrome",
+        "google-chrome-stable",
+    ];
     let places = || std::env::split_paths(&path);
-    names.iter().find_map(|name| places().map(|place| place.join(name)).find(|file| file.is_file()))
+    names.iter().find_map(|name| {
+        places()
+            .map(|place| place.join(name))
+            .find(|file| file.is_file())
+    })
 }
 
 impl Browser {
@@ -44,8 +54,19 @@ impl Browser {
         let ((their_in, our_out), (our_in, their_out)) = (pipe(), pipe());
         let mut command = Command::new(program);
         command
-            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--remote-debugging-pipe"])
-            .args(["--no-first-run", "--disable-extensions", "--disable-background-networking", "--mute-audio"])
+            .args([
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--disable-dev-shm-usage",
+                "--remote-debugging-pipe",
+            ])
+            .args([
+                "--no-first-run",
+                "--disable-extensions",
+                "--disable-background-networking",
+                "--mute-audio",
+            ])
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -58,16 +79,30 @@ impl Browser {
             let mut bytes = Vec::new();
             while let Ok(1..) = reader.read_until(0, &mut bytes) {
                 bytes.pop();
-                if serde_json::from_slice(&bytes).is_ok_and(|message| sender.send(message).is_err()) {
+                if serde_json::from_slice(&bytes).is_ok_and(|message| sender.send(message).is_err())
+                {
                     return;
                 }
                 bytes.clear();
             }
         });
         let (pipe, session) = (File::from(our_out), Value::Null);
-        let mut browser = Self { child, pipe, messages, session, next: 0, events: Vec::new(), _profile: profile };
-        let target = browser.call("Target.createTarget", json!({ "url": "about:blank" }))["targetId"].clone();
-        let attached = browser.call("Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
+        let mut browser = Self {
+            child,
+            pipe,
+            messages,
+            session,
+            next: 0,
+            events: Vec::new(),
+            _profile: profile,
+        };
+        let target =
+            browser.call("Target.createTarget", json!({ "url": "about:blank" }))["targetId"]
+                .clone();
+        let attached = browser.call(
+            "Target.attachToTarget",
+            json!({ "targetId": target, "flatten": true }),
+        );
         browser.session = attached["sessionId"].clone();
         for domain in ["Page", "Runtime", "Network", "Log"] {
             browser.call(&format!("{domain}.enable"), json!({}));
@@ -79,7 +114,8 @@ impl Browser {
 
     /// Gives the page another size.
     pub fn resize(&mut self, [width, height]: [u32; 2]) {
-        let size = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        let size =
+            json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
         self.call("Emulation.setDeviceMetricsOverride", size);
     }
 
@@ -96,7 +132,10 @@ impl Browser {
         let end = Instant::now() + PATIENCE;
         loop {
             let left = end.saturating_duration_since(Instant::now());
-            let message = self.messages.recv_timeout(left).unwrap_or_else(|error| panic!("{method}: {error}"));
+            let message = self
+                .messages
+                .recv_timeout(left)
+                .unwrap_or_else(|error| panic!("{method}: {error}"));
             if message["id"].as_u64() == Some(self.next) {
                 assert!(message["error"].is_null(), "{method}: {message}");
                 return message["result"].clone();
@@ -120,7 +159,10 @@ impl Browser {
         let end = Instant::now() + PATIENCE;
         while self.evaluate(script) != json!(true) {
             if Instant::now() > end {
-                panic!("waited in vain: {what}\n{}", self.evaluate("document.body.innerText"));
+                panic!(
+                    "waited in vain: {what}\n{}",
+                    self.evaluate("document.body.innerText")
+                );
             }
             thread::sleep(Duration::from_millis(50));
         }
@@ -128,35 +170,48 @@ impl Browser {
 
     /// The addresses of everything that the page asked for.
     pub fn asked_for(&self) -> Vec<String> {
-        let asked = self.events.iter().filter(|event| event["method"] == json!("Network.requestWillBeSent"));
-        asked.map(|event| event["params"]["request"]["url"].as_str().unwrap_or_default().to_owned()).collect()
+        let asked = self
+            .events
+            .iter()
+            .filter(|event| event["method"] == json!("Network.requestWillBeSent"));
+        asked
+            .map(|event| {
+                event["params"]["request"]["url"]
+                    .as_str()
+                    .unwrap_or_default()
+                    .to_owned()
+            })
+            .collect()
     }
 
     /// Errors and warnings on the console, and exceptions that nobody caught.
     pub fn complaints(&self) -> Vec<String> {
         let bad = |event: &&Value| match event["method"].as_str() {
             Some("Runtime.exceptionThrown") => true,
-            Some("Runtime.consoleAPICalled") => {
-                ["error", "warning", "assert"].contains(&event["params"]["type"].as_str().unwrap_or(""))
-            }
-            Some("Log.entryAdded") => {
-                ["error", "warning"].contains(&event["params"]["entry"]["level"].as_str().unwrap_or(""))
-            }
+            Some("Runtime.consoleAPICalled") => ["error", "warning", "assert"]
+                .contains(&event["params"]["type"].as_str().unwrap_or("")),
+            Some("Log.entryAdded") => ["error", "warning"]
+                .contains(&event["params"]["entry"]["level"].as_str().unwrap_or("")),
             _ => false,
         };
-        self.events.iter().filter(bad).map(ToString::to_string).collect()
+        self.events
+            .iter()
+            .filter(bad)
+            .map(ToString::to_string)
+            .collect()
     }
 }
 
 /// Starts it with the two pipes in the places where it looks for them.
 fn with_pipes(mut command: Command, input: &OwnedFd, output: &OwnedFd) -> Child {
     let (input, output) = (input.as_raw_fd(), output.as_raw_fd());
-    // SAFETY: fcntl and dup2 are async-signal-safe and touch no memory of the parent. Both are moved out of the way first,
-    // because 3 and 4 may be each other's.
+    // SAFETY: fcntl and dup2 are async-signal-safe and touch no memory of the parent. Both are
+    // moved out of the way first, because 3 and 4 may be each other's.
     unsafe {
         command.pre_exec(move || {
             let result = nix::errno::Errno::result;
-            let high = [input, output].map(|descriptor| nix::libc::fcntl(descriptor, nix::libc::F_DUPFD, 10));
+            let high = [input, output]
+                .map(|descriptor| nix::libc::fcntl(descriptor, nix::libc::F_DUPFD, 10));
             for (place, descriptor) in [3, 4].into_iter().zip(high) {
                 result(descriptor)?;
                 result(nix::libc::dup2(descriptor, place))?;

@@ -25,15 +25,25 @@ impl Served {
     pub fn with(domain: &Domain, arguments: &[&str]) -> Self {
         let mut program = Program::start(domain, arguments);
         let mut line = String::new();
-        BufReader::new(program.child().stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let address = line.split("http://").nth(1).and_then(|rest| rest.split('/').next()).unwrap_or_default();
-        let address = address.parse().unwrap_or_else(|_| panic!("no address in {line:?}"));
+        BufReader::new(program.child().stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        let address = line
+            .split("http://")
+            .nth(1)
+            .and_then(|rest| rest.split('/').next())
+            .unwrap_or_default();
+        let address = address
+            .parse()
+            .unwrap_or_else(|_| panic!("no address in {line:?}"));
         Self { program, address }
     }
 
     pub fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(("127.0.0.1", self.address.port())).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(20)))
+            .unwrap();
         stream
     }
 
@@ -58,10 +68,19 @@ impl Served {
     /// Asks with a method; status and body.
     pub fn ask(&self, method: &str, target: &str) -> (u16, String) {
         let answer = self.exchange(
-            format!("{method} {target} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address).as_bytes(),
+            format!(
+                "{method} {target} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
+                self.address
+            )
+            .as_bytes(),
         );
-        let (head, body) = answer.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no answer: {answer:?}"));
-        (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
+        let (head, body) = answer
+            .split_once("\r\n\r\n")
+            .unwrap_or_else(|| panic!("no answer: {answer:?}"));
+        (
+            head.split(' ').nth(1).unwrap().parse().unwrap(),
+            body.to_owned(),
+        )
     }
 
     /// What a page is told.
@@ -79,7 +98,10 @@ impl Served {
             if wanted(&live) {
                 return live;
             }
-            assert!(std::time::Instant::now() < end, "waited in vain: {what}\n{live:#}");
+            assert!(
+                std::time::Instant::now() < end,
+                "waited in vain: {what}\n{live:#}"
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
     }

@@ -29,13 +29,14 @@ const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id"
     "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3, "restarts": 1,
         "log_likelihood": null, "bic": null, "software": "test"},
     "metrics": [METRICS, METRICS]}"#;
-const METRICS: &str =
-    r#"{"training": {"r2": 0.99, "rmsd": 0.5, "nrmsd": 0.1, "mae": 0.4, "max": 2.0}, "held_out": null}"#;
+const METRICS: &str = r#"{"training": {"r2": 0.99, "rmsd": 0.5, "nrmsd": 0.1, "mae": 0.4, "max": 2.0}, "held_out": null}"#;
 
 /// The controller, when this program is started again by [`Robot::start`]; nothing otherwise.
 #[test]
 fn the_controller_when_asked_to_be_one() {
-    let Some(file) = std::env::var_os(CONFIG) else { return };
+    let Some(file) = std::env::var_os(CONFIG) else {
+        return;
+    };
     let config = Config::load(Path::new(&file)).unwrap();
     let shutdown = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&shutdown);
@@ -48,11 +49,21 @@ struct Process(Child);
 
 impl Process {
     fn start(mut command: Command) -> Self {
-        Self(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
+        Self(
+            command
+                .stdin(Stdio::null())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap(),
+        )
     }
 
     fn signal(&self, signal: Signal) {
-        let _ = kill(nix::unistd::Pid::from_raw(i32::try_from(self.0.id()).unwrap()), signal);
+        let _ = kill(
+            nix::unistd::Pid::from_raw(i32::try_from(self.0.id()).unwrap()),
+            signal,
+        );
     }
 }
 
@@ -86,19 +97,40 @@ impl Robot {
         let folder = tempfile::tempdir().unwrap();
         let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
         let config = write_config(folder.path(), &domain);
-        let emulator = Process::start(tool(&domain, &["emulate", "--ports"], &[&folder.path().join("ports")]));
+        let emulator = Process::start(tool(
+            &domain,
+            &["emulate", "--ports"],
+            &[&folder.path().join("ports")],
+        ));
         let end = Instant::now() + Duration::from_secs(60);
         while !folder.path().join("ports/axis1").exists() {
             assert!(Instant::now() < end, "the emulator does not start");
             std::thread::sleep(Duration::from_millis(20));
         }
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "processes::the_controller_when_asked_to_be_one"]).env(CONFIG, &config);
+        command
+            .args(["--exact", "processes::the_controller_when_asked_to_be_one"])
+            .env(CONFIG, &config);
         let controller = Process::start(command);
         bring_up(&domain);
-        let circle = ["command", "circle", "--radius-deg", "5", "--period-s", "4", "--duration-s", "600"];
+        let circle = [
+            "command",
+            "circle",
+            "--radius-deg",
+            "5",
+            "--period-s",
+            "4",
+            "--duration-s",
+            "600",
+        ];
         let commander = Some(Process::start(tool(&domain, &circle, &[])));
-        Self { domain, commander, controller, _emulator: emulator, _folder: folder }
+        Self {
+            domain,
+            commander,
+            controller,
+            _emulator: emulator,
+            _folder: folder,
+        }
     }
 
     /// The controller stands still and holds everything it has, as one that hangs.
@@ -143,7 +175,13 @@ fn tool(domain: &Domain, arguments: &[&str], more: &[&Path]) -> Command {
 
 fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
     let (file, model) = (folder.join("robot.toml"), folder.join("model.json"));
-    std::fs::write(&model, MODEL.replace("METRICS", METRICS).replace("SHA", &"0".repeat(64))).unwrap();
+    std::fs::write(
+        &model,
+        MODEL
+            .replace("METRICS", METRICS)
+            .replace("SHA", &"0".repeat(64)),
+    )
+    .unwrap();
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     let mut config = Config::load(&files).unwrap();
     config.ipc.domain = domain.name().to_owned();
@@ -154,8 +192,15 @@ fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
         port.reply_timeout_ms = 500;
     }
     // Tests share the machine: nobody spins, and stalls are not what this is about.
-    (config.control.spin_us, config.control.priority, config.control.lock_memory) = (0, 0, false);
-    (config.limits.feedback_stale_ms, config.limits.feedback_lost_ms) = (2000, 20_000);
+    (
+        config.control.spin_us,
+        config.control.priority,
+        config.control.lock_memory,
+    ) = (0, 0, false);
+    (
+        config.limits.feedback_stale_ms,
+        config.limits.feedback_lost_ms,
+    ) = (2000, 20_000);
     (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
     std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
     file
@@ -172,6 +217,10 @@ fn bring_up(domain: &Domain) {
         client.wait_for(PATIENCE, done).unwrap();
     };
     let idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
-    ask(&mut client, StateCommand::Home, &|state| idle(state) && state.flags & OperatingStateMsg::HOMED != 0);
-    ask(&mut client, StateCommand::Enable, &|state| idle(state) && state.state == OperatingState::Enabled.number());
+    ask(&mut client, StateCommand::Home, &|state| {
+        idle(state) && state.flags & OperatingStateMsg::HOMED != 0
+    });
+    ask(&mut client, StateCommand::Enable, &|state| {
+        idle(state) && state.state == OperatingState::Enabled.number()
+    });
 }

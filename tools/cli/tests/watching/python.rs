@@ -1,4 +1,5 @@
-//! The Python client against a controller without drives, where there is a Python with what it needs.
+//! The Python client against a controller without drives, where there is a Python with what it
+//! needs.
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::fs;
@@ -14,13 +15,17 @@ use crate::fake_controller::Controller;
 
 pub fn python(modules: &str) -> Option<Command> {
     let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
+    let probe = Command::new(&name)
+        .args(["-c", &format!("import {modules}")])
+        .output();
     if !probe.is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
         return None;
     }
     let mut command = Command::new(name);
-    command.current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")).env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
     Some(command)
 }
 
@@ -63,14 +68,29 @@ except NoController as error:
 
 #[test]
 fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
-    let Some(mut command) = python("iceoryx2, numpy") else { return };
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
     let controller = Controller::start();
-    let output = command.args(["-c", SCRIPT, controller.domain.name()]).output().unwrap();
-    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let output = command
+        .args(["-c", SCRIPT, controller.domain.name()])
+        .output()
+        .unwrap();
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
     assert!(output.status.success(), "{out}{err}");
     let robot = controller.robot();
-    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
-    assert!((robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9, "{:?}", robot.pose);
+    assert_eq!(
+        (robot.lease, robot.asked.last()),
+        (0, Some(&StateCommand::Release))
+    );
+    assert!(
+        (robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9,
+        "{:?}",
+        robot.pose
+    );
 }
 
 const HOLDER: &str = "
@@ -85,7 +105,9 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
 
 #[test]
 fn who_commands_from_python_is_known_by_name() {
-    let Some(mut command) = python("iceoryx2, numpy") else { return };
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
     let controller = Controller::enabled();
     let mut child = command
         .args(["-c", HOLDER, controller.domain.name()])
@@ -94,17 +116,27 @@ fn who_commands_from_python_is_known_by_name() {
         .spawn()
         .unwrap();
     let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    BufReader::new(child.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
     assert_eq!(line, "commanding\n");
     controller.wait("the lease", |robot| robot.lease != 0);
     let lease = controller.robot().lease;
     let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
     let boot_id = client.version().unwrap().boot_id;
     let caller = look_up(&controller.domain, boot_id, lease).unwrap();
-    assert_eq!((caller.pid, caller.program.starts_with("python")), (child.id(), true), "{caller}");
+    assert_eq!(
+        (caller.pid, caller.program.starts_with("python")),
+        (child.id(), true),
+        "{caller}"
+    );
     drop(child.stdin.take());
     assert!(child.wait().unwrap().success());
-    assert_eq!(look_up(&controller.domain, boot_id, lease), None, "gone with the client");
+    assert_eq!(
+        look_up(&controller.domain, boot_id, lease),
+        None,
+        "gone with the client"
+    );
 }
 
 const FOREIGN: &str = "
@@ -121,10 +153,19 @@ except OtherInterface as error:
 
 #[test]
 fn a_controller_of_another_version_is_refused_plainly() {
-    let Some(mut command) = python("iceoryx2, numpy") else { return };
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     let _guard = DomainGuard::acquire(&domain).unwrap();
     fs::write(domain.directory().join("ready"), "000000000000b007 99 1\n").unwrap();
-    let output = command.args(["-c", FOREIGN, domain.name()]).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = command
+        .args(["-c", FOREIGN, domain.name()])
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }

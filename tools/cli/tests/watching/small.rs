@@ -6,7 +6,11 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 fn i2ris(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_i2ris")).args(arguments).stdin(Stdio::null()).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_i2ris"))
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap()
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -17,16 +21,37 @@ fn text(bytes: &[u8]) -> String {
 fn a_configuration_is_judged_and_printed_with_its_defaults() {
     let good = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     let output = i2ris(&["config", "check", good.to_str().unwrap()]);
-    assert!(output.status.success() && text(&output.stdout).contains("valid; robot i2ris-emulated, 2 motor(s)"));
+    assert!(
+        output.status.success()
+            && text(&output.stdout).contains("valid; robot i2ris-emulated, 2 motor(s)")
+    );
     let folder = tempfile::tempdir().unwrap();
     let printed = folder.path().join("printed.toml");
-    fs::write(&printed, i2ris(&["config", "print", good.to_str().unwrap()]).stdout).unwrap();
-    assert!(i2ris(&["config", "check", printed.to_str().unwrap()]).status.success(), "what is printed is valid, too");
+    fs::write(
+        &printed,
+        i2ris(&["config", "print", good.to_str().unwrap()]).stdout,
+    )
+    .unwrap();
+    assert!(
+        i2ris(&["config", "check", printed.to_str().unwrap()])
+            .status
+            .success(),
+        "what is printed is valid, too"
+    );
     let bad = folder.path().join("bad.toml");
-    fs::write(&bad, fs::read_to_string(&good).unwrap().replace("rate_hz", "rate_herz")).unwrap();
+    fs::write(
+        &bad,
+        fs::read_to_string(&good)
+            .unwrap()
+            .replace("rate_hz", "rate_herz"),
+    )
+    .unwrap();
     let output = i2ris(&["config", "check", bad.to_str().unwrap()]);
     let error = text(&output.stderr);
-    assert!(!output.status.success() && error.contains("bad.toml") && error.contains("rate_herz"), "{error}");
+    assert!(
+        !output.status.success() && error.contains("bad.toml") && error.contains("rate_herz"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -43,7 +68,14 @@ fn shells_are_told_every_subcommand() {
 
 /// Runs a benchmark as JSON, without wishes that other tests would feel.
 fn bench(arguments: &[&str]) -> serde_json::Value {
-    let output = i2ris(&[&["bench"], arguments, &["--json", "--priority", "0", "--unpinned"]].concat());
+    let output = i2ris(
+        &[
+            &["bench"],
+            arguments,
+            &["--json", "--priority", "0", "--unpinned"],
+        ]
+        .concat(),
+    );
     assert!(output.status.success(), "{}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
@@ -55,14 +87,24 @@ fn judge(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
         let spans = &way["spans_ns"];
         assert!(spans["count"].as_u64().unwrap() > 0, "{way}");
         assert!(
-            spans["p50"].as_u64() <= spans["p99"].as_u64() && spans["p99"].as_u64() <= spans["max"].as_u64(),
+            spans["p50"].as_u64() <= spans["p99"].as_u64()
+                && spans["p99"].as_u64() <= spans["max"].as_u64(),
             "{way}"
         );
-        let compared = way["role"] != "floor" && groups_with_floor.iter().any(|group| way["group"] == *group);
+        let compared =
+            way["role"] != "floor" && groups_with_floor.iter().any(|group| way["group"] == *group);
         assert_eq!(way["x_floor"]["p50"].is_f64(), compared, "{way}");
     }
-    assert!(outcome["machine"]["kernel"].as_str().is_some_and(|kernel| !kernel.is_empty()));
-    assert!(outcome["notes"].as_array().is_some_and(|notes| !notes.is_empty()));
+    assert!(
+        outcome["machine"]["kernel"]
+            .as_str()
+            .is_some_and(|kernel| !kernel.is_empty())
+    );
+    assert!(
+        outcome["notes"]
+            .as_array()
+            .is_some_and(|notes| !notes.is_empty())
+    );
 }
 
 #[test]
@@ -72,37 +114,70 @@ fn latencies_are_measured_on_every_way_beside_their_floors() {
     assert_eq!(outcome["ways"].as_array().unwrap().len(), 11);
     let outcome = bench(&["loop", "--duration-s", "1"]);
     judge(&outcome, &["lateness", "compute"]);
-    judge(&bench(&["inverse", "--rounds", "1"]), &["inverse", "forward"]);
+    judge(
+        &bench(&["inverse", "--rounds", "1"]),
+        &["inverse", "forward"],
+    );
 }
 
 #[test]
 fn the_driver_and_a_bare_loop_share_the_wire_and_the_outcome_becomes_a_page() {
     let folder = tempfile::tempdir().unwrap();
-    let outcome = bench(&["wire", "--duration-s", "1", "--output", folder.path().to_str().unwrap()]);
+    let outcome = bench(&[
+        "wire",
+        "--duration-s",
+        "1",
+        "--output",
+        folder.path().to_str().unwrap(),
+    ]);
     judge(&outcome, &["set-point to set-point"]);
     let quantity = |name: &str| {
         let all = outcome["quantities"].as_array().unwrap();
-        all.iter().find(|quantity| quantity["name"] == name).unwrap()["value"].as_f64().unwrap()
+        all.iter()
+            .find(|quantity| quantity["name"] == name)
+            .unwrap()["value"]
+            .as_f64()
+            .unwrap()
     };
-    // The emulator paces bytes: nobody can be faster than the wire, and something must come through.
+    // The emulator paces bytes: nobody can be faster than the wire, and something must come
+    // through.
     for name in ["a bare loop uses", "the driver uses"] {
-        assert!((1.0..103.0).contains(&quantity(name)), "{name}: {}", quantity(name));
+        assert!(
+            (1.0..103.0).contains(&quantity(name)),
+            "{name}: {}",
+            quantity(name)
+        );
     }
     assert_eq!(quantity("rules broken by the host"), 0.0);
     for name in ["wire.json", "wire.hlog", "wire.svg", "index.html"] {
-        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 500, "{name}");
+        assert!(
+            fs::metadata(folder.path().join(name)).unwrap().len() > 500,
+            "{name}"
+        );
     }
 }
 
 #[test]
 fn without_a_controller_there_is_no_way_from_end_to_end_and_that_is_said() {
-    let output =
-        i2ris(&["bench", "e2e", "--commands", "50", "--priority", "0", "--controller", "/nonexistent/i2ris-control"]);
+    let output = i2ris(&[
+        "bench",
+        "e2e",
+        "--commands",
+        "50",
+        "--priority",
+        "0",
+        "--controller",
+        "/nonexistent/i2ris-control",
+    ]);
     let error = text(&output.stderr);
-    assert!(!output.status.success() && error.contains("cannot start the controller"), "{error}");
+    assert!(
+        !output.status.success() && error.contains("cannot start the controller"),
+        "{error}"
+    );
 }
 
-/// The controller is a program of another package, which is there after a build of the whole workspace.
+/// The controller is a program of another package, which is there after a build of the whole
+/// workspace.
 #[test]
 fn a_command_is_followed_to_the_wire_and_back() {
     let controller = Path::new(env!("CARGO_BIN_EXE_i2ris")).with_file_name("i2ris-control");
@@ -110,17 +185,29 @@ fn a_command_is_followed_to_the_wire_and_back() {
         eprintln!("skipped: there is no {}", controller.display());
         return;
     }
-    let outcome = bench(&["e2e", "--commands", "80", "--controller", controller.to_str().unwrap()]);
+    let outcome = bench(&[
+        "e2e",
+        "--commands",
+        "80",
+        "--controller",
+        controller.to_str().unwrap(),
+    ]);
     let arrived = "command to last byte of the set-point";
     let seen = "command to encoder position at the client";
     judge(&outcome, &[arrived, seen]);
     let p50 = |group: &str| {
         let ways = outcome["ways"].as_array().unwrap();
-        let way = ways.iter().find(|way| way["group"] == group && way["role"] == "ours").unwrap();
+        let way = ways
+            .iter()
+            .find(|way| way["group"] == group && way["role"] == "ours")
+            .unwrap();
         way["spans_ns"]["p50"].as_u64().unwrap()
     };
     // Causes come before effects, whatever the machine does.
-    assert!(p50("command to operating system") < p50(arrived) && p50(arrived) < p50(seen), "{outcome}");
+    assert!(
+        p50("command to operating system") < p50(arrived) && p50(arrived) < p50(seen),
+        "{outcome}"
+    );
 }
 
 /// The units, with the programs of this build in the place of the installed ones.
@@ -136,13 +223,20 @@ fn the_units_of_systemd_are_valid() {
     let units = ["i2ris-control@.service", "i2ris-guard@.service"].map(|name| {
         let text = fs::read_to_string(from.join(name)).unwrap();
         assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");
-        let program = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
+        let program = text
+            .lines()
+            .find_map(|line| line.strip_prefix("ExecStart="))
+            .unwrap();
         let installed = program.split(' ').next().unwrap();
         let unit = folder.path().join(name);
         fs::write(&unit, text.replace(installed, env!("CARGO_BIN_EXE_i2ris"))).unwrap();
         unit
     });
-    let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
+    let output = Command::new("systemd-analyze")
+        .arg("verify")
+        .args(&units)
+        .output()
+        .unwrap();
     let said = text(&output.stdout) + &text(&output.stderr);
     let ours: Vec<&str> = said.lines().filter(|line| line.contains("i2ris")).collect();
     assert!(ours.is_empty(), "{ours:?}");

@@ -1,9 +1,12 @@
-//! `i2ris monitor` on a terminal: what it shows at every size, what its keys do, and how it leaves the terminal.
+//! `i2ris monitor` on a terminal: what it shows at every size, what its keys do, and how it leaves
+//! the terminal.
 
 use std::fs;
 
 use i2ris::clock;
-use i2ris::ipc::{Domain, DomainGuard, Fault, ModelAction, OperatingState, StateCommand, random_id};
+use i2ris::ipc::{
+    Domain, DomainGuard, Fault, ModelAction, OperatingState, StateCommand, random_id,
+};
 use nix::sys::signal::{Signal, kill};
 
 use crate::fake_controller::Controller;
@@ -29,24 +32,45 @@ fn domain() -> Domain {
 fn forty_columns_hold_every_number_and_every_key() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 40);
-    let text = terminal.wait("everything", |text| text.contains("SCHEDULING") && text.contains("former none"));
-    for part in ["ENABLED", "homed", "memory unknown", "no commander", "accepted 0", "refused 0", "deg"] {
+    let text = terminal.wait("everything", |text| {
+        text.contains("SCHEDULING") && text.contains("former none")
+    });
+    for part in [
+        "ENABLED",
+        "homed",
+        "memory unknown",
+        "no commander",
+        "accepted 0",
+        "refused 0",
+        "deg",
+    ] {
         assert!(text.contains(part), "{part}\n{text}");
     }
-    for part in
-        ["pitch   +1.00  +1.00  +1.00  0.00      -", "  0       40       40    0 starting", "bus", "late", "p50"]
-    {
+    for part in [
+        "pitch   +1.00  +1.00  +1.00  0.00      -",
+        "  0       40       40    0 starting",
+        "bus",
+        "late",
+        "p50",
+    ] {
         assert!(text.contains(part), "{part}\n{text}");
     }
     for key in KEYS {
         assert!(text.contains(key), "{key}\n{text}");
     }
-    for (key, shown) in
-        [("2", "pitch, deg"), ("3", "pitch over yaw"), ("4", "motor 0"), ("5", "events seen"), ("1", "set-pt")]
-    {
+    for (key, shown) in [
+        ("2", "pitch, deg"),
+        ("3", "pitch over yaw"),
+        ("4", "motor 0"),
+        ("5", "events seen"),
+        ("1", "set-pt"),
+    ] {
         terminal.type_keys(key);
         let text = terminal.wait_for(shown);
-        assert!(text.contains("ENABLED"), "the state is on every view\n{text}");
+        assert!(
+            text.contains("ENABLED"),
+            "the state is on every view\n{text}"
+        );
     }
 }
 
@@ -54,7 +78,9 @@ fn forty_columns_hold_every_number_and_every_key() {
 fn a_screen_that_is_too_small_says_what_is_missing_and_one_that_is_large_shows_everything() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 16, 40);
-    let first = terminal.wait("a hint", |text| text.contains("lines 1 to") && text.contains("ENABLED"));
+    let first = terminal.wait("a hint", |text| {
+        text.contains("lines 1 to") && text.contains("ENABLED")
+    });
     assert!(!first.contains("SCHEDULING"), "{first}");
     terminal.type_keys("\u{1b}[B\u{1b}[B\u{1b}[B");
     terminal.wait_for("lines 4 to");
@@ -96,7 +122,15 @@ fn keys_stop_the_robot_and_acknowledge_its_faults() {
     terminal.type_keys("a");
     terminal.wait_for("acknowledge: the controller is DISABLED");
     let asked = controller.robot().asked.clone();
-    assert_eq!(asked, [StateCommand::Hold, StateCommand::Pause, StateCommand::Acknowledge, StateCommand::Acknowledge]);
+    assert_eq!(
+        asked,
+        [
+            StateCommand::Hold,
+            StateCommand::Pause,
+            StateCommand::Acknowledge,
+            StateCommand::Acknowledge
+        ]
+    );
     terminal.type_keys("5");
     let text = terminal.wait_for("PAUSED to FAULT: a drive does not");
     assert!(text.contains("pause: the controller is PAUSED"), "{text}");
@@ -125,7 +159,10 @@ fn a_model_is_changed_only_after_a_confirmation() {
     terminal.wait_for("Roll back to linear 01010101?");
     terminal.type_keys("y");
     terminal.wait_for("roll back: model 01010101 takes over");
-    assert_eq!(controller.robot().asked_of_models, [ModelAction::Activate, ModelAction::Rollback]);
+    assert_eq!(
+        controller.robot().asked_of_models,
+        [ModelAction::Activate, ModelAction::Rollback]
+    );
 }
 
 #[test]
@@ -142,7 +179,10 @@ fn the_terminal_is_put_back_by_q_and_by_signals() {
         assert!(terminal.end().success(), "{end:?}");
         terminal.assert_restored();
     }
-    assert!(controller.robot().asked.is_empty(), "looking asks for nothing");
+    assert!(
+        controller.robot().asked.is_empty(),
+        "looking asks for nothing"
+    );
 }
 
 #[test]
@@ -160,11 +200,18 @@ fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_
     assert_eq!(terminal.end().code(), Some(3));
     terminal.assert_restored();
     let text = terminal.screen.screen().contents();
-    assert!(text.contains("no controller serves domain") && text.contains("start i2ris-control"), "{text}");
+    assert!(
+        text.contains("no controller serves domain") && text.contains("start i2ris-control"),
+        "{text}"
+    );
 
     let domain = domain();
     let guard = DomainGuard::acquire(&domain).unwrap();
-    fs::write(domain.directory().join("ready"), format!("{:016x} 2 1", guard.boot_id())).unwrap();
+    fs::write(
+        domain.directory().join("ready"),
+        format!("{:016x} 2 1", guard.boot_id()),
+    )
+    .unwrap();
     let mut terminal = Terminal::start(&domain, &["monitor"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));
     let text = terminal.screen.screen().contents();
@@ -178,8 +225,13 @@ fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
     let mut terminal = Terminal::start(&domain, &["monitor"], 45, 60);
     terminal.wait_for("+1.00");
     drop(controller);
-    let text = terminal.wait("staleness", |text| text.contains("was ENABLED") && text.contains("estimate STALE"));
-    assert!(text.contains("no controller serves domain") && text.contains("motor"), "{text}");
+    let text = terminal.wait("staleness", |text| {
+        text.contains("was ENABLED") && text.contains("estimate STALE")
+    });
+    assert!(
+        text.contains("no controller serves domain") && text.contains("motor"),
+        "{text}"
+    );
     terminal.type_keys(" ");
     terminal.wait_for("pause NOT DONE: no controller serves domain");
     terminal.type_keys("q");

@@ -2,7 +2,8 @@
 
 use super::Family;
 
-/// Why a request is not carried out: the first four bytes of a reply (EPOS4 Communication Guide, table 6-20).
+/// Why a request is not carried out: the first four bytes of a reply (EPOS4 Communication Guide,
+/// table 6-20).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Abort {
@@ -59,8 +60,8 @@ impl Fault {
     /// The CAN bus is not connected; may appear at power-up.
     pub const CAN_PASSIVE: Self = Self(0x8120);
 
-    /// What the drive does about it (EPOS4 Firmware Specification, table of errors; EPOS2: the same where the error is).
-    /// Unknown codes are the worst kind.
+    /// What the drive does about it (EPOS4 Firmware Specification, table of errors; EPOS2: the same
+    /// where the error is). Unknown codes are the worst kind.
     #[must_use]
     pub fn reaction(self, family: Family) -> Reaction {
         match (family, self.0) {
@@ -73,9 +74,14 @@ impl Fault {
     fn common_reaction(code: u16) -> Reaction {
         match code {
             0x8611 | 0x8A80..=0x8A82 | 0xFF10 => Reaction::FaultOption,
-            0x6081 | 0x8110..=0x8180 | 0x8182..=0x8184 | 0x81FD..=0x81FF | 0x8210 | 0x8250 | 0x8280 | 0x8281 => {
-                Reaction::AbortOption
-            }
+            0x6081
+            | 0x8110..=0x8180
+            | 0x8182..=0x8184
+            | 0x81FD..=0x81FF
+            | 0x8210
+            | 0x8250
+            | 0x8280
+            | 0x8281 => Reaction::AbortOption,
             0xFF01 => Reaction::Warning,
             _ => Reaction::Disable,
         }

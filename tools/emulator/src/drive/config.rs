@@ -29,7 +29,8 @@ pub struct DriveConfig {
     pub segment_bytes: u8,
     /// Time after which a request to another node is given up, milliseconds.
     pub gateway_timeout_ms: u64,
-    /// Whether interpolation (0x60C2:01 above 0) wants set-points in time over a serial line too: fault 0x8250.
+    /// Whether interpolation (0x60C2:01 above 0) wants set-points in time over a serial line too:
+    /// fault 0x8250.
     pub interpolation_timeout: bool,
 }
 

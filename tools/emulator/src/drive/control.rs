@@ -47,21 +47,26 @@ impl Drive {
         self.setpoints = Setpoints::default();
     }
 
-    /// The ramp of a stop has ended: carries out what it was for, then the controlword that came in the meantime.
+    /// The ramp of a stop has ended: carries out what it was for, then the controlword that came in
+    /// the meantime.
     pub(super) fn finish_stop(&mut self, then: State) {
         self.power_off();
         self.enter(then);
         self.command(self.controlword);
     }
 
-    /// Carries out the state command of a controlword. During a ramp only cutting the power is taken: one command must
-    /// finish before the next is handled.
+    /// Carries out the state command of a controlword. During a ramp only cutting the power is
+    /// taken: one command must finish before the next is handled.
     fn command(&mut self, controlword: u16) {
-        let Some(command) = Command::of(controlword) else { return };
+        let Some(command) = Command::of(controlword) else {
+            return;
+        };
         if self.task.is_leaving() && command != Command::DisableVoltage {
             return;
         }
-        let Some(to) = command.leads(self.state) else { return };
+        let Some(to) = command.leads(self.state) else {
+            return;
+        };
         match (self.state, to) {
             (_, State::OperationEnabled) => self.enable(),
             (State::OperationEnabled, State::QuickStopActive) => {
@@ -77,9 +82,13 @@ impl Drive {
         }
     }
 
-    /// Powers the motor. In the cyclic position mode it goes to object 0x607A at once, however old that is.
+    /// Powers the motor. In the cyclic position mode it goes to object 0x607A at once, however old
+    /// that is.
     fn enable(&mut self) {
-        self.demand = Demand { position: self.measured(), velocity: self.motor.velocity };
+        self.demand = Demand {
+            position: self.measured(),
+            velocity: self.motor.velocity,
+        };
         self.setpoints = Setpoints::default();
         self.enter(State::OperationEnabled);
         self.start_mode();
@@ -104,8 +113,8 @@ impl Drive {
         }
     }
 
-    /// Bit 4: only its rising edge starts something, and in the profile position mode a set-point behind a bit that was
-    /// never lowered is lost without a word.
+    /// Bit 4: only its rising edge starts something, and in the profile position mode a set-point
+    /// behind a bit that was never lowered is lost without a word.
     fn start(&mut self, rising: u16, before: u16) {
         match self.mode {
             Mode::ProfilePosition if rising & START != 0 => self.take_setpoint(),
@@ -113,9 +122,11 @@ impl Drive {
                 self.setpoints.acknowledged = self.setpoints.queued.is_some();
             }
             Mode::ProfilePosition
-                if before & START != 0 && self.setpoints.taken != Some(self.dictionary.get(0x607A, 0)) =>
+                if before & START != 0
+                    && self.setpoints.taken != Some(self.dictionary.get(0x607A, 0)) =>
             {
-                self.events.push(EventKind::HostBug(HostBug::SetpointIgnored));
+                self.events
+                    .push(EventKind::HostBug(HostBug::SetpointIgnored));
             }
             Mode::Homing if rising & START != 0 => self.home(),
             _ => {}
@@ -124,10 +135,23 @@ impl Drive {
 
     fn take_setpoint(&mut self) {
         let written = self.dictionary.get(0x607A, 0);
-        let base = self.setpoints.queued.or(self.setpoints.active).unwrap_or(self.demand.position);
-        let target = if self.controlword & RELATIVE != 0 { base + written as f64 } else { self.to_motor(written) };
+        let base = self
+            .setpoints
+            .queued
+            .or(self.setpoints.active)
+            .unwrap_or(self.demand.position);
+        let target = if self.controlword & RELATIVE != 0 {
+            base + written as f64
+        } else {
+            self.to_motor(written)
+        };
         if self.is_beyond_limits(target) {
-            let fault = self.config.family.places().beyond_limits.unwrap_or(Fault(0xFF09));
+            let fault = self
+                .config
+                .family
+                .places()
+                .beyond_limits
+                .unwrap_or(Fault(0xFF09));
             self.raise(fault, false);
             return;
         }
@@ -138,7 +162,8 @@ impl Drive {
         } else if self.setpoints.queued.is_none() {
             self.setpoints.queued = Some(target);
         } else {
-            self.events.push(EventKind::HostBug(HostBug::SetpointIgnored));
+            self.events
+                .push(EventKind::HostBug(HostBug::SetpointIgnored));
             return;
         }
         self.setpoints.acknowledged = true;
@@ -148,14 +173,18 @@ impl Drive {
         }
     }
 
-    /// Here is the home position, or at the stop in a direction. The other methods need switches or an index, and fail here.
+    /// Here is the home position, or at the stop in a direction. The other methods need switches or
+    /// an index, and fail here.
     fn home(&mut self) {
         let method = self.dictionary.get(0x6098, 0);
         match method {
             -3 | -4 => {
                 let speed = self.per_second(0x6099) * if method == -3 { 1.0 } else { -1.0 };
                 self.homing = Homing::Idle;
-                self.task = Task::SearchStop { speed, pressed_s: 0.0 };
+                self.task = Task::SearchStop {
+                    speed,
+                    pressed_s: 0.0,
+                };
             }
             method => self.end_homing(method == self.config.family.places().here),
         }
@@ -167,7 +196,11 @@ impl Drive {
             self.origin = self.encoder() - self.stored(self.config.family.places().home_position);
             self.homed = true;
         }
-        self.homing = if done { Homing::Attained } else { Homing::Failed };
+        self.homing = if done {
+            Homing::Attained
+        } else {
+            Homing::Failed
+        };
         self.events.push(EventKind::Homing(done));
     }
 
@@ -213,7 +246,10 @@ impl Drive {
         if self.state != State::Fault || self.cause {
             return;
         }
-        if self.fault.is_some_and(|fault| fault.clears_position(self.config.family)) {
+        if self
+            .fault
+            .is_some_and(|fault| fault.clears_position(self.config.family))
+        {
             self.lose_position();
         }
         self.fault = None;
@@ -223,9 +259,11 @@ impl Drive {
     /// Puts a fault into the history (object 0x1003), newest first.
     fn remember(&mut self, fault: Fault) {
         for entry in (1..5).rev() {
-            self.dictionary.set(0x1003, entry + 1, self.dictionary.get(0x1003, entry));
+            self.dictionary
+                .set(0x1003, entry + 1, self.dictionary.get(0x1003, entry));
         }
         self.dictionary.set(0x1003, 1, i64::from(fault.0));
-        self.dictionary.set(0x1003, 0, (self.dictionary.get(0x1003, 0) + 1).min(5));
+        self.dictionary
+            .set(0x1003, 0, (self.dictionary.get(0x1003, 0) + 1).min(5));
     }
 }

@@ -1,4 +1,5 @@
-//! Families of drives: which objects they have, and where they keep what the rest of the drive works with.
+//! Families of drives: which objects they have, and where they keep what the rest of the drive
+//! works with.
 
 use serde::{Deserialize, Serialize};
 
@@ -92,7 +93,14 @@ static EPOS2: Places = Places {
     full_serial_number: (0x2004, 0),
     here: 35,
     homing_methods: &[1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 35, -1, -2, -3, -4],
-    modes: &[Mode::ProfilePosition, Mode::ProfileVelocity, Mode::Homing, Mode::Position, Mode::Velocity, Mode::Current],
+    modes: &[
+        Mode::ProfilePosition,
+        Mode::ProfileVelocity,
+        Mode::Homing,
+        Mode::Position,
+        Mode::Velocity,
+        Mode::Current,
+    ],
     objects: EPOS2_OBJECTS,
     name: "EPOS2",
     beyond_limits: None,
@@ -111,7 +119,11 @@ impl Family {
     /// The mode with this number, if the family has it.
     #[must_use]
     pub fn mode(self, number: i64) -> Option<Mode> {
-        self.places().modes.iter().copied().find(|mode| i64::from(mode.number()) == number)
+        self.places()
+            .modes
+            .iter()
+            .copied()
+            .find(|mode| i64::from(mode.number()) == number)
     }
 
     /// The mode in which every set-point acts at once.
@@ -141,7 +153,10 @@ mod tests {
                 places.homing_current,
                 places.full_serial_number,
             ] {
-                let found = places.objects.iter().any(|object| (object.index, object.sub) == place);
+                let found = places
+                    .objects
+                    .iter()
+                    .any(|object| (object.index, object.sub) == place);
                 assert!(found, "{} {:04X}:{:02X}", places.name, place.0, place.1);
             }
         }

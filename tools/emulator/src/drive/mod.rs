@@ -1,8 +1,8 @@
-//! An emulated EPOS4 or EPOS2: objects, state machine, modes of operation, motor. No clock, no line: requests and time steps in,
-//! replies and motor positions out.
+//! An emulated EPOS4 or EPOS2: objects, state machine, modes of operation, motor. No clock, no
+//! line: requests and time steps in, replies and motor positions out.
 //!
-//! Sources: `epos4-serial.md`, sections 1 and 3, which names maxon's documents clause by clause. Where a fact is not
-//! known, the drive here does what hurts a careless host most.
+//! Sources: `epos4-serial.md`, sections 1 and 3, which names maxon's documents clause by clause.
+//! Where a fact is not known, the drive here does what hurts a careless host most.
 //!
 //! | file | holds |
 //! |---|---|
@@ -130,7 +130,8 @@ pub struct DriveSnapshot {
     pub demand: i32,
     /// The set-point that acts at once (object 0x607A; EPOS2 0x2062), counts.
     pub target: i32,
-    /// True position of the motor since the start of the emulator, counts. Homing does not change it.
+    /// True position of the motor since the start of the emulator, counts. Homing does not change
+    /// it.
     pub motor_counts: f64,
     /// The drive knows its zero.
     pub homed: bool,
@@ -150,7 +151,10 @@ impl Drive {
             controlword: 0,
             task: Task::Off,
             demand: Demand::default(),
-            motor: Motor { position: motor_counts, ..Motor::default() },
+            motor: Motor {
+                position: motor_counts,
+                ..Motor::default()
+            },
             frozen: None,
             lost_counts: 0.0,
             origin: 0,
@@ -188,7 +192,11 @@ impl Drive {
         self.power_off();
         self.lose_position();
         self.dictionary = self.stored.clone();
-        self.mode = self.config.family.mode(self.dictionary.get(0x6060, 0)).unwrap_or(Mode::ProfilePosition);
+        self.mode = self
+            .config
+            .family
+            .mode(self.dictionary.get(0x6060, 0))
+            .unwrap_or(Mode::ProfilePosition);
         self.controlword = 0;
         self.fault = None;
         self.cause = false;
@@ -234,7 +242,8 @@ impl Drive {
         self.dictionary.get(index, sub)
     }
 
-    /// Stops the encoder where it is, or lets it count again: from where it stopped, as an incremental one does.
+    /// Stops the encoder where it is, or lets it count again: from where it stopped, as an
+    /// incremental one does.
     pub fn freeze_encoder(&mut self, freeze: bool) {
         match (self.frozen, freeze) {
             (None, true) => self.frozen = Some(self.motor.position),
@@ -296,8 +305,14 @@ fn factory_settings(config: &DriveConfig) -> Dictionary {
         (0x2000, 0, i64::from(config.node_id)),
         (0x1014, 0, 0x80 + i64::from(config.node_id)),
         (0x1018, 4, i64::from(config.serial_number)),
-        at(places.full_serial_number, 0x1_0000_0000 + i64::from(config.serial_number)),
-        at(places.encoder_pulses, i64::from(config.motor.encoder_pulses)),
+        at(
+            places.full_serial_number,
+            0x1_0000_0000 + i64::from(config.serial_number),
+        ),
+        at(
+            places.encoder_pulses,
+            i64::from(config.motor.encoder_pulses),
+        ),
     ] {
         dictionary.set(index, sub, value);
     }

@@ -95,15 +95,24 @@ impl Drive {
         self.setpoints = Setpoints::default();
         self.events.push(EventKind::Mode(mode));
         if self.state == State::OperationEnabled && !self.task.is_leaving() {
-            self.demand = Demand { position: self.measured(), velocity: self.motor.velocity };
+            self.demand = Demand {
+                position: self.measured(),
+                velocity: self.motor.velocity,
+            };
             self.start_mode();
         }
     }
 
     /// Starts a ramp to a stand.
     pub(super) fn brake(&mut self, deceleration: f64, then: Option<State>) {
-        if matches!(self.task, Task::Cyclic | Task::CyclicVelocity | Task::Torque | Task::SearchStop { .. }) {
-            self.demand = Demand { position: self.measured(), velocity: self.motor.velocity };
+        if matches!(
+            self.task,
+            Task::Cyclic | Task::CyclicVelocity | Task::Torque | Task::SearchStop { .. }
+        ) {
+            self.demand = Demand {
+                position: self.measured(),
+                velocity: self.motor.velocity,
+            };
         }
         self.task = Task::Brake { deceleration, then };
     }
@@ -119,18 +128,26 @@ impl Drive {
         self.rpm(self.stored(self.config.family.places().top_speed))
     }
 
-    /// The set-point that acts at once, counts of the motor: cut to the limits, where the family has no fault for that.
+    /// The set-point that acts at once, counts of the motor: cut to the limits, where the family
+    /// has no fault for that.
     fn direct_target(&self) -> f64 {
         let places = self.config.family.places();
         let target = self.stored(places.direct_target) + self.dictionary.get(0x60B0, 0);
-        let (low, high) = (self.dictionary.get(0x607D, 1), self.dictionary.get(0x607D, 2));
+        let (low, high) = (
+            self.dictionary.get(0x607D, 1),
+            self.dictionary.get(0x607D, 2),
+        );
         let cut = places.beyond_limits.is_none() && low <= high;
         self.to_motor(if cut { target.clamp(low, high) } else { target })
     }
 
-    /// Whether a target, counts of the motor, lies beyond the software position limits. Both 0 means there are none.
+    /// Whether a target, counts of the motor, lies beyond the software position limits. Both 0
+    /// means there are none.
     pub(super) fn is_beyond_limits(&self, target: f64) -> bool {
-        let (low, high) = (self.dictionary.get(0x607D, 1), self.dictionary.get(0x607D, 2));
+        let (low, high) = (
+            self.dictionary.get(0x607D, 1),
+            self.dictionary.get(0x607D, 2),
+        );
         (low, high) != (0, 0) && (target < self.to_motor(low) || target > self.to_motor(high))
     }
 
@@ -153,11 +170,17 @@ impl Drive {
         let pace = self.pace();
         match self.task {
             Task::Off | Task::Torque => {
-                self.demand = Demand { position: self.measured(), velocity: self.motor.velocity };
+                self.demand = Demand {
+                    position: self.measured(),
+                    velocity: self.motor.velocity,
+                };
             }
             Task::Hold => {}
             Task::Cyclic => {
-                self.demand = Demand { position: self.direct_target(), velocity: 0.0 };
+                self.demand = Demand {
+                    position: self.direct_target(),
+                    velocity: 0.0,
+                };
             }
             Task::Profile { target } => {
                 if self.demand.approach(target, pace, dt_s) {
@@ -166,11 +189,18 @@ impl Drive {
                 }
             }
             Task::Velocity => {
-                let fastest = Pace { speed: self.per_second(0x607F).min(self.top_speed()), ..pace };
+                let fastest = Pace {
+                    speed: self.per_second(0x607F).min(self.top_speed()),
+                    ..pace
+                };
                 self.demand.run(self.per_second(0x60FF), fastest, dt_s);
             }
             Task::CyclicVelocity => {
-                let at_once = Pace { speed: self.top_speed(), acceleration: f64::MAX, deceleration: f64::MAX };
+                let at_once = Pace {
+                    speed: self.top_speed(),
+                    acceleration: f64::MAX,
+                    deceleration: f64::MAX,
+                };
                 let speed = self.rpm(self.stored(self.config.family.places().direct_velocity));
                 self.demand.run(speed, at_once, dt_s);
             }
@@ -187,9 +217,16 @@ impl Drive {
     /// Runs against the stop; the current that the stop causes tells it.
     fn search_stop(&mut self, speed: f64, pressed_s: f64, dt_s: f64) {
         let threshold = self.stored(self.config.family.places().homing_current) as f64;
-        let pressed_s = if self.motor.current_ma.abs() >= threshold { pressed_s + dt_s } else { 0.0 };
+        let pressed_s = if self.motor.current_ma.abs() >= threshold {
+            pressed_s + dt_s
+        } else {
+            0.0
+        };
         if pressed_s >= PRESSED_S {
-            self.demand = Demand { position: self.measured(), velocity: 0.0 };
+            self.demand = Demand {
+                position: self.measured(),
+                velocity: 0.0,
+            };
             self.task = Task::Hold;
             self.end_homing(true);
             return;
@@ -208,7 +245,10 @@ impl Drive {
 
     fn move_motor(&mut self, dt_s: f64) {
         let current_ma = self.stored(self.config.family.places().current_limit) as f64;
-        let limits = Limits { current_ma, speed: self.top_speed() };
+        let limits = Limits {
+            current_ma,
+            speed: self.top_speed(),
+        };
         // What the position controller sees; the motor may be elsewhere.
         let error = self.demand.position - self.measured();
         let wanted_ma = self.torque_ma();
@@ -216,7 +256,9 @@ impl Drive {
         match self.task {
             Task::Off => self.motor.coast(motor, dt_s),
             Task::Torque => self.motor.push(motor, wanted_ma, limits, dt_s),
-            _ => self.motor.follow(motor, self.motor.position + error, limits, dt_s),
+            _ => self
+                .motor
+                .follow(motor, self.motor.position + error, limits, dt_s),
         }
     }
 
@@ -224,7 +266,10 @@ impl Drive {
     fn torque_ma(&self) -> f64 {
         match self.mode {
             Mode::Current => self.dictionary.get(0x2030, 0) as f64,
-            _ => self.dictionary.get(0x6071, 0) as f64 / 1000.0 * self.dictionary.get(0x3001, 1) as f64,
+            _ => {
+                self.dictionary.get(0x6071, 0) as f64 / 1000.0
+                    * self.dictionary.get(0x3001, 1) as f64
+            }
         }
     }
 
@@ -242,7 +287,8 @@ impl Drive {
         }
         let window = self.dictionary.get(0x6065, 0) as f64;
         let beyond = self.config.family.places().beyond_limits;
-        if let Some(fault) = beyond.filter(|_| self.task == Task::Cyclic && self.is_beyond_limits(self.demand.position))
+        if let Some(fault) = beyond
+            .filter(|_| self.task == Task::Cyclic && self.is_beyond_limits(self.demand.position))
         {
             self.raise(fault, false);
         } else if (self.demand.position - self.measured()).abs() > window {
@@ -252,9 +298,11 @@ impl Drive {
         }
     }
 
-    /// With interpolation on, a set-point is expected every period; two periods without one is too long.
+    /// With interpolation on, a set-point is expected every period; two periods without one is too
+    /// long.
     fn is_setpoint_late(&self) -> bool {
-        let period = self.dictionary.get(0x60C2, 1) as f64 * 10f64.powi(self.dictionary.get(0x60C2, 2) as i32);
+        let period = self.dictionary.get(0x60C2, 1) as f64
+            * 10f64.powi(self.dictionary.get(0x60C2, 2) as i32);
         self.config.interpolation_timeout && period > 0.0 && self.since_setpoint_s > 2.0 * period
     }
 }

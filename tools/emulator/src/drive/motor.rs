@@ -8,18 +8,21 @@ use serde::{Deserialize, Serialize};
 pub struct MotorConfig {
     /// Pulses of the encoder per turn; four increments (counts) each.
     pub encoder_pulses: u32,
-    /// Bandwidth of the closed position loop, Hz. Its lag behind a ramp is the ramp divided by pi times this.
+    /// Bandwidth of the closed position loop, Hz. Its lag behind a ramp is the ramp divided by pi
+    /// times this.
     pub bandwidth_hz: f64,
     /// Acceleration per current, counts per second squared and mA.
     pub acceleration_per_ma: f64,
     /// Current that overcomes friction, mA.
     pub friction_ma: f64,
-    /// Hard stops, counts from where the motor stood at the start of the emulator: it cannot pass them.
+    /// Hard stops, counts from where the motor stood at the start of the emulator: it cannot pass
+    /// them.
     pub stops: [f64; 2],
 }
 
 impl Default for MotorConfig {
-    /// Close to a maxon DCX 8 M with a gearhead: 0.9 mNm at 300 mA on 3e-9 kg m2, a third of it left by the gear.
+    /// Close to a maxon DCX 8 M with a gearhead: 0.9 mNm at 300 mA on 3e-9 kg m2, a third of it
+    /// left by the gear.
     fn default() -> Self {
         Self {
             encoder_pulses: 256,
@@ -48,7 +51,8 @@ pub struct Limits {
     pub speed: f64,
 }
 
-/// The motor. Positions are true ones: fractional, from where the motor stood at the start of the emulator.
+/// The motor. Positions are true ones: fractional, from where the motor stood at the start of the
+/// emulator.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motor {
     /// Counts.
@@ -71,7 +75,8 @@ impl Motor {
         self.velocity.abs() < STANDSTILL
     }
 
-    /// One step under the position controller (proportional and derivative, critically damped), friction by Coulomb.
+    /// One step under the position controller (proportional and derivative, critically damped),
+    /// friction by Coulomb.
     pub fn follow(&mut self, config: &MotorConfig, demand: f64, limits: Limits, dt_s: f64) {
         let rate = std::f64::consts::TAU * config.bandwidth_hz;
         let wanted = rate * rate * (demand - self.position) - 2.0 * rate * self.velocity;
@@ -110,7 +115,11 @@ impl Motor {
     fn advance(&mut self, config: &MotorConfig, dt_s: f64) {
         let driven = self.velocity + self.current_ma * config.acceleration_per_ma * dt_s;
         let braked = config.friction_ma * config.acceleration_per_ma * dt_s;
-        self.velocity = if driven.abs() <= braked { 0.0 } else { driven - braked.copysign(driven) };
+        self.velocity = if driven.abs() <= braked {
+            0.0
+        } else {
+            driven - braked.copysign(driven)
+        };
     }
 }
 
@@ -118,13 +127,21 @@ impl Motor {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits { current_ma: 300.0, speed: 50_000.0 };
+    const LIMITS: Limits = Limits {
+        current_ma: 300.0,
+        speed: 50_000.0,
+    };
 
     fn run(motor: &mut Motor, limits: Limits, seconds: f64, demand: impl Fn(f64) -> f64) -> f64 {
         let dt_s = 0.0005;
         let mut top = 0.0f64;
         for step in 0..(seconds / dt_s) as usize {
-            motor.follow(&MotorConfig::default(), demand(step as f64 * dt_s), limits, dt_s);
+            motor.follow(
+                &MotorConfig::default(),
+                demand(step as f64 * dt_s),
+                limits,
+                dt_s,
+            );
             top = top.max(motor.velocity.abs());
         }
         top
@@ -134,7 +151,10 @@ mod tests {
     fn settles_within_a_count_and_does_not_overshoot_far() {
         let mut motor = Motor::default();
         run(&mut motor, LIMITS, 0.2, |_| 200.0);
-        assert!((motor.position - 200.0).abs() < 1.0 && motor.stands(), "{motor:?}");
+        assert!(
+            (motor.position - 200.0).abs() < 1.0 && motor.stands(),
+            "{motor:?}"
+        );
     }
 
     #[test]
@@ -147,16 +167,35 @@ mod tests {
 
     #[test]
     fn keeps_to_speed_and_current() {
-        let top = run(&mut Motor::default(), Limits { speed: 1000.0, ..LIMITS }, 0.1, |_| 5000.0);
+        let top = run(
+            &mut Motor::default(),
+            Limits {
+                speed: 1000.0,
+                ..LIMITS
+            },
+            0.1,
+            |_| 5000.0,
+        );
         assert!(top <= 1000.0);
         let mut weak = Motor::default();
-        run(&mut weak, Limits { current_ma: 1.0, ..LIMITS }, 0.2, |_| 500.0);
+        run(
+            &mut weak,
+            Limits {
+                current_ma: 1.0,
+                ..LIMITS
+            },
+            0.2,
+            |_| 500.0,
+        );
         assert_eq!(weak.position, 0.0, "1 mA does not overcome the friction");
     }
 
     #[test]
     fn a_stop_ends_the_way_and_costs_current() {
-        let config = MotorConfig { stops: [-100.0, 100.0], ..MotorConfig::default() };
+        let config = MotorConfig {
+            stops: [-100.0, 100.0],
+            ..MotorConfig::default()
+        };
         let mut motor = Motor::default();
         (0..400).for_each(|_| motor.follow(&config, 300.0, LIMITS, 0.0005));
         assert_eq!((motor.position, motor.velocity), (100.0, 0.0));
@@ -165,7 +204,10 @@ mod tests {
 
     #[test]
     fn coasts_to_a_stand() {
-        let mut motor = Motor { velocity: 2000.0, ..Motor::default() };
+        let mut motor = Motor {
+            velocity: 2000.0,
+            ..Motor::default()
+        };
         (0..400).for_each(|_| motor.coast(&MotorConfig::default(), 0.0005));
         assert!(motor.velocity == 0.0 && motor.position > 5.0);
     }

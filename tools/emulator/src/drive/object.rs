@@ -1,5 +1,5 @@
-//! The objects of the drive: index, subindex, type, access, default and range (EPOS4, firmware 0x0170, reference
-//! section 3.8).
+//! The objects of the drive: index, subindex, type, access, default and range (EPOS4, firmware
+//! 0x0170, reference section 3.8).
 
 /// Type of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,11 +89,25 @@ impl Object {
 }
 
 pub(super) const fn ro(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
-    Object { index, sub, kind, access: Access::Ro, default, range: (i64::MIN, i64::MAX) }
+    Object {
+        index,
+        sub,
+        kind,
+        access: Access::Ro,
+        default,
+        range: (i64::MIN, i64::MAX),
+    }
 }
 
 pub(super) const fn rw(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
-    Object { index, sub, kind, access: Access::Rw, default, range: (i64::MIN, i64::MAX) }
+    Object {
+        index,
+        sub,
+        kind,
+        access: Access::Rw,
+        default,
+        range: (i64::MIN, i64::MAX),
+    }
 }
 
 use Kind::{I8, I16, I32, Text, U8, U16, U32, U64};
@@ -224,11 +238,24 @@ mod tests {
     fn the_tables_are_in_order_and_their_defaults_are_in_range() {
         let tables = [EPOS4_OBJECTS, super::super::object_epos2::EPOS2_OBJECTS];
         for pair in tables.iter().flat_map(|table| table.windows(2)) {
-            assert!((pair[0].index, pair[0].sub) < (pair[1].index, pair[1].sub), "{:04X}", pair[1].index);
+            assert!(
+                (pair[0].index, pair[0].sub) < (pair[1].index, pair[1].sub),
+                "{:04X}",
+                pair[1].index
+            );
         }
         for object in tables.into_iter().flatten() {
-            assert!((object.range.0..=object.range.1).contains(&object.default), "{:04X}", object.index);
-            assert_eq!(object.kind.decode(object.default as u32), object.default, "{:04X}", object.index);
+            assert!(
+                (object.range.0..=object.range.1).contains(&object.default),
+                "{:04X}",
+                object.index
+            );
+            assert_eq!(
+                object.kind.decode(object.default as u32),
+                object.default,
+                "{:04X}",
+                object.index
+            );
         }
     }
 

@@ -1,5 +1,5 @@
-//! The objects of the EPOS2. Numbers and sizes are those that public EPOS2 code uses on real drives (reference, sections 2.3
-//! and 3.3).
+//! The objects of the EPOS2. Numbers and sizes are those that public EPOS2 code uses on real drives
+//! (reference, sections 2.3 and 3.3).
 
 use super::object::Kind::{I8, I16, I32, Text, U8, U16, U32, U64};
 use super::object::{MOST_RPM, Object, ro, rw};

@@ -30,7 +30,10 @@ impl Demand {
         let next = self.position + self.velocity * dt_s;
         let slow = self.velocity.abs() <= 2.0 * pace.deceleration * dt_s;
         if (target - next) * way <= 0.0 && slow {
-            *self = Self { position: target, velocity: 0.0 };
+            *self = Self {
+                position: target,
+                velocity: 0.0,
+            };
             return true;
         }
         self.position = next;
@@ -45,14 +48,23 @@ impl Demand {
 
     /// One step of braking; true when standing.
     pub fn brake(&mut self, deceleration: f64, dt_s: f64) -> bool {
-        let pace = Pace { speed: f64::MAX, acceleration: deceleration, deceleration };
+        let pace = Pace {
+            speed: f64::MAX,
+            acceleration: deceleration,
+            deceleration,
+        };
         self.run(0.0, pace, dt_s);
         self.velocity == 0.0
     }
 
     fn change_speed(&mut self, wanted: f64, pace: Pace, dt_s: f64) {
         let slower = wanted * self.velocity <= 0.0 || wanted.abs() < self.velocity.abs();
-        let most = dt_s * if slower && self.velocity != 0.0 { pace.deceleration } else { pace.acceleration };
+        let most = dt_s
+            * if slower && self.velocity != 0.0 {
+                pace.deceleration
+            } else {
+                pace.acceleration
+            };
         self.velocity += (wanted - self.velocity).clamp(-most, most);
     }
 }
@@ -74,7 +86,8 @@ mod tests {
                 let before = demand;
                 arrived = demand.approach(target, pace, dt_s);
                 prop_assert!(demand.velocity.abs() <= 2000.0 + 1e-9);
-                // The very last step ends on the target and may stop from a little more than one step of braking.
+                // The very last step ends on the target and may stop from a little more than one
+                // step of braking.
                 prop_assert!((demand.velocity - before.velocity).abs() <= 3.0 * 30_000.0 * dt_s + 1e-9);
                 if arrived {
                     break;
@@ -86,7 +99,10 @@ mod tests {
 
     #[test]
     fn braking_takes_the_way_that_physics_says() {
-        let mut demand = Demand { position: 0.0, velocity: 2000.0 };
+        let mut demand = Demand {
+            position: 0.0,
+            velocity: 2000.0,
+        };
         while !demand.brake(100_000.0, 1e-5) {}
         assert!((demand.position - 20.0).abs() < 0.1, "{demand:?}");
     }

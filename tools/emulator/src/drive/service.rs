@@ -27,7 +27,8 @@ pub(super) enum Transfer {
     Idle,
     /// What is left to be read, and the toggle bit that must come next.
     Read(Vec<u8>, bool),
-    /// Where to write, how long it will be, what came so far, and the toggle bit that must come next.
+    /// Where to write, how long it will be, what came so far, and the toggle bit that must come
+    /// next.
     Write(u16, u8, usize, Vec<u8>, bool),
 }
 
@@ -44,7 +45,8 @@ impl Drive {
         self.config.family
     }
 
-    /// Whether a request with this node id is for this drive: its own, or that of whoever holds the port.
+    /// Whether a request with this node id is for this drive: its own, or that of whoever holds the
+    /// port.
     pub(crate) fn is_addressed_by(&self, node: Option<u8>) -> bool {
         node.is_none_or(|node| node == 0 || node == self.config.node_id)
     }
@@ -72,12 +74,14 @@ impl Drive {
         };
         understand(self.config.family, request).inspect_err(|abort| {
             if *abort == Abort::IllegalCommand {
-                self.events.push(EventKind::HostBug(HostBug::Opcode(request.opcode)));
+                self.events
+                    .push(EventKind::HostBug(HostBug::Opcode(request.opcode)));
             }
         })
     }
 
-    /// The reply to a frame at its own port with no other drive behind it, or nothing while booting.
+    /// The reply to a frame at its own port with no other drive behind it, or nothing while
+    /// booting.
     pub fn answer(&mut self, incoming: &Incoming) -> Option<Answer> {
         if self.is_deaf() {
             return None;
@@ -91,7 +95,10 @@ impl Drive {
             }
             Ok(_) => {
                 let delay = self.gateway_timeout();
-                Some(Answer { delay, ..self.refuse(is_read(incoming), Abort::SdoTimeout) })
+                Some(Answer {
+                    delay,
+                    ..self.refuse(is_read(incoming), Abort::SdoTimeout)
+                })
             }
         }
     }
@@ -99,7 +106,10 @@ impl Drive {
     /// The reply that tells an outcome.
     pub(crate) fn reply(&self, outcome: Result<Vec<u8>, Abort>, to_read: bool) -> Answer {
         match outcome {
-            Ok(data) => Answer { data: [&[0; 4], &data[..]].concat(), delay: Nanos::ZERO },
+            Ok(data) => Answer {
+                data: [&[0; 4], &data[..]].concat(),
+                delay: Nanos::ZERO,
+            },
             Err(abort) => self.refuse(to_read, abort),
         }
     }
@@ -109,7 +119,10 @@ impl Drive {
         if to_read {
             data.resize(2 * usize::from(self.config.error_reply_words.max(2)), 0);
         }
-        Answer { data, delay: Nanos::ZERO }
+        Answer {
+            data,
+            delay: Nanos::ZERO,
+        }
     }
 
     /// Carries a command out: what follows the error code in the reply.
@@ -126,7 +139,12 @@ impl Drive {
                 self.transfer = Transfer::Write(index, sub, length, Vec::new(), false);
                 Ok(Vec::new())
             }
-            Command::WriteSegment { length, toggle, last, bytes } => self.write_segment(length, toggle, last, &bytes),
+            Command::WriteSegment {
+                length,
+                toggle,
+                last,
+                bytes,
+            } => self.write_segment(length, toggle, last, &bytes),
             Command::Manage { node, command } => self.manage(node, command),
         }
     }
@@ -144,8 +162,12 @@ impl Drive {
     /// The bytes of an object.
     fn bytes(&self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
         let stored = self.dictionary.read(index, sub)?;
-        // An EPOS2 without an error has no entry; a host that takes what it finds for an error must not get away with it.
-        if self.config.family == Family::Epos2 && index == 0x1003 && i64::from(sub) > self.dictionary.get(0x1003, 0) {
+        // An EPOS2 without an error has no entry; a host that takes what it finds for an error must
+        // not get away with it.
+        if self.config.family == Family::Epos2
+            && index == 0x1003
+            && i64::from(sub) > self.dictionary.get(0x1003, 0)
+        {
             return Err(Abort::NoSubindex);
         }
         if stored.kind == Kind::Text {
@@ -157,7 +179,9 @@ impl Drive {
 
     /// Writes an object and lets it take effect.
     fn write(&mut self, index: u16, sub: u8, raw: u32) -> Result<(), Abort> {
-        let value = self.dictionary.check_write(index, sub, raw, self.state.is_powered())?;
+        let value = self
+            .dictionary
+            .check_write(index, sub, raw, self.state.is_powered())?;
         match (index, sub) {
             (0x1010, 1) => {
                 if raw != SAVE {
@@ -201,8 +225,16 @@ impl Drive {
             return Ok(Vec::new());
         }
         let total = value.len() as u32;
-        let rest = value.split_off(value.len().min(usize::from(self.config.segment_bytes.max(1))));
-        self.transfer = if rest.is_empty() { Transfer::Idle } else { Transfer::Read(rest, false) };
+        let rest = value.split_off(
+            value
+                .len()
+                .min(usize::from(self.config.segment_bytes.max(1))),
+        );
+        self.transfer = if rest.is_empty() {
+            Transfer::Idle
+        } else {
+            Transfer::Read(rest, false)
+        };
         Ok([&total.to_le_bytes()[..], &[value.len() as u8], &value].concat())
     }
 
@@ -214,7 +246,11 @@ impl Drive {
             return Err(Abort::Toggle);
         }
         let most = usize::from(self.config.segment_bytes.max(1));
-        let most = if self.config.family == Family::Epos2 { most.min(63) } else { most };
+        let most = if self.config.family == Family::Epos2 {
+            most.min(63)
+        } else {
+            most
+        };
         let rest = value.split_off(value.len().min(most));
         let (length, last) = (value.len() as u8, rest.is_empty());
         if !last {
@@ -227,8 +263,16 @@ impl Drive {
         Ok([&head[..], &value].concat())
     }
 
-    fn write_segment(&mut self, length: u8, toggle: bool, last: bool, bytes: &[u8]) -> Result<Vec<u8>, Abort> {
-        let Transfer::Write(index, sub, total, mut held, expected) = std::mem::take(&mut self.transfer) else {
+    fn write_segment(
+        &mut self,
+        length: u8,
+        toggle: bool,
+        last: bool,
+        bytes: &[u8],
+    ) -> Result<Vec<u8>, Abort> {
+        let Transfer::Write(index, sub, total, mut held, expected) =
+            std::mem::take(&mut self.transfer)
+        else {
             return Err(Abort::Toggle);
         };
         if toggle != expected {
@@ -238,7 +282,10 @@ impl Drive {
         if last {
             let fits = held.len() == total && (1..=4).contains(&total);
             let mut raw = [0; 4];
-            raw.get_mut(..held.len()).filter(|_| fits).ok_or(Abort::Length)?.copy_from_slice(&held);
+            raw.get_mut(..held.len())
+                .filter(|_| fits)
+                .ok_or(Abort::Length)?
+                .copy_from_slice(&held);
             self.write(index, sub, u32::from_le_bytes(raw))?;
         } else {
             self.transfer = Transfer::Write(index, sub, total, held, !toggle);

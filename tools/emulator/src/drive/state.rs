@@ -1,4 +1,5 @@
-//! The CiA 402 state machine of the EPOS4: controlword commands and where they lead (reference section 3.2).
+//! The CiA 402 state machine of the EPOS4: controlword commands and where they lead (reference
+//! section 3.2).
 
 /// States of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,7 +41,10 @@ impl State {
     /// Whether the power stage is on.
     #[must_use]
     pub const fn is_powered(self) -> bool {
-        matches!(self, Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive)
+        matches!(
+            self,
+            Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive
+        )
     }
 
     /// What logs say.
@@ -75,7 +79,8 @@ pub enum Command {
 }
 
 impl Command {
-    /// The command in a controlword. While bit 7 is set there is none: only its rising edge means something.
+    /// The command in a controlword. While bit 7 is set there is none: only its rising edge means
+    /// something.
     #[must_use]
     pub const fn of(controlword: u16) -> Option<Self> {
         if controlword & 0x80 != 0 {
@@ -93,14 +98,21 @@ impl Command {
     /// Where the command leads from `state`, or `None` if it means nothing there.
     #[must_use]
     pub const fn leads(self, state: State) -> Option<State> {
-        use State::{OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
+        use State::{
+            OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn,
+        };
         match (self, state) {
-            (Self::Shutdown, SwitchOnDisabled | SwitchedOn | OperationEnabled) => Some(ReadyToSwitchOn),
-            (Self::SwitchOn, ReadyToSwitchOn | OperationEnabled) => Some(SwitchedOn),
-            (Self::EnableOperation, ReadyToSwitchOn | SwitchedOn | QuickStopActive) => Some(OperationEnabled),
-            (Self::DisableVoltage, ReadyToSwitchOn | SwitchedOn | OperationEnabled | QuickStopActive) => {
-                Some(SwitchOnDisabled)
+            (Self::Shutdown, SwitchOnDisabled | SwitchedOn | OperationEnabled) => {
+                Some(ReadyToSwitchOn)
             }
+            (Self::SwitchOn, ReadyToSwitchOn | OperationEnabled) => Some(SwitchedOn),
+            (Self::EnableOperation, ReadyToSwitchOn | SwitchedOn | QuickStopActive) => {
+                Some(OperationEnabled)
+            }
+            (
+                Self::DisableVoltage,
+                ReadyToSwitchOn | SwitchedOn | OperationEnabled | QuickStopActive,
+            ) => Some(SwitchOnDisabled),
             (Self::QuickStop, ReadyToSwitchOn | SwitchedOn) => Some(SwitchOnDisabled),
             (Self::QuickStop, OperationEnabled) => Some(QuickStopActive),
             _ => None,
@@ -165,9 +177,17 @@ mod tests {
         ];
         for controlword in [0x00u16, 0x02, 0x06, 0x07, 0x0F] {
             for from in ALL {
-                let expected = table.iter().find(|row| row.0 == controlword && row.1 == from).map(|row| row.2);
+                let expected = table
+                    .iter()
+                    .find(|row| row.0 == controlword && row.1 == from)
+                    .map(|row| row.2);
                 let command = Command::of(controlword).unwrap();
-                assert_eq!(command.leads(from), expected, "{controlword:02X} in {}", from.name());
+                assert_eq!(
+                    command.leads(from),
+                    expected,
+                    "{controlword:02X} in {}",
+                    from.name()
+                );
             }
         }
     }

@@ -24,13 +24,23 @@ impl Drive {
         let flag = |set: bool, bit: u16| if set { bit } else { 0 };
         let following_error = self.fault == Some(Fault::FOLLOWING_ERROR);
         let (twelve, thirteen, reached) = match self.mode {
-            Mode::ProfilePosition => (self.setpoints.acknowledged, following_error, self.is_at_target()),
+            Mode::ProfilePosition => (
+                self.setpoints.acknowledged,
+                following_error,
+                self.is_at_target(),
+            ),
             Mode::ProfileVelocity => (self.motor.stands(), false, self.is_at_speed()),
-            Mode::Homing => {
-                (self.homing == Homing::Attained, self.homing == Homing::Failed, self.homing == Homing::Attained)
+            Mode::Homing => (
+                self.homing == Homing::Attained,
+                self.homing == Homing::Failed,
+                self.homing == Homing::Attained,
+            ),
+            Mode::CyclicPosition | Mode::Position => {
+                (self.task == Task::Cyclic, following_error, false)
             }
-            Mode::CyclicPosition | Mode::Position => (self.task == Task::Cyclic, following_error, false),
-            Mode::CyclicVelocity | Mode::Velocity => (self.task == Task::CyclicVelocity, false, false),
+            Mode::CyclicVelocity | Mode::Velocity => {
+                (self.task == Task::CyclicVelocity, false, false)
+            }
             Mode::CyclicTorque | Mode::Current => (self.task == Task::Torque, false, false),
         };
         self.state.bits()
@@ -42,7 +52,10 @@ impl Drive {
             | flag(twelve, MODE_12)
             | flag(thirteen, MODE_13)
             | flag(self.homed, REFERENCED)
-            | flag(self.state != State::NotReadyToSwitchOn, self.config.family.places().always)
+            | flag(
+                self.state != State::NotReadyToSwitchOn,
+                self.config.family.places().always,
+            )
     }
 
     /// The value of an object that changes by itself, or `None` for one that is stored.
@@ -60,7 +73,9 @@ impl Drive {
             (0x6064, 0) => i64::from(self.position()),
             (0x606B, 0) => self.to_rpm(self.demand.velocity),
             (0x606C, 0) | (0x30D3, 1) => self.to_rpm(self.motor.velocity),
-            (0x60F4 | 0x20F4, 0) => i64::from(self.to_drive(self.demand.position)) - i64::from(self.position()),
+            (0x60F4 | 0x20F4, 0) => {
+                i64::from(self.to_drive(self.demand.position)) - i64::from(self.position())
+            }
             _ => return None,
         })
     }
@@ -68,7 +83,9 @@ impl Drive {
     fn is_at_target(&self) -> bool {
         match self.task {
             Task::Hold => self.state == State::OperationEnabled,
-            Task::Brake { then: None, .. } => self.state == State::OperationEnabled && self.motor.stands(),
+            Task::Brake { then: None, .. } => {
+                self.state == State::OperationEnabled && self.motor.stands()
+            }
             _ => false,
         }
     }

@@ -23,7 +23,9 @@ pub(crate) struct PortFolder {
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
     /// The system refuses.
-    #[error("cannot use {path} for the ports: {source}; choose a folder that you can write with --ports")]
+    #[error(
+        "cannot use {path} for the ports: {source}; choose a folder that you can write with --ports"
+    )]
     Io {
         /// What it was about.
         path: PathBuf,
@@ -31,19 +33,24 @@ pub enum FolderError {
         source: io::Error,
     },
     /// Something else is there.
-    #[error("{path} is in the way: it is not a folder of the emulator; choose another one with --ports")]
+    #[error(
+        "{path} is in the way: it is not a folder of the emulator; choose another one with --ports"
+    )]
     NotOurs {
         /// What it was about.
         path: PathBuf,
     },
-    /// It belongs to someone else, or others may write to it: they could put their own devices under our names.
+    /// It belongs to someone else, or others may write to it: they could put their own devices
+    /// under our names.
     #[error("{path} can be changed by others; remove it, or choose another folder with --ports")]
     Unsafe {
         /// The folder.
         path: PathBuf,
     },
     /// Another emulator.
-    #[error("{path} is used by another emulator; stop that one, or choose another folder with --ports")]
+    #[error(
+        "{path} is used by another emulator; stop that one, or choose another folder with --ports"
+    )]
     InUse {
         /// The folder.
         path: PathBuf,
@@ -58,27 +65,50 @@ impl PortFolder {
             move |source| FolderError::Io { path, source }
         };
         let created = !path.exists();
-        DirBuilder::new().recursive(true).mode(0o700).create(path).map_err(io(path))?;
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(path)
+            .map_err(io(path))?;
         let found = fs::symlink_metadata(path).map_err(io(path))?;
         if !found.is_dir() {
-            return Err(FolderError::NotOurs { path: path.to_owned() });
+            return Err(FolderError::NotOurs {
+                path: path.to_owned(),
+            });
         }
         if found.uid() != geteuid().as_raw() || found.mode() & 0o022 != 0 {
-            return Err(FolderError::Unsafe { path: path.to_owned() });
+            return Err(FolderError::Unsafe {
+                path: path.to_owned(),
+            });
         }
         let lock = path.join(LOCK);
         let mut options = OpenOptions::new();
-        options.write(true).create(true).truncate(false).mode(0o600).custom_flags(libc::O_NOFOLLOW);
+        options
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .mode(0o600)
+            .custom_flags(libc::O_NOFOLLOW);
         let file = options.open(&lock).map_err(io(&lock))?;
-        let lock = Flock::lock(file, FlockArg::LockExclusiveNonblock)
-            .map_err(|_| FolderError::InUse { path: path.to_owned() })?;
-        Ok(Self { path: path.to_owned(), links: Vec::new(), created, _lock: lock })
+        let lock =
+            Flock::lock(file, FlockArg::LockExclusiveNonblock).map_err(|_| FolderError::InUse {
+                path: path.to_owned(),
+            })?;
+        Ok(Self {
+            path: path.to_owned(),
+            links: Vec::new(),
+            created,
+            _lock: lock,
+        })
     }
 
     /// Adds a link to a device. A link that an earlier emulator left is replaced.
     pub(crate) fn link(&mut self, name: &str, device: &Path) -> Result<PathBuf, FolderError> {
         let link = self.path.join(name);
-        let io = |source| FolderError::Io { path: link.clone(), source };
+        let io = |source| FolderError::Io {
+            path: link.clone(),
+            source,
+        };
         match fs::symlink_metadata(&link) {
             Ok(found) if found.is_symlink() => fs::remove_file(&link).map_err(io)?,
             Ok(_) => return Err(FolderError::NotOurs { path: link }),
@@ -102,7 +132,9 @@ impl Drop for PortFolder {
     fn drop(&mut self) {
         for (link, device) in &self.links {
             // A port that hung up and came back has another device.
-            if fs::read_link(link).is_ok_and(|target| target == *device || target.starts_with("/dev/pts")) {
+            if fs::read_link(link)
+                .is_ok_and(|target| target == *device || target.starts_with("/dev/pts"))
+            {
                 let _ = fs::remove_file(link);
             }
         }
@@ -124,10 +156,16 @@ mod tests {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("ports");
         let mut folder = PortFolder::claim(&path).unwrap();
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o700);
+        assert_eq!(
+            fs::metadata(&path).unwrap().permissions().mode() & 0o777,
+            0o700
+        );
         let link = folder.link("axis0", Path::new("/dev/null")).unwrap();
         assert_eq!(fs::read_link(&link).unwrap(), Path::new("/dev/null"));
-        assert!(matches!(PortFolder::claim(&path), Err(FolderError::InUse { .. })));
+        assert!(matches!(
+            PortFolder::claim(&path),
+            Err(FolderError::InUse { .. })
+        ));
         drop(folder);
         assert!(!path.exists());
     }
@@ -140,7 +178,10 @@ mod tests {
         fs::set_permissions(base.path(), fs::Permissions::from_mode(0o700)).unwrap();
         let mut folder = PortFolder::claim(base.path()).unwrap();
         folder.link("axis0", Path::new("/dev/null")).unwrap();
-        assert!(matches!(folder.link("axis1", Path::new("/dev/null")), Err(FolderError::NotOurs { .. })));
+        assert!(matches!(
+            folder.link("axis1", Path::new("/dev/null")),
+            Err(FolderError::NotOurs { .. })
+        ));
         drop(folder);
         assert!(!base.path().join("axis0").exists() && base.path().join("axis1").exists());
     }
@@ -151,10 +192,19 @@ mod tests {
         let path = base.path().join("ports");
         fs::create_dir(&path).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o777)).unwrap();
-        assert!(matches!(PortFolder::claim(&path), Err(FolderError::Unsafe { .. })));
+        assert!(matches!(
+            PortFolder::claim(&path),
+            Err(FolderError::Unsafe { .. })
+        ));
         let link = base.path().join("link");
         symlink(base.path(), &link).unwrap();
-        assert!(matches!(PortFolder::claim(&link), Err(FolderError::NotOurs { .. })));
-        assert!(matches!(PortFolder::claim(Path::new("/proc/none/ports")), Err(FolderError::Io { .. })));
+        assert!(matches!(
+            PortFolder::claim(&link),
+            Err(FolderError::NotOurs { .. })
+        ));
+        assert!(matches!(
+            PortFolder::claim(Path::new("/proc/none/ports")),
+            Err(FolderError::Io { .. })
+        ));
     }
 }

@@ -22,7 +22,9 @@ impl Mischief {
             Some(Injection::LoseRequest) => bytes.clear(),
             Some(Injection::DropRequest { place }) => drop(bytes.remove(place % length)),
             Some(Injection::FlipRequest { place }) => flip(bytes, place),
-            Some(Injection::DoubleRequest { place }) => bytes.insert(place % length, bytes[place % length]),
+            Some(Injection::DoubleRequest { place }) => {
+                bytes.insert(place % length, bytes[place % length])
+            }
             Some(Injection::CutRequest { place }) => bytes.truncate(place % length),
             _ => {}
         }
@@ -38,7 +40,9 @@ impl Mischief {
             Some(Injection::LoseReply) => bytes.clear(),
             Some(Injection::DropReply { place }) => drop(bytes.remove(place % length)),
             Some(Injection::FlipReply { place }) => flip(bytes, place),
-            Some(Injection::DoubleReply { place }) => bytes.insert(place % length, bytes[place % length]),
+            Some(Injection::DoubleReply { place }) => {
+                bytes.insert(place % length, bytes[place % length])
+            }
             Some(Injection::CutReply { place }) => bytes.truncate(place % length),
             Some(Injection::CutReplyInPair) => cut_in_pair(bytes),
             _ => {}
@@ -72,7 +76,8 @@ fn flip(bytes: &mut [u8], place: usize) {
     bytes[place / 8] ^= 1 << (place % 8);
 }
 
-/// Ends a frame after the first half of a doubled byte; a frame without one ends so at its last data.
+/// Ends a frame after the first half of a doubled byte; a frame without one ends so at its last
+/// data.
 fn cut_in_pair(bytes: &mut Vec<u8>) {
     match bytes.windows(2).skip(2).position(|pair| pair == [DLE, DLE]) {
         Some(place) => bytes.truncate(place + 3),
@@ -98,16 +103,32 @@ mod tests {
         let bytes = [1, 2, 3, 4];
         assert!(reply(Injection::LoseReply, &bytes).is_empty());
         assert_eq!(reply(Injection::DropReply { place: 5 }, &bytes), [1, 3, 4]);
-        assert_eq!(reply(Injection::FlipReply { place: 9 }, &bytes), [1, 0, 3, 4]);
-        assert_eq!(reply(Injection::DoubleReply { place: 2 }, &bytes), [1, 2, 3, 3, 4]);
+        assert_eq!(
+            reply(Injection::FlipReply { place: 9 }, &bytes),
+            [1, 0, 3, 4]
+        );
+        assert_eq!(
+            reply(Injection::DoubleReply { place: 2 }, &bytes),
+            [1, 2, 3, 3, 4]
+        );
         assert_eq!(reply(Injection::CutReply { place: 3 }, &bytes), [1, 2, 3]);
-        assert_eq!(reply(Injection::LoseRequest, &bytes), bytes, "a request is not a reply");
+        assert_eq!(
+            reply(Injection::LoseRequest, &bytes),
+            bytes,
+            "a request is not a reply"
+        );
     }
 
     #[test]
     fn a_frame_is_cut_inside_its_doubled_byte() {
         let frame = [0x90, 0x02, 0, 4, 0, 0x90, 0x90, 0, 0, 0x9A, 0x5C];
-        assert_eq!(reply(Injection::CutReplyInPair, &frame), [0x90, 0x02, 0, 4, 0, 0x90]);
-        assert_eq!(reply(Injection::CutReplyInPair, &[0x90, 0x02, 0, 2, 7, 8]), [0x90, 0x02, 0, 2, 0x90]);
+        assert_eq!(
+            reply(Injection::CutReplyInPair, &frame),
+            [0x90, 0x02, 0, 4, 0, 0x90]
+        );
+        assert_eq!(
+            reply(Injection::CutReplyInPair, &[0x90, 0x02, 0, 2, 7, 8]),
+            [0x90, 0x02, 0, 2, 0x90]
+        );
     }
 }

@@ -68,7 +68,12 @@ pub(crate) struct Port {
 
 impl Port {
     /// Opens the pseudo-terminal.
-    pub(crate) fn open(axis: usize, config: &LineConfig, seed: u64, shared: Arc<Shared>) -> io::Result<Self> {
+    pub(crate) fn open(
+        axis: usize,
+        config: &LineConfig,
+        seed: u64,
+        shared: Arc<Shared>,
+    ) -> io::Result<Self> {
         Ok(Self {
             axis,
             pty: Pty::open()?,
@@ -139,7 +144,8 @@ impl Port {
         self.impatience_noted = false;
     }
 
-    /// Takes bytes that were read at `read`. After a stall of the machine, a host may have had to send again.
+    /// Takes bytes that were read at `read`. After a stall of the machine, a host may have had to
+    /// send again.
     fn take(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
         self.drop_stale_frame(read);
         if self.is_between_frames() {
@@ -147,7 +153,9 @@ impl Port {
         }
         if self.config.strict_baud && !self.pty.is_at(self.config.baud) {
             // Every bit is taken at the wrong time.
-            bytes.iter_mut().for_each(|byte| *byte = byte.wrapping_mul(73).rotate_left(3) | 1);
+            bytes
+                .iter_mut()
+                .for_each(|byte| *byte = byte.wrapping_mul(73).rotate_left(3) | 1);
         }
         match self.config.framing {
             Framing::V2 => {
@@ -155,7 +163,8 @@ impl Port {
                 self.take_frame(&bytes, read, stalled);
             }
             Framing::V1 => {
-                // What befalls a request befalls what follows its opcode: the rest of it comes in one piece.
+                // What befalls a request befalls what follows its opcode: the rest of it comes in
+                // one piece.
                 if matches!(self.shake, Shake::Rest { .. }) {
                     self.mischief.request(&mut bytes);
                 }
@@ -201,7 +210,9 @@ impl Port {
                     let mut reply = reply;
                     self.mischief.reply(&mut reply);
                     self.send(reply, self.last_byte + self.mischief.delay());
-                    self.shared.lines[self.axis].replies.fetch_add(1, Ordering::Relaxed);
+                    self.shared.lines[self.axis]
+                        .replies
+                        .fetch_add(1, Ordering::Relaxed);
                 }
                 Heard::Request(incoming) => {
                     self.last_byte = self.wire.complete(read);
@@ -238,7 +249,9 @@ impl Port {
     /// One request, strictly: nothing is taken before the reply has gone out.
     fn exchange(&mut self, incoming: &Incoming, arrived: Nanos) {
         self.listen_for_impatience(arrived);
-        let Some((answer, ready)) = self.carry_out(incoming, arrived) else { return };
+        let Some((answer, ready)) = self.carry_out(incoming, arrived) else {
+            return;
+        };
         let mut reply = frame::reply(&answer.data);
         self.mischief.reply(&mut reply);
         if let Some(stray) = self.mischief.stray() {
@@ -250,7 +263,9 @@ impl Port {
             self.impatience_noted = true;
         }
         self.send(reply, ready + late);
-        self.shared.lines[self.axis].replies.fetch_add(1, Ordering::Relaxed);
+        self.shared.lines[self.axis]
+            .replies
+            .fetch_add(1, Ordering::Relaxed);
     }
 
     /// Puts bytes on the line from `start` on, and hands them over when the last has arrived.
@@ -270,7 +285,8 @@ impl Port {
                 return;
             }
             if self.pty.wait((until - now).min(LONGEST_NAP)) {
-                // If this thread was held up, the reply is late and the host may rightly have lost patience.
+                // If this thread was held up, the reply is late and the host may rightly have lost
+                // patience.
                 if clock::now() >= until {
                     return;
                 }
@@ -299,7 +315,9 @@ impl Port {
 
     /// A frame that is not completed in time is dropped without an answer (object 0x2005).
     fn drop_stale_frame(&mut self, now: Nanos) {
-        if !self.is_between_frames() && now - self.last_byte > self.shared.world().drives[self.axis].frame_timeout() {
+        if !self.is_between_frames()
+            && now - self.last_byte > self.shared.world().drives[self.axis].frame_timeout()
+        {
             self.reset_line();
             self.note(now, EventKind::Line(LineTrouble::FrameTimeout));
         }

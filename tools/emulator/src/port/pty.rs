@@ -44,7 +44,13 @@ impl Pty {
         // A drive does not wait for a host that does not listen.
         fcntl(&pair.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))?;
         let path = ttyname(&pair.slave)?;
-        Ok(Self { ends: Some(Ends { master: pair.master, slave: pair.slave }), path })
+        Ok(Self {
+            ends: Some(Ends {
+                master: pair.master,
+                slave: pair.slave,
+            }),
+            path,
+        })
     }
 
     /// The device file of the host's end.
@@ -63,7 +69,10 @@ impl Pty {
             clock::sleep(span);
             return false;
         };
-        let timeout = TimeSpec::new((span.0 / 1_000_000_000) as i64, (span.0 % 1_000_000_000) as i64);
+        let timeout = TimeSpec::new(
+            (span.0 / 1_000_000_000) as i64,
+            (span.0 % 1_000_000_000) as i64,
+        );
         let mut fds = [PollFd::new(ends.master.as_fd(), PollFlags::POLLIN)];
         // An interrupting signal counts as no bytes: the caller looks at its own clock.
         matches!(ppoll(&mut fds, Some(timeout), None), Ok(ready) if ready > 0)
@@ -71,7 +80,9 @@ impl Pty {
 
     /// Reads what is there.
     pub(super) fn read(&self, buffer: &mut [u8]) -> usize {
-        self.ends.as_ref().map_or(0, |ends| read(&ends.master, buffer).unwrap_or(0))
+        self.ends
+            .as_ref()
+            .map_or(0, |ends| read(&ends.master, buffer).unwrap_or(0))
     }
 
     /// Writes to the host, or to no one if the host has not read for so long that there is no room.
@@ -89,19 +100,22 @@ impl Pty {
     /// The host has set this bit rate.
     pub(super) fn is_at(&self, baud: u32) -> bool {
         let Some(ends) = &self.ends else { return false };
-        // SAFETY: an all-zero `termios2` is a valid one, the pointer is to it, and the descriptor is open.
+        // SAFETY: an all-zero `termios2` is a valid one, the pointer is to it, and the descriptor
+        // is open.
         let speed = unsafe {
             let mut settings: libc::termios2 = std::mem::zeroed();
-            (libc::ioctl(ends.slave.as_raw_fd(), libc::TCGETS2, &mut settings) == 0).then_some(settings.c_ospeed)
+            (libc::ioctl(ends.slave.as_raw_fd(), libc::TCGETS2, &mut settings) == 0)
+                .then_some(settings.c_ospeed)
         };
         speed == Some(baud)
     }
 
-    /// Lets others open the port again. A host that was killed while it had the port for itself would otherwise keep it
-    /// locked, since this end is never closed.
+    /// Lets others open the port again. A host that was killed while it had the port for itself
+    /// would otherwise keep it locked, since this end is never closed.
     pub(super) fn release(&self) {
         let Some(ends) = &self.ends else { return };
-        // SAFETY: the request takes no argument, and the descriptor is open for as long as `ends` lives.
+        // SAFETY: the request takes no argument, and the descriptor is open for as long as `ends`
+        // lives.
         let _ = unsafe { end_exclusive_use(ends.slave.as_raw_fd()) };
     }
 }

@@ -48,7 +48,10 @@ impl Shake {
     pub(super) fn push(&mut self, byte: u8) -> Heard {
         match std::mem::take(self) {
             Self::Idle if OPCODES.contains(&byte) => {
-                *self = Self::Rest { opcode: byte, held: Vec::new() };
+                *self = Self::Rest {
+                    opcode: byte,
+                    held: Vec::new(),
+                };
                 Heard::Say(OKAY)
             }
             // A byte of hand-shake that came late, or an opcode that there is not.
@@ -78,7 +81,9 @@ impl Shake {
 
     /// The reply to the request is ready.
     pub(super) fn offer(&mut self, data: &[u8]) {
-        *self = Self::Ready { reply: encode(data) };
+        *self = Self::Ready {
+            reply: encode(data),
+        };
     }
 }
 
@@ -114,8 +119,14 @@ mod tests {
         assert_eq!(shake.push(0x10), Heard::Say(OKAY));
         let rest = [0x01, 0x03, 0x20, 0x01, 0x02, 0x88, 0xA8];
         let heard: Vec<Heard> = rest.iter().map(|byte| shake.push(*byte)).collect();
-        let request = Request { opcode: 0x10, data: vec![0x03, 0x20, 0x01, 0x02] };
-        assert_eq!(heard.last(), Some(&Heard::Request(Incoming::Request(request))));
+        let request = Request {
+            opcode: 0x10,
+            data: vec![0x03, 0x20, 0x01, 0x02],
+        };
+        assert_eq!(
+            heard.last(),
+            Some(&Heard::Request(Incoming::Request(request)))
+        );
         shake.offer(&[0, 0, 0, 0, 0x10, 0x20, 0x10, 0x62]);
         let reply = vec![0x03, 0, 0, 0, 0, 0x10, 0x20, 0x10, 0x62, 0x10, 0x26];
         assert_eq!(shake.push(OKAY), Heard::Send(reply));
@@ -126,9 +137,16 @@ mod tests {
     #[test]
     fn damage_and_impatience_are_noticed() {
         let mut shake = Shake::default();
-        assert_eq!(shake.push(0x60), Heard::Say(FAILED), "an opcode of the EPOS4");
+        assert_eq!(
+            shake.push(0x60),
+            Heard::Say(FAILED),
+            "an opcode of the EPOS4"
+        );
         shake.push(0x10);
-        let heard: Vec<Heard> = [0x01, 0x41, 0x60, 0, 1, 0xAB, 0xF1].iter().map(|byte| shake.push(*byte)).collect();
+        let heard: Vec<Heard> = [0x01, 0x41, 0x60, 0, 1, 0xAB, 0xF1]
+            .iter()
+            .map(|byte| shake.push(*byte))
+            .collect();
         assert_eq!(heard.last(), Some(&Heard::Say(FAILED)));
         assert_eq!(shake, Shake::Idle);
         shake.offer(&[0; 4]);

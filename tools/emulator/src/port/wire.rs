@@ -1,7 +1,8 @@
 //! Time on a serial line: when bytes arrive and when replies have gone out.
 //!
-//! A pseudo-terminal hands over any number of bytes at once. Here they take the time that they would take on a wire.
-//! All instants follow from the ones before and not from when a thread woke up, so late wake-ups do not add up.
+//! A pseudo-terminal hands over any number of bytes at once. Here they take the time that they
+//! would take on a wire. All instants follow from the ones before and not from when a thread woke
+//! up, so late wake-ups do not add up.
 
 use i2ris::units::Nanos;
 use serde::{Deserialize, Serialize};
@@ -25,16 +26,19 @@ pub struct LineConfig {
     pub framing: Framing,
     /// Bits per second; ten bits a byte.
     pub baud: u32,
-    /// A host at another bit rate sends rubbish, as on a real line; a pseudo-terminal would not mind.
+    /// A host at another bit rate sends rubbish, as on a real line; a pseudo-terminal would not
+    /// mind.
     pub strict_baud: bool,
     /// What the drive takes to answer, microseconds.
     pub processing_us: u64,
     /// The most that is added to it at random, microseconds.
     pub jitter_us: u64,
-    /// How long a USB adapter holds short replies back, milliseconds; 0: a line without one, or one set to no delay.
+    /// How long a USB adapter holds short replies back, milliseconds; 0: a line without one, or one
+    /// set to no delay.
     pub adapter_hold_ms: u64,
-    /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are read this long after
-    /// the line was free count as sent when it became free. On the machine at hand, a wake-up takes about 70.
+    /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are
+    /// read this long after the line was free count as sent when it became free. On the machine at
+    /// hand, a wake-up takes about 70.
     pub allowance_us: u64,
 }
 
@@ -85,7 +89,8 @@ impl Wire {
         self.free
     }
 
-    /// When a reply of `bytes` that starts at `start` has gone out. The host cannot answer it before.
+    /// When a reply of `bytes` that starts at `start` has gone out. The host cannot answer it
+    /// before.
     pub(super) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
         let end = start + Nanos(self.byte.0 * bytes as u64);
         self.free = self.free.max(end);
@@ -103,7 +108,11 @@ mod tests {
     use super::*;
 
     fn wire() -> Wire {
-        Wire::new(&LineConfig { baud: 10_000, allowance_us: 100, ..LineConfig::default() })
+        Wire::new(&LineConfig {
+            baud: 10_000,
+            allowance_us: 100,
+            ..LineConfig::default()
+        })
     }
 
     #[test]
@@ -112,7 +121,14 @@ mod tests {
         let read = Nanos::from_millis(50);
         let arrivals = [wire.arrive(read), wire.arrive(read), wire.arrive(read)];
         let first = Nanos::from_micros(50_900);
-        assert_eq!(arrivals, [first, first + Nanos::from_millis(1), first + Nanos::from_millis(2)]);
+        assert_eq!(
+            arrivals,
+            [
+                first,
+                first + Nanos::from_millis(1),
+                first + Nanos::from_millis(2)
+            ]
+        );
     }
 
     #[test]
@@ -138,13 +154,20 @@ mod tests {
         wire.hand_over(due, due + Nanos::from_millis(9));
         let read = due + Nanos::from_millis(9);
         wire.arrive(read);
-        assert_eq!(wire.complete(read), read, "nothing arrives before it was sent");
+        assert_eq!(
+            wire.complete(read),
+            read,
+            "nothing arrives before it was sent"
+        );
     }
 
     #[test]
     fn a_host_that_takes_its_time_is_given_it() {
         let mut wire = wire();
         wire.depart(Nanos::ZERO, 1);
-        assert_eq!(wire.arrive(Nanos::from_millis(9)), Nanos::from_micros(9_900));
+        assert_eq!(
+            wire.arrive(Nanos::from_millis(9)),
+            Nanos::from_micros(9_900)
+        );
     }
 }

@@ -6,9 +6,9 @@
 //!                friction       friction, stiffness, stop
 //! ```
 //!
-//! Masses are negligible: forces balance at every instant. Within a step the friction bristles are followed
-//! implicitly (return mapping, as in computational plasticity, Simo and Hughes 1998), so a step of any size is stable.
-//! The limits of friction are those of the state before the step.
+//! Masses are negligible: forces balance at every instant. Within a step the friction bristles are
+//! followed implicitly (return mapping, as in computational plasticity, Simo and Hughes 1998), so a
+//! step of any size is stable. The limits of friction are those of the state before the step.
 
 use super::config::SnakeConfig;
 use super::friction::{Bristles, Load};
@@ -34,12 +34,16 @@ pub(super) struct State {
 impl State {
     /// Pitch and yaw of the tip, without the wandering zero.
     pub(super) fn total_bend(&self) -> Pair {
-        self.bend.iter().fold([0.0; 2], |sum, bend| [sum[0] + bend[0], sum[1] + bend[1]])
+        self.bend
+            .iter()
+            .fold([0.0; 2], |sum, bend| [sum[0] + bend[0], sum[1] + bend[1]])
     }
 
     /// Lets friction creep: all bristles keep the share `left` of their bend.
     pub(super) fn creep(&mut self, left: f64) {
-        self.bristles.iter_mut().for_each(|bristles| bristles.creep(left));
+        self.bristles
+            .iter_mut()
+            .for_each(|bristles| bristles.creep(left));
     }
 
     fn unknowns(&self, segments: usize) -> Vector {
@@ -63,7 +67,8 @@ pub(super) struct Step<'a> {
 }
 
 impl<'a> Step<'a> {
-    /// Prepares a step of `dt_s` to the motor positions `motor`, with friction `friction` times the normal one.
+    /// Prepares a step of `dt_s` to the motor positions `motor`, with friction `friction` times the
+    /// normal one.
     pub(super) fn new(
         config: &'a SnakeConfig,
         axes: [Pair; 2],
@@ -72,7 +77,14 @@ impl<'a> Step<'a> {
         dt_s: f64,
         friction: f64,
     ) -> Self {
-        let mut step = Self { config, axes, before, motor, load: Load::default(), drag: config.drag_s / dt_s };
+        let mut step = Self {
+            config,
+            axes,
+            before,
+            motor,
+            load: Load::default(),
+            drag: config.drag_s / dt_s,
+        };
         let bend = before.total_bend();
         let pulls = [0, 1].map(|motor| step.pulls(motor, before.pulley[motor], bend));
         step.load = Load::new(&config.friction, pulls, bend, friction);
@@ -83,7 +95,11 @@ impl<'a> Step<'a> {
     pub(super) fn solve(&self) -> State {
         let count = self.config.segments.len();
         let at = super::newton::solve(self, self.before.unknowns(count));
-        let mut after = State { motor: self.motor, pulley: [at[0], at[1]], ..self.before };
+        let mut after = State {
+            motor: self.motor,
+            pulley: [at[0], at[1]],
+            ..self.before
+        };
         after.pulley_bristle = [0, 1].map(|motor: usize| self.pulley_friction(motor, at[motor]).1);
         for segment in 0..count {
             let bend = [at[2 + 2 * segment], at[3 + 2 * segment]];
@@ -95,9 +111,15 @@ impl<'a> Step<'a> {
 
     /// Tension of the wire that pulls to positive angles, and of the other.
     fn pulls(&self, motor: usize, pulley: f64, bend: Pair) -> [Force; 2] {
-        let (stretch, slack) = (self.stretch(motor, pulley, bend), self.config.wire.slack_deg[motor]);
+        let (stretch, slack) = (
+            self.stretch(motor, pulley, bend),
+            self.config.wire.slack_deg[motor],
+        );
         let softness = self.config.wire.softness_deg;
-        [contact(stretch - slack[0], softness), contact(-stretch - slack[1], softness)]
+        [
+            contact(stretch - slack[0], softness),
+            contact(-stretch - slack[1], softness),
+        ]
     }
 
     /// Travel of the pulley beyond what the bend has taken up.
@@ -120,15 +142,25 @@ impl<'a> Step<'a> {
         let gear = &self.config.gear;
         let half = 0.5 * gear.gap_deg[motor];
         let force = gap(self.motor[motor] - pulley, half, half, gear.softness_deg);
-        Force { value: gear.contact_stiffness * force.value, slope: gear.contact_stiffness * force.slope }
+        Force {
+            value: gear.contact_stiffness * force.value,
+            slope: gear.contact_stiffness * force.slope,
+        }
     }
 
-    /// Friction under the pulley, and its bristle after the step. The bristle is as stiff as a flank.
+    /// Friction under the pulley, and its bristle after the step. The bristle is as stiff as a
+    /// flank.
     fn pulley_friction(&self, motor: usize, pulley: f64) -> (Force, f64) {
         let stiffness = self.config.gear.contact_stiffness;
         let trial = self.before.pulley_bristle[motor] + pulley - self.before.pulley[motor];
         let bristle = slip([trial, 0.0], self.config.gear.friction[motor] / stiffness);
-        (Force { value: stiffness * bristle.bend[0], slope: stiffness * bristle.slope[0][0] }, bristle.bend[0])
+        (
+            Force {
+                value: stiffness * bristle.bend[0],
+                slope: stiffness * bristle.slope[0][0],
+            },
+            bristle.bend[0],
+        )
     }
 
     /// Friction of a segment that has moved to `bend`.
@@ -136,7 +168,13 @@ impl<'a> Step<'a> {
         let from = self.before.bend[segment];
         let moved = [bend[0] - from[0], bend[1] - from[1]];
         let share = self.config.segments[segment].friction;
-        self.before.bristles[segment].hold(&self.config.friction, &self.load, share, self.axes, moved)
+        self.before.bristles[segment].hold(
+            &self.config.friction,
+            &self.load,
+            share,
+            self.axes,
+            moved,
+        )
     }
 
     /// What straightens a segment in one direction: elasticity, growing stiffer, and the stop.
@@ -144,8 +182,11 @@ impl<'a> Step<'a> {
         let law = &self.config.segments[segment];
         let stop = gap(bend, law.limit_deg, law.limit_deg, 0.1 * law.limit_deg);
         Force {
-            value: (law.stiffness + law.stiffening * bend * bend) * bend + self.config.stop_stiffness * stop.value,
-            slope: law.stiffness + 3.0 * law.stiffening * bend * bend + self.config.stop_stiffness * stop.slope,
+            value: (law.stiffness + law.stiffening * bend * bend) * bend
+                + self.config.stop_stiffness * stop.value,
+            slope: law.stiffness
+                + 3.0 * law.stiffening * bend * bend
+                + self.config.stop_stiffness * stop.slope,
         }
     }
 
@@ -164,11 +205,20 @@ impl<'a> Step<'a> {
         }
     }
 
-    /// Adds one motor: flank, friction of the pulley, and the wires that tie the pulley to all segments.
-    fn add_motor(&self, motor: usize, pulley: f64, bend: Pair, force: &mut Vector, slope: &mut Matrix) {
+    /// Adds one motor: flank, friction of the pulley, and the wires that tie the pulley to all
+    /// segments.
+    fn add_motor(
+        &self,
+        motor: usize,
+        pulley: f64,
+        bend: Pair,
+        force: &mut Vector,
+        slope: &mut Matrix,
+    ) {
         let (flank, wire) = (self.flank(motor, pulley), self.wire(motor, pulley, bend));
         let friction = self.pulley_friction(motor, pulley).0;
-        force[motor] += friction.value + wire.value - flank.value + self.drag * (pulley - self.before.pulley[motor]);
+        force[motor] += friction.value + wire.value - flank.value
+            + self.drag * (pulley - self.before.pulley[motor]);
         slope[motor][motor] += friction.slope + wire.slope + flank.slope + self.drag;
         let axis = self.axes[motor];
         let rows = 2..2 + 2 * self.config.segments.len();

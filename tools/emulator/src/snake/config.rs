@@ -1,7 +1,7 @@
 //! Parameters of a snake: TOML, units in the key names, unknown keys refused.
 //!
-//! Lengths are degrees of bend: the wire travel that would bend the snake by so much if nothing was lost. Forces are
-//! in degrees of wire stretch: the stiffness of the wire is 1 by definition.
+//! Lengths are degrees of bend: the wire travel that would bend the snake by so much if nothing was
+//! lost. Forces are in degrees of wire stretch: the stiffness of the wire is 1 by definition.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,8 @@ pub struct SnakeConfig {
     pub name: String,
     /// Wire travel per encoder count, degrees.
     pub deg_per_count: f64,
-    /// Angle between the plane that motor 0 bends and the pitch axis, degrees. Motor 1 is at right angles to motor 0.
+    /// Angle between the plane that motor 0 bends and the pitch axis, degrees. Motor 1 is at right
+    /// angles to motor 0.
     pub motor_axes_deg: f64,
     /// Force per speed of whatever moves, seconds: the weak dependence on speed.
     pub drag_s: f64,
@@ -52,7 +53,8 @@ pub struct GearConfig {
     pub friction: [f64; 2],
 }
 
-/// Antagonist wires. In pairs: motor, then direction (the wire that pulls to positive angles first).
+/// Antagonist wires. In pairs: motor, then direction (the wire that pulls to positive angles
+/// first).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -72,12 +74,13 @@ pub struct WireConfig {
 pub struct FrictionConfig {
     /// Break-away force without any tension.
     pub base: f64,
-    /// Share of the friction that both motors' wires have in common, in the joints of the snake; the rest rubs in
-    /// guides of each motor's own. 0 to 1.
+    /// Share of the friction that both motors' wires have in common, in the joints of the snake;
+    /// the rest rubs in guides of each motor's own. 0 to 1.
     pub shared: f64,
     /// Coefficient of friction between wire and guide, in the rope formula (Euler-Eytelwein).
     pub coefficient: f64,
-    /// Angle that each wire is wrapped by on its way to the snake, degrees; the bend of the snake adds to it.
+    /// Angle that each wire is wrapped by on its way to the snake, degrees; the bend of the snake
+    /// adds to it.
     pub wrap_deg: [[f64; 2]; 2],
     /// The hairs that break away one after the other.
     pub bristles: Vec<BristleConfig>,
@@ -130,7 +133,9 @@ pub struct DriftConfig {
 #[derive(Debug, thiserror::Error)]
 pub enum SnakeConfigError {
     /// The file could not be read.
-    #[error("cannot read the snake {path}: {source}; name an existing file, such as config/snakes/steel.toml")]
+    #[error(
+        "cannot read the snake {path}: {source}; name an existing file, such as config/snakes/steel.toml"
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -166,8 +171,10 @@ impl SnakeConfig {
     ///
     /// When the file cannot be read, is not TOML of this shape, or holds a value out of range.
     pub fn load(path: &Path) -> Result<Self, SnakeConfigError> {
-        let text =
-            fs::read_to_string(path).map_err(|source| SnakeConfigError::Read { path: path.to_owned(), source })?;
+        let text = fs::read_to_string(path).map_err(|source| SnakeConfigError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
         Self::parse(&text, path)
     }
 
@@ -177,11 +184,18 @@ impl SnakeConfig {
     ///
     /// When the text is not TOML of this shape or holds a value out of range.
     pub fn parse(text: &str, path: &Path) -> Result<Self, SnakeConfigError> {
-        let config: Self = toml::from_str(text)
-            .map_err(|source| SnakeConfigError::Parse { path: path.to_owned(), source: Box::new(source) })?;
+        let config: Self = toml::from_str(text).map_err(|source| SnakeConfigError::Parse {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })?;
         match config.wrong_value() {
             None => Ok(config),
-            Some((key, value, reason)) => Err(SnakeConfigError::Value { path: path.to_owned(), key, value, reason }),
+            Some((key, value, reason)) => Err(SnakeConfigError::Value {
+                path: path.to_owned(),
+                key,
+                value,
+                reason,
+            }),
         }
     }
 
@@ -192,9 +206,18 @@ impl SnakeConfig {
         }
         let kinds = self.friction.bristles.len();
         if !(1..=MAX_BRISTLES).contains(&kinds) {
-            return Some(("friction.bristles", kinds as f64, "friction has one to four kinds of bristles"));
+            return Some((
+                "friction.bristles",
+                kinds as f64,
+                "friction has one to four kinds of bristles",
+            ));
         }
-        let total: f64 = self.friction.bristles.iter().map(|bristle| bristle.share).sum();
+        let total: f64 = self
+            .friction
+            .bristles
+            .iter()
+            .map(|bristle| bristle.share)
+            .sum();
         if (total - 1.0).abs() > 1e-9 {
             return Some(("friction.bristles.share", total, "the shares must sum to 1"));
         }
@@ -202,12 +225,24 @@ impl SnakeConfig {
             return Some(("friction.shared", self.friction.shared, "must be 0 to 1"));
         }
         if !self.motor_axes_deg.is_finite() {
-            return Some(("motor_axes_deg", self.motor_axes_deg, "must be a finite number"));
+            return Some((
+                "motor_axes_deg",
+                self.motor_axes_deg,
+                "must be a finite number",
+            ));
         }
-        let positive = self.positive().into_iter().find(|(_, value)| !(value.is_finite() && *value > 0.0));
+        let positive = self
+            .positive()
+            .into_iter()
+            .find(|(_, value)| !(value.is_finite() && *value > 0.0));
         let positive = positive.map(|(key, value)| (key, value, "must be a finite number above 0"));
-        let not_negative = self.not_negative().into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0));
-        positive.or(not_negative.map(|(key, value)| (key, value, "must be a finite number, 0 or above")))
+        let not_negative = self
+            .not_negative()
+            .into_iter()
+            .find(|(_, value)| !(value.is_finite() && *value >= 0.0));
+        positive
+            .or(not_negative
+                .map(|(key, value)| (key, value, "must be a finite number, 0 or above")))
     }
 
     /// Values that something is divided by, or that make the balance of forces solvable.
@@ -223,8 +258,17 @@ impl SnakeConfig {
             ("drift.friction_time_s", self.drift.friction_time_s),
             ("drift.creep_time_s", self.drift.creep_time_s),
         ];
-        values.extend(self.friction.bristles.iter().map(|bristle| ("friction.bristles.stiffness", bristle.stiffness)));
-        values.extend(self.segments.iter().map(|segment| ("segments.limit_deg", segment.limit_deg)));
+        values.extend(
+            self.friction
+                .bristles
+                .iter()
+                .map(|bristle| ("friction.bristles.stiffness", bristle.stiffness)),
+        );
+        values.extend(
+            self.segments
+                .iter()
+                .map(|segment| ("segments.limit_deg", segment.limit_deg)),
+        );
         values
     }
 
@@ -238,9 +282,26 @@ impl SnakeConfig {
         ];
         values.extend(self.gear.gap_deg.map(|value| ("gear.gap_deg", value)));
         values.extend(self.gear.friction.map(|value| ("gear.friction", value)));
-        values.extend(self.wire.slack_deg.as_flattened().iter().map(|value| ("wire.slack_deg", *value)));
-        values.extend(self.friction.wrap_deg.as_flattened().iter().map(|value| ("friction.wrap_deg", *value)));
-        values.extend(self.friction.bristles.iter().map(|bristle| ("friction.bristles.share", bristle.share)));
+        values.extend(
+            self.wire
+                .slack_deg
+                .as_flattened()
+                .iter()
+                .map(|value| ("wire.slack_deg", *value)),
+        );
+        values.extend(
+            self.friction
+                .wrap_deg
+                .as_flattened()
+                .iter()
+                .map(|value| ("friction.wrap_deg", *value)),
+        );
+        values.extend(
+            self.friction
+                .bristles
+                .iter()
+                .map(|bristle| ("friction.bristles.share", bristle.share)),
+        );
         for segment in &self.segments {
             values.push(("segments.stiffness", segment.stiffness));
             values.push(("segments.stiffening", segment.stiffening));

@@ -1,7 +1,8 @@
 //! What wanders while the snake works: the zero of the picture and the strength of the friction.
 //!
-//! Both are Ornstein-Uhlenbeck processes: random walks on a soft leash, with a known spread in the long run. They
-//! advance on a fixed grid of time, so that the path does not depend on how time is cut into steps.
+//! Both are Ornstein-Uhlenbeck processes: random walks on a soft leash, with a known spread in the
+//! long run. They advance on a fixed grid of time, so that the path does not depend on how time is
+//! cut into steps.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -51,7 +52,12 @@ impl Drift {
                 self.offset_deg[axis] = wander(self.offset_deg[axis], spread, time, kick);
             }
             let kick = self.kick();
-            self.friction = wander(self.friction, self.config.friction, self.config.friction_time_s, kick);
+            self.friction = wander(
+                self.friction,
+                self.config.friction,
+                self.config.friction_time_s,
+                kick,
+            );
         }
     }
 
@@ -70,7 +76,8 @@ impl Drift {
     }
 }
 
-/// One step of the grid, exact for the process: `x <- a x + spread sqrt(1 - a^2) kick`, `a = exp(-dt / time)`.
+/// One step of the grid, exact for the process: `x <- a x + spread sqrt(1 - a^2) kick`,
+/// `a = exp(-dt / time)`.
 fn wander(value: f64, spread: f64, time_s: f64, kick: f64) -> f64 {
     let keep = (-GRID_S / time_s).exp();
     keep * value + spread * (1.0 - keep * keep).sqrt() * kick
@@ -81,7 +88,13 @@ mod tests {
     use super::*;
 
     fn config() -> DriftConfig {
-        DriftConfig { offset_deg: 0.1, offset_time_s: 10.0, friction: 0.02, friction_time_s: 10.0, creep_time_s: 100.0 }
+        DriftConfig {
+            offset_deg: 0.1,
+            offset_time_s: 10.0,
+            friction: 0.02,
+            friction_time_s: 10.0,
+            creep_time_s: 100.0,
+        }
     }
 
     #[test]

@@ -4,7 +4,8 @@ use super::config::FrictionConfig;
 use super::law::{Force, slip};
 use super::{MAX_BRISTLES, Pair, dot};
 
-/// The snake cannot bend further than its stops, radians; without a bound a wild input would overflow the rope formula.
+/// The snake cannot bend further than its stops, radians; without a bound a wild input would
+/// overflow the rope formula.
 const LARGEST_BEND_RAD: f64 = 2.0;
 
 /// Break-away forces, each as if all friction was of that kind.
@@ -17,15 +18,25 @@ pub(super) struct Load {
 }
 
 impl Load {
-    /// By the rope formula: `base + sum over wires of tension * (exp(coefficient * wrap) - 1)`. `pulls` are the tensions,
-    /// by motor and direction. The two wire pairs press at right angles, so their loads add like legs of a triangle.
-    pub(super) fn new(config: &FrictionConfig, pulls: [[Force; 2]; 2], bend: Pair, factor: f64) -> Self {
+    /// By the rope formula: `base + sum over wires of tension * (exp(coefficient * wrap) - 1)`.
+    /// `pulls` are the tensions, by motor and direction. The two wire pairs press at right angles,
+    /// so their loads add like legs of a triangle.
+    pub(super) fn new(
+        config: &FrictionConfig,
+        pulls: [[Force; 2]; 2],
+        bend: Pair,
+        factor: f64,
+    ) -> Self {
         let bent_rad = bend[0].hypot(bend[1]).to_radians().min(LARGEST_BEND_RAD);
         let rope = |pull: Force, wrap_deg: f64| {
             pull.value * (config.coefficient * (wrap_deg.to_radians() + bent_rad)).exp_m1()
         };
         let load = [0, 1].map(|motor: usize| {
-            pulls[motor].iter().zip(config.wrap_deg[motor]).map(|(pull, wrap)| rope(*pull, wrap)).sum::<f64>()
+            pulls[motor]
+                .iter()
+                .zip(config.wrap_deg[motor])
+                .map(|(pull, wrap)| rope(*pull, wrap))
+                .sum::<f64>()
         });
         Self {
             shared: factor * (config.base + load[0].hypot(load[1])),
@@ -55,10 +66,21 @@ pub(super) struct Hold {
 }
 
 impl Bristles {
-    /// Moves the segment by `moved`. `share` scales the break-away forces for this segment; `axes` are the directions
-    /// of the motors in pitch and yaw.
-    pub(super) fn hold(&self, config: &FrictionConfig, load: &Load, share: f64, axes: [Pair; 2], moved: Pair) -> Hold {
-        let mut hold = Hold { bristles: *self, force: [0.0; 2], slope: [[0.0; 2]; 2] };
+    /// Moves the segment by `moved`. `share` scales the break-away forces for this segment; `axes`
+    /// are the directions of the motors in pitch and yaw.
+    pub(super) fn hold(
+        &self,
+        config: &FrictionConfig,
+        load: &Load,
+        share: f64,
+        axes: [Pair; 2],
+        moved: Pair,
+    ) -> Hold {
+        let mut hold = Hold {
+            bristles: *self,
+            force: [0.0; 2],
+            slope: [[0.0; 2]; 2],
+        };
         for (kind, law) in config.bristles.iter().enumerate() {
             let reach = |breakaway: f64| share * breakaway * law.share / law.stiffness;
             let held = self.shared[kind];
@@ -66,7 +88,10 @@ impl Bristles {
             hold.bristles.shared[kind] = joint.bend;
             hold.add(law.stiffness * config.shared, joint.bend, joint.slope);
             for (motor, axis) in axes.into_iter().enumerate() {
-                let guide = slip([self.own[kind][motor] + dot(axis, moved), 0.0], reach(load.own[motor]));
+                let guide = slip(
+                    [self.own[kind][motor] + dot(axis, moved), 0.0],
+                    reach(load.own[motor]),
+                );
                 hold.bristles.own[kind][motor] = guide.bend[0];
                 let (bend, slope) = (guide.bend[0], guide.slope[0][0]);
                 hold.add(
@@ -81,15 +106,26 @@ impl Bristles {
 
     /// All bristles keep the share `left` of their bend.
     pub(super) fn creep(&mut self, left: f64) {
-        let bends = self.shared.as_flattened_mut().iter_mut().chain(self.own.as_flattened_mut());
+        let bends = self
+            .shared
+            .as_flattened_mut()
+            .iter_mut()
+            .chain(self.own.as_flattened_mut());
         bends.for_each(|bend| *bend *= left);
     }
 }
 
 impl Hold {
     fn add(&mut self, stiffness: f64, bend: Pair, slope: [Pair; 2]) {
-        self.force.iter_mut().zip(bend).for_each(|(force, bend)| *force += stiffness * bend);
-        let slopes = self.slope.as_flattened_mut().iter_mut().zip(slope.as_flattened());
+        self.force
+            .iter_mut()
+            .zip(bend)
+            .for_each(|(force, bend)| *force += stiffness * bend);
+        let slopes = self
+            .slope
+            .as_flattened_mut()
+            .iter_mut()
+            .zip(slope.as_flattened());
         slopes.for_each(|(sum, slope)| *sum += stiffness * slope);
     }
 }
@@ -101,16 +137,30 @@ mod tests {
     const AXES: [Pair; 2] = [[1.0, 0.0], [0.0, 1.0]];
 
     fn config(shared: f64) -> FrictionConfig {
-        FrictionConfig { shared, ..crate::snake::tests::config("steel").friction }
+        FrictionConfig {
+            shared,
+            ..crate::snake::tests::config("steel").friction
+        }
     }
 
     fn pulls(tension: f64) -> [[Force; 2]; 2] {
-        [[Force { value: tension, slope: 1.0 }, Force::default()], [Force::default(); 2]]
+        [
+            [
+                Force {
+                    value: tension,
+                    slope: 1.0,
+                },
+                Force::default(),
+            ],
+            [Force::default(); 2],
+        ]
     }
 
     #[test]
     fn the_break_away_force_grows_with_tension_and_bend() {
-        let load = |tension: f64, bend: f64| Load::new(&config(0.0), pulls(tension), [bend, 0.0], 1.0).own[0];
+        let load = |tension: f64, bend: f64| {
+            Load::new(&config(0.0), pulls(tension), [bend, 0.0], 1.0).own[0]
+        };
         assert!(load(5.0, 0.0) > 1.1 * load(0.0, 0.0));
         assert!(load(5.0, 40.0) > 1.1 * load(5.0, 0.0));
         assert_eq!(load(0.0, 40.0), load(0.0, 0.0));
@@ -123,7 +173,11 @@ mod tests {
             let load = Load::new(&config, pulls(0.0), [0.0; 2], 1.0);
             let first = Bristles::default().hold(&config, &load, 1.0, AXES, [5.0, 0.0]);
             let second = first.bristles.hold(&config, &load, 1.0, AXES, [0.0, 5.0]);
-            assert_eq!(second.force[0] < 0.5 * first.force[0], frees, "{first:?} {second:?}");
+            assert_eq!(
+                second.force[0] < 0.5 * first.force[0],
+                frees,
+                "{first:?} {second:?}"
+            );
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Force laws, each with its slope, so that the balance of forces can be solved by Newton's method.
 //!
-//! All of them are slopes of convex potentials: that is what makes the balance have exactly one solution.
+//! All of them are slopes of convex potentials: that is what makes the balance have exactly one
+//! solution.
 
 /// A force and how fast it grows with the displacement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -11,27 +12,42 @@ pub(super) struct Force {
     pub slope: f64,
 }
 
-/// A spring that only pushes: nothing below 0, stiffness 1 above, the corner rounded over `softness` on both sides.
+/// A spring that only pushes: nothing below 0, stiffness 1 above, the corner rounded over
+/// `softness` on both sides.
 pub(super) fn contact(travel: f64, softness: f64) -> Force {
     if travel <= -softness {
         Force::default()
     } else if travel >= softness {
-        Force { value: travel, slope: 1.0 }
+        Force {
+            value: travel,
+            slope: 1.0,
+        }
     } else {
         let entered = travel + softness;
-        Force { value: entered * entered / (4.0 * softness), slope: entered / (2.0 * softness) }
+        Force {
+            value: entered * entered / (4.0 * softness),
+            slope: entered / (2.0 * softness),
+        }
     }
 }
 
-/// Two springs that face each other with a gap between: `above` and `below` are the free ways from 0.
+/// Two springs that face each other with a gap between: `above` and `below` are the free ways from
+/// 0.
 pub(super) fn gap(travel: f64, above: f64, below: f64, softness: f64) -> Force {
-    let (up, down) = (contact(travel - above, softness), contact(-travel - below, softness));
-    Force { value: up.value - down.value, slope: up.slope + down.slope }
+    let (up, down) = (
+        contact(travel - above, softness),
+        contact(-travel - below, softness),
+    );
+    Force {
+        value: up.value - down.value,
+        slope: up.slope + down.slope,
+    }
 }
 
 /// A bristle: an elastic hair that slips once it is bent by more than `reach`.
 ///
-/// In the plane the limit is a circle, so slipping in one direction leaves less to hold in the other.
+/// In the plane the limit is a circle, so slipping in one direction leaves less to hold in the
+/// other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Bristle {
     /// Where the hair is after slipping, degrees.
@@ -44,7 +60,10 @@ pub(super) struct Bristle {
 pub(super) fn slip(trial: [f64; 2], reach: f64) -> Bristle {
     let length = trial[0].hypot(trial[1]);
     if length <= reach {
-        return Bristle { bend: trial, slope: [[1.0, 0.0], [0.0, 1.0]] };
+        return Bristle {
+            bend: trial,
+            slope: [[1.0, 0.0], [0.0, 1.0]],
+        };
     }
     let along = [trial[0] / length, trial[1] / length];
     let scale = reach / length;
@@ -67,7 +86,13 @@ mod tests {
     #[test]
     fn a_contact_pushes_one_way_only() {
         assert_eq!(contact(-1.0, 0.1), Force::default());
-        assert_eq!(contact(2.0, 0.1), Force { value: 2.0, slope: 1.0 });
+        assert_eq!(
+            contact(2.0, 0.1),
+            Force {
+                value: 2.0,
+                slope: 1.0
+            }
+        );
         assert_eq!(gap(0.2, 0.5, 0.4, 0.1), Force::default());
         assert!(gap(-1.0, 0.5, 0.4, 0.1).value < -0.5);
     }

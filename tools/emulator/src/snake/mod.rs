@@ -1,18 +1,21 @@
-//! The snake: motor positions in, pitch and yaw of the tip out, with the hysteresis of gears, wires and friction.
+//! The snake: motor positions in, pitch and yaw of the tip out, with the hysteresis of gears, wires
+//! and friction.
 //!
-//! Pure: no clock, no input, no output. The same steps from the same seed give the same angles to the bit, so it serves
-//! the live emulator and offline research alike.
+//! Pure: no clock, no input, no output. The same steps from the same seed give the same angles to
+//! the bit, so it serves the live emulator and offline research alike.
 //!
 //! # Words
 //!
-//! - **wire travel**: how far a motor has pulled its wires, in degrees of the bend that it would give without losses.
-//! - **slack**: how far a wire hangs loose while the snake is straight. While both wires of a motor hang loose, the
-//!   snake hardly follows.
-//! - **bristle**: an elastic hair between two sliding surfaces (LuGre; Canudas de Wit and others 1995). It holds up to
-//!   a break-away force and then slips. Here that force grows with the tension of the wires by the rope formula. In the
-//!   joints its limit is a circle in the plane of pitch and yaw: one axis that slips leaves the other less to hold on to.
-//! - **segment**: a stretch of the snake with a stiffness and friction of its own. Segments bend one after the other,
-//!   which makes several slopes on one stroke.
+//! - **wire travel**: how far a motor has pulled its wires, in degrees of the bend that it would
+//!   give without losses.
+//! - **slack**: how far a wire hangs loose while the snake is straight. While both wires of a motor
+//!   hang loose, the snake hardly follows.
+//! - **bristle**: an elastic hair between two sliding surfaces (LuGre; Canudas de Wit and others
+//!   1995). It holds up to a break-away force and then slips. Here that force grows with the
+//!   tension of the wires by the rope formula. In the joints its limit is a circle in the plane of
+//!   pitch and yaw: one axis that slips leaves the other less to hold on to.
+//! - **segment**: a stretch of the snake with a stiffness and friction of its own. Segments bend
+//!   one after the other, which makes several slopes on one stroke.
 //!
 //! | file | holds |
 //! |---|---|
@@ -31,7 +34,8 @@ mod law;
 mod newton;
 
 pub use config::{
-    BristleConfig, DriftConfig, FrictionConfig, GearConfig, SegmentConfig, SnakeConfig, SnakeConfigError, WireConfig,
+    BristleConfig, DriftConfig, FrictionConfig, GearConfig, SegmentConfig, SnakeConfig,
+    SnakeConfigError, WireConfig,
 };
 
 use balance::{State, Step};
@@ -43,7 +47,8 @@ pub const MAX_SEGMENTS: usize = 4;
 /// The most kinds of bristles.
 pub const MAX_BRISTLES: usize = 4;
 
-/// Wire travel per inner step, degrees, about one count: friction limits follow the tension from step to step.
+/// Wire travel per inner step, degrees, about one count: friction limits follow the tension from
+/// step to step.
 const INNER_STEP_DEG: f64 = 0.02;
 
 /// The most inner steps of one step: a jump costs bounded time and is taken in coarser steps.
@@ -97,9 +102,9 @@ impl Snake {
         }
     }
 
-    /// Moves the motors evenly to `motor_counts` within `dt_s` seconds. Counts may be fractional: the snake hangs on the
-    /// motor, not on the encoder. Values that are not finite leave that motor where it was; a time that is not finite
-    /// or below 0 counts as no time.
+    /// Moves the motors evenly to `motor_counts` within `dt_s` seconds. Counts may be fractional:
+    /// the snake hangs on the motor, not on the encoder. Values that are not finite leave that
+    /// motor where it was; a time that is not finite or below 0 counts as no time.
     pub fn step(&mut self, dt_s: f64, motor_counts: [f64; 2]) {
         let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
         self.drift.step(dt_s);
@@ -109,7 +114,10 @@ impl Snake {
         let inner_s = (dt_s / f64::from(steps)).max(SHORTEST_STEP_S);
         for step in 1..=steps {
             let share = f64::from(step) / f64::from(steps);
-            let motor = [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])];
+            let motor = [
+                from[0] + share * (to[0] - from[0]),
+                from[1] + share * (to[1] - from[1]),
+            ];
             self.inner_step(inner_s, motor);
         }
     }
@@ -142,14 +150,22 @@ impl Snake {
         let mut travel = self.state.motor;
         for (travel, counts) in travel.iter_mut().zip(motor_counts) {
             if counts.is_finite() {
-                *travel = self.config.deg_per_count * counts.clamp(-POSITION_BOUND_COUNTS, POSITION_BOUND_COUNTS);
+                *travel = self.config.deg_per_count
+                    * counts.clamp(-POSITION_BOUND_COUNTS, POSITION_BOUND_COUNTS);
             }
         }
         travel
     }
 
     fn inner_step(&mut self, dt_s: f64, motor: [f64; 2]) {
-        let step = Step::new(&self.config, self.axes, self.state, motor, dt_s, self.drift.friction_factor());
+        let step = Step::new(
+            &self.config,
+            self.axes,
+            self.state,
+            motor,
+            dt_s,
+            self.drift.friction_factor(),
+        );
         self.state = step.solve();
         let left = (-dt_s / self.config.drift.creep_time_s).exp();
         self.state.creep(left);

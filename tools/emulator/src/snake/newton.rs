@@ -1,7 +1,8 @@
 //! Newton's method for a balance of forces that is the slope of a strictly convex potential.
 //!
-//! The laws have kinks in their slopes, so a full step can overshoot. Along the direction of a step the force of a
-//! convex potential rises steadily, and the step is cut back by regula falsi until it does not overshoot much.
+//! The laws have kinks in their slopes, so a full step can overshoot. Along the direction of a step
+//! the force of a convex potential rises steadily, and the step is cut back by regula falsi until
+//! it does not overshoot much.
 
 /// The most unknowns: two pulleys and [`super::MAX_SEGMENTS`] segments that bend in two directions.
 pub(super) const SIZE: usize = 2 + 2 * super::MAX_SEGMENTS;
@@ -30,7 +31,8 @@ const RELATIVE_TOLERANCE: f64 = 1e-12;
 /// Forces below this (degrees of wire stretch) count as none: a millionth of an encoder count.
 const TOLERANCE: f64 = 1e-8;
 
-/// Solves the balance from the guess `start`. Returns the best point found; it is always finite if `start` was.
+/// Solves the balance from the guess `start`. Returns the best point found; it is always finite if
+/// `start` was.
 pub(super) fn solve(balance: &impl Balance, start: Vector) -> Vector {
     let size = balance.unknowns();
     let mut at = start;
@@ -40,7 +42,9 @@ pub(super) fn solve(balance: &impl Balance, start: Vector) -> Vector {
         if largest(&force, size) <= tolerance {
             break;
         }
-        let Some(step) = downhill(slope, &force, size) else { break };
+        let Some(step) = downhill(slope, &force, size) else {
+            break;
+        };
         let next = walk(balance, &at, &step, dot(&force, &step, size), size);
         if !next.force.iter().all(|value| value.is_finite()) {
             break;
@@ -56,12 +60,15 @@ struct Point {
     slope: Matrix,
 }
 
-/// Walks along `step` until the force along it is nearly spent. `before` is that force at the start, below 0.
+/// Walks along `step` until the force along it is nearly spent. `before` is that force at the
+/// start, below 0.
 fn walk(balance: &impl Balance, from: &Vector, step: &Vector, before: f64, size: usize) -> Point {
     let mut share = 1.0;
     loop {
         let mut at = *from;
-        at.iter_mut().zip(step).for_each(|(value, step)| *value += share * step);
+        at.iter_mut()
+            .zip(step)
+            .for_each(|(value, step)| *value += share * step);
         let (force, slope) = balance.evaluate(&at);
         let after = dot(&force, step, size);
         if after <= -0.5 * before || share < 1e-6 {
@@ -103,14 +110,18 @@ fn dot(a: &Vector, b: &Vector, size: usize) -> f64 {
 }
 
 fn largest(values: &Vector, size: usize) -> f64 {
-    values.iter().take(size).fold(0.0, |most, value| most.max(value.abs()))
+    values
+        .iter()
+        .take(size)
+        .fold(0.0, |most, value| most.max(value.abs()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Two unknowns tied by a spring, one of them against a stiff stop: a kink that a bare Newton step jumps over.
+    /// Two unknowns tied by a spring, one of them against a stiff stop: a kink that a bare Newton
+    /// step jumps over.
     struct Stop;
 
     impl Balance for Stop {

@@ -78,16 +78,25 @@ fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
             (angle - sum / count).powi(2)
         })
         .sum();
-    let spread: f64 = samples.iter().map(|(_, angle)| (angle - mean).powi(2)).sum();
+    let spread: f64 = samples
+        .iter()
+        .map(|(_, angle)| (angle - mean).powi(2))
+        .sum();
     (1.0 - error / spread, (error / samples.len() as f64).sqrt())
 }
 
 #[test]
 fn a_function_without_memory_misses_by_as_much_as_on_the_robot() {
-    for (name, rmsd_band) in [("steel", 1.5..2.1), ("brass", 2.3..3.1), ("multi", 1.9..2.7)] {
+    for (name, rmsd_band) in [
+        ("steel", 1.5..2.1),
+        ("brass", 2.3..3.1),
+        ("multi", 1.9..2.7),
+    ] {
         let samples = strokes(&mut Snake::new(&config(name), 1));
         let (r2, rmsd) = memoryless_fit(&samples);
-        let top = samples.iter().fold(0.0f64, |top, (_, angle)| top.max(angle.abs()));
+        let top = samples
+            .iter()
+            .fold(0.0f64, |top, (_, angle)| top.max(angle.abs()));
         assert!((0.985..0.998).contains(&r2), "{name}: R2 {r2}");
         assert!(rmsd_band.contains(&rmsd), "{name}: RMSD {rmsd}");
         assert!((38.0..48.0).contains(&top), "{name}: bends to {top}");
@@ -96,10 +105,17 @@ fn a_function_without_memory_misses_by_as_much_as_on_the_robot() {
 
 #[test]
 fn loops_are_degrees_wide_and_lag_behind_the_motors() {
-    for (name, band) in [("steel", 2.5..5.5), ("brass", 3.5..10.0), ("multi", 3.0..8.0)] {
+    for (name, band) in [
+        ("steel", 2.5..5.5),
+        ("brass", 3.5..10.0),
+        ("multi", 3.0..8.0),
+    ] {
         for counts in [-1200.0, -600.0, 0.0, 600.0, 1200.0] {
             let [up, down] = loop_at(&mut steady(name), counts, 1000.0);
-            assert!(band.contains(&(down - up)), "{name} at {counts}: {up} {down}");
+            assert!(
+                band.contains(&(down - up)),
+                "{name} at {counts}: {up} {down}"
+            );
         }
     }
 }
@@ -120,7 +136,10 @@ fn brass_is_asymmetric_and_multi_has_several_slopes() {
         .collect();
     let slope = |first: usize, counts: f64| (angles[first] - angles[first + 1]) / counts;
     let (crossing, middle, end) = (slope(0, 200.0), slope(2, 250.0), slope(4, 400.0));
-    assert!(crossing < 0.6 * middle && end < 0.75 * middle, "{crossing} {middle} {end}");
+    assert!(
+        crossing < 0.6 * middle && end < 0.75 * middle,
+        "{crossing} {middle} {end}"
+    );
 }
 
 #[test]
@@ -144,7 +163,10 @@ fn speed_matters_little() {
             let slow = loop_at(&mut steady(name), counts, 200.0);
             let fast = loop_at(&mut steady(name), counts, 2000.0);
             for branch in 0..2 {
-                assert!((slow[branch] - fast[branch]).abs() < 0.35, "{name} at {counts}: {slow:?} {fast:?}");
+                assert!(
+                    (slow[branch] - fast[branch]).abs() < 0.35,
+                    "{name} at {counts}: {slow:?} {fast:?}"
+                );
             }
         }
     }
@@ -160,7 +182,10 @@ fn a_minor_loop_lies_inside_and_leads_back_to_the_outer_branch() {
         let inside = go(&mut snake, 600.0, 420.0, 1000.0);
         let half_way = go(&mut snake, 420.0, 500.0, 1000.0);
         let after = go(&mut snake, 500.0, 600.0, 1000.0);
-        assert!(before - inside < 0.8 * 180.0 * 0.0215, "{name}: a reversal has to cross the gap first");
+        assert!(
+            before - inside < 0.8 * 180.0 * 0.0215,
+            "{name}: a reversal has to cross the gap first"
+        );
         assert!(half_way >= inside, "{name}");
         assert!((after - before).abs() < 0.35, "{name}: {before} {after}");
         let outer = go(&mut snake, 600.0, 1500.0, 1000.0);
@@ -177,14 +202,20 @@ fn one_motor_drags_the_other_axis() {
     let mut snake = steady("brass");
     let hold = 900.0;
     for step in 0..=300 {
-        snake.step(0.01, [hold * f64::from(step) / 200.0, 0.0].map(|counts| counts.min(hold)));
+        snake.step(
+            0.01,
+            [hold * f64::from(step) / 200.0, 0.0].map(|counts| counts.min(hold)),
+        );
     }
     let along = |snake: &Snake| dot(snake.angles_deg(), [FRAC_1_SQRT_2, FRAC_1_SQRT_2]);
     let before = along(&snake);
     for step in 0..=200 {
         snake.step(0.01, [hold, 4.0 * f64::from(step)]);
     }
-    assert!((along(&snake) - before).abs() > 0.1, "motor 1 alone moved, and the plane of motor 0 must notice");
+    assert!(
+        (along(&snake) - before).abs() > 0.1,
+        "motor 1 alone moved, and the plane of motor 0 must notice"
+    );
 }
 
 #[test]
@@ -212,17 +243,28 @@ fn it_comes_back_from_a_wild_input() {
 
 #[test]
 fn a_bad_file_is_refused_with_its_key() {
-    let text =
-        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml")).unwrap();
+    let text = std::fs::read_to_string(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml"),
+    )
+    .unwrap();
     for (from, to, key) in [
-        ("stiffness = 8.0", "stiffness = nan", "gear.contact_stiffness"),
+        (
+            "stiffness = 8.0",
+            "stiffness = nan",
+            "gear.contact_stiffness",
+        ),
         ("share = 0.5", "share = 0.6", "friction.bristles.share"),
         ("shared = 0.2", "shared = 1.2", "friction.shared"),
         ("drag_s", "drag", "drag"),
     ] {
         assert!(text.contains(from));
-        let message = SnakeConfig::parse(&text.replace(from, to), Path::new("x.toml")).unwrap_err().to_string();
-        assert!(message.contains(key) && message.contains("x.toml"), "{message}");
+        let message = SnakeConfig::parse(&text.replace(from, to), Path::new("x.toml"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains(key) && message.contains("x.toml"),
+            "{message}"
+        );
     }
 }
 

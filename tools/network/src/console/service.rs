@@ -26,7 +26,13 @@ impl Service {
     /// Serves, for the controller with this boot id.
     pub fn start(domain: &Domain, boot_id: u64) -> Result<Self, NetworkError> {
         let server = Server::create(DomainGuard::acquire(domain)?)?;
-        Ok(Self { server, external: ExternalPublisher::new(domain), boot_id, lease: 0, state: 0 })
+        Ok(Self {
+            server,
+            external: ExternalPublisher::new(domain),
+            boot_id,
+            lease: 0,
+            state: 0,
+        })
     }
 
     /// Which start of the controller it stands for.
@@ -37,7 +43,8 @@ impl Service {
     /// Shows clients what the controller tells.
     pub fn show(&mut self, state: &State) {
         if let Some(version) = &state.version {
-            self.server.describe(version.shape, version.model_id, version.output_names);
+            self.server
+                .describe(version.shape, version.model_id, version.output_names);
         }
         if let Some(goal) = state.goal {
             self.server.publish_goal(goal);
@@ -65,9 +72,17 @@ impl Service {
 
     /// What the camera there saw. That nobody listens here yet is no loss.
     fn see(&mut self, seen: &ExternalPosition) {
-        let (stamp, count) = (Nanos(seen.stamp_ns), (seen.count as usize).min(seen.position.len()));
+        let (stamp, count) = (
+            Nanos(seen.stamp_ns),
+            (seen.count as usize).min(seen.position.len()),
+        );
         let _ = if seen.flags & ExternalPosition::VALID != 0 {
-            self.external.publish_judged(stamp, &seen.position[..count], &seen.deviation[..count], seen.quality)
+            self.external.publish_judged(
+                stamp,
+                &seen.position[..count],
+                &seen.deviation[..count],
+                seen.quality,
+            )
         } else {
             self.external.publish_nothing(stamp)
         };
@@ -85,10 +100,18 @@ impl Service {
 
     /// Hands every new request over, with the token that its answer wants.
     pub fn questions(&mut self, now: Nanos, mut take: impl FnMut(u64, request::Service, &[u8])) {
-        self.server.poll_state_commands(now, |token, it| take(token, request::Service::StateCommand, it.bytes()));
-        self.server.poll_moves(now, |token, it| take(token, request::Service::Move, it.bytes()));
-        self.server.poll_models(now, |token, it| take(token, request::Service::Model, it.bytes()));
-        self.server.poll_black_boxes(now, |token, it| take(token, request::Service::BlackBox, it.bytes()));
+        self.server.poll_state_commands(now, |token, it| {
+            take(token, request::Service::StateCommand, it.bytes())
+        });
+        self.server.poll_moves(now, |token, it| {
+            take(token, request::Service::Move, it.bytes())
+        });
+        self.server.poll_models(now, |token, it| {
+            take(token, request::Service::Model, it.bytes())
+        });
+        self.server.poll_black_boxes(now, |token, it| {
+            take(token, request::Service::BlackBox, it.bytes())
+        });
     }
 
     /// Answers a client; one whose request came to nothing finds out by itself.

@@ -2,7 +2,8 @@
 
 use i2ris::ipc::client::{ClientError, Forwarder, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, Version,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp, Version,
 };
 use i2ris::ipc::{Domain, Message};
 use i2ris::units::Nanos;
@@ -59,16 +60,24 @@ impl Controller {
     pub fn look(&mut self, now: Nanos) -> State {
         let new = match self.streams() {
             Ok(new) => new,
-            Err(ClientError::NoController { .. } | ClientError::Interface { .. }) => State::default(),
+            Err(ClientError::NoController { .. } | ClientError::Interface { .. }) => {
+                State::default()
+            }
             // It is there, and cannot be heard: no news, which watchers see grow old.
-            Err(_) => State { controller: self.known.controller, ..State::default() },
+            Err(_) => State {
+                controller: self.known.controller,
+                ..State::default()
+            },
         };
         if !new.controller {
             // What a controller said that is gone is forgotten.
             self.known = State::default();
             return new;
         }
-        let new = State { version: self.version(now), ..new };
+        let new = State {
+            version: self.version(now),
+            ..new
+        };
         self.known.update(&new);
         new
     }
@@ -90,7 +99,11 @@ impl Controller {
 
     /// Has a request carried out. `false`: too many wait already.
     pub fn ask(&mut self, session: u64, question: Question) -> bool {
-        let worker = if question.service.is_slow() { &self.slow } else { &self.quick };
+        let worker = if question.service.is_slow() {
+            &self.slow
+        } else {
+            &self.quick
+        };
         worker.ask(session, question)
     }
 
@@ -113,7 +126,8 @@ impl Controller {
         })
     }
 
-    /// What has been answered since the last call; a controller that has just come is asked at once.
+    /// What has been answered since the last call; a controller that has just come is asked at
+    /// once.
     fn version(&mut self, now: Nanos) -> Option<Version> {
         if now >= self.next_version || !self.known.controller {
             self.next_version = now + VERSION_PERIOD;

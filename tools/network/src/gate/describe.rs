@@ -1,4 +1,5 @@
-//! A thread that asks the controller what it is. It may have to wait for a controller that hangs, and the gate may not.
+//! A thread that asks the controller what it is. It may have to wait for a controller that hangs,
+//! and the gate may not.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
@@ -22,7 +23,10 @@ impl Describer {
         let (answered, answers) = channel();
         let controller = RequestForwarder::new(domain);
         let work = move || serve(controller, &asked, &answered);
-        thread::Builder::new().name("gate-version".to_owned()).spawn(work).map_err(NetworkError::Thread)?;
+        thread::Builder::new()
+            .name("gate-version".to_owned())
+            .spawn(work)
+            .map_err(NetworkError::Thread)?;
         Ok(Self { ask, answers })
     }
 

@@ -13,7 +13,8 @@ use crate::peer::{self, Peer};
 use crate::plain::Plain;
 use crate::request::{Answer, Outcome, Question};
 
-/// Requests that are remembered, so that one that was repeated is not carried out twice. More than can be under way.
+/// Requests that are remembered, so that one that was repeated is not carried out twice. More than
+/// can be under way.
 const REMEMBERED: usize = 128;
 
 /// One console.
@@ -34,7 +35,14 @@ pub(super) struct Session {
 impl Session {
     pub fn new(key: &Key, session: u64, address: SocketAddr, call: u64, now: Nanos) -> Self {
         let peer = Peer::new(key, session, now);
-        Self { peer, address, call, confirmed: false, greeted: false, requests: BTreeMap::new() }
+        Self {
+            peer,
+            address,
+            call,
+            confirmed: false,
+            greeted: false,
+            requests: BTreeMap::new(),
+        }
     }
 
     /// Does what a packet asks for. The answer is one that is known already.
@@ -73,12 +81,19 @@ impl Session {
         now: Nanos,
     ) -> Option<Answer> {
         let question = Question::read(body)?;
-        let question = Question { asked: shift.here(question.asked), ..question };
+        let question = Question {
+            asked: shift.here(question.asked),
+            ..question
+        };
         let number = question.number;
         if let Some(known) = self.requests.get(&number) {
             return known.clone();
         }
-        if self.requests.first_key_value().is_some_and(|(oldest, _)| number < *oldest) {
+        if self
+            .requests
+            .first_key_value()
+            .is_some_and(|(oldest, _)| number < *oldest)
+        {
             // Answered and forgotten long ago.
             return None;
         }
@@ -104,12 +119,18 @@ impl Session {
 
 fn servo_jp(body: &[u8], shift: &Shift, controller: &mut Controller) {
     if let Some(command) = ServoJp::from_bytes(body) {
-        controller.servo_jp(ServoJp { stamp_ns: shift.here(command.stamp_ns), ..command });
+        controller.servo_jp(ServoJp {
+            stamp_ns: shift.here(command.stamp_ns),
+            ..command
+        });
     }
 }
 
 fn servo_actuators(body: &[u8], shift: &Shift, controller: &mut Controller) {
     if let Some(command) = ServoActuator::from_bytes(body) {
-        controller.servo_actuators(ServoActuator { stamp_ns: shift.here(command.stamp_ns), ..command });
+        controller.servo_actuators(ServoActuator {
+            stamp_ns: shift.here(command.stamp_ns),
+            ..command
+        });
     }
 }

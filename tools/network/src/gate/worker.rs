@@ -13,7 +13,8 @@ use crate::request::{Answer, Outcome, Question};
 /// Requests that may wait at the same time.
 const WAITING: usize = 16;
 
-/// A thread that asks, one request after the other. Ends when dropped, once its last request is answered.
+/// A thread that asks, one request after the other. Ends when dropped, once its last request is
+/// answered.
 #[derive(Debug)]
 pub(super) struct Worker {
     questions: SyncSender<(u64, Question)>,
@@ -26,7 +27,10 @@ impl Worker {
         let (answered, answers) = channel();
         let controller = RequestForwarder::new(domain);
         let work = move || serve(controller, &to_ask, &answered);
-        thread::Builder::new().name(name.to_owned()).spawn(work).map_err(NetworkError::Thread)?;
+        thread::Builder::new()
+            .name(name.to_owned())
+            .spawn(work)
+            .map_err(NetworkError::Thread)?;
         Ok(Self { questions, answers })
     }
 
@@ -40,7 +44,11 @@ impl Worker {
     }
 }
 
-fn serve(mut controller: RequestForwarder, to_ask: &Receiver<(u64, Question)>, answered: &Sender<(u64, Answer)>) {
+fn serve(
+    mut controller: RequestForwarder,
+    to_ask: &Receiver<(u64, Question)>,
+    answered: &Sender<(u64, Answer)>,
+) {
     while let Ok((session, question)) = to_ask.recv() {
         // It may have waited for the one before.
         let answer = if question.is_late(clock::now()) {

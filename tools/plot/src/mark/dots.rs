@@ -9,7 +9,8 @@ use crate::xml::Element;
 /// The most dots of a cloud that are drawn: more make a file large and a panel black.
 const MOST: usize = 3000;
 
-/// A cloud of dots or markers. Dots that others hide are not drawn, and of a very dense cloud an even part only.
+/// A cloud of dots or markers. Dots that others hide are not drawn, and of a very dense cloud an
+/// even part only.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dots {
     points: Vec<[f64; 2]>,
@@ -23,19 +24,34 @@ impl Dots {
     /// Discs of a diameter.
     #[must_use]
     pub fn new(points: Vec<[f64; 2]>, ink: Ink, size: f64) -> Self {
-        Self { points, ink, marker: Marker::Dot, size, label: None }
+        Self {
+            points,
+            ink,
+            marker: Marker::Dot,
+            size,
+            label: None,
+        }
     }
 
     /// Markers.
     #[must_use]
     pub fn markers(points: Vec<[f64; 2]>, ink: Ink, marker: Marker) -> Self {
-        Self { points, ink, marker, size: 1.1, label: None }
+        Self {
+            points,
+            ink,
+            marker,
+            size: 1.1,
+            label: None,
+        }
     }
 
     /// With a word in the legend.
     #[must_use]
     pub fn label(self, label: impl Into<String>) -> Self {
-        Self { label: Some(label.into()), ..self }
+        Self {
+            label: Some(label.into()),
+            ..self
+        }
     }
 }
 
@@ -45,7 +61,11 @@ impl Mark for Dots {
     }
 
     fn draw(&self, frame: &Frame) -> Element {
-        let places: Vec<_> = self.points.iter().filter_map(|point| frame.place(*point)).collect();
+        let places: Vec<_> = self
+            .points
+            .iter()
+            .filter_map(|point| frame.place(*point))
+            .collect();
         let mut path = Path::default();
         for place in thin::cloud(&places, MOST) {
             match self.marker {
@@ -53,12 +73,21 @@ impl Mark for Dots {
                 marker => path.marker(marker, place),
             }
         }
-        let element = Stroke::new(self.ink, self.size).on(Element::new("path")).with("d", path.into_text());
-        if self.marker == Marker::Dot { element.with("stroke-linecap", "round") } else { element }
+        let element = Stroke::new(self.ink, self.size)
+            .on(Element::new("path"))
+            .with("d", path.into_text());
+        if self.marker == Marker::Dot {
+            element.with("stroke-linecap", "round")
+        } else {
+            element
+        }
     }
 
     fn keys(&self) -> Vec<Key> {
-        let key = |label: &String| Key { label: label.clone(), sample: Sample::Point(self.ink, self.marker) };
+        let key = |label: &String| Key {
+            label: label.clone(),
+            sample: Sample::Point(self.ink, self.marker),
+        };
         self.label.iter().map(key).collect()
     }
 }

@@ -10,8 +10,8 @@ use crate::xml::Element;
 /// Corners of the outline.
 const CORNERS: u32 = 72;
 
-/// The line of equal density of a Gaussian in the plane, `deviations` standard deviations from its mean:
-/// `mean + deviations * L [cos t; sin t]` with the Cholesky factor `L` of the covariance.
+/// The line of equal density of a Gaussian in the plane, `deviations` standard deviations from its
+/// mean: `mean + deviations * L [cos t; sin t]` with the Cholesky factor `L` of the covariance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ellipse {
     mean: [f64; 2],
@@ -22,16 +22,31 @@ pub struct Ellipse {
 }
 
 impl Ellipse {
-    /// An ellipse. A covariance that is none, because rounding made it so, gives the nearest line or point.
+    /// An ellipse. A covariance that is none, because rounding made it so, gives the nearest line
+    /// or point.
     #[must_use]
-    pub const fn new(mean: [f64; 2], covariance: [[f64; 2]; 2], deviations: f64, stroke: Stroke) -> Self {
-        Self { mean, covariance, deviations, stroke, label: None }
+    pub const fn new(
+        mean: [f64; 2],
+        covariance: [[f64; 2]; 2],
+        deviations: f64,
+        stroke: Stroke,
+    ) -> Self {
+        Self {
+            mean,
+            covariance,
+            deviations,
+            stroke,
+            label: None,
+        }
     }
 
     /// With a word in the legend.
     #[must_use]
     pub fn label(self, label: impl Into<String>) -> Self {
-        Self { label: Some(label.into()), ..self }
+        Self {
+            label: Some(label.into()),
+            ..self
+        }
     }
 
     fn outline(&self) -> impl Iterator<Item = [f64; 2]> {
@@ -60,11 +75,16 @@ impl Mark for Ellipse {
             rest.iter().for_each(|point| path.line_to(*point));
             path.close();
         }
-        self.stroke.on(Element::new("path")).with("d", path.into_text())
+        self.stroke
+            .on(Element::new("path"))
+            .with("d", path.into_text())
     }
 
     fn keys(&self) -> Vec<Key> {
-        let key = |label: &String| Key { label: label.clone(), sample: Sample::Line(self.stroke, None) };
+        let key = |label: &String| Key {
+            label: label.clone(),
+            sample: Sample::Line(self.stroke, None),
+        };
         self.label.iter().map(key).collect()
     }
 }
@@ -77,7 +97,8 @@ mod tests {
     use crate::style::Ink;
 
     proptest! {
-        /// Every point of the outline is as far from the mean as asked, by the distance that the covariance defines.
+        /// Every point of the outline is as far from the mean as asked, by the distance that the
+        /// covariance defines.
         #[test]
         fn the_outline_has_one_distance(a in 0.1..5.0_f64, b in -3.0..3.0_f64, c in 0.1..5.0_f64, n in 0.5..3.0_f64) {
             let covariance = [[a * a, a * b], [a * b, b * b + c * c]];

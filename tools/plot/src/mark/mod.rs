@@ -1,4 +1,5 @@
-//! What can be drawn in a panel. Values in the units of the axes go in; what is not finite is left out.
+//! What can be drawn in a panel. Values in the units of the axes go in; what is not finite is left
+//! out.
 //!
 //! | file | holds |
 //! |---|---|
@@ -70,13 +71,21 @@ impl Bounds {
         points
             .into_iter()
             .filter(|point| point.iter().all(|v| v.is_finite()))
-            .fold(Self::default(), |bounds, [x, y]| bounds.and(Self { x: Some((x, x)), y: Some((y, y)) }))
+            .fold(Self::default(), |bounds, [x, y]| {
+                bounds.and(Self {
+                    x: Some((x, x)),
+                    y: Some((y, y)),
+                })
+            })
     }
 
     /// Of both.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
-        Self { x: join(self.x, other.x), y: join(self.y, other.y) }
+        Self {
+            x: join(self.x, other.x),
+            y: join(self.y, other.y),
+        }
     }
 }
 

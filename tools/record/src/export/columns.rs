@@ -41,24 +41,38 @@ pub enum Cell {
 /// All columns of a payload.
 pub fn columns(payload: &Payload) -> Vec<Column> {
     let column = |name: String, holds| Column { name, holds };
-    let mut columns = ["t_s", "received_s"].map(|name| column(name.to_owned(), Holds::Seconds)).to_vec();
+    let mut columns = ["t_s", "received_s"]
+        .map(|name| column(name.to_owned(), Holds::Seconds))
+        .to_vec();
     for field in payload.fields {
         match field.count {
             _ if field.is_span => columns.extend(
-                SPAN_MEMBERS.iter().map(|member| column(format!("{}_{member}", field.name), holds(field.kind))),
+                SPAN_MEMBERS
+                    .iter()
+                    .map(|member| column(format!("{}_{member}", field.name), holds(field.kind))),
             ),
             _ if is_hash(field) => columns.push(column(field.name.to_owned(), Holds::Text)),
             1 => columns.push(column(field.name.to_owned(), holds(field.kind))),
             count => {
-                columns.extend((0..count).map(|index| column(format!("{}_{index}", field.name), holds(field.kind))));
+                columns.extend(
+                    (0..count)
+                        .map(|index| column(format!("{}_{index}", field.name), holds(field.kind))),
+                );
             }
         }
     }
     columns
 }
 
-/// The cells of a message, one for every column; instants in ns of Unix time. `None`: it is not what the topic holds.
-pub fn cells(payload: &Payload, start: u64, stamp: u64, received: u64, message: &[u8]) -> Option<Vec<Cell>> {
+/// The cells of a message, one for every column; instants in ns of Unix time. `None`: it is not
+/// what the topic holds.
+pub fn cells(
+    payload: &Payload,
+    start: u64,
+    stamp: u64,
+    received: u64,
+    message: &[u8],
+) -> Option<Vec<Cell>> {
     let numbers = numbers(payload, message)?;
     let seconds = |ns: u64| Cell::Seconds((i128::from(ns) - i128::from(start)) as f64 * 1e-9);
     let mut cells = vec![seconds(stamp), seconds(received)];
@@ -113,9 +127,15 @@ mod tests {
     fn every_column_has_a_cell_of_its_kind() {
         for (payload, message) in [
             (JointState::PAYLOAD, message(&JointState::default())),
-            (PeriodStatistics::PAYLOAD, message(&PeriodStatistics::default())),
+            (
+                PeriodStatistics::PAYLOAD,
+                message(&PeriodStatistics::default()),
+            ),
         ] {
-            let (columns, cells) = (columns(&payload), cells(&payload, 5, 7, 9, &message).unwrap());
+            let (columns, cells) = (
+                columns(&payload),
+                cells(&payload, 5, 7, 9, &message).unwrap(),
+            );
             assert_eq!(columns.len(), cells.len(), "{}", payload.name);
             for (column, cell) in columns.iter().zip(&cells) {
                 let same = matches!(

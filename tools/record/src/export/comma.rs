@@ -14,14 +14,18 @@ impl Sheet {
     pub fn make(path: &Path, columns: &[Column]) -> Result<Self, String> {
         let file = File::create(path).map_err(|error| error.to_string())?;
         let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-        writer.write_record(columns.iter().map(|column| &column.name)).map_err(|error| error.to_string())?;
+        writer
+            .write_record(columns.iter().map(|column| &column.name))
+            .map_err(|error| error.to_string())?;
         Ok(Self(writer))
     }
 }
 
 impl super::Sink for Sheet {
     fn row(&mut self, cells: Vec<Cell>) -> Result<(), String> {
-        self.0.write_record(cells.into_iter().map(text)).map_err(|error| error.to_string())
+        self.0
+            .write_record(cells.into_iter().map(text))
+            .map_err(|error| error.to_string())
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), String> {

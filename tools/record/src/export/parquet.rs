@@ -38,28 +38,57 @@ impl Sheet {
     /// Makes the file.
     pub fn make(path: &Path, columns: Vec<Column>) -> Result<Self, String> {
         let file = File::create(path).map_err(|error| error.to_string())?;
-        let pending = columns.iter().map(|column| Values::of(column.holds)).collect();
+        let pending = columns
+            .iter()
+            .map(|column| Values::of(column.holds))
+            .collect();
         Self::with(BufWriter::new(file), &columns, pending).map_err(words)
     }
 
-    fn with(file: BufWriter<File>, columns: &[Column], pending: Vec<Values>) -> Result<Self, ParquetError> {
+    fn with(
+        file: BufWriter<File>,
+        columns: &[Column],
+        pending: Vec<Values>,
+    ) -> Result<Self, ParquetError> {
         let schema = Arc::new(parse_message_type(&schema(columns))?);
         let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_created_by(concat!("i2ris ", env!("CARGO_PKG_VERSION")).to_owned())
             .build();
-        Ok(Self { writer: SerializedFileWriter::new(file, schema, Arc::new(properties))?, pending, rows: 0 })
+        Ok(Self {
+            writer: SerializedFileWriter::new(file, schema, Arc::new(properties))?,
+            pending,
+            rows: 0,
+        })
     }
 
     fn group(&mut self) -> Result<(), ParquetError> {
         let mut group = self.writer.next_row_group()?;
         for values in &mut self.pending {
-            let Some(mut column) = group.next_column()? else { break };
+            let Some(mut column) = group.next_column()? else {
+                break;
+            };
             match values {
-                Values::Double(values) => drop(column.typed::<DoubleType>().write_batch(values, None, None)?),
-                Values::Int64(values) => drop(column.typed::<Int64Type>().write_batch(values, None, None)?),
-                Values::Int32(values) => drop(column.typed::<Int32Type>().write_batch(values, None, None)?),
-                Values::Text(values) => drop(column.typed::<ByteArrayType>().write_batch(values, None, None)?),
+                Values::Double(values) => drop(
+                    column
+                        .typed::<DoubleType>()
+                        .write_batch(values, None, None)?,
+                ),
+                Values::Int64(values) => drop(
+                    column
+                        .typed::<Int64Type>()
+                        .write_batch(values, None, None)?,
+                ),
+                Values::Int32(values) => drop(
+                    column
+                        .typed::<Int32Type>()
+                        .write_batch(values, None, None)?,
+                ),
+                Values::Text(values) => drop(
+                    column
+                        .typed::<ByteArrayType>()
+                        .write_batch(values, None, None)?,
+                ),
             }
             values.clear();
             column.close()?;
@@ -72,9 +101,16 @@ impl Sheet {
 
 impl super::Sink for Sheet {
     fn row(&mut self, cells: Vec<Cell>) -> Result<(), String> {
-        self.pending.iter_mut().zip(cells).for_each(|(values, cell)| values.push(cell));
+        self.pending
+            .iter_mut()
+            .zip(cells)
+            .for_each(|(values, cell)| values.push(cell));
         self.rows += 1;
-        if self.rows == GROUP { self.group().map_err(words) } else { Ok(()) }
+        if self.rows == GROUP {
+            self.group().map_err(words)
+        } else {
+            Ok(())
+        }
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), String> {
@@ -89,7 +125,8 @@ fn words(error: ParquetError) -> String {
     error.to_string()
 }
 
-/// The columns in Parquet's language. Names of fields are Rust's, so nothing in them has to be escaped.
+/// The columns in Parquet's language. Names of fields are Rust's, so nothing in them has to be
+/// escaped.
 fn schema(columns: &[Column]) -> String {
     let mut text = "message table {\n".to_owned();
     for Column { name, holds } in columns {
@@ -98,7 +135,9 @@ fn schema(columns: &[Column]) -> String {
             Holds::Seconds | Holds::Float => writeln!(text, "required double {name};"),
             Holds::Signed => writeln!(text, "required int32 {name};"),
             Holds::Unsigned(64) => writeln!(text, "required int64 {name} (INTEGER(64,false));"),
-            Holds::Unsigned(bits) => writeln!(text, "required int32 {name} (INTEGER({bits},false));"),
+            Holds::Unsigned(bits) => {
+                writeln!(text, "required int32 {name} (INTEGER({bits},false));")
+            }
             Holds::Text => writeln!(text, "required binary {name} (UTF8);"),
         };
     }
@@ -116,12 +155,19 @@ impl Values {
         }
     }
 
-    /// Parquet keeps unsigned integers as signed ones with the same bits. A column gets cells of its own kind only.
+    /// Parquet keeps unsigned integers as signed ones with the same bits. A column gets cells of
+    /// its own kind only.
     fn push(&mut self, cell: Cell) {
         match (self, cell) {
-            (Self::Double(values), Cell::Seconds(value) | Cell::Number(Number::Float(value))) => values.push(value),
-            (Self::Int64(values), Cell::Number(Number::Unsigned(value))) => values.push(value as i64),
-            (Self::Int32(values), Cell::Number(Number::Unsigned(value))) => values.push(value as i32),
+            (Self::Double(values), Cell::Seconds(value) | Cell::Number(Number::Float(value))) => {
+                values.push(value)
+            }
+            (Self::Int64(values), Cell::Number(Number::Unsigned(value))) => {
+                values.push(value as i64)
+            }
+            (Self::Int32(values), Cell::Number(Number::Unsigned(value))) => {
+                values.push(value as i32)
+            }
             (Self::Int32(values), Cell::Number(Number::Signed(value))) => values.push(value),
             (Self::Text(values), Cell::Text(text)) => values.push(text.into_bytes().into()),
             _ => {}

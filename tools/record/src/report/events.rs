@@ -1,4 +1,5 @@
-//! What happened, in words: from the streams, and from the controller's log of runs where it is attached.
+//! What happened, in words: from the streams, and from the controller's log of runs where it is
+//! attached.
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
@@ -21,18 +22,41 @@ pub struct Happening {
 /// Flags that are told when they come and go.
 const FLAGS: [(u32, &str, &str); 5] = [
     (OperatingStateMsg::HOMED, "homed", "no longer homed"),
-    (OperatingStateMsg::MEMORY_KNOWN, "hysteresis memory known", "hysteresis memory unknown"),
-    (OperatingStateMsg::HOLDING, "holds: no fresh command", "follows commands"),
-    (OperatingStateMsg::CLIPPED, "goal outside the calibrated hull, clipped", "goal inside the calibrated hull again"),
-    (OperatingStateMsg::FIFO, "loop under SCHED_FIFO", "loop without SCHED_FIFO"),
+    (
+        OperatingStateMsg::MEMORY_KNOWN,
+        "hysteresis memory known",
+        "hysteresis memory unknown",
+    ),
+    (
+        OperatingStateMsg::HOLDING,
+        "holds: no fresh command",
+        "follows commands",
+    ),
+    (
+        OperatingStateMsg::CLIPPED,
+        "goal outside the calibrated hull, clipped",
+        "goal inside the calibrated hull again",
+    ),
+    (
+        OperatingStateMsg::FIFO,
+        "loop under SCHED_FIFO",
+        "loop without SCHED_FIFO",
+    ),
 ];
 
 /// Everything in the order of time.
 pub fn happenings(trial: &Trial) -> Vec<Happening> {
     let mut all = Vec::new();
-    for (before, now) in std::iter::once(None).chain(trial.states.iter().map(Some)).zip(&trial.states) {
+    for (before, now) in std::iter::once(None)
+        .chain(trial.states.iter().map(Some))
+        .zip(&trial.states)
+    {
         changes(before, now, &mut |what, is_trouble| {
-            all.push(Happening { t_s: trial.seconds(now.stamp_ns), what, is_trouble });
+            all.push(Happening {
+                t_s: trial.seconds(now.stamp_ns),
+                what,
+                is_trouble,
+            });
         });
     }
     for (stamp, id) in trial.models.iter().skip(1) {
@@ -48,10 +72,18 @@ pub fn happenings(trial: &Trial) -> Vec<Happening> {
     all
 }
 
-fn changes(before: Option<&OperatingStateMsg>, now: &OperatingStateMsg, say: &mut impl FnMut(String, bool)) {
-    let state = |number| OperatingState::from_number(number).map_or("unknown state", OperatingState::text);
+fn changes(
+    before: Option<&OperatingStateMsg>,
+    now: &OperatingStateMsg,
+    say: &mut impl FnMut(String, bool),
+) {
+    let state =
+        |number| OperatingState::from_number(number).map_or("unknown state", OperatingState::text);
     let Some(before) = before else {
-        say(format!("{} when the recording begins", state(now.state)), false);
+        say(
+            format!("{} when the recording begins", state(now.state)),
+            false,
+        );
         return;
     };
     if before.boot_id != now.boot_id {
@@ -59,9 +91,13 @@ fn changes(before: Option<&OperatingStateMsg>, now: &OperatingStateMsg, say: &mu
     }
     if before.state != now.state {
         let fault = now.state == OperatingState::Fault.number();
-        let cause =
-            Fault::from_number(now.fault).filter(|_| fault).map_or(String::new(), |f| format!(": {}", f.text()));
-        say(format!("{} → {}{cause}", state(before.state), state(now.state)), fault);
+        let cause = Fault::from_number(now.fault)
+            .filter(|_| fault)
+            .map_or(String::new(), |f| format!(": {}", f.text()));
+        say(
+            format!("{} → {}{cause}", state(before.state), state(now.state)),
+            fault,
+        );
     }
     for (flag, comes, goes) in FLAGS {
         match (before.flags & flag != 0, now.flags & flag != 0) {
@@ -75,33 +111,70 @@ fn changes(before: Option<&OperatingStateMsg>, now: &OperatingStateMsg, say: &mu
     }
     if before.lease_client_id != now.lease_client_id {
         let who = now.lease_client_id;
-        say(if who == 0 { "nobody commands".to_owned() } else { format!("client {who:016x} commands") }, false);
+        say(
+            if who == 0 {
+                "nobody commands".to_owned()
+            } else {
+                format!("client {who:016x} commands")
+            },
+            false,
+        );
     }
     let refused = now.refused.saturating_sub(before.refused);
     if refused > 0 {
         let why = Refusal::from_number(now.last_refusal).map_or("unknown reason", Refusal::text);
-        say(format!("{refused} command(s) refused, the last one: {why}"), true);
+        say(
+            format!("{refused} command(s) refused, the last one: {why}"),
+            true,
+        );
     }
 }
 
-/// What the log of runs tells and the streams do not: causes, callers, drives. Lines from before the recording are left out.
+/// What the log of runs tells and the streams do not: causes, callers, drives. Lines from before
+/// the recording are left out.
 fn logged(trial: &Trial, line: &str) -> Option<Happening> {
     let entry: Value = serde_json::from_str(line).ok()?;
-    let stamp = entry["monotonic_ns"].as_u64().filter(|stamp| (trial.start_ns..=trial.end_ns).contains(stamp))?;
+    let stamp = entry["monotonic_ns"]
+        .as_u64()
+        .filter(|stamp| (trial.start_ns..=trial.end_ns).contains(stamp))?;
     let text = |name: &str| entry[name].as_str().unwrap_or_default().to_owned();
     let (what, is_trouble) = match entry["event"].as_str()? {
-        "state" if entry["command"].is_string() => {
-            (format!("log: `{}` brought {} to {}", text("command"), text("from"), text("to")), false)
+        "state" if entry["command"].is_string() => (
+            format!(
+                "log: `{}` brought {} to {}",
+                text("command"),
+                text("from"),
+                text("to")
+            ),
+            false,
+        ),
+        "lease" if entry["caller"].is_string() => {
+            (format!("log: {} takes the lease", text("caller")), false)
         }
-        "lease" if entry["caller"].is_string() => (format!("log: {} takes the lease", text("caller")), false),
-        "stop" => (format!("log: stop after {:.0} ms of silence", entry["silent_ms"].as_f64().unwrap_or(0.0)), true),
+        "stop" => (
+            format!(
+                "log: stop after {:.0} ms of silence",
+                entry["silent_ms"].as_f64().unwrap_or(0.0)
+            ),
+            true,
+        ),
         "drive" => {
             let (motor, phase) = (entry["motor"].as_u64().unwrap_or(0), text("phase"));
-            (format!("log: drive {motor}, {phase}, error 0x{}", text("error_code")), true)
+            (
+                format!(
+                    "log: drive {motor}, {phase}, error 0x{}",
+                    text("error_code")
+                ),
+                true,
+            )
         }
         _ => return None,
     };
-    Some(Happening { t_s: trial.seconds(stamp), what, is_trouble })
+    Some(Happening {
+        t_s: trial.seconds(stamp),
+        what,
+        is_trouble,
+    })
 }
 
 #[cfg(test)]
@@ -109,7 +182,12 @@ mod tests {
     use super::*;
 
     fn state(ms: u64, state: OperatingState, flags: u32) -> OperatingStateMsg {
-        OperatingStateMsg { stamp_ns: ms * 1_000_000, state: state.number(), flags, ..OperatingStateMsg::default() }
+        OperatingStateMsg {
+            stamp_ns: ms * 1_000_000,
+            state: state.number(),
+            flags,
+            ..OperatingStateMsg::default()
+        }
     }
 
     #[test]
@@ -136,7 +214,10 @@ mod tests {
             ..Trial::default()
         };
         let all = happenings(&trial);
-        let told: Vec<(f64, &str)> = all.iter().map(|own| ((own.t_s * 1e3).round(), own.what.as_str())).collect();
+        let told: Vec<(f64, &str)> = all
+            .iter()
+            .map(|own| ((own.t_s * 1e3).round(), own.what.as_str()))
+            .collect();
         assert_eq!(
             told,
             [

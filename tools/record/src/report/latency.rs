@@ -15,7 +15,8 @@ const BINS_PER_DECADE: f64 = 20.0;
 /// Latencies of a trial.
 #[derive(Debug)]
 pub struct Latencies {
-    /// From the stamp of a command until its set-point had been handed to the serial line, ns; of both motors.
+    /// From the stamp of a command until its set-point had been handed to the serial line, ns; of
+    /// both motors.
     pub to_line: Histogram<u64>,
     /// Age of the encoder position that each tick worked with, ns; of both motors.
     pub age: Histogram<u64>,
@@ -24,10 +25,17 @@ pub struct Latencies {
 }
 
 impl Default for Latencies {
-    #[allow(clippy::expect_used, reason = "constant bounds, which the constructor takes; a test makes one")]
+    #[allow(
+        clippy::expect_used,
+        reason = "constant bounds, which the constructor takes; a test makes one"
+    )]
     fn default() -> Self {
         let empty = Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("constant bounds");
-        Self { to_line: empty.clone(), age: empty, carried_out: [0; MAX_MOTORS] }
+        Self {
+            to_line: empty.clone(),
+            age: empty,
+            carried_out: [0; MAX_MOTORS],
+        }
     }
 }
 
@@ -36,12 +44,21 @@ impl Latencies {
     pub fn note(&mut self, state: &ActuatorState) {
         for motor in 0..(state.count as usize).min(MAX_MOTORS) {
             if state.measured_stamp_ns[motor] != 0 {
-                record(&mut self.age, state.stamp_ns.saturating_sub(state.measured_stamp_ns[motor]));
+                record(
+                    &mut self.age,
+                    state
+                        .stamp_ns
+                        .saturating_sub(state.measured_stamp_ns[motor]),
+                );
             }
-            let (sequence, command) = (state.command_sequence[motor], state.command_stamp_ns[motor]);
+            let (sequence, command) =
+                (state.command_sequence[motor], state.command_stamp_ns[motor]);
             if command != 0 && sequence != self.carried_out[motor] {
                 self.carried_out[motor] = sequence;
-                record(&mut self.to_line, state.written_stamp_ns[motor].saturating_sub(command));
+                record(
+                    &mut self.to_line,
+                    state.written_stamp_ns[motor].saturating_sub(command),
+                );
             }
         }
     }
@@ -64,7 +81,10 @@ pub fn spread_ms(histogram: &Histogram<u64>) -> Option<Spread> {
 
 /// Edges of bins in ms, evenly on a logarithmic axis, and the share of all spans in each, percent.
 pub fn bins(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
-    let (low, high) = (histogram.min().max(1000) as f64, histogram.max().max(2000) as f64);
+    let (low, high) = (
+        histogram.min().max(1000) as f64,
+        histogram.max().max(2000) as f64,
+    );
     let bin = |ns: f64| (ns.max(1000.0).log10() * BINS_PER_DECADE).floor();
     let (first, last) = (bin(low), bin(high));
     let mut heights = vec![0.0; (last - first) as usize + 1];
@@ -74,7 +94,9 @@ pub fn bins(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
             *height += 100.0 * step.count_at_value() as f64 / histogram.len() as f64;
         }
     }
-    let edges = (0..=heights.len()).map(|k| 10f64.powf((first + k as f64) / BINS_PER_DECADE) * 1e-6).collect();
+    let edges = (0..=heights.len())
+        .map(|k| 10f64.powf((first + k as f64) / BINS_PER_DECADE) * 1e-6)
+        .collect();
     (edges, heights)
 }
 
@@ -100,13 +122,19 @@ mod tests {
         // A command every fifth tick, written two ticks after it was sent.
         (10..60).for_each(|k| latencies.note(&state(k, 5 * ((k - 2) / 5))));
         let to_line = spread_ms(&latencies.to_line).unwrap();
-        assert_eq!((latencies.to_line.len(), latencies.age.len()), (2 * 11, 2 * 50));
+        assert_eq!(
+            (latencies.to_line.len(), latencies.age.len()),
+            (2 * 11, 2 * 50)
+        );
         assert!((to_line.p50 - 1.9).abs() < 0.02, "{to_line:?}");
         assert!((spread_ms(&latencies.age).unwrap().max - 0.4).abs() < 0.01);
         let (edges, heights) = bins(&latencies.age);
         assert_eq!(edges.len(), heights.len() + 1);
         assert!((heights.iter().sum::<f64>() - 100.0).abs() < 1e-9);
-        assert!(edges[0] <= 0.4 && edges[edges.len() - 1] >= 0.4, "{edges:?}");
+        assert!(
+            edges[0] <= 0.4 && edges[edges.len() - 1] >= 0.4,
+            "{edges:?}"
+        );
         assert_eq!(spread_ms(&Latencies::default().age), None);
     }
 }

@@ -2,7 +2,9 @@
 
 use i2ris::ipc::payload::PeriodStatistics;
 use i2ris_plot::page::TableRow;
-use i2ris_plot::{Axis, Dash, Dots, Figure, Ink, Line, Marker, Page, Panel, Rule, Shade, Stroke, Table};
+use i2ris_plot::{
+    Axis, Dash, Dots, Figure, Ink, Line, Marker, Page, Panel, Rule, Shade, Stroke, Table,
+};
 
 use super::hysteresis::Loop;
 use super::latency::bins;
@@ -39,7 +41,11 @@ pub fn page(trial: &Trial, summary: &Summary) -> Page {
     latency(&mut page, trial, summary);
     events(&mut page, summary);
     streams(&mut page, summary);
-    page.footer(concat!("Written by i2ris ", env!("CARGO_PKG_VERSION"), " from the recording alone."));
+    page.footer(concat!(
+        "Written by i2ris ",
+        env!("CARGO_PKG_VERSION"),
+        " from the recording alone."
+    ));
     page
 }
 
@@ -63,31 +69,59 @@ fn lead(summary: &Summary) -> String {
 fn notices(trial: &Trial, summary: &Summary) -> Vec<String> {
     let mut notices = Vec::new();
     if let Some(why) = &summary.cut_off {
-        notices.push(format!("The recording is cut off ({why}); what follows is what it has."));
+        notices.push(format!(
+            "The recording is cut off ({why}); what follows is what it has."
+        ));
     } else if summary.outcome.is_empty() {
         notices.push("The recorder did not end in order: the recording has no outcome.".to_owned());
     }
     let missing: u64 = summary.streams.iter().map(|stream| stream.missing).sum();
     if missing > 0 {
-        notices.push(format!("{missing} message(s) are missing in the streams of the controller."));
+        notices.push(format!(
+            "{missing} message(s) are missing in the streams of the controller."
+        ));
     }
     if trial.is_tip {
-        notices.push("The outputs are positions of the tip, not angles: this report does not draw them.".to_owned());
+        notices.push(
+            "The outputs are positions of the tip, not angles: this report does not draw them."
+                .to_owned(),
+        );
     }
-    let troubles = summary.events.iter().filter(|event| event.is_trouble).count();
+    let troubles = summary
+        .events
+        .iter()
+        .filter(|event| event.is_trouble)
+        .count();
     if troubles > 0 {
-        notices.push(format!("{troubles} event(s) that were not meant to happen; see the list."));
+        notices.push(format!(
+            "{troubles} event(s) that were not meant to happen; see the list."
+        ));
     }
     notices
 }
 
 fn facts(summary: &Summary) -> Vec<(String, String)> {
     // The offset of the clocks is for programs.
-    let known = summary.about.iter().filter(|(name, value)| !value.is_empty() && !name.ends_with("_ns"));
-    let mut facts: Vec<(String, String)> = known.map(|(name, value)| (name.replace('_', " "), value.clone())).collect();
-    let attached: Vec<String> =
-        summary.attached.iter().map(|(name, bytes)| format!("{name} ({bytes} bytes)")).collect();
-    facts.push(("attached".to_owned(), if attached.is_empty() { "nothing".to_owned() } else { attached.join(", ") }));
+    let known = summary
+        .about
+        .iter()
+        .filter(|(name, value)| !value.is_empty() && !name.ends_with("_ns"));
+    let mut facts: Vec<(String, String)> = known
+        .map(|(name, value)| (name.replace('_', " "), value.clone()))
+        .collect();
+    let attached: Vec<String> = summary
+        .attached
+        .iter()
+        .map(|(name, bytes)| format!("{name} ({bytes} bytes)"))
+        .collect();
+    facts.push((
+        "attached".to_owned(),
+        if attached.is_empty() {
+            "nothing".to_owned()
+        } else {
+            attached.join(", ")
+        },
+    ));
     facts
 }
 
@@ -102,7 +136,10 @@ fn tracking(page: &mut Page, trial: &Trial, summary: &Summary) {
         "Goal, estimate and camera over time",
         "Pitch and yaw over time: goal, the model's estimate, what a camera saw; below, the error of each.",
     );
-    let seen = [("estimate", ESTIMATE, &trial.measured), ("camera", CAMERA, &trial.camera)];
+    let seen = [
+        ("estimate", ESTIMATE, &trial.measured),
+        ("camera", CAMERA, &trial.camera),
+    ];
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let mut panel = timeline(trial, summary, name, &format!("{name} (deg)"));
         for (label, stroke, series) in seen {
@@ -110,13 +147,23 @@ fn tracking(page: &mut Page, trial: &Trial, summary: &Summary) {
                 panel = panel.with(over_time(trial, series, axis, stroke).label(label));
             }
         }
-        figure = figure.row(ROW, vec![panel.with(over_time(trial, &trial.goal, axis, GOAL).label("goal"))]);
+        figure = figure.row(
+            ROW,
+            vec![panel.with(over_time(trial, &trial.goal, axis, GOAL).label("goal"))],
+        );
     }
-    let both =
-        [("estimate", ESTIMATE, errors(trial, &trial.measured)), ("camera", CAMERA, errors(trial, &trial.camera))];
+    let both = [
+        ("estimate", ESTIMATE, errors(trial, &trial.measured)),
+        ("camera", CAMERA, errors(trial, &trial.camera)),
+    ];
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
-        let panel =
-            timeline(trial, summary, &format!("error in {name}"), "seen − goal (deg)").with(Rule::level(0.0, ZERO));
+        let panel = timeline(
+            trial,
+            summary,
+            &format!("error in {name}"),
+            "seen − goal (deg)",
+        )
+        .with(Rule::level(0.0, ZERO));
         let lines = both.iter().filter(|(.., errors)| !errors.is_empty());
         let lines = lines.map(|(_, stroke, errors)| Line::new(with_gaps(errors, axis), *stroke));
         figure = figure.row(0.8 * ROW, vec![panel.with_all(lines)]);
@@ -129,22 +176,31 @@ fn tracking(page: &mut Page, trial: &Trial, summary: &Summary) {
     errors_table(page, summary);
 }
 
-/// An empty panel over the time of the trial: shaded where nothing was followed, with a line for every trouble.
+/// An empty panel over the time of the trial: shaded where nothing was followed, with a line for
+/// every trouble.
 fn timeline(trial: &Trial, summary: &Summary, title: &str, y: &str) -> Panel {
     let x = Axis::linear("time (s)").range(0.0, trial.length_s().max(1e-3));
     let mut panel = Panel::new(title, x, Axis::linear(y));
     for [from, to] in trial.away() {
         panel = panel.with(Shade::new(from, to, Ink::FAINT).label(AWAY));
     }
-    panel
-        .with_all(summary.events.iter().filter(|event| event.is_trouble).map(|event| Rule::upright(event.t_s, TROUBLE)))
+    panel.with_all(
+        summary
+            .events
+            .iter()
+            .filter(|event| event.is_trouble)
+            .map(|event| Rule::upright(event.t_s, TROUBLE)),
+    )
 }
 
 /// Where samples are further apart than this, seconds, the line is broken.
 const BREAK_S: f64 = 0.25;
 
 fn over_time(trial: &Trial, series: &Series<2>, axis: usize, stroke: Stroke) -> Line {
-    let points: Vec<Error> = series.iter().map(|(stamp, value)| (trial.seconds(*stamp), *value)).collect();
+    let points: Vec<Error> = series
+        .iter()
+        .map(|(stamp, value)| (trial.seconds(*stamp), *value))
+        .collect();
     Line::new(with_gaps(&points, axis), stroke)
 }
 
@@ -162,18 +218,51 @@ fn with_gaps(points: &[Error], axis: usize) -> Vec<[f64; 2]> {
 }
 
 fn errors_table(page: &mut Page, summary: &Summary) {
-    let header = ["against", "samples", "pitch RMS", "yaw RMS", "length RMS", "p50", "p90", "p99", "max"];
-    let mut table =
-        Table::new("Error while commands were followed, degrees; length: of the two-dimensional error.", header);
-    for (name, tracked, strong) in
-        [("what the camera saw", &summary.camera, true), ("the model's estimate", &summary.estimate, false)]
-    {
-        if let Some(Tracked { samples, pitch_rms_deg, yaw_rms_deg, length_rms_deg, length }) = tracked {
-            let degrees =
-                [*pitch_rms_deg, *yaw_rms_deg, *length_rms_deg, length.p50, length.p90, length.p99, length.max];
+    let header = [
+        "against",
+        "samples",
+        "pitch RMS",
+        "yaw RMS",
+        "length RMS",
+        "p50",
+        "p90",
+        "p99",
+        "max",
+    ];
+    let mut table = Table::new(
+        "Error while commands were followed, degrees; length: of the two-dimensional error.",
+        header,
+    );
+    for (name, tracked, strong) in [
+        ("what the camera saw", &summary.camera, true),
+        ("the model's estimate", &summary.estimate, false),
+    ] {
+        if let Some(Tracked {
+            samples,
+            pitch_rms_deg,
+            yaw_rms_deg,
+            length_rms_deg,
+            length,
+        }) = tracked
+        {
+            let degrees = [
+                *pitch_rms_deg,
+                *yaw_rms_deg,
+                *length_rms_deg,
+                length.p50,
+                length.p90,
+                length.p99,
+                length.max,
+            ];
             let cells = [name.to_owned(), samples.to_string()].into_iter();
-            let cells = cells.chain(degrees.iter().map(|value| format!("{value:.3}"))).collect();
-            table.row(TableRow { cells, strong, rule: false });
+            let cells = cells
+                .chain(degrees.iter().map(|value| format!("{value:.3}")))
+                .collect();
+            table.row(TableRow {
+                cells,
+                strong,
+                rule: false,
+            });
         }
     }
     page.table(&table);
@@ -184,7 +273,13 @@ fn hysteresis(page: &mut Page, summary: &Summary) {
         return;
     }
     page.section("Hysteresis");
-    let panels = |deviation: bool| summary.hysteresis.iter().map(|own| loop_panel(own, deviation)).collect();
+    let panels = |deviation: bool| {
+        summary
+            .hysteresis
+            .iter()
+            .map(|own| loop_panel(own, deviation))
+            .collect()
+    };
     let figure = Figure::new(
         "loops",
         "Counts against angle",
@@ -202,8 +297,14 @@ fn hysteresis(page: &mut Page, summary: &Summary) {
         ),
     );
     let width = |own: &Loop| {
-        let width = own.width_deg.map_or_else(|| "cannot be told".to_owned(), |deg| format!("{deg:.2} deg"));
-        (format!("{}: width of the loop", own.output), format!("{width}; {:.4} deg per count", own.slope_deg_per_count))
+        let width = own.width_deg.map_or_else(
+            || "cannot be told".to_owned(),
+            |deg| format!("{deg:.2} deg"),
+        );
+        (
+            format!("{}: width of the loop", own.output),
+            format!("{width}; {:.4} deg per count", own.slope_deg_per_count),
+        )
     };
     page.facts(summary.hysteresis.iter().map(width));
 }
@@ -214,11 +315,19 @@ fn loop_panel(own: &Loop, deviation: bool) -> Panel {
     } else {
         (own.output.to_owned(), format!("{} (deg)", own.output))
     };
-    let points = |rows: &[[f64; 3]]| rows.iter().map(|row| [row[0], row[if deviation { 2 } else { 1 }]]).collect();
-    Panel::new(title, Axis::linear("counts along the direction"), Axis::linear(y))
-        .with(Dots::new(points(&own.rising), Ink::BLUE, 1.6).label("counts rising"))
-        .with(Dots::new(points(&own.falling), Ink::ORANGE, 1.6).label("counts falling"))
-        .with(Rule::level(0.0, ZERO))
+    let points = |rows: &[[f64; 3]]| {
+        rows.iter()
+            .map(|row| [row[0], row[if deviation { 2 } else { 1 }]])
+            .collect()
+    };
+    Panel::new(
+        title,
+        Axis::linear("counts along the direction"),
+        Axis::linear(y),
+    )
+    .with(Dots::new(points(&own.rising), Ink::BLUE, 1.6).label("counts rising"))
+    .with(Dots::new(points(&own.falling), Ink::ORANGE, 1.6).label("counts falling"))
+    .with(Rule::level(0.0, ZERO))
 }
 
 fn latency(page: &mut Page, trial: &Trial, summary: &Summary) {
@@ -228,18 +337,39 @@ fn latency(page: &mut Page, trial: &Trial, summary: &Summary) {
         if let Some(Spread { p50, p90, p99, max }) = spread {
             let numbers = [p50, p90, p99, max].map(|value| span(value * factor));
             let cells = std::iter::once(name.to_owned()).chain(numbers).collect();
-            table.row(TableRow { cells, ..TableRow::default() });
+            table.row(TableRow {
+                cells,
+                ..TableRow::default()
+            });
         }
     };
-    row("command published to its set-point handed to the line", summary.command_to_line_ms.as_ref(), 1.0);
-    row("age of the encoder position in a tick", summary.reading_age_ms.as_ref(), 1.0);
-    row("loop: tick begins late (typical second)", summary.control_loop.as_ref().map(|own| &own.lateness_us), 1e-3);
-    row("loop: time a tick computes (typical second)", summary.control_loop.as_ref().map(|own| &own.compute_us), 1e-3);
+    row(
+        "command published to its set-point handed to the line",
+        summary.command_to_line_ms.as_ref(),
+        1.0,
+    );
+    row(
+        "age of the encoder position in a tick",
+        summary.reading_age_ms.as_ref(),
+        1.0,
+    );
+    row(
+        "loop: tick begins late (typical second)",
+        summary.control_loop.as_ref().map(|own| &own.lateness_us),
+        1e-3,
+    );
+    row(
+        "loop: time a tick computes (typical second)",
+        summary.control_loop.as_ref().map(|own| &own.compute_us),
+        1e-3,
+    );
     let histograms = [
         ("command to line", &trial.latencies.to_line, Ink::BLUE),
         ("age of encoder positions", &trial.latencies.age, Ink::GREEN),
     ];
-    let drawn = histograms.into_iter().filter(|(_, histogram, _)| !histogram.is_empty());
+    let drawn = histograms
+        .into_iter()
+        .filter(|(_, histogram, _)| !histogram.is_empty());
     let panel = |(name, histogram, ink): (&str, &hdrhistogram::Histogram<u64>, Ink)| {
         let (edges, heights) = bins(histogram);
         let x = Axis::log("time (ms)");
@@ -271,21 +401,33 @@ fn latency(page: &mut Page, trial: &Trial, summary: &Summary) {
             "The loop ran {} ticks, skipped {}, under {}.",
             own.ticks,
             own.missed,
-            if own.priority > 0 { format!("SCHED_FIFO {}", own.priority) } else { "normal scheduling".to_owned() }
+            if own.priority > 0 {
+                format!("SCHED_FIFO {}", own.priority)
+            } else {
+                "normal scheduling".to_owned()
+            }
         ));
     }
 }
 
 /// Milliseconds, in the unit that suits them.
 fn span(ms: f64) -> String {
-    if ms < 0.1 { format!("{:.2} µs", 1e3 * ms) } else { format!("{ms:.2} ms") }
+    if ms < 0.1 {
+        format!("{:.2} µs", 1e3 * ms)
+    } else {
+        format!("{ms:.2} ms")
+    }
 }
 
 fn windows(trial: &Trial, summary: &Summary) -> Panel {
     let line = |pick: fn(&PeriodStatistics) -> u64, stroke: Stroke| {
         // A logarithmic axis has no place for nothing.
-        let point =
-            |window: &PeriodStatistics| [trial.seconds(window.stamp_ns), (pick(window) as f64 * 1e-3).max(0.01)];
+        let point = |window: &PeriodStatistics| {
+            [
+                trial.seconds(window.stamp_ns),
+                (pick(window) as f64 * 1e-3).max(0.01),
+            ]
+        };
         Line::new(trial.windows.iter().map(point).collect(), stroke)
     };
     let x = Axis::linear("time (s)").range(0.0, trial.length_s().max(1e-3));
@@ -293,13 +435,32 @@ fn windows(trial: &Trial, summary: &Summary) -> Panel {
     Panel::new("control loop, second by second", x, Axis::log("time (µs)"))
         .with_all(troubles.map(|event| Rule::upright(event.t_s, TROUBLE)))
         .with(line(|w| w.lateness.p50_ns, Stroke::new(Ink::BLUE, 1.4)).label("late, p50"))
-        .with(line(|w| w.lateness.p99_ns, Stroke::new(Ink::BLUE, 1.4).dash(Dash::Dashed)).label("late, p99"))
-        .with(line(|w| w.lateness.max_ns, Stroke::new(Ink::BLUE, 1.0).dash(Dash::Dotted)).label("late, max"))
-        .with(line(|w| w.compute.p50_ns, Stroke::new(Ink::GREEN, 1.4)).marker(Marker::Square).label("computes, p50"))
         .with(
-            line(|w| w.compute.p99_ns, Stroke::new(Ink::GREEN, 1.4).dash(Dash::Dashed))
+            line(
+                |w| w.lateness.p99_ns,
+                Stroke::new(Ink::BLUE, 1.4).dash(Dash::Dashed),
+            )
+            .label("late, p99"),
+        )
+        .with(
+            line(
+                |w| w.lateness.max_ns,
+                Stroke::new(Ink::BLUE, 1.0).dash(Dash::Dotted),
+            )
+            .label("late, max"),
+        )
+        .with(
+            line(|w| w.compute.p50_ns, Stroke::new(Ink::GREEN, 1.4))
                 .marker(Marker::Square)
-                .label("computes, p99"),
+                .label("computes, p50"),
+        )
+        .with(
+            line(
+                |w| w.compute.p99_ns,
+                Stroke::new(Ink::GREEN, 1.4).dash(Dash::Dashed),
+            )
+            .marker(Marker::Square)
+            .label("computes, p99"),
         )
 }
 
@@ -309,21 +470,35 @@ fn events(page: &mut Page, summary: &Summary) {
         page.paragraph("Nothing was told.");
         return;
     }
-    let mut table = Table::new("In bold what was not meant to happen.", ["time (s)", "what"]).words(1);
+    let mut table = Table::new(
+        "In bold what was not meant to happen.",
+        ["time (s)", "what"],
+    )
+    .words(1);
     for event in summary.events.iter().take(MOST_EVENTS) {
         let cells = vec![format!("{:.3}", event.t_s), event.what.clone()];
-        table.row(TableRow { cells, strong: event.is_trouble, rule: false });
+        table.row(TableRow {
+            cells,
+            strong: event.is_trouble,
+            rule: false,
+        });
     }
     page.table(&table);
     if summary.events.len() > MOST_EVENTS {
-        page.paragraph(format!("And {} more, which `i2ris report --json` lists.", summary.events.len() - MOST_EVENTS));
+        page.paragraph(format!(
+            "And {} more, which `i2ris report --json` lists.",
+            summary.events.len() - MOST_EVENTS
+        ));
     }
 }
 
 fn streams(page: &mut Page, summary: &Summary) {
     page.section("Streams");
     let header = ["stream", "messages", "per second", "missing"];
-    let mut table = Table::new("What was recorded. Missing: by the numbers that messages of one sender carry.", header);
+    let mut table = Table::new(
+        "What was recorded. Missing: by the numbers that messages of one sender carry.",
+        header,
+    );
     for stream in &summary.streams {
         let cells = vec![
             stream.name.to_owned(),
@@ -331,7 +506,10 @@ fn streams(page: &mut Page, summary: &Summary) {
             format!("{:.1}", stream.rate_hz),
             stream.missing.to_string(),
         ];
-        table.row(TableRow { cells, ..TableRow::default() });
+        table.row(TableRow {
+            cells,
+            ..TableRow::default()
+        });
     }
     page.table(&table);
 }

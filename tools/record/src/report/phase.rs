@@ -12,10 +12,16 @@ pub fn follows(state: &OperatingStateMsg) -> bool {
 }
 
 impl Trial {
-    /// Whether the robot followed commands at an instant. Without any state in the recording it is taken to have.
+    /// Whether the robot followed commands at an instant. Without any state in the recording it is
+    /// taken to have.
     pub fn followed_at(&self, stamp_ns: u64) -> bool {
-        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
-        match after.checked_sub(1).and_then(|index| self.states.get(index)) {
+        let after = self
+            .states
+            .partition_point(|state| state.stamp_ns <= stamp_ns);
+        match after
+            .checked_sub(1)
+            .and_then(|index| self.states.get(index))
+        {
             Some(state) => follows(state),
             None => self.states.is_empty(),
         }

@@ -61,7 +61,8 @@ pub struct LoopTimes {
     pub ticks: u64,
     /// Ticks that were skipped.
     pub missed: u64,
-    /// Start of ticks after their time, us: medians of the percentiles of the windows, and the largest of all.
+    /// Start of ticks after their time, us: medians of the percentiles of the windows, and the
+    /// largest of all.
     pub lateness_us: Spread,
     /// Time that ticks computed, us, as above.
     pub compute_us: Spread,
@@ -143,10 +144,22 @@ fn loop_times(windows: &[PeriodStatistics]) -> Option<LoopTimes> {
 
 fn typical(windows: &[PeriodStatistics], spans: fn(&PeriodStatistics) -> &SpanSummary) -> Spread {
     let median = |pick: fn(&SpanSummary) -> u64| {
-        let mut all: Vec<f64> = windows.iter().map(|window| pick(spans(window)) as f64 * 1e-3).collect();
+        let mut all: Vec<f64> = windows
+            .iter()
+            .map(|window| pick(spans(window)) as f64 * 1e-3)
+            .collect();
         all.sort_by(f64::total_cmp);
         crate::series::percentile(&all, 0.5)
     };
-    let max = windows.iter().map(|window| spans(window).max_ns).max().unwrap_or(0);
-    Spread { p50: median(|s| s.p50_ns), p90: median(|s| s.p90_ns), p99: median(|s| s.p99_ns), max: max as f64 * 1e-3 }
+    let max = windows
+        .iter()
+        .map(|window| spans(window).max_ns)
+        .max()
+        .unwrap_or(0);
+    Spread {
+        p50: median(|s| s.p50_ns),
+        p90: median(|s| s.p90_ns),
+        p99: median(|s| s.p99_ns),
+        max: max as f64 * 1e-3,
+    }
 }

@@ -16,7 +16,10 @@ pub fn errors(trial: &Trial, seen: &Series<2>) -> Vec<Error> {
         .filter(|(stamp, _)| trial.followed_at(*stamp))
         .filter_map(|(stamp, seen)| {
             let goal = trial.goal.at(*stamp, GAP_NS)?;
-            Some((trial.seconds(*stamp), [seen[0] - goal[0], seen[1] - goal[1]]))
+            Some((
+                trial.seconds(*stamp),
+                [seen[0] - goal[0], seen[1] - goal[1]],
+            ))
         })
         .collect()
 }
@@ -27,7 +30,10 @@ pub fn tracked(errors: &[Error]) -> Option<Tracked> {
     let rms = |square: &dyn Fn(&[f64; 2]) -> f64| {
         (errors.iter().map(|(_, error)| square(error)).sum::<f64>() / count as f64).sqrt()
     };
-    let mut lengths: Vec<f64> = errors.iter().map(|(_, error)| error[0].hypot(error[1])).collect();
+    let mut lengths: Vec<f64> = errors
+        .iter()
+        .map(|(_, error)| error[0].hypot(error[1]))
+        .collect();
     lengths.sort_by(f64::total_cmp);
     (count > 0).then(|| Tracked {
         samples: count as u64,
@@ -55,11 +61,15 @@ mod tests {
             trial.goal.push(ms * 1_000_000, [10.0 * t, 0.0]);
         }
         let mut seen = Series::default();
-        (100..1900u64).for_each(|ms| seen.push(ms * 1_000_000, [10.0 * (ms as f64 * 1e-3 - 0.02), 0.1]));
+        (100..1900u64)
+            .for_each(|ms| seen.push(ms * 1_000_000, [10.0 * (ms as f64 * 1e-3 - 0.02), 0.1]));
         let all = tracked(&errors(&trial, &seen)).unwrap();
         assert_eq!(all.samples, 1800);
         assert!((all.pitch_rms_deg - 0.2).abs() < 1e-9 && (all.yaw_rms_deg - 0.1).abs() < 1e-9);
-        assert!((all.length_rms_deg - 0.05_f64.sqrt()).abs() < 1e-9 && (all.length.p99 - 0.05_f64.sqrt()).abs() < 1e-9);
+        assert!(
+            (all.length_rms_deg - 0.05_f64.sqrt()).abs() < 1e-9
+                && (all.length.p99 - 0.05_f64.sqrt()).abs() < 1e-9
+        );
         // Disabled from the start: nothing was followed.
         trial.states.push(Default::default());
         assert!(tracked(&errors(&trial, &seen)).is_none());

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics};
+use i2ris::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+};
 use mcap::records::Record;
 
 use super::latency::Latencies;
@@ -67,7 +69,11 @@ impl Count {
     /// Messages per second.
     pub fn rate_hz(&self) -> f64 {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
-        if seconds > 0.0 { (self.messages as f64 - 1.0) / seconds } else { 0.0 }
+        if seconds > 0.0 {
+            (self.messages as f64 - 1.0) / seconds
+        } else {
+            0.0
+        }
     }
 
     fn note(&mut self, stamp_ns: u64, sequence: u32, has_one_sender: bool) {
@@ -75,8 +81,11 @@ impl Count {
             self.first_ns = stamp_ns;
         } else if has_one_sender {
             // A new start of the controller counts from the beginning: no gap.
-            self.missing +=
-                u64::from(sequence.checked_sub(self.last_sequence).map_or(0, |step| step.saturating_sub(1)));
+            self.missing += u64::from(
+                sequence
+                    .checked_sub(self.last_sequence)
+                    .map_or(0, |step| step.saturating_sub(1)),
+            );
         }
         (self.last_ns, self.last_sequence) = (stamp_ns, sequence);
         self.messages += 1;
@@ -87,7 +96,11 @@ impl Trial {
     /// Reads a recording. One that is cut off gives what it has.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let mut trial = Self {
-            file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            file: path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
             start_ns: u64::MAX,
             ..Self::default()
         };
@@ -108,8 +121,12 @@ impl Trial {
                         trial.take(*stream, &data);
                     }
                 }
-                Ok(Record::Metadata(metadata)) if metadata.name == HEADER => trial.about = metadata.metadata,
-                Ok(Record::Metadata(metadata)) if metadata.name == OUTCOME => trial.outcome = metadata.metadata,
+                Ok(Record::Metadata(metadata)) if metadata.name == HEADER => {
+                    trial.about = metadata.metadata
+                }
+                Ok(Record::Metadata(metadata)) if metadata.name == OUTCOME => {
+                    trial.outcome = metadata.metadata
+                }
                 Ok(Record::Attachment { header, data, .. }) => {
                     trial.attached.push((header.name.clone(), data.len()));
                     if header.name.ends_with(".jsonl") && data.len() > trial.audit.len() {
@@ -127,7 +144,11 @@ impl Trial {
             }
             is_recording = true;
         }
-        trial.start_ns = if trial.start_ns == u64::MAX { 0 } else { trial.start_ns };
+        trial.start_ns = if trial.start_ns == u64::MAX {
+            0
+        } else {
+            trial.start_ns
+        };
         Ok(trial)
     }
 
@@ -144,24 +165,34 @@ impl Trial {
     fn take(&mut self, stream: Stream, data: &[u8]) {
         match stream {
             Stream::Measured => {
-                let Some(state) = cdr::payload::<JointState>(data) else { return };
+                let Some(state) = cdr::payload::<JointState>(data) else {
+                    return;
+                };
                 self.span(state.stamp_ns);
                 if state.flags & JointState::VALID != 0
-                    && self.models.last().is_none_or(|(_, id)| *id != state.model_id)
+                    && self
+                        .models
+                        .last()
+                        .is_none_or(|(_, id)| *id != state.model_id)
                 {
                     self.models.push((state.stamp_ns, state.model_id));
                 }
                 self.angles(&state, |trial| &mut trial.measured);
             }
             Stream::Goal => {
-                let Some(state) = cdr::payload::<JointState>(data) else { return };
+                let Some(state) = cdr::payload::<JointState>(data) else {
+                    return;
+                };
                 self.span(state.stamp_ns);
                 self.angles(&state, |trial| &mut trial.goal);
             }
             Stream::Actuators => {
-                let Some(state) = cdr::payload::<ActuatorState>(data) else { return };
+                let Some(state) = cdr::payload::<ActuatorState>(data) else {
+                    return;
+                };
                 self.span(state.stamp_ns);
-                self.counts.push(state.stamp_ns, state.measured_counts.map(f64::from));
+                self.counts
+                    .push(state.stamp_ns, state.measured_counts.map(f64::from));
                 self.latencies.note(&state);
             }
             Stream::State => {
@@ -170,7 +201,9 @@ impl Trial {
             }
             Stream::Statistics => self.windows.extend(cdr::payload::<PeriodStatistics>(data)),
             Stream::External => {
-                let Some(seen) = cdr::payload::<ExternalPosition>(data) else { return };
+                let Some(seen) = cdr::payload::<ExternalPosition>(data) else {
+                    return;
+                };
                 if seen.flags & ExternalPosition::VALID != 0 && seen.count == ANGLES {
                     self.camera.push(seen.stamp_ns, degrees(seen.position));
                 }
@@ -207,7 +240,9 @@ impl Trial {
                 state.boot_id,
             )
         };
-        self.states.last().is_none_or(|last| what(last) != what(state))
+        self.states
+            .last()
+            .is_none_or(|last| what(last) != what(state))
     }
 }
 
@@ -217,5 +252,8 @@ fn degrees(position: [f64; 3]) -> [f64; 2] {
 
 /// Commands and pictures may come from several senders, whose numbers do not tell.
 const fn has_one_sender(stream: Stream) -> bool {
-    !matches!(stream, Stream::External | Stream::ServoJp | Stream::ServoActuators)
+    !matches!(
+        stream,
+        Stream::External | Stream::ServoJp | Stream::ServoActuators
+    )
 }

@@ -1,4 +1,5 @@
-//! How exact readings are, and how often they are wrong without saying so: measured on synthetic scenes.
+//! How exact readings are, and how often they are wrong without saying so: measured on synthetic
+//! scenes.
 //!
 //! A repeatable experiment, not a test of one picture: the same seed gives the same table.
 
@@ -89,13 +90,44 @@ struct Outcome {
 #[must_use]
 pub fn conditions() -> Vec<Condition> {
     let camera = Camera::microscope(1280, 960, 200.0);
-    let glint = Paint { glint: 90.0, ..Paint::dark() };
-    let perspective = Camera { distance_mm: 60.0, tilt_rad: 0.03, ..camera };
-    let of = |name: &str, snake, paint, camera, optics| Condition { name: name.into(), snake, paint, camera, optics };
+    let glint = Paint {
+        glint: 90.0,
+        ..Paint::dark()
+    };
+    let perspective = Camera {
+        distance_mm: 60.0,
+        tilt_rad: 0.03,
+        ..camera
+    };
+    let of = |name: &str, snake, paint, camera, optics| Condition {
+        name: name.into(),
+        snake,
+        paint,
+        camera,
+        optics,
+    };
     vec![
-        of("fibre, dark, light blur and noise", Snake::fibre(0.125), Paint::dark(), camera, Optics::light()),
-        of("fibre, bright, light blur and noise", Snake::fibre(0.125), Paint::bright(), camera, Optics::light()),
-        of("fibre, glint, light blur and noise", Snake::fibre(0.125), glint, camera, Optics::light()),
+        of(
+            "fibre, dark, light blur and noise",
+            Snake::fibre(0.125),
+            Paint::dark(),
+            camera,
+            Optics::light(),
+        ),
+        of(
+            "fibre, bright, light blur and noise",
+            Snake::fibre(0.125),
+            Paint::bright(),
+            camera,
+            Optics::light(),
+        ),
+        of(
+            "fibre, glint, light blur and noise",
+            Snake::fibre(0.125),
+            glint,
+            camera,
+            Optics::light(),
+        ),
         of(
             "fibre, tilted 1.7 deg, light blur and noise",
             Snake::fibre(0.125),
@@ -103,11 +135,41 @@ pub fn conditions() -> Vec<Condition> {
             perspective,
             Optics::light(),
         ),
-        of("robot, dark, light blur and noise", Snake::robot(), Paint::dark(), camera, Optics::light()),
-        of("robot, glint, light blur and noise", Snake::robot(), glint, camera, Optics::light()),
-        of("fibre, dark, strong blur and noise", Snake::fibre(0.125), Paint::dark(), camera, Optics::strong()),
-        of("fibre, bright, strong blur and noise", Snake::fibre(0.125), Paint::bright(), camera, Optics::strong()),
-        of("robot, dark, strong blur and noise", Snake::robot(), Paint::dark(), camera, Optics::strong()),
+        of(
+            "robot, dark, light blur and noise",
+            Snake::robot(),
+            Paint::dark(),
+            camera,
+            Optics::light(),
+        ),
+        of(
+            "robot, glint, light blur and noise",
+            Snake::robot(),
+            glint,
+            camera,
+            Optics::light(),
+        ),
+        of(
+            "fibre, dark, strong blur and noise",
+            Snake::fibre(0.125),
+            Paint::dark(),
+            camera,
+            Optics::strong(),
+        ),
+        of(
+            "fibre, bright, strong blur and noise",
+            Snake::fibre(0.125),
+            Paint::bright(),
+            camera,
+            Optics::strong(),
+        ),
+        of(
+            "robot, dark, strong blur and noise",
+            Snake::robot(),
+            Paint::dark(),
+            camera,
+            Optics::strong(),
+        ),
     ]
 }
 
@@ -116,7 +178,11 @@ pub fn conditions() -> Vec<Condition> {
 pub fn settings(scene: &Scene) -> Settings {
     let k = scene.camera.px_per_mm;
     Settings {
-        ground: if scene.paint.ground > scene.paint.fibre { Ground::Bright } else { Ground::Dark },
+        ground: if scene.paint.ground > scene.paint.fibre {
+            Ground::Bright
+        } else {
+            Ground::Dark
+        },
         side: Side::Left,
         near: None,
         body_width: k * scene.snake.body_width_mm,
@@ -130,9 +196,14 @@ pub fn settings(scene: &Scene) -> Settings {
 /// Measures `frames` clear pictures of a condition.
 #[must_use]
 pub fn clear(condition: &Condition, frames: u64, seed: u64) -> Row {
-    let outcomes: Vec<Outcome> =
-        (0..frames).into_par_iter().filter_map(|number| clear_picture(condition, seed, number)).collect();
-    Row { frames: frames as usize, ..Row::of(&condition.name, &outcomes) }
+    let outcomes: Vec<Outcome> = (0..frames)
+        .into_par_iter()
+        .filter_map(|number| clear_picture(condition, seed, number))
+        .collect();
+    Row {
+        frames: frames as usize,
+        ..Row::of(&condition.name, &outcomes)
+    }
 }
 
 impl Row {
@@ -146,7 +217,10 @@ impl Row {
             good: outcomes.len(),
             bias_deg: worst_band(outcomes),
             std_deg: mean(&|o| (o.error_deg - error).powi(2)).sqrt(),
-            max_deg: outcomes.iter().map(|o| o.error_deg.abs()).fold(0.0, f64::max),
+            max_deg: outcomes
+                .iter()
+                .map(|o| o.error_deg.abs())
+                .fold(0.0, f64::max),
             claimed_deg: mean(&|o| o.claimed_deg.powi(2)).sqrt(),
             tip_um: mean(&|o| o.tip_um.powi(2)).sqrt(),
         }
@@ -155,11 +229,29 @@ impl Row {
 
 fn clear_picture(condition: &Condition, seed: u64, number: u64) -> Option<Outcome> {
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ number.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    let Condition { camera, snake, paint, optics, .. } = condition.clone();
-    let scene = random::clear(&mut random, camera, snake, paint, optics, [MAX_DEG.to_radians(), 0.0]);
-    let reading = measure(&scene.render(&mut random), &settings(&scene)).ok().filter(|r| r.is_good())?;
+    let Condition {
+        camera,
+        snake,
+        paint,
+        optics,
+        ..
+    } = condition.clone();
+    let scene = random::clear(
+        &mut random,
+        camera,
+        snake,
+        paint,
+        optics,
+        [MAX_DEG.to_radians(), 0.0],
+    );
+    let reading = measure(&scene.render(&mut random), &settings(&scene))
+        .ok()
+        .filter(|r| r.is_good())?;
     let truth = scene.truth();
-    let [dx, dy] = [reading.tip_px[0] - truth.tip_px[0], reading.tip_px[1] - truth.tip_px[1]];
+    let [dx, dy] = [
+        reading.tip_px[0] - truth.tip_px[0],
+        reading.tip_px[1] - truth.tip_px[1],
+    ];
     Some(Outcome {
         truth_deg: truth.angle_rad.to_degrees(),
         error_deg: (reading.angle_rad - truth.angle_rad).to_degrees(),
@@ -191,12 +283,32 @@ pub fn cluttered_scene(seed: u64, number: u64) -> (Scene, Pcg64Mcg) {
     let (snake, paint) = match number % 4 {
         0 => (Snake::fibre(0.125), Paint::dark()),
         1 => (Snake::fibre(0.125), Paint::bright()),
-        2 => (Snake::fibre(0.2), Paint { glint: 60.0, ..Paint::dark() }),
+        2 => (
+            Snake::fibre(0.2),
+            Paint {
+                glint: 60.0,
+                ..Paint::dark()
+            },
+        ),
         _ => (Snake::robot(), Paint::dark()),
     };
-    let optics =
-        if number.is_multiple_of(3) { Optics { blur_px: 1.8, noise: 8.0, ..Optics::light() } } else { Optics::light() };
-    let scene = random::clear(&mut random, camera, snake, paint, optics, [MAX_DEG.to_radians(), 0.0]);
+    let optics = if number.is_multiple_of(3) {
+        Optics {
+            blur_px: 1.8,
+            noise: 8.0,
+            ..Optics::light()
+        }
+    } else {
+        Optics::light()
+    };
+    let scene = random::clear(
+        &mut random,
+        camera,
+        snake,
+        paint,
+        optics,
+        [MAX_DEG.to_radians(), 0.0],
+    );
     let scene = random::clutter(&mut random, scene);
     (scene, random)
 }
@@ -204,23 +316,35 @@ pub fn cluttered_scene(seed: u64, number: u64) -> (Scene, Pcg64Mcg) {
 /// Measures `frames` cluttered pictures.
 #[must_use]
 pub fn cluttered(frames: u64, seed: u64) -> Cluttered {
-    (0..frames).into_par_iter().map(|number| cluttered_picture(seed, number)).reduce(Cluttered::default, Cluttered::and)
+    (0..frames)
+        .into_par_iter()
+        .map(|number| cluttered_picture(seed, number))
+        .reduce(Cluttered::default, Cluttered::and)
 }
 
 fn cluttered_picture(seed: u64, number: u64) -> Cluttered {
     let (scene, mut random) = cluttered_scene(seed, number);
-    let mut outcome = Cluttered { frames: 1, ..Cluttered::default() };
+    let mut outcome = Cluttered {
+        frames: 1,
+        ..Cluttered::default()
+    };
     let mut doubt = None;
     match measure(&scene.render(&mut random), &settings(&scene)) {
         Err(reason) => doubt = Some(reason),
         Ok(mut reading) => {
             let length = length_at_rest(&scene);
-            reading.doubt_if(Doubt::Length, (reading.length_px / length - 1.0).abs(), LENGTH_TOLERANCE);
+            reading.doubt_if(
+                Doubt::Length,
+                (reading.length_px / length - 1.0).abs(),
+                LENGTH_TOLERANCE,
+            );
             if reading.is_good() {
                 let error = (reading.angle_rad - scene.truth().angle_rad).to_degrees();
                 outcome.good = 1;
                 outcome.max_deg = error.abs();
-                outcome.wrong.extend((error.abs() > WRONG_DEG).then_some((number, error)));
+                outcome
+                    .wrong
+                    .extend((error.abs() > WRONG_DEG).then_some((number, error)));
             } else {
                 doubt = reading.doubt;
             }

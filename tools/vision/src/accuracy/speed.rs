@@ -10,19 +10,25 @@ use crate::source::{Clock, FrameSource, SourceError, Y4m};
 
 /// Poses of the experiment: enough to be typical, few enough to keep their pictures in memory.
 const POSES: u64 = 32;
-/// Times that the pictures are measured; the median counts, for other programs take the processor now and then.
+/// Times that the pictures are measured; the median counts, for other programs take the processor
+/// now and then.
 const ROUNDS: usize = 5;
 
-/// Pictures of 1280x960 that one view measures per second in one thread: the stream is read, every picture is checked
-/// against the one before, and measured.
+/// Pictures of 1280x960 that one view measures per second in one thread: the stream is read, every
+/// picture is checked against the one before, and measured.
 ///
 /// # Errors
 ///
 /// When the stream cannot be read: not before the reader has a fault.
 pub fn speed(seed: u64) -> Result<f64, SourceError> {
-    let rig = Rig { seed, ..Rig::laboratory(1280, 960, 200.0) };
+    let rig = Rig {
+        seed,
+        ..Rig::laboratory(1280, 960, 200.0)
+    };
     let settings = setup(&rig).views.first().map(crate::setup::View::settings);
-    let Some(settings) = settings else { return Ok(f64::NAN) };
+    let Some(settings) = settings else {
+        return Ok(f64::NAN);
+    };
     let stream = stream(&rig);
     let mut rates = Vec::new();
     for _ in 0..ROUNDS {
@@ -45,10 +51,22 @@ fn stream(rig: &Rig) -> Vec<u8> {
     for number in 0..POSES {
         let turn = number as f64 * 2.4;
         let bend = 0.7 * ((number as f64 + 0.5) / POSES as f64).sqrt();
-        let pose = Pose { pitch_rad: bend * turn.cos(), yaw_rad: bend * turn.sin() };
-        let Some(picture) = rig.shoot(pose, number).into_iter().next() else { continue };
+        let pose = Pose {
+            pitch_rad: bend * turn.cos(),
+            yaw_rad: bend * turn.sin(),
+        };
+        let Some(picture) = rig.shoot(pose, number).into_iter().next() else {
+            continue;
+        };
         if bytes.is_empty() {
-            bytes.extend(format!("YUV4MPEG2 W{} H{} F30:1 Cmono\n", picture.width(), picture.height()).bytes());
+            bytes.extend(
+                format!(
+                    "YUV4MPEG2 W{} H{} F30:1 Cmono\n",
+                    picture.width(),
+                    picture.height()
+                )
+                .bytes(),
+            );
         }
         bytes.extend(b"FRAME\n");
         bytes.extend(picture.data());

@@ -14,20 +14,37 @@ use crate::setup::{Axis, Setup, View};
 /// Pictures of the straight pose.
 const AT_REST: u64 = 8;
 
-/// Rigs with their names: light and strong blur and noise, dark and bright, cameras turned and out of square.
+/// Rigs with their names: light and strong blur and noise, dark and bright, cameras turned and out
+/// of square.
 #[must_use]
 pub fn rigs() -> Vec<(String, Rig)> {
     let light = Rig::laboratory(1280, 960, 200.0);
-    let strong = Rig { optics: Optics::strong(), ..light.clone() };
-    let bright = Rig { paint: Paint::bright(), ..light.clone() };
+    let strong = Rig {
+        optics: Optics::strong(),
+        ..light.clone()
+    };
+    let bright = Rig {
+        paint: Paint::bright(),
+        ..light.clone()
+    };
     let mut turned = light.clone();
     turned.cameras[0].plane_rad = 0.2;
     turned.cameras[1].plane_rad -= 0.15;
     turned.cameras[1].roll_rad = 0.04;
-    [("light", light), ("bright, light", bright), ("cameras turned, light", turned), ("strong", strong)]
-        .into_iter()
-        .map(|(name, rig)| (format!("robot, both axes, two views, {name} blur and noise"), rig))
-        .collect()
+    [
+        ("light", light),
+        ("bright, light", bright),
+        ("cameras turned, light", turned),
+        ("strong", strong),
+    ]
+    .into_iter()
+    .map(|(name, rig)| {
+        (
+            format!("robot, both axes, two views, {name} blur and noise"),
+            rig,
+        )
+    })
+    .collect()
 }
 
 /// What a person who built the rig would write into its setup.
@@ -41,7 +58,11 @@ pub fn setup(rig: &Rig) -> Setup {
             turn_deg: 0.0,
             px_per_mm: camera.px_per_mm,
             distance_mm: Some(camera.distance_mm),
-            ground: if rig.paint.ground > rig.paint.fibre { Ground::Bright } else { Ground::Dark },
+            ground: if rig.paint.ground > rig.paint.fibre {
+                Ground::Bright
+            } else {
+                Ground::Dark
+            },
             side: Side::Left,
             near_px: None,
             body_width_mm: rig.snake.body_width_mm,
@@ -54,7 +75,10 @@ pub fn setup(rig: &Rig) -> Setup {
         view.set_plane(camera.plane_rad);
         view
     };
-    Setup { pair_within_ms: 12.0, views: rig.cameras.iter().enumerate().map(view).collect() }
+    Setup {
+        pair_within_ms: 12.0,
+        views: rig.cameras.iter().enumerate().map(view).collect(),
+    }
 }
 
 /// Measures `frames` poses of a rig after a few at rest. Every pose counts twice, once per axis.
@@ -66,39 +90,69 @@ pub fn stereo(name: &str, rig: &Rig, frames: u64, seed: u64) -> Result<Row, Rest
     let setup = setup(rig);
     let rests = rests(rig, &setup)?;
     let stereo = Stereo::new(&setup, &rests);
-    let outcomes: Vec<Outcome> =
-        (0..frames).into_par_iter().filter_map(|number| pose(rig, &setup, &stereo, seed, number)).flatten().collect();
-    Ok(Row { frames: frames as usize, good: outcomes.len() / 2, ..Row::of(name, &outcomes) })
+    let outcomes: Vec<Outcome> = (0..frames)
+        .into_par_iter()
+        .filter_map(|number| pose(rig, &setup, &stereo, seed, number))
+        .flatten()
+        .collect();
+    Ok(Row {
+        frames: frames as usize,
+        good: outcomes.len() / 2,
+        ..Row::of(name, &outcomes)
+    })
 }
 
 fn rests(rig: &Rig, setup: &Setup) -> Result<Vec<Rest>, RestError> {
     let mut resting = vec![Resting::default(); setup.views.len()];
     for number in 0..AT_REST {
-        for (reading, resting) in readings(rig, setup, Pose::default(), u64::MAX - number).iter().zip(&mut resting) {
+        for (reading, resting) in readings(rig, setup, Pose::default(), u64::MAX - number)
+            .iter()
+            .zip(&mut resting)
+        {
             resting.add(reading.as_ref());
         }
     }
-    resting.iter().zip(&setup.views).map(|(resting, view)| resting.finish(&view.name)).collect()
+    resting
+        .iter()
+        .zip(&setup.views)
+        .map(|(resting, view)| resting.finish(&view.name))
+        .collect()
 }
 
 fn readings(rig: &Rig, setup: &Setup, pose: Pose, number: u64) -> Vec<Option<Reading>> {
     let pictures = rig.shoot(pose, number);
-    pictures.iter().zip(&setup.views).map(|(picture, view)| measure(picture, &view.settings()).ok()).collect()
+    pictures
+        .iter()
+        .zip(&setup.views)
+        .map(|(picture, view)| measure(picture, &view.settings()).ok())
+        .collect()
 }
 
 fn pose(rig: &Rig, setup: &Setup, stereo: &Stereo, seed: u64, number: u64) -> Option<[Outcome; 2]> {
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ number.wrapping_mul(0x9E37_79B9_7F4A_7C15));
     let most = AWAY_DEG.to_radians();
-    let pose = Pose { pitch_rad: random.random_range(-most..=most), yaw_rad: random.random_range(-most..=most) };
-    let readings: Option<Vec<Reading>> =
-        readings(rig, setup, pose, number).into_iter().map(|r| r.filter(Reading::is_good)).collect();
+    let pose = Pose {
+        pitch_rad: random.random_range(-most..=most),
+        yaw_rad: random.random_range(-most..=most),
+    };
+    let readings: Option<Vec<Reading>> = readings(rig, setup, pose, number)
+        .into_iter()
+        .map(|r| r.filter(Reading::is_good))
+        .collect();
     let readings = readings?;
-    let sized: Vec<_> =
-        readings.iter().zip(&rig.cameras).map(|(reading, camera)| (reading, [camera.width, camera.height])).collect();
+    let sized: Vec<_> = readings
+        .iter()
+        .zip(&rig.cameras)
+        .map(|(reading, camera)| (reading, [camera.width, camera.height]))
+        .collect();
     let joints = stereo.solve(&sized).ok()?;
     let [tip, rest] = [pose, Pose::default()].map(|pose| rig.snake.tip(&pose));
     let truth = [tip[2] - rest[2], tip[0], tip[1]];
-    let off = joints.tip_mm.iter().zip(truth).map(|(seen, truth)| (seen.unwrap_or(f64::NAN) - truth).powi(2));
+    let off = joints
+        .tip_mm
+        .iter()
+        .zip(truth)
+        .map(|(seen, truth)| (seen.unwrap_or(f64::NAN) - truth).powi(2));
     let tip_um = off.sum::<f64>().sqrt() * 1000.0;
     let outcome = |axis: usize, truth: f64| {
         Some(Outcome {

@@ -28,12 +28,17 @@ pub struct End {
     pub cut_rad: f64,
 }
 
-/// Looks along `line`, the line of the tip, for the end. `None` if there is no clear one within one and a half
-/// thicknesses of the last reading.
+/// Looks along `line`, the line of the tip, for the end. `None` if there is no clear one within one
+/// and a half thicknesses of the last reading.
 pub fn find(picture: &Grey, settings: &Settings, trace: &Trace, line: &Line) -> Option<End> {
     let last = trace.points.last()?.at;
     let [along, _] = relative(last, line.middle, line.direction_rad);
-    let view = View { picture, ground: settings.ground, line, from: along };
+    let view = View {
+        picture,
+        ground: settings.ground,
+        line,
+        from: along,
+    };
     let width = settings.fibre_width;
     let middle = view.crossing([-0.3 * width, 0.3 * width], width, trace.contrast)?;
     let left = view.crossing([0.05 * width, 0.4 * width], width, trace.contrast)?;
@@ -59,24 +64,31 @@ impl View<'_> {
         let [x, y] = self.line.at(self.from + along);
         let [ux, uy] = across(self.line.direction_rad);
         let value = self.picture.sample(x + offset * ux, y + offset * uy)?;
-        Some(if self.ground == Ground::Bright { value } else { 255.0 - value })
+        Some(if self.ground == Ground::Bright {
+            value
+        } else {
+            255.0 - value
+        })
     }
 
-    /// Mean across `lane` at every pixel along, from 2 thicknesses before the last reading to 2.5 beyond or to the
-    /// border of the picture.
+    /// Mean across `lane` at every pixel along, from 2 thicknesses before the last reading to 2.5
+    /// beyond or to the border of the picture.
     fn lane(&self, lane: [f64; 2], width: f64) -> Vec<f32> {
         let lines = ((lane[1] - lane[0]).round() as usize).max(1);
         let offset = |j: usize| lane[0] + (j as f64 + 0.5) / lines as f64 * (lane[1] - lane[0]);
         let (back, ahead) = reach(width);
         (-back..=ahead)
             .map_while(|i| {
-                let sum: Option<f32> = (0..lines).map(|j| self.value(f64::from(i), offset(j))).sum();
+                let sum: Option<f32> = (0..lines)
+                    .map(|j| self.value(f64::from(i), offset(j)))
+                    .sum();
                 sum.map(|sum| sum / lines as f32)
             })
             .collect()
     }
 
-    /// Where brightness rises from the fibre's to the ground's: the sharp step that leaves the same area.
+    /// Where brightness rises from the fibre's to the ground's: the sharp step that leaves the same
+    /// area.
     fn crossing(&self, lane: [f64; 2], width: f64, contrast: f32) -> Option<f64> {
         let values = self.lane(lane, width);
         let (back, _) = reach(width);
@@ -94,22 +106,28 @@ impl View<'_> {
                 return None;
             }
             let ends = 0.5 * (values[start] + values[end]);
-            let area = values[start + 1..end].iter().sum::<f32>() + ends - (end - start) as f32 * inside;
+            let area =
+                values[start + 1..end].iter().sum::<f32>() + ends - (end - start) as f32 * inside;
             at = end as f64 - f64::from(area / (outside - inside));
         }
         Some(at - f64::from(back))
     }
 
-    /// Part of the places around the end that look like ground. `None` if most of them are out of the picture.
+    /// Part of the places around the end that look like ground. `None` if most of them are out of
+    /// the picture.
     fn free(&self, end: f64, width: f64, trace: &Trace) -> Option<f64> {
         let spacing = (width / 6.0).max(1.5);
         let first = end + (0.35 * width).max(5.0);
-        let places =
-            (0..5).flat_map(|i| (-7..=7).map(move |j| (first + f64::from(i) * spacing, f64::from(j) * spacing)));
+        let places = (0..5).flat_map(|i| {
+            (-7..=7).map(move |j| (first + f64::from(i) * spacing, f64::from(j) * spacing))
+        });
         let (mut inside, mut free) = (0, 0);
         for (along, offset) in places {
             let near = [(0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7)];
-            let sum: Option<f32> = near.iter().map(|(a, o)| self.value(along + a, offset + o)).sum();
+            let sum: Option<f32> = near
+                .iter()
+                .map(|(a, o)| self.value(along + a, offset + o))
+                .sum();
             if let Some(sum) = sum {
                 let level = sum / near.len() as f32;
                 inside += 1;
@@ -132,5 +150,7 @@ fn rough(values: &[f32], back: usize, rise: f32) -> Option<f64> {
     let level = median(&mut inside)? as f32 + rise;
     let smooth = |i: usize| (values[i - 1] + values[i] + values[i + 1]) / 3.0;
     let first = back.saturating_sub(back / 2).max(1);
-    (first..values.len().saturating_sub(1)).find(|i| smooth(*i) > level).map(|i| i as f64)
+    (first..values.len().saturating_sub(1))
+        .find(|i| smooth(*i) > level)
+        .map(|i| i as f64)
 }

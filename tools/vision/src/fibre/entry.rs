@@ -57,15 +57,23 @@ pub fn find(picture: &Grey, settings: &Settings) -> Result<Entry, NoEntry> {
     let mut best: Option<(usize, f32, Vec<Seen>)> = None;
     let mut rival = 0;
     let mut fits: Vec<(usize, f32, Vec<Seen>)> = hypotheses(&seen).collect();
-    fits.sort_by(|a, b| (b.0, b.1).partial_cmp(&(a.0, a.1)).unwrap_or(std::cmp::Ordering::Equal));
+    fits.sort_by(|a, b| {
+        (b.0, b.1)
+            .partial_cmp(&(a.0, a.1))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
     for fit in fits {
         match &best {
             None => best = Some(fit),
-            Some((_, _, on_it)) if differs(on_it, &fit.2, settings.body_width) => rival = rival.max(fit.0),
+            Some((_, _, on_it)) if differs(on_it, &fit.2, settings.body_width) => {
+                rival = rival.max(fit.0)
+            }
             Some(_) => {}
         }
     }
-    let (support, _, on_it) = best.filter(|(support, ..)| *support >= FEWEST).ok_or(NoEntry::Nothing)?;
+    let (support, _, on_it) = best
+        .filter(|(support, ..)| *support >= FEWEST)
+        .ok_or(NoEntry::Nothing)?;
     if rival + 1 >= support && rival >= FEWEST {
         return Err(NoEntry::Two);
     }
@@ -74,29 +82,43 @@ pub fn find(picture: &Grey, settings: &Settings) -> Result<Entry, NoEntry> {
 
 /// Lines through two candidates of different stations, with all candidates that lie on them.
 fn hypotheses(seen: &[Vec<Seen>]) -> impl Iterator<Item = (usize, f32, Vec<Seen>)> + '_ {
-    let pairs = (0..STATIONS - FEWEST + 1).flat_map(|i| (i + FEWEST - 1..STATIONS).map(move |j| (i, j)));
-    pairs.flat_map(move |(i, j)| seen[i].iter().flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))).filter_map(
-        move |(a, b)| {
+    let pairs =
+        (0..STATIONS - FEWEST + 1).flat_map(|i| (i + FEWEST - 1..STATIONS).map(move |j| (i, j)));
+    pairs
+        .flat_map(move |(i, j)| {
+            seen[i]
+                .iter()
+                .flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))
+        })
+        .filter_map(move |(a, b)| {
             let slope = (b.place - a.place) / (b.depth - a.depth);
             (slope.abs() <= STEEPEST).then(|| {
                 let on_it: Vec<Seen> = seen
                     .iter()
-                    .filter_map(|station| nearest(station, |s| a.place + slope * (s.depth - a.depth)))
+                    .filter_map(|station| {
+                        nearest(station, |s| a.place + slope * (s.depth - a.depth))
+                    })
                     .collect();
                 let contrast = on_it.iter().map(|s| s.candidate.contrast).sum::<f32>();
                 (on_it.len(), contrast, on_it)
             })
-        },
-    )
+        })
 }
 
 fn nearest(station: &[Seen], expected: impl Fn(&Seen) -> f64) -> Option<Seen> {
     let off = |s: &Seen| (s.place - expected(s)).abs();
-    station.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|s| off(s) <= OFF_LINE).copied()
+    station
+        .iter()
+        .min_by(|a, b| off(a).total_cmp(&off(b)))
+        .filter(|s| off(s) <= OFF_LINE)
+        .copied()
 }
 
 fn differs(a: &[Seen], b: &[Seen], width: f64) -> bool {
-    let common = a.iter().filter(|s| b.iter().any(|t| t.depth == s.depth && (t.place - s.place).abs() < 0.5 * width));
+    let common = a.iter().filter(|s| {
+        b.iter()
+            .any(|t| t.depth == s.depth && (t.place - s.place).abs() < 0.5 * width)
+    });
     2 * common.count() < a.len()
 }
 
@@ -119,13 +141,28 @@ impl Frame {
         let (right, bottom) = (picture.width() as f64 - 1.0, picture.height() as f64 - 1.0);
         // The corner from which `along` runs into the picture.
         let corner = [
-            if inward[0] + along[0] > 0.0 { 0.0 } else { right },
-            if inward[1] + along[1] > 0.0 { 0.0 } else { bottom },
+            if inward[0] + along[0] > 0.0 {
+                0.0
+            } else {
+                right
+            },
+            if inward[1] + along[1] > 0.0 {
+                0.0
+            } else {
+                bottom
+            },
         ];
         let width = along[0].abs() * right + along[1].abs() * bottom;
         let spacing = (settings.base_length - MARGIN) / STATIONS as f64;
         let depths = std::array::from_fn(|i| MARGIN + spacing * i as f64);
-        Self { corner, inward, along, inward_rad, width, depths }
+        Self {
+            corner,
+            inward,
+            along,
+            inward_rad,
+            width,
+            depths,
+        }
     }
 
     /// All candidates of all stations.
@@ -135,7 +172,11 @@ impl Frame {
         self.depths
             .iter()
             .map(|depth| {
-                let centre = advance(advance(self.corner, self.inward, *depth), self.along, half as f64);
+                let centre = advance(
+                    advance(self.corner, self.inward, *depth),
+                    self.along,
+                    half as f64,
+                );
                 profile.read(picture, settings.ground, centre, self.along, half);
                 profile.find(settings.body_width, FAINTEST, &mut found);
                 found
@@ -153,17 +194,30 @@ impl Frame {
 
     fn is_near(&self, settings: &Settings, place: f64) -> bool {
         // `near` counts from the picture's left or upper corner; `along` may run the other way.
-        let from_zero = if self.along[0] + self.along[1] > 0.0 { place } else { self.width - place };
-        settings.near.is_none_or(|[at, within]| (from_zero - at).abs() <= within)
+        let from_zero = if self.along[0] + self.along[1] > 0.0 {
+            place
+        } else {
+            self.width - place
+        };
+        settings
+            .near
+            .is_none_or(|[at, within]| (from_zero - at).abs() <= within)
     }
 
     fn entry(&self, on_it: &[Seen]) -> Option<Entry> {
         let count = on_it.len() as f64;
         let mean = |f: &dyn Fn(&Seen) -> f64| on_it.iter().map(f).sum::<f64>() / count;
         let (depth, place) = (mean(&|s| s.depth), mean(&|s| s.place));
-        let slope = on_it.iter().map(|s| (s.depth - depth) * (s.place - place)).sum::<f64>()
+        let slope = on_it
+            .iter()
+            .map(|s| (s.depth - depth) * (s.place - place))
+            .sum::<f64>()
             / on_it.iter().map(|s| (s.depth - depth).powi(2)).sum::<f64>();
-        let start = advance(advance(self.corner, self.inward, MARGIN), self.along, place + slope * (MARGIN - depth));
+        let start = advance(
+            advance(self.corner, self.inward, MARGIN),
+            self.along,
+            place + slope * (MARGIN - depth),
+        );
         slope.is_finite().then(|| Entry {
             start,
             // `along` is to the left of `inward`.
@@ -174,7 +228,8 @@ impl Frame {
     }
 }
 
-/// How far the base reaches behind the border where `line` crosses it: the length of the trace before its first point.
+/// How far the base reaches behind the border where `line` crosses it: the length of the trace
+/// before its first point.
 pub fn before_start() -> f64 {
     MARGIN
 }

@@ -1,9 +1,10 @@
 //! Straight lines through points, blind to outliers.
 //!
-//! Start: median of slopes between points half the stretch apart (after Theil and Sen). Then least squares with Tukey's
-//! biweight, its scale from the median absolute deviation (Huber and Ronchetti, Robust Statistics, chapters 5 and 7).
-//! Errors of neighbouring points are alike because both saw the same pixels; the standard deviation is widened by their
-//! correlation (a first-order autoregressive process with correlation r is worth (1 - r) / (1 + r) of its points).
+//! Start: median of slopes between points half the stretch apart (after Theil and Sen). Then least
+//! squares with Tukey's biweight, its scale from the median absolute deviation (Huber and
+//! Ronchetti, Robust Statistics, chapters 5 and 7). Errors of neighbouring points are alike because
+//! both saw the same pixels; the standard deviation is widened by their correlation (a first-order
+//! autoregressive process with correlation r is worth (1 - r) / (1 + r) of its points).
 
 use super::{Px, across, advance, relative, step};
 
@@ -30,7 +31,8 @@ pub struct Line {
     pub sigma_px: f64,
     /// From end to end of the points, px.
     pub length_px: f64,
-    /// How much the direction turns from the middle to the end of the stretch if it is bent and not straight, rad.
+    /// How much the direction turns from the middle to the end of the stretch if it is bent and not
+    /// straight, rad.
     pub bend_rad: f64,
     /// Standard deviation of the bend, rad.
     pub bend_std_rad: f64,
@@ -45,21 +47,30 @@ impl Line {
         advance(self.middle, step(self.direction_rad), along)
     }
 
-    /// Fits a line to points in order, roughly in `direction_rad`. `None` for fewer than 8 points or no extent.
+    /// Fits a line to points in order, roughly in `direction_rad`. `None` for fewer than 8 points
+    /// or no extent.
     pub(super) fn fit(points: &[Px], direction_rad: f64) -> Option<Self> {
         let origin = *points.first()?;
         if points.len() < FEWEST {
             return None;
         }
-        let (u, v): (Vec<f64>, Vec<f64>) =
-            points.iter().map(|p| relative(*p, origin, direction_rad)).map(|[u, v]| (u, v)).unzip();
+        let (u, v): (Vec<f64>, Vec<f64>) = points
+            .iter()
+            .map(|p| relative(*p, origin, direction_rad))
+            .map(|[u, v]| (u, v))
+            .unzip();
         let mut fit = Weighted::start(&u, &v)?;
         for _ in 0..ROUNDS {
             fit = fit.again(&u, &v)?;
         }
         let spread = Spread::of(&fit, &u, &v)?;
-        let middle = advance(advance(origin, step(direction_rad), fit.mean_u), across(direction_rad), fit.mean_v);
-        // The slope is measured in the turned frame: a change of it turns the line by less where it is steep.
+        let middle = advance(
+            advance(origin, step(direction_rad), fit.mean_u),
+            across(direction_rad),
+            fit.mean_v,
+        );
+        // The slope is measured in the turned frame: a change of it turns the line by less where it
+        // is steep.
         let turned = 1.0 / (1.0 + fit.slope * fit.slope);
         Some(Self {
             middle,
@@ -93,7 +104,13 @@ impl Weighted {
         let slope = median(&mut slopes)?;
         let mut offsets: Vec<f64> = u.iter().zip(v).map(|(u, v)| v - slope * u).collect();
         let offset = median(&mut offsets)?;
-        let mut start = Self { weights: Vec::new(), mean_u: 0.0, mean_v: offset, slope, sigma: 0.0 };
+        let mut start = Self {
+            weights: Vec::new(),
+            mean_u: 0.0,
+            mean_v: offset,
+            slope,
+            sigma: 0.0,
+        };
         start.sigma = start.scale(u, v)?;
         Some(start)
     }
@@ -103,14 +120,28 @@ impl Weighted {
     }
 
     fn scale(&self, u: &[f64], v: &[f64]) -> Option<f64> {
-        let mut sizes: Vec<f64> = u.iter().zip(v).map(|(u, v)| self.residual(*u, *v).abs()).collect();
+        let mut sizes: Vec<f64> = u
+            .iter()
+            .zip(v)
+            .map(|(u, v)| self.residual(*u, *v).abs())
+            .collect();
         Some((MAD * median(&mut sizes)?).max(SIGMA_FLOOR))
     }
 
     fn again(&self, u: &[f64], v: &[f64]) -> Option<Self> {
         let limit = TUKEY * self.sigma;
-        let weight = |r: f64| if r.abs() < limit { (1.0 - (r / limit).powi(2)).powi(2) } else { 0.0 };
-        let weights: Vec<f64> = u.iter().zip(v).map(|(u, v)| weight(self.residual(*u, *v))).collect();
+        let weight = |r: f64| {
+            if r.abs() < limit {
+                (1.0 - (r / limit).powi(2)).powi(2)
+            } else {
+                0.0
+            }
+        };
+        let weights: Vec<f64> = u
+            .iter()
+            .zip(v)
+            .map(|(u, v)| weight(self.residual(*u, *v)))
+            .collect();
         let sum: f64 = weights.iter().sum();
         let mean_u = u.iter().zip(&weights).map(|(u, w)| w * u).sum::<f64>() / sum;
         let mean_v = v.iter().zip(&weights).map(|(v, w)| w * v).sum::<f64>() / sum;
@@ -120,7 +151,13 @@ impl Weighted {
             uv += w * (u - mean_u) * (v - mean_v);
         }
         let slope = uv / uu;
-        let mut next = Self { weights, mean_u, mean_v, slope, sigma: 0.0 };
+        let mut next = Self {
+            weights,
+            mean_u,
+            mean_v,
+            slope,
+            sigma: 0.0,
+        };
         next.sigma = next.scale(u, v)?;
         slope.is_finite().then_some(next)
     }
@@ -137,22 +174,50 @@ impl Spread {
     fn of(fit: &Weighted, u: &[f64], v: &[f64]) -> Option<Self> {
         let sum: f64 = fit.weights.iter().sum();
         let centred: Vec<f64> = u.iter().map(|u| u - fit.mean_u).collect();
-        let moment = |power: i32| centred.iter().zip(&fit.weights).map(|(u, w)| w * u.powi(power)).sum::<f64>();
+        let moment = |power: i32| {
+            centred
+                .iter()
+                .zip(&fit.weights)
+                .map(|(u, w)| w * u.powi(power))
+                .sum::<f64>()
+        };
         let (m2, m3) = (moment(2), moment(3));
         // The part of u^2 that line and mean do not explain.
-        let curved: Vec<f64> = centred.iter().map(|u| u * u - m2 / sum - m3 / m2 * u).collect();
-        let cc: f64 = curved.iter().zip(&fit.weights).map(|(c, w)| w * c * c).sum();
+        let curved: Vec<f64> = centred
+            .iter()
+            .map(|u| u * u - m2 / sum - m3 / m2 * u)
+            .collect();
+        let cc: f64 = curved
+            .iter()
+            .zip(&fit.weights)
+            .map(|(c, w)| w * c * c)
+            .sum();
         let residuals: Vec<f64> = u.iter().zip(v).map(|(u, v)| fit.residual(*u, *v)).collect();
-        let cr: f64 = curved.iter().zip(&residuals).zip(&fit.weights).map(|((c, r), w)| w * c * r).sum();
+        let cr: f64 = curved
+            .iter()
+            .zip(&residuals)
+            .zip(&fit.weights)
+            .map(|((c, r), w)| w * c * r)
+            .sum();
         let length = (u.last()? - u.first()?).abs();
         let widened = fit.sigma * inflation(&residuals, &fit.weights).sqrt();
         // What is bent scatters around its bend, not around the line.
         let bend = cr / cc;
-        let left: Vec<f64> = residuals.iter().zip(&curved).map(|(r, c)| r - bend * c).collect();
+        let left: Vec<f64> = residuals
+            .iter()
+            .zip(&curved)
+            .map(|(r, c)| r - bend * c)
+            .collect();
         let left_squares: f64 = left.iter().zip(&fit.weights).map(|(r, w)| w * r * r).sum();
-        let left_sigma = (left_squares / sum * inflation(&left, &fit.weights)).sqrt().max(SIGMA_FLOOR);
+        let left_sigma = (left_squares / sum * inflation(&left, &fit.weights))
+            .sqrt()
+            .max(SIGMA_FLOOR);
         // v = ... + bend u^2 turns by twice that per pixel, over half the length.
-        Some(Self { slope_std: widened / m2.sqrt(), bend: bend * length, bend_std: left_sigma / cc.sqrt() * length })
+        Some(Self {
+            slope_std: widened / m2.sqrt(),
+            bend: bend * length,
+            bend_std: left_sigma / cc.sqrt() * length,
+        })
     }
 }
 
@@ -163,7 +228,11 @@ fn inflation(residuals: &[f64], weights: &[f64]) -> f64 {
         same += weights[i] * residuals[i].powi(2);
         next += (weights[i] * weights[i - 1]).sqrt() * residuals[i] * residuals[i - 1];
     }
-    let correlation = if same > 0.0 { (next / same).clamp(0.0, 0.9) } else { 0.0 };
+    let correlation = if same > 0.0 {
+        (next / same).clamp(0.0, 0.9)
+    } else {
+        0.0
+    };
     (1.0 + correlation) / (1.0 - correlation)
 }
 
@@ -184,7 +253,13 @@ mod tests {
 
     fn points(direction: f64, count: usize, error: impl Fn(usize) -> f64) -> Vec<Px> {
         (0..count)
-            .map(|i| advance(advance([300.0, 200.0], step(direction), 2.0 * i as f64), across(direction), error(i)))
+            .map(|i| {
+                advance(
+                    advance([300.0, 200.0], step(direction), 2.0 * i as f64),
+                    across(direction),
+                    error(i),
+                )
+            })
             .collect()
     }
 
@@ -208,7 +283,11 @@ mod tests {
     #[test]
     fn a_bent_stretch_shows_its_bend() {
         // A circle of radius 1000 over 198 px turns by 0.099 rad from the middle to the end.
-        let line = Line::fit(&points(0.4, 100, |i| (2.0 * i as f64).powi(2) / 2000.0), 0.4).unwrap();
+        let line = Line::fit(
+            &points(0.4, 100, |i| (2.0 * i as f64).powi(2) / 2000.0),
+            0.4,
+        )
+        .unwrap();
         assert!((line.bend_rad - 0.099).abs() < 0.003, "{}", line.bend_rad);
         assert!(line.bend_std_rad < 0.02);
     }
@@ -216,6 +295,9 @@ mod tests {
     #[test]
     fn too_few_points_make_no_line() {
         assert!(Line::fit(&points(0.0, 7, |_| 0.0), 0.0).is_none());
-        assert!(Line::fit(&[[5.0, 5.0]; 20], 0.0).is_none(), "all in one place");
+        assert!(
+            Line::fit(&[[5.0, 5.0]; 20], 0.0).is_none(),
+            "all in one place"
+        );
     }
 }

@@ -2,16 +2,18 @@
 //!
 //! The steps, each a file:
 //!
-//! 1. `entry`: where does the base come into the picture? Pairs of edges at the right distance from each other, at
-//!    several stations behind the border, that lie on one line.
-//! 2. `trace`: follow it. At each step the brightness across is read, two edges at the right distance are looked for
-//!    near the place that the last stretch points to, and their middle is taken. Where something covers the fibre the
-//!    trace bridges it; where ground shows it ends.
-//! 3. `end`: where along its direction does the fibre end, and is there really nothing but ground beyond?
+//! 1. `entry`: where does the base come into the picture? Pairs of edges at the right distance from
+//!    each other, at several stations behind the border, that lie on one line.
+//! 2. `trace`: follow it. At each step the brightness across is read, two edges at the right
+//!    distance are looked for near the place that the last stretch points to, and their middle is
+//!    taken. Where something covers the fibre the trace bridges it; where ground shows it ends.
+//! 3. `end`: where along its direction does the fibre end, and is there really nothing but ground
+//!    beyond?
 //! 4. `line`: straight lines through the first and the last stretch, blind to outliers.
 //! 5. `reading`: the angle between them, and how far it can be trusted.
 //!
-//! Directions are radians, counter-clockwise as a person sees the picture (its `y` runs down), 0 to the right.
+//! Directions are radians, counter-clockwise as a person sees the picture (its `y` runs down), 0 to
+//! the right.
 
 mod end;
 mod entry;

@@ -9,8 +9,9 @@ const LINES: [f64; 3] = [-1.0, 0.0, 1.0];
 const EDGE_TO_NOISE: f32 = 4.5;
 /// From the median absolute difference of neighbours to the standard deviation of one value.
 const DIFFERENCE_TO_SIGMA: f32 = 1.4826 / std::f32::consts::SQRT_2;
-/// An edge is looked at this many times as far to both sides as it takes at its steepest to get over its height. Blurred
-/// by a normal distribution it is then seen to 4.3 standard deviations; farther inside lie glints, farther outside specks.
+/// An edge is looked at this many times as far to both sides as it takes at its steepest to get
+/// over its height. Blurred by a normal distribution it is then seen to 4.3 standard deviations;
+/// farther inside lie glints, farther outside specks.
 const EDGE_REACH: f64 = 1.7;
 /// Thickness may differ from what is expected by this part.
 const WIDTH_TOLERANCE: f64 = 0.3;
@@ -39,13 +40,16 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Reads the profile from `-half` to `half` px along `unit` through `centre`, mean of three lines. What lies
-    /// outside the picture continues its border.
+    /// Reads the profile from `-half` to `half` px along `unit` through `centre`, mean of three
+    /// lines. What lies outside the picture continues its border.
     pub fn read(&mut self, picture: &Grey, ground: Ground, centre: Px, unit: Px, half: usize) {
         self.half = half;
         self.values.clear();
         let beside = [unit[1], -unit[0]];
-        let (right, bottom) = ((picture.width() as f64 - 1.001).max(0.0), (picture.height() as f64 - 1.001).max(0.0));
+        let (right, bottom) = (
+            (picture.width() as f64 - 1.001).max(0.0),
+            (picture.height() as f64 - 1.001).max(0.0),
+        );
         for i in 0..=2 * half {
             let on_line = advance(centre, unit, i as f64 - half as f64);
             let sum: f32 = LINES
@@ -54,7 +58,11 @@ impl Profile {
                 .filter_map(|[x, y]| picture.sample(x.clamp(0.0, right), y.clamp(0.0, bottom)))
                 .sum();
             let mean = sum / LINES.len() as f32;
-            self.values.push(if ground == Ground::Bright { mean } else { 255.0 - mean });
+            self.values.push(if ground == Ground::Bright {
+                mean
+            } else {
+                255.0 - mean
+            });
         }
         self.sums.clear();
         self.sums.push(0.0);
@@ -68,7 +76,9 @@ impl Profile {
 
     /// Mean from `from` to `to` px of the middle; the nearest value where that holds none.
     pub fn mean(&self, from: f64, to: f64) -> f32 {
-        let index = |offset: f64| ((offset + self.half as f64).round().max(0.0) as usize).min(self.values.len() - 1);
+        let index = |offset: f64| {
+            ((offset + self.half as f64).round().max(0.0) as usize).min(self.values.len() - 1)
+        };
         self.mean_of(index(from), index(to).max(index(from)) + 1)
     }
 
@@ -91,8 +101,12 @@ impl Profile {
                 self.rise[i] = self.mean_of(i, i + reach) - self.mean_of(i - reach, i);
             }
         }
-        let threshold = (0.5 * contrast).max(EDGE_TO_NOISE * self.noise * (2.0 / reach as f32).sqrt());
-        let (narrow, wide) = (width * (1.0 - WIDTH_TOLERANCE), width * (1.0 + WIDTH_TOLERANCE));
+        let threshold =
+            (0.5 * contrast).max(EDGE_TO_NOISE * self.noise * (2.0 / reach as f32).sqrt());
+        let (narrow, wide) = (
+            width * (1.0 - WIDTH_TOLERANCE),
+            width * (1.0 + WIDTH_TOLERANCE),
+        );
         for fall in reach..length {
             if !self.is_peak(fall, reach, threshold, -1.0) {
                 continue;
@@ -100,7 +114,10 @@ impl Profile {
             let last = (fall + wide.ceil() as usize).min(length - 1);
             for rise in fall + narrow.max(2.0) as usize..=last {
                 if self.is_peak(rise, reach, threshold, 1.0) {
-                    found.extend(self.between(fall, rise, width).filter(|c| c.contrast >= contrast));
+                    found.extend(
+                        self.between(fall, rise, width)
+                            .filter(|c| c.contrast >= contrast),
+                    );
                 }
             }
         }
@@ -138,15 +155,23 @@ impl Profile {
         let Some(around) = self.values.get(start - 1..=end) else {
             return most;
         };
-        let slope = around.windows(3).map(|v| 0.5 * (v[2] - v[0]).abs()).fold(0.0, f32::max);
+        let slope = around
+            .windows(3)
+            .map(|v| 0.5 * (v[2] - v[0]).abs())
+            .fold(0.0, f32::max);
         let height = (around[0] - around[around.len() - 1]).abs();
         (EDGE_REACH * f64::from(height / slope)).clamp(3.0, most)
     }
 
-    /// The place of an edge near index `at`, to a fraction of a pixel: where a sharp step of the same height would
-    /// have to be to leave the same area under the profile. Blur does not move it, nor does a slope in the light.
+    /// The place of an edge near index `at`, to a fraction of a pixel: where a sharp step of the
+    /// same height would have to be to leave the same area under the profile. Blur does not move
+    /// it, nor does a slope in the light.
     fn edge(&self, at: f64, reach: f64) -> Option<Edge> {
-        let mut edge = Edge { at, before: 0.0, after: 0.0 };
+        let mut edge = Edge {
+            at,
+            before: 0.0,
+            after: 0.0,
+        };
         for _ in 0..2 {
             let start = (edge.at - reach).round();
             let end = (edge.at + reach).round();
@@ -154,7 +179,10 @@ impl Profile {
                 return None;
             }
             let (start, end) = (start as usize, end as usize);
-            let (before, after) = (self.mean_of(start - 1, start + 2), self.mean_of(end - 1, end + 2));
+            let (before, after) = (
+                self.mean_of(start - 1, start + 2),
+                self.mean_of(end - 1, end + 2),
+            );
             let ends = 0.5 * (self.values[start] + self.values[end]);
             let area = self.sums[end] - self.sums[start + 1] + ends - (end - start) as f32 * after;
             let part = f64::from(area / (before - after));
@@ -162,7 +190,11 @@ impl Profile {
             if !(part >= 0.0 && part <= (end - start) as f64) {
                 return None;
             }
-            edge = Edge { at: start as f64 + part, before, after };
+            edge = Edge {
+                at: start as f64 + part,
+                before,
+                after,
+            };
         }
         Some(edge)
     }
@@ -175,7 +207,10 @@ struct Edge {
 }
 
 fn noise(values: &[f32]) -> f32 {
-    let mut differences: Vec<f32> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let mut differences: Vec<f32> = values
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .collect();
     if differences.is_empty() {
         return 0.0;
     }
@@ -206,7 +241,9 @@ mod tests {
 
     #[test]
     fn finds_the_middle_to_a_fraction_of_a_pixel_in_sloping_light() {
-        let picture = stripes(|x| (200.0 - 130.0 * (soft_step(x - 88.3) - soft_step(x - 113.1))) * (0.7 + 0.0015 * x));
+        let picture = stripes(|x| {
+            (200.0 - 130.0 * (soft_step(x - 88.3) - soft_step(x - 113.1))) * (0.7 + 0.0015 * x)
+        });
         let found = candidates(&picture, Ground::Bright, 25.0);
         assert_eq!(found.len(), 1);
         assert!((found[0].offset - 0.7).abs() < 0.1, "{found:?}");

@@ -11,8 +11,9 @@ pub const GOOD: f64 = 0.5;
 
 /// Blur and an oblique cut spoil this much of the tip, px, for the direction.
 const CUT: f64 = 3.0;
-/// Part of the straight stretch at the tip that is used. Where it begins is known only roughly, and a bend of 40 deg
-/// towards the camera or away from it shortens the stretch in the picture to cos 40 deg = 0.77.
+/// Part of the straight stretch at the tip that is used. Where it begins is known only roughly, and
+/// a bend of 40 deg towards the camera or away from it shortens the stretch in the picture to cos
+/// 40 deg = 0.77.
 const USED: f64 = 0.7;
 
 /// Limits at which the quality is [`GOOD`].
@@ -29,7 +30,8 @@ mod limit {
     pub const STD: f64 = 0.0035;
     /// Scatter across a line, px.
     pub const SCATTER: f64 = 1.2;
-    /// Angle between both edges, rad: 0.6 deg. If something covers one edge it turns the middle by half of that.
+    /// Angle between both edges, rad: 0.6 deg. If something covers one edge it turns the middle by
+    /// half of that.
     pub const TAPER: f64 = 0.0105;
     /// Angle of the cut at the end, rad: 40 deg.
     pub const CUT: f64 = 0.7;
@@ -103,7 +105,8 @@ impl std::fmt::Display for Doubt {
     }
 }
 
-/// What one picture says. Where the quality is below [`GOOD`] the values are for looking at, not for using.
+/// What one picture says. Where the quality is below [`GOOD`] the values are for looking at, not
+/// for using.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
     /// From the direction of the base to that of the tip, rad, counter-clockwise as seen.
@@ -147,7 +150,8 @@ impl Reading {
 ///
 /// # Errors
 ///
-/// The doubt that leaves nothing to report: no base, two bases, or too little of base or tip for a line.
+/// The doubt that leaves nothing to report: no base, two bases, or too little of base or tip for a
+/// line.
 pub fn measure(picture: &Grey, settings: &Settings) -> Result<Reading, Doubt> {
     let entry = entry::find(picture, settings).map_err(|none| match none {
         entry::NoEntry::Nothing => Doubt::NoBase,
@@ -169,7 +173,10 @@ fn judge(picture: &Grey, settings: &Settings, trace: &Trace, base: Line, tip: Li
     let mut reading = Reading {
         angle_rad: wrap(tip.direction_rad - base.direction_rad),
         std_rad: base.std_rad.hypot(tip.std_rad),
-        tip_px: end.map_or_else(|| trace.points.last().map_or([0.0; 2], |p| p.at), |end| end.at),
+        tip_px: end.map_or_else(
+            || trace.points.last().map_or([0.0; 2], |p| p.at),
+            |end| end.at,
+        ),
         length_px: entry::before_start() + last + end.map_or(0.0, |end| end.beyond),
         base,
         tip,
@@ -178,17 +185,39 @@ fn judge(picture: &Grey, settings: &Settings, trace: &Trace, base: Line, tip: Li
         trace: trace.points.iter().map(|p| p.at).collect(),
     };
     let missing = |line: &Line, length: f64| 1.0 - line.followed * trace::STRIDE / length;
-    reading.doubt_if(Doubt::BaseCovered, missing(&base, settings.base_length - CUT), limit::BASE_MISSING);
-    reading.doubt_if(Doubt::TipCovered, missing(&tip, USED * settings.tip_length - CUT), limit::TIP_MISSING);
-    reading.doubt_if(Doubt::BaseBent, surely(base.bend_rad, base.bend_std_rad), limit::BASE_BEND);
-    reading.doubt_if(Doubt::TipBent, surely(tip.bend_rad, tip.bend_std_rad), limit::TIP_BEND);
-    let ends =
-        [(Doubt::BaseCovered, 0.0, settings.base_length), (Doubt::TipCovered, tip_from(settings, last), last - CUT)];
+    reading.doubt_if(
+        Doubt::BaseCovered,
+        missing(&base, settings.base_length - CUT),
+        limit::BASE_MISSING,
+    );
+    reading.doubt_if(
+        Doubt::TipCovered,
+        missing(&tip, USED * settings.tip_length - CUT),
+        limit::TIP_MISSING,
+    );
+    reading.doubt_if(
+        Doubt::BaseBent,
+        surely(base.bend_rad, base.bend_std_rad),
+        limit::BASE_BEND,
+    );
+    reading.doubt_if(
+        Doubt::TipBent,
+        surely(tip.bend_rad, tip.bend_std_rad),
+        limit::TIP_BEND,
+    );
+    let ends = [
+        (Doubt::BaseCovered, 0.0, settings.base_length),
+        (Doubt::TipCovered, tip_from(settings, last), last - CUT),
+    ];
     for (doubt, from, to) in ends {
         reading.doubt_if(doubt, taper(trace, from, to), limit::TAPER);
     }
     reading.doubt_if(Doubt::Noise, reading.std_rad, limit::STD);
-    reading.doubt_if(Doubt::Noise, base.sigma_px.max(tip.sigma_px), limit::SCATTER);
+    reading.doubt_if(
+        Doubt::Noise,
+        base.sigma_px.max(tip.sigma_px),
+        limit::SCATTER,
+    );
     match (trace.stop, end) {
         (Stop::Border, _) => reading.doubt_if(Doubt::OutOfPicture, 1.0, 0.0),
         (Stop::Covered, _) => reading.doubt_if(Doubt::EndCovered, 1.0, 0.0),
@@ -208,22 +237,38 @@ fn tip_from(settings: &Settings, last: f64) -> f64 {
 
 /// The angle between both edges of a stretch, as far as scatter does not explain it, rad.
 fn taper(trace: &Trace, from: f64, to: f64) -> f64 {
-    let readings = trace.points.iter().filter(|p| (from..=to).contains(&p.along));
+    let readings = trace
+        .points
+        .iter()
+        .filter(|p| (from..=to).contains(&p.along));
     let widths: Vec<Px> = readings.map(|p| [p.along, -p.width]).collect();
     Line::fit(&widths, 0.0).map_or(0.0, |line| surely(line.direction_rad, line.std_rad))
 }
 
 /// The readings between two lengths along the trace.
 fn stretch(trace: &Trace, from: f64, to: f64) -> Vec<Px> {
-    trace.points.iter().filter(|p| (from..=to).contains(&p.along)).map(|p| p.at).collect()
+    trace
+        .points
+        .iter()
+        .filter(|p| (from..=to).contains(&p.along))
+        .map(|p| p.at)
+        .collect()
 }
 
 /// Rough direction of a stretch: from the middle of its first to the middle of its last quarter.
 fn direction(points: &[Px]) -> Option<f64> {
     let quarter = (points.len() / 4).max(1);
-    let middle = |part: &[Px], axis: usize| line::median(&mut part.iter().map(|p| p[axis]).collect::<Vec<_>>());
-    let (first, last) = (points.get(..quarter)?, points.get(points.len() - quarter..)?);
-    Some(f64::atan2(middle(first, 1)? - middle(last, 1)?, middle(last, 0)? - middle(first, 0)?))
+    let middle = |part: &[Px], axis: usize| {
+        line::median(&mut part.iter().map(|p| p[axis]).collect::<Vec<_>>())
+    };
+    let (first, last) = (
+        points.get(..quarter)?,
+        points.get(points.len() - quarter..)?,
+    );
+    Some(f64::atan2(
+        middle(first, 1)? - middle(last, 1)?,
+        middle(last, 0)? - middle(first, 0)?,
+    ))
 }
 
 /// The part of a size that its uncertainty does not explain.
@@ -234,7 +279,11 @@ fn surely(size: f64, std: f64) -> f64 {
 /// 1 for no trouble, [`GOOD`] at the limit, towards 0 beyond.
 fn score(size: f64, limit: f64) -> f64 {
     let size = size.max(0.0);
-    if limit <= 0.0 { f64::from(size <= 0.0) } else { 1.0 / (1.0 + (size / limit).powi(2)) }
+    if limit <= 0.0 {
+        f64::from(size <= 0.0)
+    } else {
+        1.0 / (1.0 + (size / limit).powi(2))
+    }
 }
 
 fn wrap(angle: f64) -> f64 {

@@ -14,16 +14,18 @@ pub const STRIDE: f64 = 2.0;
 const MEMORY: usize = 32;
 /// With fewer than this, the direction of the entry counts.
 const FEWEST: usize = 10;
-/// A reading this far from where the last stretch points to is something else, px, beside a part of the thickness.
+/// A reading this far from where the last stretch points to is something else, px, beside a part of
+/// the thickness.
 const GATE: f64 = 2.5;
 /// Per pixel that was bridged the gate opens by this: a direction known to 4 deg.
 const GATE_GROWTH: f64 = 0.07;
-/// Contrast may change along the fibre, with the light, but not between two readings by more than this factor.
+/// Contrast may change along the fibre, with the light, but not between two readings by more than
+/// this factor.
 const CONTRAST_KEPT: f32 = 0.45;
 /// Brightness differs from the ground's by less than this part of the contrast: it is ground.
 const GROUND_LIKE: f32 = 0.35;
-/// Once the thickness is known, readings may differ from it by this, px, and by this part of it. Something that covers
-/// one edge only shifts the middle, and shows in the thickness.
+/// Once the thickness is known, readings may differ from it by this, px, and by this part of it.
+/// Something that covers one edge only shifts the middle, and shows in the thickness.
 const WIDTH_KEPT: (f64, f64) = (1.5, 0.06);
 /// Readings that make the thickness known.
 const WIDTH_FROM: f64 = 15.0;
@@ -31,7 +33,8 @@ const WIDTH_FROM: f64 = 15.0;
 const SMOOTHING: f32 = 0.1;
 /// The end of the fibre may be blurred over this length, px.
 const BLUR: f64 = 12.0;
-/// Neighbouring readings are an island if the trace was broken for more steps than this before them.
+/// Neighbouring readings are an island if the trace was broken for more steps than this before
+/// them.
 const BREAK: f64 = 3.0 * STRIDE;
 /// An island at the end with fewer readings is dropped: a speck, an edge of an instrument.
 const ISLAND: usize = 6;
@@ -112,14 +115,25 @@ pub fn follow(picture: &Grey, settings: &Settings, entry: Entry) -> Option<Trace
     };
     let stop = tracer.run();
     drop_islands(&mut tracer.points);
-    let Tracer { points, contrast, ground, .. } = tracer;
-    (!points.is_empty()).then_some(Trace { points, stop, contrast, ground })
+    let Tracer {
+        points,
+        contrast,
+        ground,
+        ..
+    } = tracer;
+    (!points.is_empty()).then_some(Trace {
+        points,
+        stop,
+        contrast,
+        ground,
+    })
 }
 
 impl Tracer<'_> {
     fn run(&mut self) -> Stop {
         let mut along = 0.0;
-        // What was met since the last reading, px: ground, and things that are neither fibre nor ground.
+        // What was met since the last reading, px: ground, and things that are neither fibre nor
+        // ground.
         let (mut bare, mut covered) = (0.0, 0.0);
         for _ in 0..LONGEST {
             let (place, direction) = self.predict(along);
@@ -135,7 +149,11 @@ impl Tracer<'_> {
                     bare += STRIDE;
                     if bare > (0.4 * self.width()).max(3.0 * STRIDE) {
                         // A blurred end is neither for a few steps; more than that was something.
-                        return if covered > (0.5 * self.width()).max(BLUR) { Stop::Covered } else { Stop::Ground };
+                        return if covered > (0.5 * self.width()).max(BLUR) {
+                            Stop::Covered
+                        } else {
+                            Stop::Ground
+                        };
                     }
                 }
                 Met::Something => {
@@ -156,17 +174,24 @@ impl Tracer<'_> {
     }
 
     fn width(&self) -> f64 {
-        if self.is_fibre { self.settings.fibre_width } else { self.settings.body_width }
+        if self.is_fibre {
+            self.settings.fibre_width
+        } else {
+            self.settings.body_width
+        }
     }
 
     fn is_inside(&self, [x, y]: Px) -> bool {
         let margin = 3.0;
-        let (right, bottom) = (self.picture.width() as f64 - 1.0 - margin, self.picture.height() as f64 - 1.0 - margin);
+        let (right, bottom) = (
+            self.picture.width() as f64 - 1.0 - margin,
+            self.picture.height() as f64 - 1.0 - margin,
+        );
         x >= margin && y >= margin && x <= right && y <= bottom
     }
 
-    /// Where the fibre should be `along` px from the start, and its direction there: a parabola through the last
-    /// readings, its curvature held back towards 0 by what the snake can do.
+    /// Where the fibre should be `along` px from the start, and its direction there: a parabola
+    /// through the last readings, its curvature held back towards 0 by what the snake can do.
     fn predict(&self, along: f64) -> (Px, f64) {
         let recent = &self.points[self.points.len().saturating_sub(MEMORY)..];
         let (Some(first), Some(last)) = (recent.first(), recent.last()) else {
@@ -184,7 +209,10 @@ impl Tracer<'_> {
     }
 
     fn straight(&self, from: Px, length: f64) -> (Px, f64) {
-        (advance(from, step(self.entry.direction_rad), length), self.entry.direction_rad)
+        (
+            advance(from, step(self.entry.direction_rad), length),
+            self.entry.direction_rad,
+        )
     }
 
     /// `v = a + b u + c u^2` through the readings, as seen from `origin` in direction `rough`.
@@ -197,10 +225,12 @@ impl Tracer<'_> {
             normal += row * row.transpose();
             right += row * v;
         }
-        // As if one had measured c = 0 with the standard deviation that curvatures have (c is half a curvature),
-        // relative to an error of half a pixel per reading.
+        // As if one had measured c = 0 with the standard deviation that curvatures have (c is half
+        // a curvature), relative to an error of half a pixel per reading.
         normal[(2, 2)] += (0.5 / (0.5 * self.settings.max_curvature())).powi(2);
-        normal.cholesky().map_or([0.0; 3], |factor| factor.solve(&right).into())
+        normal
+            .cholesky()
+            .map_or([0.0; 3], |factor| factor.solve(&right).into())
     }
 
     fn look(&mut self, place: Px, direction: f64, along: f64) -> Met {
@@ -209,8 +239,17 @@ impl Tracer<'_> {
         let gate = GATE + 0.08 * width + GATE_GROWTH * gap;
         // Room for the thickest candidate at the edge of the gate and for the ground beside it.
         let half = (0.65 * width + gate + (0.5 * width).clamp(8.0, 16.0)) as usize;
-        self.profile.read(self.picture, self.settings.ground, place, across(direction), half);
-        if let Some(candidate) = self.nearest(width, gate).filter(|candidate| self.is_thick_as_before(candidate)) {
+        self.profile.read(
+            self.picture,
+            self.settings.ground,
+            place,
+            across(direction),
+            half,
+        );
+        if let Some(candidate) = self
+            .nearest(width, gate)
+            .filter(|candidate| self.is_thick_as_before(candidate))
+        {
             return Met::Fibre(candidate, self.is_fibre);
         }
         if !self.is_fibre {
@@ -222,7 +261,11 @@ impl Tracer<'_> {
         }
         let core = 0.3 * self.settings.fibre_width;
         let level = self.profile.mean(-core, core);
-        if (level - self.ground).abs() < GROUND_LIKE * self.contrast { Met::Ground } else { Met::Something }
+        if (level - self.ground).abs() < GROUND_LIKE * self.contrast {
+            Met::Ground
+        } else {
+            Met::Something
+        }
     }
 
     /// The one candidate within the gate; none if there are two that could be it.
@@ -244,11 +287,25 @@ impl Tracer<'_> {
         count < WIDTH_FROM || (candidate.width - mean).abs() <= WIDTH_KEPT.0 + WIDTH_KEPT.1 * mean
     }
 
-    fn accept(&mut self, candidate: Candidate, is_fibre: bool, place: Px, direction: f64, along: f64) {
+    fn accept(
+        &mut self,
+        candidate: Candidate,
+        is_fibre: bool,
+        place: Px,
+        direction: f64,
+        along: f64,
+    ) {
         let at = advance(place, across(direction), candidate.offset);
         if is_fibre && !self.is_fibre {
             // Before this the middle was the body's; the fibre need not sit exactly there.
-            self.is_fibre = self.points.iter().rev().take(ISLAND - 1).filter(|p| p.is_fibre).count() == ISLAND - 1;
+            self.is_fibre = self
+                .points
+                .iter()
+                .rev()
+                .take(ISLAND - 1)
+                .filter(|p| p.is_fibre)
+                .count()
+                == ISLAND - 1;
             if self.is_fibre {
                 self.thickness = (0.0, 0.0);
             }
@@ -258,7 +315,12 @@ impl Tracer<'_> {
             *count += 1.0;
             *mean += (candidate.width - *mean) / *count;
         }
-        self.points.push(Point { at, along, width: candidate.width, is_fibre });
+        self.points.push(Point {
+            at,
+            along,
+            width: candidate.width,
+            is_fibre,
+        });
         self.contrast += SMOOTHING * (candidate.contrast - self.contrast);
         self.ground += SMOOTHING * (candidate.ground - self.ground);
     }
@@ -284,7 +346,12 @@ mod tests {
     fn points(runs: &[(f64, usize)]) -> Vec<Point> {
         runs.iter()
             .flat_map(|(from, count)| (0..*count).map(move |i| from + STRIDE * i as f64))
-            .map(|along| Point { at: [along, 0.0], along, width: 20.0, is_fibre: true })
+            .map(|along| Point {
+                at: [along, 0.0],
+                along,
+                width: 20.0,
+                is_fibre: true,
+            })
             .collect()
     }
 

@@ -9,7 +9,8 @@ pub struct Camera {
     pub height: usize,
     /// Scale where the base lies, px/mm.
     pub px_per_mm: f64,
-    /// From the base to the pinhole, mm. What comes nearer by a hundredth of it is drawn one per cent larger.
+    /// From the base to the pinhole, mm. What comes nearer by a hundredth of it is drawn one per
+    /// cent larger.
     pub distance_mm: f64,
     /// Where the bending section begins in the picture, px.
     pub origin_px: [f64; 2],
@@ -22,7 +23,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A microscope that looks straight at the plane of pitch, 85 mm away, base from the left at half height.
+    /// A microscope that looks straight at the plane of pitch, 85 mm away, base from the left at
+    /// half height.
     #[must_use]
     pub fn microscope(width: usize, height: usize, px_per_mm: f64) -> Self {
         Self {
@@ -37,7 +39,8 @@ impl Camera {
         }
     }
 
-    /// A point as the view sees it, mm: along the base, across it (positive side), towards the camera.
+    /// A point as the view sees it, mm: along the base, across it (positive side), towards the
+    /// camera.
     #[must_use]
     pub fn in_view(&self, [x, y, z]: [f64; 3]) -> (f64, f64, f64) {
         let (sin, cos) = self.plane_rad.sin_cos();
@@ -54,8 +57,12 @@ impl Camera {
         let (sin, cos) = self.roll_rad.sin_cos();
         let k = self.px_per_mm;
         let [ox, oy] = self.origin_px;
-        let (x, y) = (ox + k * (cos * along - sin * across), oy - k * (sin * along + cos * across));
-        // The camera looks along its axis, through the middle of the picture: things grow away from there.
+        let (x, y) = (
+            ox + k * (cos * along - sin * across),
+            oy - k * (sin * along + cos * across),
+        );
+        // The camera looks along its axis, through the middle of the picture: things grow away from
+        // there.
         let [cx, cy] = [self.width, self.height].map(|size| 0.5 * (size as f64 - 1.0));
         ([cx + scale * (x - cx), cy + scale * (y - cy)], scale)
     }
@@ -67,11 +74,17 @@ mod tests {
 
     #[test]
     fn a_picture_turned_by_the_roll_shows_the_base_at_that_angle() {
-        let camera = Camera { roll_rad: 0.2, ..Camera::microscope(640, 480, 100.0) };
+        let camera = Camera {
+            roll_rad: 0.2,
+            ..Camera::microscope(640, 480, 100.0)
+        };
         let ([x0, y0], _) = camera.project([0.0; 3]);
         let ([x1, y1], scale) = camera.project([0.0, 0.0, 1.0]);
         assert_eq!(scale, 1.0);
-        assert!(((y0 - y1).atan2(x1 - x0) - 0.2).abs() < 1e-12, "upwards is counter-clockwise");
+        assert!(
+            ((y0 - y1).atan2(x1 - x0) - 0.2).abs() < 1e-12,
+            "upwards is counter-clockwise"
+        );
         assert!(((x1 - x0).hypot(y1 - y0) - 100.0).abs() < 1e-9);
     }
 

@@ -3,7 +3,8 @@
 /// A long thing with round sides: a polyline with half-widths, cut off square at its end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rod {
-    /// x, y and half the thickness of every corner, px. A rod with fewer than two corners is not painted.
+    /// x, y and half the thickness of every corner, px. A rod with fewer than two corners is not
+    /// painted.
     pub points: Vec<[f64; 3]>,
     /// Brightness along the middle.
     pub brightness: f32,
@@ -31,15 +32,25 @@ struct Touch {
     along: f32,
 }
 
-const UNTOUCHED: Touch = Touch { distance: f32::INFINITY, cover: 0.0, across: 0.0, along: 0.0 };
+const UNTOUCHED: Touch = Touch {
+    distance: f32::INFINITY,
+    cover: 0.0,
+    across: 0.0,
+    along: 0.0,
+};
 
-/// Pieces meet at small angles, so on the outer side of a bend a piece reaches this far beyond its ends at most, px.
+/// Pieces meet at small angles, so on the outer side of a bend a piece reaches this far beyond its
+/// ends at most, px.
 const BEYOND: f64 = 8.0;
 
 impl Canvas {
     /// An even ground.
     pub fn new(width: usize, height: usize, ground: f32) -> Self {
-        Self { width, height, data: vec![ground; width * height] }
+        Self {
+            width,
+            height,
+            data: vec![ground; width * height],
+        }
     }
 
     /// Paints a rod over what is there.
@@ -62,17 +73,35 @@ impl Canvas {
         }
     }
 
-    /// Notes for every pixel how the piece from `a` to `b` covers it. `is_outer`: which of its ends is one of the rod;
-    /// beyond the others the next piece is nearer.
-    fn touch(&self, touches: &mut [Touch], a: [f64; 3], b: [f64; 3], is_outer: [bool; 2], cut: &Cut, along: f64) {
+    /// Notes for every pixel how the piece from `a` to `b` covers it. `is_outer`: which of its ends
+    /// is one of the rod; beyond the others the next piece is nearer.
+    fn touch(
+        &self,
+        touches: &mut [Touch],
+        a: [f64; 3],
+        b: [f64; 3],
+        is_outer: [bool; 2],
+        cut: &Cut,
+        along: f64,
+    ) {
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let length = dx.hypot(dy).max(1e-9);
         let (ux, uy) = (dx / length, dy / length);
         let reach = a[2].max(b[2]) + 1.5;
-        let (columns, rows) = self
-            .window([a[0].min(b[0]) - reach, a[0].max(b[0]) + reach], [a[1].min(b[1]) - reach, a[1].max(b[1]) + reach]);
-        let low = if is_outer[0] { f64::NEG_INFINITY } else { -BEYOND };
-        let high = if is_outer[1] { f64::INFINITY } else { length + BEYOND };
+        let (columns, rows) = self.window(
+            [a[0].min(b[0]) - reach, a[0].max(b[0]) + reach],
+            [a[1].min(b[1]) - reach, a[1].max(b[1]) + reach],
+        );
+        let low = if is_outer[0] {
+            f64::NEG_INFINITY
+        } else {
+            -BEYOND
+        };
+        let high = if is_outer[1] {
+            f64::INFINITY
+        } else {
+            length + BEYOND
+        };
         for row in rows {
             for column in beside(columns.clone(), [low, high], a, [ux, uy], row) {
                 let (x, y) = (column as f64, row as f64);
@@ -82,14 +111,24 @@ impl Canvas {
                 let side = ux * py - uy * px;
                 let half = a[2] + (b[2] - a[2]) * clamped / length;
                 let (kept, is_at_end) = cut.kept([x, y]);
-                // At the end the rod is cut off square, so only the distance from its middle line counts there.
-                let distance = if is_at_end { side.abs() } else { distance(px - clamped * ux, py - clamped * uy) };
+                // At the end the rod is cut off square, so only the distance from its middle line
+                // counts there.
+                let distance = if is_at_end {
+                    side.abs()
+                } else {
+                    distance(px - clamped * ux, py - clamped * uy)
+                };
                 let touch = &mut touches[row * self.width + column];
                 let cover = (edge(half - distance) * kept) as f32;
                 if cover > 0.0 && (distance as f32) < touch.distance {
                     let across = (side / half) as f32;
                     let cover = cover.max(touch.cover);
-                    *touch = Touch { distance: distance as f32, cover, across, along: (along + t) as f32 };
+                    *touch = Touch {
+                        distance: distance as f32,
+                        cover,
+                        across,
+                        along: (along + t) as f32,
+                    };
                 }
             }
         }
@@ -99,12 +138,17 @@ impl Canvas {
     pub fn blob(&mut self, centre: [f64; 2], half: [f64; 2], turn_rad: f64, brightness: f32) {
         let reach = half[0].max(half[1]) + 1.5;
         let (sin, cos) = turn_rad.sin_cos();
-        let (columns, rows) =
-            self.window([centre[0] - reach, centre[0] + reach], [centre[1] - reach, centre[1] + reach]);
+        let (columns, rows) = self.window(
+            [centre[0] - reach, centre[0] + reach],
+            [centre[1] - reach, centre[1] + reach],
+        );
         for row in rows {
             for column in columns.clone() {
                 let (dx, dy) = (column as f64 - centre[0], row as f64 - centre[1]);
-                let (u, v) = ((cos * dx + sin * dy) / half[0], (cos * dy - sin * dx) / half[1]);
+                let (u, v) = (
+                    (cos * dx + sin * dy) / half[0],
+                    (cos * dy - sin * dx) / half[1],
+                );
                 let cover = edge((1.0 - u.hypot(v)) * half[0].min(half[1])) as f32;
                 let pixel = &mut self.data[row * self.width + column];
                 *pixel += cover * (brightness - *pixel);
@@ -119,7 +163,10 @@ impl Canvas {
             (low.floor() as usize).min(size)..(high.ceil().max(-1.0) + 1.0) as usize
         };
         let clip = |range: std::ops::Range<usize>, size: usize| range.start..range.end.min(size);
-        (clip(range(x, self.width), self.width), clip(range(y, self.height), self.height))
+        (
+            clip(range(x, self.width), self.width),
+            clip(range(y, self.height), self.height),
+        )
     }
 }
 
@@ -138,7 +185,9 @@ fn beside(
     let (one, other) = (at(low), at(high));
     // Casts of what lies outside give the ends of the range.
     let first = (one.min(other).floor() as usize).max(columns.start);
-    let end = (one.max(other).ceil() as usize).saturating_add(1).min(columns.end);
+    let end = (one.max(other).ceil() as usize)
+        .saturating_add(1)
+        .min(columns.end);
     first.min(end)..end
 }
 
@@ -160,16 +209,24 @@ impl Cut {
             return None;
         };
         let length = (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-9);
-        Some(Self { at: [b[0], b[1]], unit: [(b[0] - a[0]) / length, (b[1] - a[1]) / length], half: b[2] })
+        Some(Self {
+            at: [b[0], b[1]],
+            unit: [(b[0] - a[0]) / length, (b[1] - a[1]) / length],
+            half: b[2],
+        })
     }
 
-    /// How much of a pixel the cut leaves, and whether it lies so close to the cut that the rod is straight there.
+    /// How much of a pixel the cut leaves, and whether it lies so close to the cut that the rod is
+    /// straight there.
     fn kept(&self, [x, y]: [f64; 2]) -> (f64, bool) {
         let (dx, dy) = (x - self.at[0], y - self.at[1]);
         let inside = -(dx * self.unit[0] + dy * self.unit[1]);
         // Farther away the rod may come round again, and is not cut.
         let is_near = dx.hypot(dy) < 2.0 * self.half + 3.0;
-        (if is_near { edge(inside) } else { 1.0 }, is_near && inside < 1.0)
+        (
+            if is_near { edge(inside) } else { 1.0 },
+            is_near && inside < 1.0,
+        )
     }
 }
 
@@ -177,7 +234,8 @@ impl Rod {
     fn shade(&self, touch: &Touch) -> f32 {
         let rim = self.rim * touch.across * touch.across;
         // A streak that comes and goes along the rod, as on a scratched tube.
-        let streak = (-((touch.across - 0.35) / 0.1).powi(2)).exp() * (0.5 + 0.5 * (touch.along * 0.021).sin());
+        let streak = (-((touch.across - 0.35) / 0.1).powi(2)).exp()
+            * (0.5 + 0.5 * (touch.along * 0.021).sin());
         self.brightness - rim + self.glint * streak
     }
 }
@@ -195,16 +253,32 @@ mod tests {
     fn a_rod_covers_its_own_area() {
         let mut canvas = Canvas::new(100, 60, 0.0);
         let points = vec![[-20.0, 30.0, 5.0], [40.0, 30.0, 5.0], [80.0, 30.0, 5.0]];
-        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0, glint: 0.0 });
+        canvas.rod(&Rod {
+            points,
+            brightness: 1.0,
+            rim: 0.0,
+            glint: 0.0,
+        });
         // Its end lies at 80; the first pixel's left border at -0.5.
-        assert!((canvas.data.iter().sum::<f32>() - 805.0).abs() < 1.0, "{}", canvas.data.iter().sum::<f32>());
+        assert!(
+            (canvas.data.iter().sum::<f32>() - 805.0).abs() < 1.0,
+            "{}",
+            canvas.data.iter().sum::<f32>()
+        );
     }
 
     #[test]
     fn a_rod_of_many_short_pieces_ends_square() {
         let mut canvas = Canvas::new(100, 100, 0.0);
-        let points = (-3..=10).map(|i| [f64::from(i) * 5.0, 50.0, 30.0]).collect();
-        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0, glint: 0.0 });
+        let points = (-3..=10)
+            .map(|i| [f64::from(i) * 5.0, 50.0, 30.0])
+            .collect();
+        canvas.rod(&Rod {
+            points,
+            brightness: 1.0,
+            rim: 0.0,
+            glint: 0.0,
+        });
         let sum: f32 = canvas.data.iter().sum();
         assert!((sum - 50.5 * 60.0).abs() < 2.0, "{sum}");
     }
@@ -219,7 +293,12 @@ mod tests {
             rim: 0.0,
             glint: 0.0,
         });
-        canvas.rod(&Rod { points: vec![[1.0, 1.0, 4.0]], brightness: 9.0, rim: 0.0, glint: 0.0 });
+        canvas.rod(&Rod {
+            points: vec![[1.0, 1.0, 4.0]],
+            brightness: 9.0,
+            rim: 0.0,
+            glint: 0.0,
+        });
         assert!(canvas.data.iter().all(|v| *v == 3.0));
     }
 }

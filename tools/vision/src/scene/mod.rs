@@ -1,11 +1,13 @@
-//! Synthetic microscope pictures at known angles, for tests, for the accuracy table and for the emulator.
+//! Synthetic microscope pictures at known angles, for tests, for the accuracy table and for the
+//! emulator.
 //!
-//! The pictures are made the way a camera makes them, not the way the detector takes them apart: a curve in space is
-//! projected through a pinhole, painted with its shading and whatever lies in front of it, blurred by the optics, lit
-//! unevenly, and sampled with noise. Nothing here is used by the detector.
+//! The pictures are made the way a camera makes them, not the way the detector takes them apart: a
+//! curve in space is projected through a pinhole, painted with its shading and whatever lies in
+//! front of it, blurred by the optics, lit unevenly, and sampled with noise. Nothing here is used
+//! by the detector.
 //!
-//! Axes of space: `z` along the straight base towards the tip, `x` the way of positive pitch, `y` the way of positive
-//! yaw, origin where the bending section begins. Lengths in millimetres.
+//! Axes of space: `z` along the straight base towards the tip, `x` the way of positive pitch, `y`
+//! the way of positive yaw, origin where the bending section begins. Lengths in millimetres.
 //!
 //! | file | holds |
 //! |---|---|
@@ -44,7 +46,8 @@ pub struct Paint {
     pub body: f32,
     /// The fibre at its tip.
     pub fibre: f32,
-    /// How much darker (or, negative, brighter) the rims of body and fibre are than their middle: round things shade.
+    /// How much darker (or, negative, brighter) the rims of body and fibre are than their middle:
+    /// round things shade.
     pub rim: f32,
     /// Brightness that a glint along the body adds. 0: none.
     pub glint: f32,
@@ -54,13 +57,25 @@ impl Paint {
     /// A dark fibre on bright ground, lit from behind.
     #[must_use]
     pub const fn dark() -> Self {
-        Self { ground: 190.0, body: 55.0, fibre: 55.0, rim: 12.0, glint: 0.0 }
+        Self {
+            ground: 190.0,
+            body: 55.0,
+            fibre: 55.0,
+            rim: 12.0,
+            glint: 0.0,
+        }
     }
 
     /// A bright fibre on dark ground, lit from the side.
     #[must_use]
     pub const fn bright() -> Self {
-        Self { ground: 40.0, body: 185.0, fibre: 185.0, rim: 15.0, glint: 0.0 }
+        Self {
+            ground: 40.0,
+            body: 185.0,
+            fibre: 185.0,
+            rim: 15.0,
+            glint: 0.0,
+        }
     }
 }
 
@@ -86,7 +101,8 @@ pub struct Scene {
 pub struct Truth {
     /// Bending angle in the plane of the view, rad; positive towards the camera's positive side.
     pub angle_rad: f64,
-    /// Tip in the plane of the view: along the base, and across it, from where the bending section begins, mm.
+    /// Tip in the plane of the view: along the base, and across it, from where the bending section
+    /// begins, mm.
     pub tip_mm: [f64; 2],
     /// Tip in the picture, px.
     pub tip_px: [f64; 2],
@@ -96,7 +112,8 @@ impl Scene {
     /// Draws it. The generator makes the noise: equal states, equal pictures.
     #[must_use]
     pub fn render(&self, noise: &mut impl Rng) -> Grey {
-        let mut canvas = canvas::Canvas::new(self.camera.width, self.camera.height, self.paint.ground);
+        let mut canvas =
+            canvas::Canvas::new(self.camera.width, self.camera.height, self.paint.ground);
         for rod in self.snake.rods(&self.pose, &self.camera, &self.paint) {
             canvas.rod(&rod);
         }
@@ -129,7 +146,10 @@ mod tests {
     fn scene() -> Scene {
         Scene {
             snake: Snake::fibre(0.125),
-            pose: Pose { pitch_rad: 0.3, yaw_rad: 0.0 },
+            pose: Pose {
+                pitch_rad: 0.3,
+                yaw_rad: 0.0,
+            },
             camera: Camera::microscope(640, 480, 100.0),
             paint: Paint::dark(),
             clutter: Vec::new(),
@@ -145,11 +165,23 @@ mod tests {
     fn the_tip_is_painted_where_the_truth_says() {
         let scene = scene();
         let picture = scene.render(&mut Pcg64Mcg::seed_from_u64(1));
-        let Truth { tip_px: [x, y], angle_rad, .. } = scene.truth();
-        let ahead = |distance: f64| [x + distance * angle_rad.cos(), y - distance * angle_rad.sin()];
+        let Truth {
+            tip_px: [x, y],
+            angle_rad,
+            ..
+        } = scene.truth();
+        let ahead = |distance: f64| {
+            [
+                x + distance * angle_rad.cos(),
+                y - distance * angle_rad.sin(),
+            ]
+        };
         assert!(brightness(&picture, ahead(-3.0)) < 80.0);
         assert!(brightness(&picture, ahead(3.0)) > 180.0);
-        assert!((brightness(&picture, ahead(0.0)) - 122.0).abs() < 25.0, "half covered at the very end");
+        assert!(
+            (brightness(&picture, ahead(0.0)) - 122.0).abs() < 25.0,
+            "half covered at the very end"
+        );
     }
 
     #[test]

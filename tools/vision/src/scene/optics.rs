@@ -22,26 +22,44 @@ impl Optics {
     /// No blur, no noise, even light.
     #[must_use]
     pub const fn clean() -> Self {
-        Self { blur_px: 0.0, noise: 0.0, vignette: 0.0, slope: [0.0, 0.0] }
+        Self {
+            blur_px: 0.0,
+            noise: 0.0,
+            vignette: 0.0,
+            slope: [0.0, 0.0],
+        }
     }
 
     /// A well adjusted microscope.
     #[must_use]
     pub const fn light() -> Self {
-        Self { blur_px: 1.0, noise: 3.0, vignette: 0.25, slope: [0.1, -0.1] }
+        Self {
+            blur_px: 1.0,
+            noise: 3.0,
+            vignette: 0.25,
+            slope: [0.1, -0.1],
+        }
     }
 
     /// Out of focus, too little light, unevenly lit.
     #[must_use]
     pub const fn strong() -> Self {
-        Self { blur_px: 4.0, noise: 15.0, vignette: 0.5, slope: [0.3, 0.25] }
+        Self {
+            blur_px: 4.0,
+            noise: 15.0,
+            vignette: 0.5,
+            slope: [0.3, 0.25],
+        }
     }
 
     /// Exposes a painted scene.
     pub(super) fn expose(&self, mut canvas: Canvas, random: &mut impl Rng) -> Grey {
         blur(&mut canvas, self.blur_px);
         let (width, height) = (canvas.width, canvas.height);
-        let mut noise = Noise { random, spare: None };
+        let mut noise = Noise {
+            random,
+            spare: None,
+        };
         let (cx, cy) = (0.5 * width as f32, 0.5 * height as f32);
         let corner = cx * cx + cy * cy;
         let mut data = Vec::with_capacity(canvas.data.len());
@@ -55,12 +73,14 @@ impl Optics {
                 data.push((value * light + self.noise * noise.next() + 0.5) as u8);
             }
         }
-        // A canvas has exactly as many values as pixels; an empty one gives the smallest picture there is.
+        // A canvas has exactly as many values as pixels; an empty one gives the smallest picture
+        // there is.
         Grey::new(width, height, data).unwrap_or_else(Grey::black)
     }
 }
 
-/// Noise of mean 0 and standard deviation 1: sums of four uniform bytes, near enough to normal for a sensor.
+/// Noise of mean 0 and standard deviation 1: sums of four uniform bytes, near enough to normal for
+/// a sensor.
 struct Noise<'a, R> {
     random: &'a mut R,
     spare: Option<u32>,
@@ -85,8 +105,9 @@ fn blur(canvas: &mut Canvas, sigma: f64) {
         return;
     }
     let reach = (3.5 * sigma).ceil() as usize;
-    let mut kernel: Vec<f32> =
-        (0..=2 * reach).map(|i| (-0.5 * ((i as f64 - reach as f64) / sigma).powi(2)).exp() as f32).collect();
+    let mut kernel: Vec<f32> = (0..=2 * reach)
+        .map(|i| (-0.5 * ((i as f64 - reach as f64) / sigma).powi(2)).exp() as f32)
+        .collect();
     let sum: f32 = kernel.iter().sum();
     kernel.iter_mut().for_each(|k| *k /= sum);
 
@@ -125,11 +146,17 @@ mod tests {
     #[test]
     fn the_noise_has_the_stated_deviation() {
         let mut random = Pcg64Mcg::seed_from_u64(3);
-        let mut noise = Noise { random: &mut random, spare: None };
+        let mut noise = Noise {
+            random: &mut random,
+            spare: None,
+        };
         let values: Vec<f32> = (0..200_000).map(|_| noise.next()).collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32;
-        assert!(mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02, "{mean} {variance}");
+        assert!(
+            mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02,
+            "{mean} {variance}"
+        );
     }
 
     #[test]
@@ -138,7 +165,9 @@ mod tests {
         canvas.data[30 * 61 + 30] = 1000.0;
         blur(&mut canvas, 2.0);
         let sum: f32 = canvas.data.iter().sum();
-        let second: f32 = (0..61 * 61).map(|i| canvas.data[i] * ((i % 61) as f32 - 30.0).powi(2)).sum();
+        let second: f32 = (0..61 * 61)
+            .map(|i| canvas.data[i] * ((i % 61) as f32 - 30.0).powi(2))
+            .sum();
         assert!((sum - 1000.0).abs() < 0.1);
         assert!((second / sum - 4.0).abs() < 0.05, "{}", second / sum);
     }

@@ -1,12 +1,12 @@
-//! Scenes drawn by chance from a seed: clear ones to measure how exact a reading is, cluttered ones to see whether it
-//! is ever wrong without saying so.
+//! Scenes drawn by chance from a seed: clear ones to measure how exact a reading is, cluttered ones
+//! to see whether it is ever wrong without saying so.
 
 use rand::{Rng, RngExt};
 
 use super::{Camera, Clutter, Optics, Paint, Pose, Scene, Snake, cover};
 
-/// A scene without clutter: any angle in the plane of the view and away from it up to `max_rad`, any position of the
-/// base within a few degrees and pixels.
+/// A scene without clutter: any angle in the plane of the view and away from it up to `max_rad`,
+/// any position of the base within a few degrees and pixels.
 #[must_use]
 pub fn clear(
     random: &mut impl Rng,
@@ -16,16 +16,26 @@ pub fn clear(
     optics: Optics,
     [pitch, yaw]: [f64; 2],
 ) -> Scene {
-    let pose = Pose { pitch_rad: random.random_range(-pitch..=pitch), yaw_rad: random.random_range(-yaw..=yaw) };
+    let pose = Pose {
+        pitch_rad: random.random_range(-pitch..=pitch),
+        yaw_rad: random.random_range(-yaw..=yaw),
+    };
     let mut camera = camera;
     camera.roll_rad += random.random_range(-0.06..0.06);
     camera.origin_px[0] += random.random_range(-8.0..8.0);
     camera.origin_px[1] += random.random_range(-15.0..15.0);
-    Scene { snake, pose, camera, paint, clutter: Vec::new(), optics }
+    Scene {
+        snake,
+        pose,
+        camera,
+        paint,
+        clutter: Vec::new(),
+        optics,
+    }
 }
 
-/// Puts instruments, covers, specks and hairs before a scene, most of them near the fibre; sometimes the camera has
-/// been pushed so that part of the fibre is out of the picture.
+/// Puts instruments, covers, specks and hairs before a scene, most of them near the fibre;
+/// sometimes the camera has been pushed so that part of the fibre is out of the picture.
 #[must_use]
 pub fn clutter(random: &mut impl Rng, mut scene: Scene) -> Scene {
     if random.random_bool(0.08) {
@@ -39,7 +49,11 @@ pub fn clutter(random: &mut impl Rng, mut scene: Scene) -> Scene {
     }
     for _ in 0..count(random, &[0.75, 0.25]) {
         let radius = scene.camera.px_per_mm * random.random_range(0.1..0.8);
-        things.push(cover(near(random, &scene, 0.3), radius, brightness(random, &scene)));
+        things.push(cover(
+            near(random, &scene, 0.3),
+            radius,
+            brightness(random, &scene),
+        ));
     }
     for _ in 0..count(random, &[0.7, 0.2, 0.1]) {
         things.push(hair(random, &scene));
@@ -66,10 +80,15 @@ fn count(random: &mut impl Rng, chances: &[f64]) -> usize {
 /// A place within `spread_mm` of the fibre, anywhere along it.
 fn near(random: &mut impl Rng, scene: &Scene, spread_mm: f64) -> [f64; 2] {
     let end = scene.snake.arc_mm + scene.snake.tip_mm;
-    let at = scene.snake.at(&scene.pose, random.random_range(-1.0..end + 0.3));
+    let at = scene
+        .snake
+        .at(&scene.pose, random.random_range(-1.0..end + 0.3));
     let ([x, y], _) = scene.camera.project(at);
     let spread = spread_mm * scene.camera.px_per_mm;
-    [x + random.random_range(-spread..spread), y + random.random_range(-spread..spread)]
+    [
+        x + random.random_range(-spread..spread),
+        y + random.random_range(-spread..spread),
+    ]
 }
 
 /// Often the fibre's own brightness or the ground's, which is hardest to tell; else any.
@@ -88,7 +107,12 @@ fn instrument(random: &mut impl Rng, scene: &Scene) -> Clutter {
     let half = 0.5 * scene.camera.px_per_mm * random.random_range(0.06..0.9);
     // Its free end lies around the aim: short of it, on it, or across.
     let past = random.random_range(-0.5..2.0) * scene.camera.px_per_mm;
-    let along = |length: f64| [aim[0] + length * from_rad.cos(), aim[1] + length * from_rad.sin()];
+    let along = |length: f64| {
+        [
+            aim[0] + length * from_rad.cos(),
+            aim[1] + length * from_rad.sin(),
+        ]
+    };
     Clutter::Instrument {
         from: along(reach),
         to: along(-past),
@@ -105,16 +129,29 @@ fn hair(random: &mut impl Rng, scene: &Scene) -> Clutter {
     for _ in 0..random.random_range(4..14) {
         direction += random.random_range(-0.4..0.4);
         let length = 0.15 * scene.camera.px_per_mm;
-        at = [at[0] + length * direction.cos(), at[1] + length * direction.sin()];
+        at = [
+            at[0] + length * direction.cos(),
+            at[1] + length * direction.sin(),
+        ];
         points.push(at);
     }
-    Clutter::Hair { points, half_width: random.random_range(0.7..4.0), brightness: brightness(random, scene) }
+    Clutter::Hair {
+        points,
+        half_width: random.random_range(0.7..4.0),
+        brightness: brightness(random, scene),
+    }
 }
 
 fn speck(random: &mut impl Rng, scene: &Scene) -> Clutter {
-    let anywhere =
-        [random.random_range(0.0..scene.camera.width as f64), random.random_range(0.0..scene.camera.height as f64)];
-    let centre = if random.random_bool(0.5) { near(random, scene, 0.15) } else { anywhere };
+    let anywhere = [
+        random.random_range(0.0..scene.camera.width as f64),
+        random.random_range(0.0..scene.camera.height as f64),
+    ];
+    let centre = if random.random_bool(0.5) {
+        near(random, scene, 0.15)
+    } else {
+        anywhere
+    };
     let half = random.random_range(0.7..9.0);
     Clutter::Speck {
         centre,

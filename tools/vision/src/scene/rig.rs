@@ -22,11 +22,15 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Two microscopes at right angles, one for pitch and one for yaw, in front of the robot with a fibre sticking out.
+    /// Two microscopes at right angles, one for pitch and one for yaw, in front of the robot with a
+    /// fibre sticking out.
     #[must_use]
     pub fn laboratory(width: usize, height: usize, px_per_mm: f64) -> Self {
         let pitch = Camera::microscope(width, height, px_per_mm);
-        let yaw = Camera { plane_rad: std::f64::consts::FRAC_PI_2, ..pitch };
+        let yaw = Camera {
+            plane_rad: std::f64::consts::FRAC_PI_2,
+            ..pitch
+        };
         Self {
             snake: Snake::robot(),
             paint: Paint::dark(),
@@ -39,11 +43,24 @@ impl Rig {
     /// What a camera sees of a pose, as a scene.
     #[must_use]
     pub fn scene(&self, camera: &Camera, pose: Pose) -> Scene {
-        let Self { snake, paint, optics, .. } = *self;
-        Scene { snake, pose, camera: *camera, paint, clutter: Vec::new(), optics }
+        let Self {
+            snake,
+            paint,
+            optics,
+            ..
+        } = *self;
+        Scene {
+            snake,
+            pose,
+            camera: *camera,
+            paint,
+            clutter: Vec::new(),
+            optics,
+        }
     }
 
-    /// One picture per camera. Equal seeds and numbers make equal noise; the noise of cameras and numbers differs.
+    /// One picture per camera. Equal seeds and numbers make equal noise; the noise of cameras and
+    /// numbers differs.
     #[must_use]
     pub fn shoot(&self, pose: Pose, number: u64) -> Vec<Grey> {
         let noise = |view: usize| {
@@ -65,8 +82,11 @@ mod tests {
     #[test]
     fn pictures_of_one_instant_and_of_one_pose_all_differ_in_noise() {
         let rig = Rig::laboratory(160, 120, 25.0);
-        let (first, again, next) =
-            (rig.shoot(Pose::default(), 1), rig.shoot(Pose::default(), 1), rig.shoot(Pose::default(), 2));
+        let (first, again, next) = (
+            rig.shoot(Pose::default(), 1),
+            rig.shoot(Pose::default(), 1),
+            rig.shoot(Pose::default(), 2),
+        );
         assert_eq!(first, again);
         assert!(first[0] != first[1] && first[0] != next[0] && first[1] != next[1]);
     }

@@ -1,6 +1,7 @@
 //! Letters of three by five dots, enough for names, numbers and causes.
 
-/// The rows of a letter from top to bottom; the left dot is the highest of three bits. Small letters look like capitals.
+/// The rows of a letter from top to bottom; the left dot is the highest of three bits. Small
+/// letters look like capitals.
 const fn rows(letter: char) -> [u8; 5] {
     match letter.to_ascii_uppercase() {
         '0' => [7, 5, 5, 5, 7],
@@ -60,6 +61,8 @@ pub fn dots(letter: char) -> impl Iterator<Item = (i64, i64)> {
     let rows = rows(letter);
     (0..5).flat_map(move |row| {
         let bits = rows[row];
-        (0..3).filter(move |column| bits >> (2 - column) & 1 == 1).map(move |column| (column, row as i64))
+        (0..3)
+            .filter(move |column| bits >> (2 - column) & 1 == 1)
+            .map(move |column| (column, row as i64))
     })
 }

@@ -10,8 +10,9 @@ const TRACE: Colour = [0, 200, 255];
 const GOOD: Colour = [120, 255, 120];
 const POOR: Colour = [255, 110, 110];
 
-/// Draws a reading over its picture: base line green, tip line orange, trace blue, the end a cross, and in words the
-/// name, the angle, its standard deviation, the quality and the doubt; or why there is no reading.
+/// Draws a reading over its picture: base line green, tip line orange, trace blue, the end a cross,
+/// and in words the name, the angle, its standard deviation, the quality and the doubt; or why
+/// there is no reading.
 #[must_use]
 pub fn overlay(picture: &Grey, name: &str, reading: &Result<Reading, String>) -> Paper {
     let mut paper = Paper::of(picture);
@@ -32,8 +33,13 @@ pub fn overlay(picture: &Grey, name: &str, reading: &Result<Reading, String>) ->
 
 fn words(reading: &Reading) -> String {
     let (angle, std) = (reading.angle_rad.to_degrees(), reading.std_rad.to_degrees());
-    let doubt = reading.doubt.map_or(String::new(), |doubt| format!(" {doubt}"));
-    format!("{angle:+.2} +-{std:.3} deg  Q {:.2}{doubt}", reading.quality)
+    let doubt = reading
+        .doubt
+        .map_or(String::new(), |doubt| format!(" {doubt}"));
+    format!(
+        "{angle:+.2} +-{std:.3} deg  Q {:.2}{doubt}",
+        reading.quality
+    )
 }
 
 fn draw(paper: &mut Paper, reading: &Reading, scale: i64) {
@@ -42,8 +48,14 @@ fn draw(paper: &mut Paper, reading: &Reading, scale: i64) {
         paper.square(*at, thick, TRACE);
     }
     // A little longer than the stretch that made it, so that a wrong direction shows.
-    let mut line =
-        |line: &Line, colour| paper.line(line.at(-0.6 * line.length_px), line.at(0.8 * line.length_px), thick, colour);
+    let mut line = |line: &Line, colour| {
+        paper.line(
+            line.at(-0.6 * line.length_px),
+            line.at(0.8 * line.length_px),
+            thick,
+            colour,
+        )
+    };
     line(&reading.base, BASE);
     line(&reading.tip, TIP);
     let [x, y] = reading.tip_px;

@@ -42,14 +42,22 @@ impl Paper {
     /// A page of one colour.
     #[must_use]
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
-        Self { width, height, data: colour.repeat(width * height) }
+        Self {
+            width,
+            height,
+            data: colour.repeat(width * height),
+        }
     }
 
     /// A grey picture to draw on.
     #[must_use]
     pub fn of(picture: &Grey) -> Self {
         let data = picture.data().iter().flat_map(|v| [*v; 3]).collect();
-        Self { width: picture.width(), height: picture.height(), data }
+        Self {
+            width: picture.width(),
+            height: picture.height(),
+            data,
+        }
     }
 
     /// Columns.
@@ -109,12 +117,17 @@ impl Paper {
         for (i, letter) in text.chars().enumerate() {
             let left = x + scale + i as i64 * advance;
             for (column, row) in font::dots(letter) {
-                self.fill([left + column * scale, y + scale + row * scale], [scale, scale], colour);
+                self.fill(
+                    [left + column * scale, y + scale + row * scale],
+                    [scale, scale],
+                    colour,
+                );
             }
         }
     }
 
-    /// Copies another picture with its upper left corner at (x, y), made smaller by the whole number `by`.
+    /// Copies another picture with its upper left corner at (x, y), made smaller by the whole
+    /// number `by`.
     pub fn paste(&mut self, other: &Self, [x, y]: [usize; 2], by: usize) {
         for row in 0..other.height / by {
             for column in 0..other.width / by {
@@ -126,9 +139,13 @@ impl Paper {
 
     fn mean(&self, x: usize, y: usize, size: usize) -> Colour {
         std::array::from_fn(|channel| {
-            let pixels = (y..y + size).flat_map(|row| (x..x + size).map(move |column| (row, column)));
-            let sum: usize =
-                pixels.map(|(row, column)| usize::from(self.data[3 * (row * self.width + column) + channel])).sum();
+            let pixels =
+                (y..y + size).flat_map(|row| (x..x + size).map(move |column| (row, column)));
+            let sum: usize = pixels
+                .map(|(row, column)| {
+                    usize::from(self.data[3 * (row * self.width + column) + channel])
+                })
+                .sum();
             (sum / (size * size)) as u8
         })
     }
@@ -139,7 +156,13 @@ impl Paper {
     ///
     /// [`SaveError`] with the path.
     pub fn save(&self, path: &Path) -> Result<(), SaveError> {
-        save_png(path, self.width, self.height, png::ColorType::Rgb, &self.data)
+        save_png(
+            path,
+            self.width,
+            self.height,
+            png::ColorType::Rgb,
+            &self.data,
+        )
     }
 }
 
@@ -149,12 +172,30 @@ impl Paper {
 ///
 /// [`SaveError`] with the path.
 pub fn save_grey(path: &Path, picture: &Grey) -> Result<(), SaveError> {
-    save_png(path, picture.width(), picture.height(), png::ColorType::Grayscale, picture.data())
+    save_png(
+        path,
+        picture.width(),
+        picture.height(),
+        png::ColorType::Grayscale,
+        picture.data(),
+    )
 }
 
-fn save_png(path: &Path, width: usize, height: usize, colour: png::ColorType, data: &[u8]) -> Result<(), SaveError> {
-    let encode = |source| SaveError::Encode { path: path.to_owned(), source };
-    let file = std::fs::File::create(path).map_err(|source| SaveError::Write { path: path.to_owned(), source })?;
+fn save_png(
+    path: &Path,
+    width: usize,
+    height: usize,
+    colour: png::ColorType,
+    data: &[u8],
+) -> Result<(), SaveError> {
+    let encode = |source| SaveError::Encode {
+        path: path.to_owned(),
+        source,
+    };
+    let file = std::fs::File::create(path).map_err(|source| SaveError::Write {
+        path: path.to_owned(),
+        source,
+    })?;
     let mut encoder = png::Encoder::new(BufWriter::new(file), width as u32, height as u32);
     encoder.set_color(colour);
     encoder.set_compression(png::Compression::Fast);
@@ -173,7 +214,10 @@ mod tests {
         let path = folder.path().join("a.png");
         let picture = Grey::new(3, 2, vec![0, 50, 100, 150, 200, 250]).unwrap();
         save_grey(&path, &picture).unwrap();
-        assert_eq!(crate::source::decode(&std::fs::read(&path).unwrap()).unwrap(), picture);
+        assert_eq!(
+            crate::source::decode(&std::fs::read(&path).unwrap()).unwrap(),
+            picture
+        );
     }
 
     #[test]

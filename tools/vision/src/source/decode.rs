@@ -25,7 +25,8 @@ pub enum DecodeError {
     Pixels(String),
 }
 
-/// Decodes the bytes of a PNG or JPEG file. Colours become brightness by the weights of ITU-R BT.601.
+/// Decodes the bytes of a PNG or JPEG file. Colours become brightness by the weights of ITU-R
+/// BT.601.
 ///
 /// # Errors
 ///
@@ -47,8 +48,10 @@ fn decode_png(bytes: &[u8]) -> Result<Grey, DecodeError> {
     // Palettes and 1, 2, 4 bit become 8 bit; 16 bit lose their lower half.
     decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
     let mut reader = decoder.read_info().map_err(broken)?;
-    let size =
-        reader.output_buffer_size().filter(|size| *size <= 4 * MOST_PIXELS).ok_or_else(|| broken("too large"))?;
+    let size = reader
+        .output_buffer_size()
+        .filter(|size| *size <= 4 * MOST_PIXELS)
+        .ok_or_else(|| broken("too large"))?;
     let mut data = vec![0; size];
     let info = reader.next_frame(&mut data).map_err(broken)?;
     data.truncate(info.buffer_size());
@@ -59,7 +62,8 @@ fn decode_png(bytes: &[u8]) -> Result<Grey, DecodeError> {
         png::ColorType::Rgba => data.chunks_exact(4).map(brightness).collect(),
         png::ColorType::Indexed => return Err(DecodeError::Pixels("indexed".into())),
     };
-    Grey::new(info.width as usize, info.height as usize, grey).ok_or_else(|| broken("size and data differ"))
+    Grey::new(info.width as usize, info.height as usize, grey)
+        .ok_or_else(|| broken("size and data differ"))
 }
 
 fn brightness(pixel: &[u8]) -> u8 {
@@ -95,7 +99,11 @@ mod tests {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
         encoder.set_color(colour);
-        encoder.write_header().unwrap().write_image_data(data).unwrap();
+        encoder
+            .write_header()
+            .unwrap()
+            .write_image_data(data)
+            .unwrap();
         bytes
     }
 
@@ -103,7 +111,11 @@ mod tests {
     fn grey_and_colour_png() {
         let grey = decode(&encoded(png::ColorType::Grayscale, &[1, 2, 3, 4])).unwrap();
         assert_eq!(grey.data(), [1, 2, 3, 4]);
-        let colour = decode(&encoded(png::ColorType::Rgb, &[255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9])).unwrap();
+        let colour = decode(&encoded(
+            png::ColorType::Rgb,
+            &[255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9],
+        ))
+        .unwrap();
         assert_eq!(colour.data(), [76, 150, 29, 9]);
     }
 

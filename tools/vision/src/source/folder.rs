@@ -7,7 +7,8 @@ use i2ris::units::Nanos;
 
 use super::{Frame, FrameSource, Gap, Shot, SourceError, decode, stamps};
 
-/// More missing numbers in a row than this are reported as one gap each no more: the numbering jumped.
+/// More missing numbers in a row than this are reported as one gap each no more: the numbering
+/// jumped.
 const LONGEST_HOLE: u64 = 10_000;
 
 /// A folder of pictures, in the order of their stamps.
@@ -30,27 +31,42 @@ impl Folder {
     ///
     /// The folder cannot be read, holds no picture, or its files cannot be put in order.
     pub fn open(path: &Path, fps: f64) -> Result<Self, SourceError> {
-        let read = |source| SourceError::Read { path: path.to_owned(), source };
+        let read = |source| SourceError::Read {
+            path: path.to_owned(),
+            source,
+        };
         let mut names = Vec::new();
         for entry in std::fs::read_dir(path).map_err(read)? {
-            let name = entry.map_err(read)?.file_name().to_string_lossy().into_owned();
+            let name = entry
+                .map_err(read)?
+                .file_name()
+                .to_string_lossy()
+                .into_owned();
             if is_picture(&name) {
                 names.push(name);
             }
         }
         if names.is_empty() {
-            return Err(SourceError::NoFrames { path: path.to_owned() });
+            return Err(SourceError::NoFrames {
+                path: path.to_owned(),
+            });
         }
         names.sort_unstable();
         let list = path.join(stamps::LIST);
         let rest = if list.exists() {
-            stamps::read_list(&list)?.into_iter().map(|(name, stamp)| (stamp, Entry::File(name))).collect()
+            stamps::read_list(&list)?
+                .into_iter()
+                .map(|(name, stamp)| (stamp, Entry::File(name)))
+                .collect()
         } else if let Some(timed) = timed(&names) {
             timed
         } else {
             numbered(&stamps::by_number(path, names)?, fps)
         };
-        Ok(Self { path: path.to_owned(), rest })
+        Ok(Self {
+            path: path.to_owned(),
+            rest,
+        })
     }
 
     /// How many pictures and gaps are still to come.
@@ -64,10 +80,16 @@ impl Folder {
         let gap = |cause, name| Ok(Shot::Gap { stamp, name, cause });
         match std::fs::read(&path) {
             Ok(bytes) => match decode(&bytes) {
-                Ok(picture) => Ok(Shot::Frame(Frame { stamp, name, picture })),
+                Ok(picture) => Ok(Shot::Frame(Frame {
+                    stamp,
+                    name,
+                    picture,
+                })),
                 Err(error) => gap(Gap::Undecodable, format!("{name} ({error})")),
             },
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => gap(Gap::MissingFile, name),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                gap(Gap::MissingFile, name)
+            }
             Err(source) => Err(SourceError::Read { path, source }),
         }
     }
@@ -78,22 +100,29 @@ impl FrameSource for Folder {
         match self.rest.pop_front() {
             None => Ok(None),
             Some((stamp, Entry::File(name))) => self.load(stamp, name).map(Some),
-            Some((stamp, Entry::Missing(number))) => {
-                Ok(Some(Shot::Gap { stamp, name: format!("number {number}"), cause: Gap::MissingFile }))
-            }
+            Some((stamp, Entry::Missing(number))) => Ok(Some(Shot::Gap {
+                stamp,
+                name: format!("number {number}"),
+                cause: Gap::MissingFile,
+            })),
         }
     }
 }
 
 fn is_picture(name: &str) -> bool {
-    let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
+    let ending = name
+        .rsplit_once('.')
+        .map_or("", |(_, ending)| ending)
+        .to_ascii_lowercase();
     matches!(ending.as_str(), "png" | "jpg" | "jpeg")
 }
 
 /// Stamps from names, if all names carry one.
 fn timed(names: &[String]) -> Option<VecDeque<(Nanos, Entry)>> {
-    let mut all: Vec<(Nanos, Entry)> =
-        names.iter().map(|name| Some((stamps::time_in(name)?, Entry::File(name.clone())))).collect::<Option<_>>()?;
+    let mut all: Vec<(Nanos, Entry)> = names
+        .iter()
+        .map(|name| Some((stamps::time_in(name)?, Entry::File(name.clone()))))
+        .collect::<Option<_>>()?;
     all.sort_by_key(|(stamp, _)| *stamp);
     Some(all.into())
 }

@@ -1,7 +1,8 @@
 //! Where pictures come from.
 //!
-//! A source hands over one [`Shot`] after the other: a picture with the instant it was taken, or a gap with its cause.
-//! Nothing that goes wrong with one picture ends the stream; what ends it is an error that names the place.
+//! A source hands over one [`Shot`] after the other: a picture with the instant it was taken, or a
+//! gap with its cause. Nothing that goes wrong with one picture ends the stream; what ends it is an
+//! error that names the place.
 
 mod decode;
 mod folder;
@@ -25,7 +26,8 @@ use crate::image::Grey;
 /// A picture and when it was taken.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// When it was taken. Streams: monotonic clock of this machine. Folders: as its names, its list or its rate say.
+    /// When it was taken. Streams: monotonic clock of this machine. Folders: as its names, its list
+    /// or its rate say.
     pub stamp: Nanos,
     /// File name, or number in the stream; for messages and overlays.
     pub name: String,
@@ -131,7 +133,9 @@ pub enum SourceError {
     #[error("picture stream: {0}")]
     Stream(#[from] std::io::Error),
     /// The stream ends within a picture.
-    #[error("picture stream: ends within picture {number}, after {got} of {expected} bytes; is the size {size} right?")]
+    #[error(
+        "picture stream: ends within picture {number}, after {got} of {expected} bytes; is the size {size} right?"
+    )]
     Truncated {
         /// Number of the picture, from 1.
         number: u64,
@@ -152,7 +156,9 @@ pub enum SourceError {
         path: PathBuf,
     },
     /// A folder whose names carry no numbers and that has no list of stamps.
-    #[error("{path}: {file} has no number in its name; number the files, or add frames.csv with columns file,t_s")]
+    #[error(
+        "{path}: {file} has no number in its name; number the files, or add frames.csv with columns file,t_s"
+    )]
     NoNumber {
         /// The folder.
         path: PathBuf,

@@ -34,8 +34,12 @@ impl std::str::FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let size =
-            text.split_once('x').and_then(|(w, h)| Some(Self { width: w.parse().ok()?, height: h.parse().ok()? }));
+        let size = text.split_once('x').and_then(|(w, h)| {
+            Some(Self {
+                width: w.parse().ok()?,
+                height: h.parse().ok()?,
+            })
+        });
         size.filter(|s| (16..=1 << 14).contains(&s.width) && (16..=1 << 14).contains(&s.height))
             .ok_or_else(|| format!("{text:?} is no size; write columns x rows, such as 1280x960"))
     }
@@ -45,7 +49,8 @@ impl std::str::FromStr for Size {
 pub enum Clock {
     /// The instant that its last byte arrived.
     Arrival(Box<dyn FnMut() -> Nanos + Send>),
-    /// Its number and the rate: for recordings that are piped in faster or slower than they were taken.
+    /// Its number and the rate: for recordings that are piped in faster or slower than they were
+    /// taken.
     Rate(f64),
 }
 
@@ -70,7 +75,12 @@ pub struct Raw<R> {
 impl<R: Read + Send> Raw<R> {
     /// Reads pictures of `size` from `reader`.
     pub fn new(reader: R, size: Size, clock: Clock) -> Self {
-        Self { reader, size, clock, number: 0 }
+        Self {
+            reader,
+            size,
+            clock,
+            number: 0,
+        }
     }
 }
 
@@ -83,12 +93,23 @@ impl<R: Read + Send> FrameSource for Raw<R> {
         }
         let number = self.number + 1;
         if got < data.len() {
-            return Err(SourceError::Truncated { number, got, expected: data.len(), size: self.size });
+            return Err(SourceError::Truncated {
+                number,
+                got,
+                expected: data.len(),
+                size: self.size,
+            });
         }
         let stamp = self.clock.stamp(self.number);
         self.number = number;
         let picture = Grey::new(self.size.width, self.size.height, data);
-        Ok(picture.map(|picture| Shot::Frame(Frame { stamp, name: format!("picture {number}"), picture })))
+        Ok(picture.map(|picture| {
+            Shot::Frame(Frame {
+                stamp,
+                name: format!("picture {number}"),
+                picture,
+            })
+        }))
     }
 }
 

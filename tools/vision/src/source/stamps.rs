@@ -1,7 +1,7 @@
 //! When the pictures of a folder were taken.
 //!
-//! In this order: a list `frames.csv` in the folder (columns `file` and `t_s`); a time in the file names; the number in
-//! the file name and the rate.
+//! In this order: a list `frames.csv` in the folder (columns `file` and `t_s`); a time in the file
+//! names; the number in the file name and the rate.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,9 +15,16 @@ pub const LIST: &str = "frames.csv";
 
 /// Reads the list of a folder: file name to stamp, in the order of the list.
 pub fn read_list(path: &Path) -> Result<Vec<(String, Nanos)>, SourceError> {
-    let bad = |line: u64, what: String| SourceError::BadList { path: path.to_owned(), line, what };
+    let bad = |line: u64, what: String| SourceError::BadList {
+        path: path.to_owned(),
+        line,
+        what,
+    };
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(1, error.to_string()))?;
-    let headers = reader.headers().map_err(|error| bad(1, error.to_string()))?.clone();
+    let headers = reader
+        .headers()
+        .map_err(|error| bad(1, error.to_string()))?
+        .clone();
     let column = |name: &str| {
         headers
             .iter()
@@ -30,7 +37,8 @@ pub fn read_list(path: &Path) -> Result<Vec<(String, Nanos)>, SourceError> {
         let line = i as u64 + 2;
         let record = record.map_err(|error| bad(line, error.to_string()))?;
         let cell = |column: usize| record.get(column).unwrap_or("").trim();
-        let stamp = seconds(cell(time)).ok_or_else(|| bad(line, format!("t_s is no time: {:?}", cell(time))))?;
+        let stamp = seconds(cell(time))
+            .ok_or_else(|| bad(line, format!("t_s is no time: {:?}", cell(time))))?;
         list.push((cell(file).to_owned(), stamp));
     }
     Ok(list)
@@ -51,7 +59,9 @@ pub fn seconds(text: &str) -> Option<Nanos> {
 pub fn number(name: &str) -> Option<u64> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| i + 1);
+    let start = stem[..end]
+        .rfind(|c: char| !c.is_ascii_digit())
+        .map_or(0, |i| i + 1);
     stem[start..end].parse().ok()
 }
 
@@ -59,18 +69,29 @@ pub fn number(name: &str) -> Option<u64> {
 pub fn time_in(name: &str) -> Option<Nanos> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let (before, time) = stem.rsplit_once('t')?;
-    let stands_alone = before.chars().last().is_none_or(|c| !c.is_ascii_alphanumeric());
-    (stands_alone && time.contains('.')).then(|| seconds(time)).flatten()
+    let stands_alone = before
+        .chars()
+        .last()
+        .is_none_or(|c| !c.is_ascii_alphanumeric());
+    (stands_alone && time.contains('.'))
+        .then(|| seconds(time))
+        .flatten()
 }
 
 /// Files by their numbers. Errors name a file without a number and two with the same.
 pub fn by_number(path: &Path, names: Vec<String>) -> Result<BTreeMap<u64, String>, SourceError> {
     let mut numbered = BTreeMap::new();
     for name in names {
-        let number =
-            number(&name).ok_or_else(|| SourceError::NoNumber { path: path.to_owned(), file: name.clone() })?;
+        let number = number(&name).ok_or_else(|| SourceError::NoNumber {
+            path: path.to_owned(),
+            file: name.clone(),
+        })?;
         if let Some(first) = numbered.insert(number, name.clone()) {
-            return Err(SourceError::SameNumber { path: path.to_owned(), first, second: name });
+            return Err(SourceError::SameNumber {
+                path: path.to_owned(),
+                first,
+                second: name,
+            });
         }
     }
     Ok(numbered)
@@ -92,7 +113,10 @@ mod tests {
 
     #[test]
     fn seconds_are_exact() {
-        assert_eq!(seconds("1746051712.540556"), Some(Nanos(1_746_051_712_540_556_000)));
+        assert_eq!(
+            seconds("1746051712.540556"),
+            Some(Nanos(1_746_051_712_540_556_000))
+        );
         assert_eq!(seconds("3"), Some(Nanos(3_000_000_000)));
         for bad in ["", ".", "-1", "1e3", "nan", "1.2.3", "99999999999"] {
             assert_eq!(seconds(bad), None, "{bad}");

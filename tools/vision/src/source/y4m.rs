@@ -1,8 +1,9 @@
-//! YUV4MPEG2, what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a line for each picture,
-//! then its planes. Only the first plane, brightness, is kept. 8 bit only.
+//! YUV4MPEG2, what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a
+//! line for each picture, then its planes. Only the first plane, brightness, is kept. 8 bit only.
 //!
-//! A program that knows when it took a picture says so with `XT=` and seconds of the monotonic clock in the line of the
-//! picture (`FRAME XT=12.345678901`): words that begin with X are left to applications.
+//! A program that knows when it took a picture says so with `XT=` and seconds of the monotonic
+//! clock in the line of the picture (`FRAME XT=12.345678901`): words that begin with X are left to
+//! applications.
 
 use std::io::Read;
 
@@ -42,7 +43,12 @@ impl<R: Read + Send> Y4m<R> {
     pub fn open(mut reader: R, clock: Clock) -> Result<Self, SourceError> {
         let line = read_line(&mut reader)?.ok_or_else(|| SourceError::NotY4m("empty".into()))?;
         let header = parse(&line).map_err(SourceError::NotY4m)?;
-        Ok(Self { reader, header, clock, number: 0 })
+        Ok(Self {
+            reader,
+            header,
+            clock,
+            number: 0,
+        })
     }
 
     /// Pictures per second as the header states them.
@@ -57,23 +63,39 @@ impl<R: Read + Send> FrameSource for Y4m<R> {
         let number = self.number + 1;
         let told = match read_line(&mut self.reader)? {
             None => return Ok(None),
-            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => {
-                line.split(' ').find_map(|word| word.strip_prefix("XT=")).and_then(seconds)
+            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => line
+                .split(' ')
+                .find_map(|word| word.strip_prefix("XT="))
+                .and_then(seconds),
+            Some(line) => {
+                return Err(SourceError::NotY4m(format!(
+                    "picture {number} begins with {line:?}, not FRAME"
+                )));
             }
-            Some(line) => return Err(SourceError::NotY4m(format!("picture {number} begins with {line:?}, not FRAME"))),
         };
         let size = self.header.size;
         let mut data = vec![0; size.bytes() + self.header.colour_bytes];
         let got = fill(&mut self.reader, &mut data)?;
         if got < data.len() {
-            return Err(SourceError::Truncated { number, got, expected: data.len(), size });
+            return Err(SourceError::Truncated {
+                number,
+                got,
+                expected: data.len(),
+                size,
+            });
         }
         let by_clock: Nanos = self.clock.stamp(self.number);
         let stamp = told.unwrap_or(by_clock);
         self.number = number;
         data.truncate(size.bytes());
         let picture = Grey::new(size.width, size.height, data);
-        Ok(picture.map(|picture| Shot::Frame(Frame { stamp, name: format!("picture {number}"), picture })))
+        Ok(picture.map(|picture| {
+            Shot::Frame(Frame {
+                stamp,
+                name: format!("picture {number}"),
+                picture,
+            })
+        }))
     }
 }
 
@@ -92,7 +114,9 @@ fn read_line(reader: &mut impl Read) -> Result<Option<String>, SourceError> {
         match byte[0] {
             b'\n' => return Ok(Some(String::from_utf8_lossy(&line).into_owned())),
             _ if line.len() >= LONGEST_LINE => {
-                return Err(SourceError::NotY4m("no end of the header line; is this a Y4M stream?".into()));
+                return Err(SourceError::NotY4m(
+                    "no end of the header line; is this a Y4M stream?".into(),
+                ));
             }
             other => line.push(other),
         }
@@ -102,7 +126,9 @@ fn read_line(reader: &mut impl Read) -> Result<Option<String>, SourceError> {
 fn parse(line: &str) -> Result<Header, String> {
     let mut words = line.split(' ');
     if words.next() != Some("YUV4MPEG2") {
-        return Err("does not begin with YUV4MPEG2; for grey bytes without a header give --raw WxH".into());
+        return Err(
+            "does not begin with YUV4MPEG2; for grey bytes without a header give --raw WxH".into(),
+        );
     }
     let (mut width, mut height, mut fps, mut colour) = ("", "", None, "420");
     for word in words.filter(|word| !word.is_empty()) {
@@ -122,9 +148,17 @@ fn parse(line: &str) -> Result<Header, String> {
         "420" | "420jpeg" | "420paldv" | "420mpeg2" => 2 * half(size.width) * half(size.height),
         "422" => 2 * half(size.width) * size.height,
         "444" => 2 * size.bytes(),
-        other => return Err(format!("colour space {other} is not supported; use 8 bit mono, 420, 422 or 444")),
+        other => {
+            return Err(format!(
+                "colour space {other} is not supported; use 8 bit mono, 420, 422 or 444"
+            ));
+        }
     };
-    Ok(Header { size, colour_bytes, fps })
+    Ok(Header {
+        size,
+        colour_bytes,
+        fps,
+    })
 }
 
 fn ratio(text: &str) -> Option<f64> {
@@ -151,11 +185,16 @@ mod tests {
     #[test]
     fn keeps_brightness_and_skips_colour() {
         let picture = |value: u8| [vec![value; 16 * 16], vec![200; 2 * 8 * 8]].concat();
-        let bytes = stream("YUV4MPEG2 W16 H16 F30:1 Ip C420jpeg", &[picture(7), picture(9)]);
+        let bytes = stream(
+            "YUV4MPEG2 W16 H16 F30:1 Ip C420jpeg",
+            &[picture(7), picture(9)],
+        );
         let mut source = Y4m::open(&bytes[..], Clock::Rate(30.0)).unwrap();
         assert_eq!(source.fps(), Some(30.0));
         for (value, stamp) in [(7, 0), (9, 33_333_333)] {
-            let Some(Shot::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
+            let Some(Shot::Frame(frame)) = source.next().unwrap() else {
+                panic!("no frame")
+            };
             assert_eq!(frame.picture.data(), vec![value; 256]);
             assert_eq!(frame.stamp, Nanos(stamp));
         }
@@ -167,7 +206,9 @@ mod tests {
         let mut bytes = b"YUV4MPEG2 W16 H16 Cmono\nFRAME Ip XT=12.345678901\n".to_vec();
         bytes.extend([0; 256]);
         let mut source = Y4m::open(&bytes[..], Clock::Rate(30.0)).unwrap();
-        let Some(Shot::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
+        let Some(Shot::Frame(frame)) = source.next().unwrap() else {
+            panic!("no frame")
+        };
         assert_eq!(frame.stamp, Nanos(12_345_678_901));
     }
 

@@ -30,7 +30,8 @@ pub enum FlagKind {
     NothingSeen,
     /// Far from the pictures before and after, which agree; or an angle that no snake has.
     Outlier,
-    /// Came when its place in the recording was written already, or with a stamp that does not rise.
+    /// Came when its place in the recording was written already, or with a stamp that does not
+    /// rise.
     Late,
 }
 

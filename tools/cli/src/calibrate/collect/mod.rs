@@ -1,4 +1,5 @@
-//! `i2ris calibrate collect`: moves the motors through a protocol and records them with what a camera sees.
+//! `i2ris calibrate collect`: moves the motors through a protocol and records them with what a
+//! camera sees.
 //!
 //! | file | holds |
 //! |---|---|
@@ -74,7 +75,8 @@ pub struct Arguments {
     /// How long [default: what suits the protocol; 300 for reversals]
     #[arg(long, value_name = "S", value_parser = above_zero)]
     duration_s: Option<f64>,
-    /// How far to go from the centre [default: three quarters of the way to the nearest position limit]
+    /// How far to go from the centre [default: three quarters of the way to the nearest position
+    /// limit]
     #[arg(long, value_name = "COUNTS", value_parser = above_zero)]
     range_counts: Option<f64>,
     /// The centre, motor by motor [default: 0,0]
@@ -99,7 +101,8 @@ pub struct Arguments {
     /// Take the estimated latency off the stamps when the recording has ended
     #[arg(long)]
     apply_latency: bool,
-    /// Distance from the pictures before and after, which agree, that makes a picture an outlier, deg (mm)
+    /// Distance from the pictures before and after, which agree, that makes a picture an outlier,
+    /// deg (mm)
     #[arg(long, value_name = "DEG", default_value_t = 3.0, value_parser = above_zero)]
     outlier_deg: f64,
     /// Domain of the controller [default: as in the configuration]
@@ -111,12 +114,18 @@ pub struct Arguments {
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
 fn latency(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.abs() <= 1000.0);
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number: &f64| number.abs() <= 1000.0);
     number.ok_or_else(|| "must be a number from -1000 to 1000".to_owned())
 }
 
@@ -141,17 +150,32 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     prepare(&mut client, arguments.enable, &interrupt)?;
 
     let mut sidecar = begin(arguments, &config, &wish, &version);
-    let file = File::create_new(&arguments.output).map_err(|error| cannot_write(&arguments.output, &error))?;
+    let file = File::create_new(&arguments.output)
+        .map_err(|error| cannot_write(&arguments.output, &error))?;
     sidecar.write(&arguments.output)?;
     let latency_s = arguments.camera_latency_ms / 1e3;
     let (start, motors) = (clock::now(), wish.region.motors);
-    let mut take = Take::new(LineWriter::new(file), start, motors, &outputs, arguments.outlier_deg, latency_s)
-        .map_err(|error| cannot_write(&arguments.output, &error))?;
+    let mut take = Take::new(
+        LineWriter::new(file),
+        start,
+        motors,
+        &outputs,
+        arguments.outlier_deg,
+        latency_s,
+    )
+    .map_err(|error| cannot_write(&arguments.output, &error))?;
     let bar = bar(arguments.protocol.name());
-    let mut session = Session { client: &mut client, interrupt: &interrupt, ears: &mut ears, bar: &bar };
+    let mut session = Session {
+        client: &mut client,
+        interrupt: &interrupt,
+        ears: &mut ears,
+        bar: &bar,
+    };
     let ending = session.perform(&mut take, !arguments.no_condition, |from| wish.motion(from));
     bar.finish_and_clear();
-    let taken = take.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
+    let taken = take
+        .finish()
+        .map_err(|error| cannot_write(&arguments.output, &error))?;
 
     sidecar.outcome = Some(outcome(&taken, &ending, ears.missed()));
     sidecar.latency = shift::latency(&taken.rows, motors).map(|latency| report::record(&latency));
@@ -166,7 +190,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     report::print(&sidecar, &arguments.output, arguments.json)?;
     match ending? {
         Ending::Complete => Ok(()),
-        Ending::Interrupted => Err("interrupted; the robot holds, and what was recorded is kept".into()),
+        Ending::Interrupted => {
+            Err("interrupted; the robot holds, and what was recorded is kept".into())
+        }
     }
 }
 
@@ -177,13 +203,23 @@ fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
     let mut centre = MotorVec::default();
     if !arguments.centre_counts.is_empty() && arguments.centre_counts.len() != motors {
         let given = arguments.centre_counts.len();
-        return Err(format!("--centre-counts: {given} value(s) for the {motors} motor(s) of {file}").into());
+        return Err(format!(
+            "--centre-counts: {given} value(s) for the {motors} motor(s) of {file}"
+        )
+        .into());
     }
-    centre.iter_mut().zip(&arguments.centre_counts).for_each(|(centre, given)| *centre = f64::from(*given));
+    centre
+        .iter_mut()
+        .zip(&arguments.centre_counts)
+        .for_each(|(centre, given)| *centre = f64::from(*given));
     let mut room = f64::INFINITY;
     for (motor, centre) in centre.iter().enumerate().take(motors) {
-        let Some(axis) = config.axis(motor) else { continue };
-        room = room.min(axis.position_max_counts.as_f64() - centre).min(centre - axis.position_min_counts.as_f64());
+        let Some(axis) = config.axis(motor) else {
+            continue;
+        };
+        room = room
+            .min(axis.position_max_counts.as_f64() - centre)
+            .min(centre - axis.position_min_counts.as_f64());
     }
     if room <= 0.0 {
         return Err(format!("--centre-counts: is not within the position limits of {file}").into());
@@ -206,7 +242,11 @@ fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
     }
     Ok(Wish {
         protocol: arguments.protocol,
-        region: Region { centre, radius, motors },
+        region: Region {
+            centre,
+            radius,
+            motors,
+        },
         speed_counts_s: arguments.speed_counts_s,
         duration_s: arguments.duration_s,
         seed: arguments.seed,
@@ -215,12 +255,24 @@ fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
 
 /// Finds out before the robot moves what would go wrong after it.
 fn check_output(output: &Path) -> Result<(), Failure> {
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = output
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     let shown = output.display();
-    if output.extension().is_none_or(|extension| extension != "csv") {
-        return Err(format!("--output {shown}: must end in .csv; a .toml of the same name is written beside it").into());
+    if output
+        .extension()
+        .is_none_or(|extension| extension != "csv")
+    {
+        return Err(format!(
+            "--output {shown}: must end in .csv; a .toml of the same name is written beside it"
+        )
+        .into());
     }
-    if let Some(taken) = [output.to_owned(), Sidecar::path(output)].iter().find(|path| path.exists()) {
+    if let Some(taken) = [output.to_owned(), Sidecar::path(output)]
+        .iter()
+        .find(|path| path.exists())
+    {
         return Err(format!(
             "--output {shown}: {} exists, and recordings are not written over; name another file",
             taken.display()
@@ -228,7 +280,11 @@ fn check_output(output: &Path) -> Result<(), Failure> {
         .into());
     }
     if !folder.is_dir() {
-        return Err(format!("--output {shown}: there is no folder {}; make it", folder.display()).into());
+        return Err(format!(
+            "--output {shown}: there is no folder {}; make it",
+            folder.display()
+        )
+        .into());
     }
     Ok(())
 }
@@ -244,21 +300,40 @@ fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Fa
 
 /// What the camera measures: as the controller's model names it, if there is one that fits.
 fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
-    let (unit, known): (_, &[&str]) =
-        if count == 3 { (OutputUnit::Mm, &["x", "y", "z"]) } else { (OutputUnit::Deg, &["pitch", "yaw"]) };
+    let (unit, known): (_, &[&str]) = if count == 3 {
+        (OutputUnit::Mm, &["x", "y", "z"])
+    } else {
+        (OutputUnit::Deg, &["pitch", "yaw"])
+    };
     let named = usize::from(version.shape[1]) == count;
     let name = |output: usize| {
-        let bytes: Vec<u8> = version.output_names[output].iter().copied().take_while(|byte| *byte != 0).collect();
-        let name = String::from_utf8(bytes).ok().filter(|name| named && !name.is_empty());
+        let bytes: Vec<u8> = version.output_names[output]
+            .iter()
+            .copied()
+            .take_while(|byte| *byte != 0)
+            .collect();
+        let name = String::from_utf8(bytes)
+            .ok()
+            .filter(|name| named && !name.is_empty());
         name.unwrap_or_else(|| known.get(output).copied().unwrap_or("angle").to_owned())
     };
-    (0..count).map(|output| OutputSpec { name: name(output), unit }).collect()
+    (0..count)
+        .map(|output| OutputSpec {
+            name: name(output),
+            unit,
+        })
+        .collect()
 }
 
 fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version) -> Sidecar {
     let motors = wish.region.motors;
     let axes = || (0..motors).filter_map(|motor| config.axis(motor));
-    let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = arguments
+        .output
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned();
     let [major, minor, patch] = version.software;
     Sidecar {
         format: "i2ris-recording",
@@ -267,9 +342,16 @@ fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version)
         robot_id: config.robot_id.clone(),
         software: format!("i2ris {}", env!("CARGO_PKG_VERSION")),
         controller: format!("i2ris-control {major}.{minor}.{patch}"),
-        model_id: (version.model_id != [0; 32])
-            .then(|| version.model_id.iter().map(|byte| format!("{byte:02x}")).collect()),
-        started_unix_s: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs()),
+        model_id: (version.model_id != [0; 32]).then(|| {
+            version
+                .model_id
+                .iter()
+                .map(|byte| format!("{byte:02x}"))
+                .collect()
+        }),
+        started_unix_s: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |since| since.as_secs()),
         protocol: ProtocolRecord {
             name: wish.protocol.name(),
             seed: wish.seed,
@@ -293,10 +375,18 @@ fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version)
 }
 
 fn outcome(taken: &Taken, ending: &Result<Ending, Failure>, missed_messages: u64) -> Outcome {
-    let time = |row: Option<&i2ris_calibration::recording::Row>| row.and_then(|row| row.time_s).unwrap_or_default();
+    let time = |row: Option<&i2ris_calibration::recording::Row>| {
+        row.and_then(|row| row.time_s).unwrap_or_default()
+    };
     let length_s = time(taken.rows.last()) - time(taken.rows.first());
     let (rows, samples) = (taken.rows.len(), taken.samples().count());
-    let rate = |count: usize| if length_s > 0.0 { count as f64 / length_s } else { 0.0 };
+    let rate = |count: usize| {
+        if length_s > 0.0 {
+            count as f64 / length_s
+        } else {
+            0.0
+        }
+    };
     Outcome {
         complete: matches!(ending, Ok(Ending::Complete)),
         reason: match ending {

@@ -18,10 +18,13 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Goes through points that are [`STEP_S`] apart, or further where a motor would be faster than `speed_counts_s`.
+    /// Goes through points that are [`STEP_S`] apart, or further where a motor would be faster than
+    /// `speed_counts_s`.
     pub fn paced(points: impl IntoIterator<Item = MotorVec>, speed_counts_s: f64) -> Self {
         let mut points = points.into_iter();
-        let Some(mut before) = points.next() else { return Self { places: Vec::new() } };
+        let Some(mut before) = points.next() else {
+            return Self { places: Vec::new() };
+        };
         let mut places = vec![before];
         // In steps: when the last point is reached, and the next place.
         let (mut time, mut next) = (0.0, 1.0);
@@ -77,13 +80,21 @@ pub struct Playback {
 impl Playback {
     /// At the start, at rest.
     pub fn new(motion: Motion) -> Self {
-        Self { motion, at_s: 0.0, rate: 0.0 }
+        Self {
+            motion,
+            at_s: 0.0,
+            rate: 0.0,
+        }
     }
 
     /// Goes on by `step_s` seconds and returns where to be; `stop` asks to come to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> MotorVec {
         let step_s = step_s.clamp(0.0, LONGEST_STEP_S);
-        let ramp = if stop { -step_s / RAMP_S } else { step_s / RAMP_S };
+        let ramp = if stop {
+            -step_s / RAMP_S
+        } else {
+            step_s / RAMP_S
+        };
         self.rate = (self.rate + ramp).clamp(0.0, 1.0);
         self.at_s += self.rate * step_s;
         self.motion.at(self.at_s)
@@ -107,7 +118,10 @@ impl Playback {
 
 /// The way of the motor that has the longer one.
 pub fn distance(a: &MotorVec, b: &MotorVec) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max)
 }
 
 /// A point on the straight line.
@@ -120,17 +134,35 @@ mod tests {
     use super::*;
 
     fn fastest(motion: &Motion) -> f64 {
-        motion.places().windows(2).map(|pair| distance(&pair[0], &pair[1]) / STEP_S).fold(0.0, f64::max)
+        motion
+            .places()
+            .windows(2)
+            .map(|pair| distance(&pair[0], &pair[1]) / STEP_S)
+            .fold(0.0, f64::max)
     }
 
     #[test]
     fn a_jump_becomes_a_way_at_the_speed_limit_and_slow_motion_keeps_its_time() {
         let motion = Motion::paced([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [101.0, -50.0]], 400.0);
-        assert!((motion.length_s() - 0.27).abs() < 1e-9, "{}", motion.length_s());
-        assert!((fastest(&motion) - 400.0).abs() < 1e-6, "{}", fastest(&motion));
-        assert_eq!((motion.at(0.01), motion.at(10.0)), ([0.5, 0.0], [101.0, -50.0]));
+        assert!(
+            (motion.length_s() - 0.27).abs() < 1e-9,
+            "{}",
+            motion.length_s()
+        );
+        assert!(
+            (fastest(&motion) - 400.0).abs() < 1e-6,
+            "{}",
+            fastest(&motion)
+        );
+        assert_eq!(
+            (motion.at(0.01), motion.at(10.0)),
+            ([0.5, 0.0], [101.0, -50.0])
+        );
         let [x, y] = motion.at(0.0225);
-        assert!((x - 2.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9, "between two places: {x} {y}");
+        assert!(
+            (x - 2.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9,
+            "between two places: {x} {y}"
+        );
     }
 
     #[test]

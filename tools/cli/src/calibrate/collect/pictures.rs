@@ -1,4 +1,5 @@
-//! Pictures that wait for their place in the recording, and for the one after them, to be judged by it. Pure.
+//! Pictures that wait for their place in the recording, and for the one after them, to be judged by
+//! it. Pure.
 
 use std::collections::VecDeque;
 
@@ -54,7 +55,14 @@ pub struct Pictures {
 impl Pictures {
     /// An empty queue.
     pub fn new(unit: OutputUnit, outputs: usize, outlier: f64, latency_s: f64) -> Self {
-        Self { unit, outputs, outlier, latency_s, queue: VecDeque::new(), before: None }
+        Self {
+            unit,
+            outputs,
+            outlier,
+            latency_s,
+            queue: VecDeque::new(),
+            before: None,
+        }
     }
 
     /// Takes in what the camera sent; false if its stamp is not above that of the one before.
@@ -70,10 +78,14 @@ impl Pictures {
         rises
     }
 
-    /// The stamp of the next picture that can be judged: one that has a successor, unless all have to go.
+    /// The stamp of the next picture that can be judged: one that has a successor, unless all have
+    /// to go.
     pub fn next(&self, all: bool) -> Option<Nanos> {
         let ready = self.queue.len() > 1 || all;
-        self.queue.front().filter(|_| ready).map(|picture| picture.stamp)
+        self.queue
+            .front()
+            .filter(|_| ready)
+            .map(|picture| picture.stamp)
     }
 
     /// Hands out the next picture.
@@ -91,16 +103,23 @@ impl Pictures {
             OutputUnit::Deg => MOST_DEG,
             OutputUnit::Mm => MOST_MM,
         };
-        picture.outputs.iter().any(|output| output.is_nan() || output.abs() > most)
+        picture
+            .outputs
+            .iter()
+            .any(|output| output.is_nan() || output.abs() > most)
     }
 
     /// Far from both neighbours, which are near each other.
     fn stands_out(&self, picture: &Picture) -> bool {
         let near = |other: &&Picture| other.stamp.0.abs_diff(picture.stamp.0) <= NEIGHBOURS_NS;
-        let (Some(before), Some(after)) = (self.before.as_ref().filter(near), self.queue.front().filter(near)) else {
+        let (Some(before), Some(after)) = (
+            self.before.as_ref().filter(near),
+            self.queue.front().filter(near),
+        ) else {
             return false;
         };
-        let apart = |a: &Picture, b: &Picture, output: usize| (a.outputs[output] - b.outputs[output]).abs();
+        let apart =
+            |a: &Picture, b: &Picture, output: usize| (a.outputs[output] - b.outputs[output]).abs();
         (0..self.outputs).any(|output| {
             let far = |other| apart(picture, other, output) > self.outlier;
             far(before) && far(after) && apart(before, after, output) <= self.outlier
@@ -114,36 +133,61 @@ mod tests {
 
     fn seen(milliseconds: u64, pitch_deg: f64) -> ExternalPosition {
         let position = [pitch_deg.to_radians(), 0.1, 0.0];
-        ExternalPosition { stamp_ns: milliseconds * 1_000_000, position, count: 2, flags: 1, ..Default::default() }
+        ExternalPosition {
+            stamp_ns: milliseconds * 1_000_000,
+            position,
+            count: 2,
+            flags: 1,
+            ..Default::default()
+        }
     }
 
     fn judge(angles: &[(u64, f64)]) -> Vec<bool> {
         let mut pictures = Pictures::new(OutputUnit::Deg, 2, 3.0, 0.0);
-        angles.iter().for_each(|(time, angle)| assert!(pictures.push(&seen(*time, *angle))));
-        std::iter::from_fn(|| pictures.pop()).map(|judged| matches!(judged, Judged::Good(_))).collect()
+        angles
+            .iter()
+            .for_each(|(time, angle)| assert!(pictures.push(&seen(*time, *angle))));
+        std::iter::from_fn(|| pictures.pop())
+            .map(|judged| matches!(judged, Judged::Good(_)))
+            .collect()
     }
 
     #[test]
     fn a_reading_that_stands_alone_is_an_outlier() {
-        assert_eq!(judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]), [true, false, true, true]);
+        assert_eq!(
+            judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]),
+            [true, false, true, true]
+        );
     }
 
     #[test]
     fn fast_motion_a_step_and_a_lone_picture_are_none() {
         assert_eq!(judge(&[(0, 1.0), (33, 5.0), (66, 9.0)]), [true, true, true]);
-        assert_eq!(judge(&[(0, 1.0), (33, 1.0), (66, 9.0), (99, 9.0)]), [true, true, true, true]);
-        assert_eq!(judge(&[(0, 1.0), (1000, 9.0), (2000, 1.0)]), [true, true, true]);
+        assert_eq!(
+            judge(&[(0, 1.0), (33, 1.0), (66, 9.0), (99, 9.0)]),
+            [true, true, true, true]
+        );
+        assert_eq!(
+            judge(&[(0, 1.0), (1000, 9.0), (2000, 1.0)]),
+            [true, true, true]
+        );
     }
 
     #[test]
     fn an_angle_that_no_snake_has_is_always_one() {
-        assert_eq!(judge(&[(0, 200.0), (33, f64::NAN), (66, 1.0)]), [false, false, true]);
+        assert_eq!(
+            judge(&[(0, 200.0), (33, f64::NAN), (66, 1.0)]),
+            [false, false, true]
+        );
     }
 
     #[test]
     fn stamps_rise_and_lose_the_latency() {
         let mut pictures = Pictures::new(OutputUnit::Deg, 2, 3.0, 0.040);
         assert!(pictures.push(&seen(100, 1.0)) && !pictures.push(&seen(100, 1.0)));
-        assert_eq!((pictures.next(false), pictures.next(true)), (None, Some(Nanos::from_millis(60))));
+        assert_eq!(
+            (pictures.next(false), pictures.next(true)),
+            (None, Some(Nanos::from_millis(60)))
+        );
     }
 }

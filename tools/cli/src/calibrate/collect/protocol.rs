@@ -1,7 +1,7 @@
 //! The motions that calibrate. Pure; the same seed gives the same motion.
 //!
-//! All stay in a disc around a centre, because the motors act on both angles: the corners of a square would bend the
-//! snake further than either motor does alone.
+//! All stay in a disc around a centre, because the motors act on both angles: the corners of a
+//! square would bend the snake further than either motor does alone.
 
 use std::f64::consts::TAU;
 
@@ -16,9 +16,11 @@ const DECAYING_TURNS: f64 = 8.0;
 /// Which motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Protocol {
-    /// Both motors wander over the whole disc, in turns with reversals of all sizes: calibrates best
+    /// Both motors wander over the whole disc, in turns with reversals of all sizes: calibrates
+    /// best
     Reversals,
-    /// The laboratory's sawtooth: full-range strokes of both motors that cross the disc on ever other lines
+    /// The laboratory's sawtooth: full-range strokes of both motors that cross the disc on ever
+    /// other lines
     Cycles,
     /// Sines of both motors that decay
     DecayingSine,
@@ -52,7 +54,11 @@ pub struct Region {
 impl Region {
     /// From the unit disc.
     fn place(&self, unit: MotorVec) -> MotorVec {
-        let [x, y] = if self.motors == 2 { unit } else { [unit[0], 0.0] };
+        let [x, y] = if self.motors == 2 {
+            unit
+        } else {
+            [unit[0], 0.0]
+        };
         let scale = self.radius / x.hypot(y).max(1.0);
         [self.centre[0] + scale * x, self.centre[1] + scale * y]
     }
@@ -71,8 +77,8 @@ pub struct Wish {
 }
 
 impl Wish {
-    /// How long the protocol takes by itself, s: five minutes of reversals, eight strokes of the sawtooth, four decaying
-    /// sines, four rounds for each axis.
+    /// How long the protocol takes by itself, s: five minutes of reversals, eight strokes of the
+    /// sawtooth, four decaying sines, four rounds for each axis.
     pub fn duration_s(&self) -> f64 {
         let cycles = match self.protocol {
             Protocol::Reversals => return self.duration_s.unwrap_or(300.0),
@@ -96,9 +102,17 @@ impl Wish {
     /// The motion: from `from` to the centre, through the protocol, and back to the centre.
     pub fn motion(&self, from: MotorVec) -> Motion {
         let centre = self.region.centre;
-        let middle = Motion::paced(self.points().into_iter().map(|unit| self.region.place(unit)), self.speed_counts_s)
-            .cut(self.duration_s());
-        let points = [from, centre].into_iter().chain(middle.places().iter().copied()).chain([centre]);
+        let middle = Motion::paced(
+            self.points()
+                .into_iter()
+                .map(|unit| self.region.place(unit)),
+            self.speed_counts_s,
+        )
+        .cut(self.duration_s());
+        let points = [from, centre]
+            .into_iter()
+            .chain(middle.places().iter().copied())
+            .chain([centre]);
         Motion::paced(points, self.speed_counts_s)
     }
 
@@ -107,21 +121,25 @@ impl Wish {
         let steps = (self.duration_s() / STEP_S) as usize;
         let at = |k: usize| k as f64 * STEP_S;
         match self.protocol {
-            Protocol::Reversals => reversals::points(steps, self.region.radius, self.speed_counts_s, self.seed),
+            Protocol::Reversals => {
+                reversals::points(steps, self.region.radius, self.speed_counts_s, self.seed)
+            }
             Protocol::Cycles => (0..steps).map(|k| self.cycles(at(k))).collect(),
             Protocol::DecayingSine => (0..steps).map(|k| self.decaying(at(k))).collect(),
             Protocol::Axes => (0..steps).map(|k| self.axes(at(k))).collect(),
         }
     }
 
-    /// Motor 1 makes one stroke more than motor 0, at the speed limit, so the phase between them goes once around.
+    /// Motor 1 makes one stroke more than motor 0, at the speed limit, so the phase between them
+    /// goes once around.
     fn cycles(&self, time_s: f64) -> MotorVec {
         let strokes = (self.duration_s() / self.stroke_s()).round().max(2.0);
         let share = time_s / self.duration_s();
         [triangle(share * (strokes - 1.0)), triangle(share * strokes)]
     }
 
-    /// Grows over the first turn, decays over the others; a quarter of a turn lies between the motors.
+    /// Grows over the first turn, decays over the others; a quarter of a turn lies between the
+    /// motors.
     fn decaying(&self, time_s: f64) -> MotorVec {
         let turns = (time_s / self.turn_s()).rem_euclid(DECAYING_TURNS);
         let size = turns.min((DECAYING_TURNS - turns) / (DECAYING_TURNS - 1.0));
@@ -150,11 +168,26 @@ mod tests {
     use super::*;
     use crate::calibrate::collect::motion::distance;
 
-    const ALL: [Protocol; 4] = [Protocol::Reversals, Protocol::Cycles, Protocol::DecayingSine, Protocol::Axes];
+    const ALL: [Protocol; 4] = [
+        Protocol::Reversals,
+        Protocol::Cycles,
+        Protocol::DecayingSine,
+        Protocol::Axes,
+    ];
 
     fn wish(protocol: Protocol) -> Wish {
-        let region = Region { centre: [100.0, -50.0], radius: 1000.0, motors: 2 };
-        Wish { protocol, region, speed_counts_s: 500.0, duration_s: None, seed: 7 }
+        let region = Region {
+            centre: [100.0, -50.0],
+            radius: 1000.0,
+            motors: 2,
+        };
+        Wish {
+            protocol,
+            region,
+            speed_counts_s: 500.0,
+            duration_s: None,
+            seed: 7,
+        }
     }
 
     fn from_centre(wish: &Wish, place: &MotorVec) -> f64 {
@@ -167,15 +200,29 @@ mod tests {
             let wish = wish(protocol);
             let motion = wish.motion([0.0, 0.0]);
             let places = motion.places();
-            assert_eq!((places.first(), places.last()), (Some(&[0.0, 0.0]), Some(&wish.region.centre)), "{protocol:?}");
-            let farthest = places.iter().map(|place| from_centre(&wish, place)).fold(0.0, f64::max);
-            assert!((950.0..=1000.0 + 1e-6).contains(&farthest), "{protocol:?}: {farthest}");
+            assert_eq!(
+                (places.first(), places.last()),
+                (Some(&[0.0, 0.0]), Some(&wish.region.centre)),
+                "{protocol:?}"
+            );
+            let farthest = places
+                .iter()
+                .map(|place| from_centre(&wish, place))
+                .fold(0.0, f64::max);
+            assert!(
+                (950.0..=1000.0 + 1e-6).contains(&farthest),
+                "{protocol:?}: {farthest}"
+            );
             for pair in places.windows(2) {
                 let speed = distance(&pair[0], &pair[1]) / STEP_S;
                 assert!(speed <= 500.0 + 1e-6, "{protocol:?}: {speed}");
             }
             let longest = wish.duration_s() + 10.0;
-            assert!((wish.duration_s()..longest).contains(&motion.length_s()), "{protocol:?}: {}", motion.length_s());
+            assert!(
+                (wish.duration_s()..longest).contains(&motion.length_s()),
+                "{protocol:?}: {}",
+                motion.length_s()
+            );
         }
     }
 
@@ -183,10 +230,20 @@ mod tests {
     fn one_motor_leaves_the_other_alone() {
         for protocol in ALL {
             let mut wish = wish(protocol);
-            wish.region = Region { motors: 1, centre: [0.0, 0.0], ..wish.region };
+            wish.region = Region {
+                motors: 1,
+                centre: [0.0, 0.0],
+                ..wish.region
+            };
             let motion = wish.motion([0.0, 0.0]);
-            assert!(motion.places().iter().all(|place| place[1] == 0.0), "{protocol:?}");
-            assert!(motion.places().iter().any(|place| place[0] > 900.0), "{protocol:?}");
+            assert!(
+                motion.places().iter().all(|place| place[1] == 0.0),
+                "{protocol:?}"
+            );
+            assert!(
+                motion.places().iter().any(|place| place[0] > 900.0),
+                "{protocol:?}"
+            );
         }
     }
 
@@ -195,20 +252,35 @@ mod tests {
         for protocol in ALL {
             let wish = wish(protocol);
             let mut visited = [false; 8];
-            for place in wish.motion([0.0, 0.0]).places().iter().filter(|place| from_centre(&wish, place) > 500.0) {
+            for place in wish
+                .motion([0.0, 0.0])
+                .places()
+                .iter()
+                .filter(|place| from_centre(&wish, place) > 500.0)
+            {
                 let [x, y] = [place[0] - 100.0, place[1] + 50.0];
                 visited[((y.atan2(x) / TAU).rem_euclid(1.0) * 8.0) as usize % 8] = true;
             }
             let every = visited.iter().all(|visited| *visited);
-            assert_eq!(every, protocol != Protocol::Axes, "{protocol:?}: {visited:?}");
+            assert_eq!(
+                every,
+                protocol != Protocol::Axes,
+                "{protocol:?}: {visited:?}"
+            );
         }
     }
 
     #[test]
     fn the_seed_decides_and_the_duration_is_kept() {
-        let wish = Wish { duration_s: Some(30.0), ..wish(Protocol::Reversals) };
+        let wish = Wish {
+            duration_s: Some(30.0),
+            ..wish(Protocol::Reversals)
+        };
         assert_eq!(wish.motion([0.0; 2]), wish.motion([0.0; 2]));
-        assert_ne!(wish.motion([0.0; 2]), Wish { seed: 8, ..wish }.motion([0.0; 2]));
+        assert_ne!(
+            wish.motion([0.0; 2]),
+            Wish { seed: 8, ..wish }.motion([0.0; 2])
+        );
         assert!((30.0..34.0).contains(&wish.motion([0.0; 2]).length_s()));
     }
 }

@@ -14,7 +14,11 @@ const SMALL_MS: f64 = 4.0;
 /// As it stands in the file.
 pub fn record(latency: &Latency) -> LatencyRecord {
     let round = |seconds: f64| (seconds * 1e5).round() / 1e2;
-    LatencyRecord { estimate_ms: round(latency.seconds), deviation_ms: round(latency.deviation_s), applied: false }
+    LatencyRecord {
+        estimate_ms: round(latency.seconds),
+        deviation_ms: round(latency.deviation_s),
+        applied: false,
+    }
 }
 
 /// Prints it, for a person or for a script.
@@ -23,20 +27,36 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
         println!("{}", serde_json::to_string_pretty(sidecar)?);
         return Ok(());
     }
-    let Some(outcome) = &sidecar.outcome else { return Ok(()) };
+    let Some(outcome) = &sidecar.outcome else {
+        return Ok(());
+    };
     println!(
         "recorded   {:.1} s: {} positions ({:.0} Hz), {} with angles ({:.1} Hz)",
-        outcome.length_s, outcome.rows, outcome.encoder_rate_hz, outcome.samples, outcome.camera_rate_hz
+        outcome.length_s,
+        outcome.rows,
+        outcome.encoder_rate_hz,
+        outcome.samples,
+        outcome.camera_rate_hz
     );
     println!("latency    {}", latency_text(sidecar.latency.as_ref()));
     println!("flags      {}", flags_text(sidecar));
     if outcome.missed_messages > 0 {
-        println!("missed     {} message(s): this program was held up", outcome.missed_messages);
+        println!(
+            "missed     {} message(s): this program was held up",
+            outcome.missed_messages
+        );
     }
-    println!("wrote      {} and {}", recording.display(), Sidecar::path(recording).display());
+    println!(
+        "wrote      {} and {}",
+        recording.display(),
+        Sidecar::path(recording).display()
+    );
     if outcome.complete {
         let robot = &sidecar.robot_id;
-        println!("next       i2ris calibrate fit {} --robot-id {robot} --output MODEL.json", recording.display());
+        println!(
+            "next       i2ris calibrate fit {} --robot-id {robot} --output MODEL.json",
+            recording.display()
+        );
     }
     Ok(())
 }
@@ -44,7 +64,11 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
 fn latency_text(latency: Option<&LatencyRecord>) -> String {
     match latency {
         None => "of the camera's stamps cannot be told from this motion".to_owned(),
-        Some(LatencyRecord { estimate_ms, deviation_ms, applied }) => {
+        Some(LatencyRecord {
+            estimate_ms,
+            deviation_ms,
+            applied,
+        }) => {
             let what = if *applied {
                 ", taken off the stamps"
             } else if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
@@ -66,8 +90,21 @@ fn flags_text(sidecar: &Sidecar) -> String {
         FlagKind::Outlier,
         FlagKind::Late,
     ];
-    let count = |kind: FlagKind| sidecar.flags.iter().filter(|flag| flag.kind == kind).count();
-    let found: Vec<String> =
-        KINDS.iter().filter(|kind| count(**kind) > 0).map(|kind| format!("{} {}", count(*kind), kind.text())).collect();
-    if found.is_empty() { "none".to_owned() } else { found.join(", ") }
+    let count = |kind: FlagKind| {
+        sidecar
+            .flags
+            .iter()
+            .filter(|flag| flag.kind == kind)
+            .count()
+    };
+    let found: Vec<String> = KINDS
+        .iter()
+        .filter(|kind| count(**kind) > 0)
+        .map(|kind| format!("{} {}", count(*kind), kind.text()))
+        .collect();
+    if found.is_empty() {
+        "none".to_owned()
+    } else {
+        found.join(", ")
+    }
 }

@@ -1,9 +1,11 @@
-//! Two-axis motion rich in reversals: in turns, wandering over the disc and strokes of both motors at random.
+//! Two-axis motion rich in reversals: in turns, wandering over the disc and strokes of both motors
+//! at random.
 //!
-//! Hysteresis shows in what follows a reversal, for as long as it takes to wipe it out. So there have to be reversals of
-//! all sizes, from a fraction of a gap to the full range, inside each other, at every place of the plane and in all
-//! directions. The strokes give the sizes, log-uniform, nested because each begins where the last one ended; the
-//! wandering gives places and directions as a hand would. Either alone calibrates worse than both.
+//! Hysteresis shows in what follows a reversal, for as long as it takes to wipe it out. So there
+//! have to be reversals of all sizes, from a fraction of a gap to the full range, inside each
+//! other, at every place of the plane and in all directions. The strokes give the sizes,
+//! log-uniform, nested because each begins where the last one ended; the wandering gives places and
+//! directions as a hand would. Either alone calibrates worse than both.
 
 use std::f64::consts::PI;
 
@@ -83,23 +85,34 @@ fn somewhere(near: MotorVec, random: &mut Pcg64Mcg) -> MotorVec {
     } else {
         (near, log_uniform(NEAREST, 0.5, random))
     };
-    disc([middle[0] + radius * angle.cos(), middle[1] + radius * angle.sin()])
+    disc([
+        middle[0] + radius * angle.cos(),
+        middle[1] + radius * angle.sin(),
+    ])
 }
 
-/// Between the second and the third knot: a cubic Hermite curve with the directions of Catmull and Rom, and tangents no
-/// longer than the way, so that a near knot between far ones makes no loop.
+/// Between the second and the third knot: a cubic Hermite curve with the directions of Catmull and
+/// Rom, and tangents no longer than the way, so that a near knot between far ones makes no loop.
 fn spline(knots: &[MotorVec; 4], t: f64) -> MotorVec {
     let [before, a, b, after] = knots;
     let way = (b[0] - a[0]).hypot(b[1] - a[1]);
     let tangent = |from: &MotorVec, to: &MotorVec| {
         let along = [0.5 * (to[0] - from[0]), 0.5 * (to[1] - from[1])];
         let length = along[0].hypot(along[1]);
-        along.map(|part| if length > way { part * way / length } else { part })
+        along.map(|part| {
+            if length > way {
+                part * way / length
+            } else {
+                part
+            }
+        })
     };
     let (leaving, arriving) = (tangent(before, b), tangent(a, after));
     let (left, gone) = ((1.0 + 2.0 * t) * (1.0 - t).powi(2), t * t * (3.0 - 2.0 * t));
     let (first, last) = (t * (1.0 - t).powi(2), t * t * (t - 1.0));
-    std::array::from_fn(|motor| left * a[motor] + first * leaving[motor] + gone * b[motor] + last * arriving[motor])
+    std::array::from_fn(|motor| {
+        left * a[motor] + first * leaving[motor] + gone * b[motor] + last * arriving[motor]
+    })
 }
 
 /// One motor, to and fro.
@@ -110,10 +123,18 @@ fn strokes(from: f64, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Vec<f6
     while way.len() < steps {
         let wanted = at + direction * log_uniform(SMALLEST, 2.0, random);
         // Not always the very end: there the motors would have to go round the rim together.
-        let to = if wanted.abs() > 1.0 { direction * (0.6 + 0.4 * random.random::<f64>()) } else { wanted };
+        let to = if wanted.abs() > 1.0 {
+            direction * (0.6 + 0.4 * random.random::<f64>())
+        } else {
+            wanted
+        };
         let pace = speed * log_uniform(SLOWEST, 1.0, random);
-        let count = ((COSINE_PEAK * (to - at).abs() / pace).max(SHORTEST_S) / STEP_S).ceil() as usize;
-        way.extend((1..=count).map(|k| at + (to - at) * 0.5 * (1.0 - (PI * k as f64 / count as f64).cos())));
+        let count =
+            ((COSINE_PEAK * (to - at).abs() / pace).max(SHORTEST_S) / STEP_S).ceil() as usize;
+        way.extend(
+            (1..=count)
+                .map(|k| at + (to - at) * 0.5 * (1.0 - (PI * k as f64 / count as f64).cos())),
+        );
         (at, direction) = (to, -direction);
     }
     way.truncate(steps);
@@ -137,7 +158,10 @@ mod tests {
                 turns.push(b);
             }
         }
-        turns.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()
+        turns
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]).abs())
+            .collect()
     }
 
     #[test]
@@ -146,8 +170,15 @@ mod tests {
         for motor in 0..2 {
             let lengths = stroke_lengths(&points, motor);
             for (low, high) in [(0.0, 0.05), (0.05, 0.15), (0.15, 0.5), (0.5, 2.1)] {
-                let count = lengths.iter().filter(|length| (low..high).contains(*length)).count();
-                assert!(count >= 8, "motor {motor}, {low} to {high}: {count} of {}", lengths.len());
+                let count = lengths
+                    .iter()
+                    .filter(|length| (low..high).contains(*length))
+                    .count();
+                assert!(
+                    count >= 8,
+                    "motor {motor}, {low} to {high}: {count} of {}",
+                    lengths.len()
+                );
             }
         }
     }

@@ -16,7 +16,8 @@ use crate::Failure;
 use crate::command::watch::{Watch, enabled};
 use crate::console::Interrupt;
 
-/// Commands per second: well below the deadline of a controller, and four times as fast as feedback needs.
+/// Commands per second: well below the deadline of a controller, and four times as fast as feedback
+/// needs.
 const PERIOD: Nanos = Nanos::from_millis(5);
 
 /// How long to wait for the first picture.
@@ -34,7 +35,8 @@ const HOLD_BACK: Nanos = Nanos::from_millis(1000);
 /// How long to listen on after the motion, for the pictures that are on their way.
 const AFTERGLOW: Nanos = Nanos::from_millis(1000);
 
-/// How long a conditioning stroke may take: with the slowest that a configuration is likely to ask for.
+/// How long a conditioning stroke may take: with the slowest that a configuration is likely to ask
+/// for.
 const CONDITIONING: Nanos = Nanos::from_millis(300_000);
 
 /// How long the controller may take to read the last command: many ticks.
@@ -58,11 +60,20 @@ pub struct Ears {
 
 impl Ears {
     /// Waits for motors and camera. The answer says, too, how many outputs the camera measures.
-    pub fn open(client: &Client, domain: &str, interrupt: &Interrupt) -> Result<(Self, usize), Failure> {
+    pub fn open(
+        client: &Client,
+        domain: &str,
+        interrupt: &Interrupt,
+    ) -> Result<(Self, usize), Failure> {
         let watcher = client.watcher();
         let (actuators, external) = (watcher.actuators(), watcher.external());
         let start = clock::now();
-        let mut ears = Self { actuators, external, heard: start, setpoint: None };
+        let mut ears = Self {
+            actuators,
+            external,
+            heard: start,
+            setpoint: None,
+        };
         let mut blind = false;
         loop {
             let now = clock::now();
@@ -101,9 +112,14 @@ impl Ears {
             self.heard = now;
         }
         if now.since(self.heard) > CAMERA_SILENCE {
-            return Err(format!("the camera has been silent for {} s", CAMERA_SILENCE.as_seconds()).into());
+            return Err(format!(
+                "the camera has been silent for {} s",
+                CAMERA_SILENCE.as_seconds()
+            )
+            .into());
         }
-        take.write(now - HOLD_BACK, false).map_err(|error| format!("cannot write the recording: {error}").into())
+        take.write(now - HOLD_BACK, false)
+            .map_err(|error| format!("cannot write the recording: {error}").into())
     }
 
     /// Messages that were not read in time.
@@ -147,8 +163,9 @@ pub struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Conditions the robot, if asked, and moves it. What arrives goes to `take` all the while. An interrupt stops the
-    /// motion softly; whatever happens, the robot holds in the end and the lease is free.
+    /// Conditions the robot, if asked, and moves it. What arrives goes to `take` all the while. An
+    /// interrupt stops the motion softly; whatever happens, the robot holds in the end and the
+    /// lease is free.
     pub fn perform<W: Write>(
         &mut self,
         take: &mut Take<W>,
@@ -158,7 +175,9 @@ impl Session<'_> {
         if condition && self.condition(take)? == Ending::Interrupted {
             return Ok(Ending::Interrupted);
         }
-        let outcome = self.place(take).and_then(|from| self.play(take, motion(from)));
+        let outcome = self
+            .place(take)
+            .and_then(|from| self.play(take, motion(from)));
         // A command that is still on its way would take the lease again.
         clock::sleep(LAST_COMMAND);
         let released = self.client.state_command(StateCommand::Release);
@@ -176,7 +195,9 @@ impl Session<'_> {
             match self.ears.setpoint {
                 Some(setpoint) => return Ok(setpoint),
                 None if clock::now().since(start) > CAMERA_WAIT => {
-                    return Err("the controller does not tell where the motors are; look at its log".into());
+                    return Err(
+                        "the controller does not tell where the motors are; look at its log".into(),
+                    );
                 }
                 None => clock::sleep(PERIOD),
             }
@@ -198,7 +219,10 @@ impl Session<'_> {
             clock::sleep(PERIOD);
             self.ears.listen(take)?;
             let now = clock::now();
-            let state = self.client.operating_state()?.filter(|state| state.stamp_ns > asked.0);
+            let state = self
+                .client
+                .operating_state()?
+                .filter(|state| state.stamp_ns > asked.0);
             if let Some(state) = state {
                 enabled(&state)?;
                 if state.flags & OperatingStateMsg::BUSY == 0 {
@@ -211,7 +235,9 @@ impl Session<'_> {
             }
             if now.since(asked) > CONDITIONING {
                 self.hold()?;
-                return Err("the conditioning stroke does not end; look at the controller's log".into());
+                return Err(
+                    "the conditioning stroke does not end; look at the controller's log".into(),
+                );
             }
         }
     }
@@ -237,7 +263,11 @@ impl Session<'_> {
             let now = ticker.wait().started;
             let stop = self.interrupt.came();
             if playback.finished(stop) {
-                return Ok(if playback.left_s() <= 0.0 { Ending::Complete } else { Ending::Interrupted });
+                return Ok(if playback.left_s() <= 0.0 {
+                    Ending::Complete
+                } else {
+                    Ending::Interrupted
+                });
             }
             let place = playback.advance((now - last).as_seconds(), stop);
             last = now;

@@ -1,6 +1,7 @@
 //! What a recording does not say by itself, in a TOML file beside it.
 //!
-//! Written when the recording begins, so that one that is cut off has it, too, and again when it has ended.
+//! Written when the recording begins, so that one that is cut off has it, too, and again when it
+//! has ended.
 
 use std::path::{Path, PathBuf};
 
@@ -107,7 +108,9 @@ impl Sidecar {
     /// Writes it, all at once.
     pub fn write(&self, recording: &Path) -> Result<(), String> {
         let path = Self::path(recording);
-        let text = toml::to_string(self).map_err(|error| format!("cannot write {}: {error}", path.display()))?;
-        replace(&path, text.as_bytes()).map_err(|error| format!("cannot write {}: {error}", path.display()))
+        let text = toml::to_string(self)
+            .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        replace(&path, text.as_bytes())
+            .map_err(|error| format!("cannot write {}: {error}", path.display()))
     }
 }

@@ -1,8 +1,9 @@
 //! From what arrives to the rows of a recording, in order of time. Pure but for the writer.
 //!
-//! Every position of motor 0 makes a row, with the other motor between its own positions around that instant; every
-//! picture makes a row with its angles and both motors between their positions around its stamp. A row is written once
-//! everything that may still come before it has had time to arrive.
+//! Every position of motor 0 makes a row, with the other motor between its own positions around
+//! that instant; every picture makes a row with its angles and both motors between their positions
+//! around its stamp. A row is written once everything that may still come before it has had time to
+//! arrive.
 
 use std::io::{self, Write};
 
@@ -68,7 +69,9 @@ impl<W: Write> Take<W> {
         outlier: f64,
         latency_s: f64,
     ) -> io::Result<Self> {
-        let unit = outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
+        let unit = outputs
+            .first()
+            .map_or(OutputUnit::Deg, |output| output.unit);
         Ok(Self {
             writer: RecordingWriter::new(to, true, motors, outputs)?,
             start,
@@ -108,7 +111,10 @@ impl<W: Write> Take<W> {
         if seen.flags & ExternalPosition::VALID == 0 {
             return self.nothing_seen(stamp);
         }
-        if let Some(before) = self.last_seen.filter(|before| stamp.since(*before).0 > CAMERA_GAP_NS) {
+        if let Some(before) = self
+            .last_seen
+            .filter(|before| stamp.since(*before).0 > CAMERA_GAP_NS)
+        {
             self.flag(before, FlagKind::CameraGap, stamp.since(before).0, &[]);
         }
         self.last_seen = Some(stamp);
@@ -119,7 +125,10 @@ impl<W: Write> Take<W> {
 
     /// Writes every row up to an instant that is complete; with `all`, nothing more will come.
     pub fn write(&mut self, until: Nanos, all: bool) -> io::Result<()> {
-        while let Some(stamp) = self.encoders[0].get(self.next).map(|(stamp, _)| Nanos(*stamp)) {
+        while let Some(stamp) = self.encoders[0]
+            .get(self.next)
+            .map(|(stamp, _)| Nanos(*stamp))
+        {
             let picture = self.pictures.next(all).filter(|picture| *picture <= stamp);
             let due = picture.unwrap_or(stamp);
             if due > until || !self.covered(due) {
@@ -145,12 +154,18 @@ impl<W: Write> Take<W> {
     pub fn finish(mut self) -> io::Result<Taken> {
         self.write(Nanos(u64::MAX), true)?;
         self.writer.finish()?;
-        Ok(Taken { rows: self.rows, flags: self.flags })
+        Ok(Taken {
+            rows: self.rows,
+            flags: self.flags,
+        })
     }
 
     /// Every motor has been heard of at an instant or after it.
     fn covered(&self, stamp: Nanos) -> bool {
-        self.encoders.iter().take(self.motors).all(|series| series.last().is_some_and(|(last, _)| *last >= stamp.0))
+        self.encoders
+            .iter()
+            .take(self.motors)
+            .all(|series| series.last().is_some_and(|(last, _)| *last >= stamp.0))
     }
 
     fn write_position(&mut self, stamp: Nanos) -> io::Result<()> {
@@ -194,9 +209,20 @@ impl<W: Write> Take<W> {
         Some(counts)
     }
 
-    fn row(&mut self, stamp: Nanos, counts: MotorVec, outputs: [f64; MAX_OUTPUTS]) -> io::Result<()> {
+    fn row(
+        &mut self,
+        stamp: Nanos,
+        counts: MotorVec,
+        outputs: [f64; MAX_OUTPUTS],
+    ) -> io::Result<()> {
         let time_s = Some(stamp.since(self.start).as_seconds());
-        let row = Row { line: self.rows.len() as u64 + 2, time_s, counts, outputs, place: self.rows.len() };
+        let row = Row {
+            line: self.rows.len() as u64 + 2,
+            time_s,
+            counts,
+            outputs,
+            place: self.rows.len(),
+        };
         self.written = Some(stamp);
         self.rows.push(row);
         self.writer.row(&row)
@@ -206,7 +232,9 @@ impl<W: Write> Take<W> {
     fn nothing_seen(&mut self, stamp: Nanos) {
         let t_s = stamp.since(self.start).as_seconds();
         match self.flags.last_mut() {
-            Some(flag) if flag.kind == FlagKind::NothingSeen && t_s - flag.t_s - flag.span_s < 0.5 => {
+            Some(flag)
+                if flag.kind == FlagKind::NothingSeen && t_s - flag.t_s - flag.span_s < 0.5 =>
+            {
                 flag.span_s = t_s - flag.t_s;
             }
             _ => self.flag(stamp, FlagKind::NothingSeen, 0, &[]),
@@ -214,9 +242,18 @@ impl<W: Write> Take<W> {
     }
 
     fn flag(&mut self, stamp: Nanos, kind: FlagKind, span_ns: u64, measured: &[f64]) {
-        let measured = measured.iter().copied().filter(|value| value.is_finite()).collect();
+        let measured = measured
+            .iter()
+            .copied()
+            .filter(|value| value.is_finite())
+            .collect();
         let t_s = stamp.since(self.start).as_seconds();
-        self.flags.push(Flag { t_s, kind, span_s: Nanos(span_ns).as_seconds(), measured });
+        self.flags.push(Flag {
+            t_s,
+            kind,
+            span_s: Nanos(span_ns).as_seconds(),
+            measured,
+        });
     }
 }
 
@@ -233,10 +270,14 @@ mod tests {
     }
 
     fn outputs() -> [OutputSpec; 2] {
-        ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
+        ["pitch", "yaw"].map(|name| OutputSpec {
+            name: name.to_owned(),
+            unit: OutputUnit::Deg,
+        })
     }
 
-    /// Motor 0 is read at the given time, motor 1 one millisecond later; they go 1 and -2 counts per ms.
+    /// Motor 0 is read at the given time, motor 1 one millisecond later; they go 1 and -2 counts
+    /// per ms.
     fn positions(time: u64) -> ActuatorState {
         ActuatorState {
             measured_stamp_ns: [ms(time), ms(time + 1)],
@@ -247,12 +288,25 @@ mod tests {
     }
 
     fn picture(time: u64, pitch_deg: f64) -> ExternalPosition {
-        let position = [pitch_deg.to_radians(), (1.0 - pitch_deg / 2.0).to_radians(), 0.0];
-        ExternalPosition { stamp_ns: ms(time), position, count: 2, flags: 1, ..ExternalPosition::default() }
+        let position = [
+            pitch_deg.to_radians(),
+            (1.0 - pitch_deg / 2.0).to_radians(),
+            0.0,
+        ];
+        ExternalPosition {
+            stamp_ns: ms(time),
+            position,
+            count: 2,
+            flags: 1,
+            ..ExternalPosition::default()
+        }
     }
 
     fn sample_times_ms(taken: &Taken) -> Vec<u64> {
-        taken.samples().map(|row| (row.time_s.unwrap() * 1e3).round() as u64).collect()
+        taken
+            .samples()
+            .map(|row| (row.time_s.unwrap() * 1e3).round() as u64)
+            .collect()
     }
 
     fn take(file: &mut Vec<u8>) -> Take<&mut Vec<u8>> {
@@ -263,18 +317,33 @@ mod tests {
     fn rows_come_in_order_with_the_counts_of_their_instant() {
         let mut file = Vec::new();
         let mut take = take(&mut file);
-        (0..=400).step_by(4).for_each(|time| take.positions(&positions(time)));
-        (10..400).step_by(33).for_each(|time| take.picture(&picture(time, 2.0)));
+        (0..=400)
+            .step_by(4)
+            .for_each(|time| take.positions(&positions(time)));
+        (10..400)
+            .step_by(33)
+            .for_each(|time| take.picture(&picture(time, 2.0)));
         let taken = take.finish().unwrap();
         assert_eq!(taken.samples().count(), 12);
-        assert!(taken.rows.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
+        assert!(
+            taken
+                .rows
+                .windows(2)
+                .all(|pair| pair[0].time_s < pair[1].time_s)
+        );
         for row in &taken.rows {
             let time = row.time_s.unwrap() * 1e3;
-            assert!((row.counts[0] - time).abs() < 1e-6 && (row.counts[1] + 2.0 * time).abs() < 1e-6, "{row:?}");
+            assert!(
+                (row.counts[0] - time).abs() < 1e-6 && (row.counts[1] + 2.0 * time).abs() < 1e-6,
+                "{row:?}"
+            );
         }
         assert_eq!(taken.flags, []);
         let text = String::from_utf8(file).unwrap();
-        assert!(text.starts_with("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n0.004,4,-8,,\n"), "{text}");
+        assert!(
+            text.starts_with("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n0.004,4,-8,,\n"),
+            "{text}"
+        );
         assert_eq!(text.lines().count(), taken.rows.len() + 1);
     }
 
@@ -289,13 +358,22 @@ mod tests {
             if time % 40 == 0 {
                 take.picture(&picture(time, time as f64 / 100.0));
             }
-            take.write(Nanos(ms(time.saturating_sub(500))), false).unwrap();
+            take.write(Nanos(ms(time.saturating_sub(500))), false)
+                .unwrap();
         }
         let taken = take.finish().unwrap();
         let (recording, report) = Recording::read(&path, &ColumnMap::default()).unwrap();
-        assert_eq!((recording.path().len(), report.dropped.len()), (taken.rows.len(), 0));
-        let samples: Vec<Row> =
-            taken.samples().map(|row| Row { outputs: [row.outputs[0], row.outputs[1], 0.0], ..*row }).collect();
+        assert_eq!(
+            (recording.path().len(), report.dropped.len()),
+            (taken.rows.len(), 0)
+        );
+        let samples: Vec<Row> = taken
+            .samples()
+            .map(|row| Row {
+                outputs: [row.outputs[0], row.outputs[1], 0.0],
+                ..*row
+            })
+            .collect();
         assert_eq!(recording.rows(), samples);
     }
 
@@ -303,38 +381,76 @@ mod tests {
     fn a_row_waits_for_what_may_come_before_it() {
         let mut file = Vec::new();
         let mut take = take(&mut file);
-        (0..=400).step_by(4).for_each(|time| take.positions(&positions(time)));
+        (0..=400)
+            .step_by(4)
+            .for_each(|time| take.positions(&positions(time)));
         take.write(Nanos(ms(100)), false).unwrap();
         take.picture(&picture(110, 1.0));
         take.picture(&picture(90, 1.0));
         take.picture(&picture(143, 1.0));
         let taken = take.finish().unwrap();
         assert_eq!(sample_times_ms(&taken), [110, 143]);
-        assert_eq!(taken.flags.iter().map(|flag| flag.kind).collect::<Vec<_>>(), [FlagKind::Late]);
+        assert_eq!(
+            taken.flags.iter().map(|flag| flag.kind).collect::<Vec<_>>(),
+            [FlagKind::Late]
+        );
     }
 
     #[test]
     fn gaps_outliers_and_blind_pictures_are_flagged_and_give_no_angles() {
         let mut file = Vec::new();
         let mut take = take(&mut file);
-        (0..=200).step_by(4).for_each(|time| take.positions(&positions(time)));
-        (400..=600).step_by(4).for_each(|time| take.positions(&positions(time)));
+        (0..=200)
+            .step_by(4)
+            .for_each(|time| take.positions(&positions(time)));
+        (400..=600)
+            .step_by(4)
+            .for_each(|time| take.positions(&positions(time)));
         for (time, pitch) in [(30, 1.0), (63, 50.0), (96, 1.0), (300, 1.5), (430, 1.0)] {
             take.picture(&picture(time, pitch));
         }
         for time in [460, 490, 520] {
-            take.picture(&ExternalPosition { flags: 0, ..picture(time, 0.0) });
+            take.picture(&ExternalPosition {
+                flags: 0,
+                ..picture(time, 0.0)
+            });
         }
         let taken = take.finish().unwrap();
         assert_eq!(sample_times_ms(&taken), [30, 96, 430]);
-        let entry = |flag: &Flag| (flag.kind, (flag.t_s * 1e3).round() as u64, flag.measured.len());
+        let entry = |flag: &Flag| {
+            (
+                flag.kind,
+                (flag.t_s * 1e3).round() as u64,
+                flag.measured.len(),
+            )
+        };
         let mut flags: Vec<_> = taken.flags.iter().map(entry).collect();
         flags.sort_unstable();
-        assert_eq!(flags[..2], [(FlagKind::EncoderGap, 200, 0), (FlagKind::EncoderGap, 201, 0)]);
-        assert_eq!(flags[2..4], [(FlagKind::NoCounts, 300, 2), (FlagKind::NothingSeen, 460, 0)]);
+        assert_eq!(
+            flags[..2],
+            [
+                (FlagKind::EncoderGap, 200, 0),
+                (FlagKind::EncoderGap, 201, 0)
+            ]
+        );
+        assert_eq!(
+            flags[2..4],
+            [
+                (FlagKind::NoCounts, 300, 2),
+                (FlagKind::NothingSeen, 460, 0)
+            ]
+        );
         assert_eq!((flags[4], flags.len()), ((FlagKind::Outlier, 63, 2), 5));
         assert!(
-            (taken.flags.iter().find(|flag| flag.kind == FlagKind::NothingSeen).unwrap().span_s - 0.06).abs() < 1e-9
+            (taken
+                .flags
+                .iter()
+                .find(|flag| flag.kind == FlagKind::NothingSeen)
+                .unwrap()
+                .span_s
+                - 0.06)
+                .abs()
+                < 1e-9
         );
     }
 }

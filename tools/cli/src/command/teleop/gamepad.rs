@@ -1,5 +1,6 @@
 //! A gamepad, by the joystick interface of the kernel: events of 8 bytes from `/dev/input/js*`
-//! (Documentation/input/joydev/joystick-api.rst of Linux). No library is needed, and a pipe in the same form will do.
+//! (Documentation/input/joydev/joystick-api.rst of Linux). No library is needed, and a pipe in the
+//! same form will do.
 
 use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Read};
@@ -23,7 +24,8 @@ const SIDE: u8 = 0;
 const FORTH: u8 = 1;
 /// Deflection below which a stick is at rest: worn ones do not come back to the middle.
 const REST: f64 = 0.1;
-/// A stick in a hand is never quite still. One that is deflected and says nothing for so long may be out of reach of its receiver.
+/// A stick in a hand is never quite still. One that is deflected and says nothing for so long may
+/// be out of reach of its receiver.
 const SILENCE: Nanos = Nanos::from_millis(2000);
 
 /// A gamepad.
@@ -44,11 +46,18 @@ impl Gamepad {
                 path.display()
             )
         })?;
-        Ok(Self { path: path.to_owned(), file, part: Vec::new(), pad: Pad::new(dead_man) })
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            part: Vec::new(),
+            pad: Pad::new(dead_man),
+        })
     }
 
     fn gone(&self, why: &str) -> Gone {
-        Gone { what: format!("gamepad {} is gone ({why})", self.path.display()) }
+        Gone {
+            what: format!("gamepad {} is gone ({why})", self.path.display()),
+        }
     }
 }
 
@@ -92,15 +101,23 @@ struct Pad {
 
 impl Pad {
     fn new(dead_man: u8) -> Self {
-        Self { dead_man, held: false, stick: [0.0; 2], heard: None }
+        Self {
+            dead_man,
+            held: false,
+            stick: [0.0; 2],
+            heard: None,
+        }
     }
 
     fn hear(&mut self, event: &[u8], now: Nanos) {
-        let &[_, _, _, _, low, high, kind, number] = event else { return };
+        let &[_, _, _, _, low, high, kind, number] = event else {
+            return;
+        };
         let value = i16::from_le_bytes([low, high]);
         self.heard = Some(now);
         match (kind, number) {
-            // A button that is down when the program starts, a bag that lies on it say, does not count.
+            // A button that is down when the program starts, a bag that lies on it say, does not
+            // count.
             (BUTTON, number) if number == self.dead_man => self.held = value != 0,
             (kind, SIDE) if kind & !FIRST == AXIS => self.stick[1] = deflection(value),
             // Pushing a stick away gives negative values; away is up.
@@ -115,7 +132,11 @@ impl Pad {
             // It has to be held anew.
             self.held = false;
         }
-        Input { engaged: self.held, velocity: self.stick, ..Input::default() }
+        Input {
+            engaged: self.held,
+            velocity: self.stick,
+            ..Input::default()
+        }
     }
 }
 
@@ -144,17 +165,35 @@ mod tests {
 
     #[test]
     fn the_dead_man_has_to_be_pressed_after_the_start() {
-        assert!(!pad(&[event(1, BUTTON | FIRST, DEAD_MAN)]).input(Nanos(2)).engaged);
+        assert!(
+            !pad(&[event(1, BUTTON | FIRST, DEAD_MAN)])
+                .input(Nanos(2))
+                .engaged
+        );
         assert!(pad(&[event(1, BUTTON, DEAD_MAN)]).input(Nanos(2)).engaged);
-        assert!(!pad(&[event(1, BUTTON, DEAD_MAN), event(0, BUTTON, DEAD_MAN)]).input(Nanos(2)).engaged);
-        assert!(!pad(&[event(1, BUTTON, 0)]).input(Nanos(2)).engaged, "another button is none");
+        assert!(
+            !pad(&[event(1, BUTTON, DEAD_MAN), event(0, BUTTON, DEAD_MAN)])
+                .input(Nanos(2))
+                .engaged
+        );
+        assert!(
+            !pad(&[event(1, BUTTON, 0)]).input(Nanos(2)).engaged,
+            "another button is none"
+        );
     }
 
     #[test]
     fn the_stick_leads_up_and_to_the_side_and_rests_near_the_middle() {
-        let input = pad(&[event(-32767, AXIS, FORTH), event(16384, AXIS | FIRST, SIDE)]).input(Nanos(2));
-        assert!((input.velocity[0] - 1.0).abs() < 1e-9 && (input.velocity[1] - 0.444).abs() < 0.001, "{input:?}");
-        assert_eq!(pad(&[event(3000, AXIS, SIDE)]).input(Nanos(2)).velocity, [0.0, 0.0]);
+        let input =
+            pad(&[event(-32767, AXIS, FORTH), event(16384, AXIS | FIRST, SIDE)]).input(Nanos(2));
+        assert!(
+            (input.velocity[0] - 1.0).abs() < 1e-9 && (input.velocity[1] - 0.444).abs() < 0.001,
+            "{input:?}"
+        );
+        assert_eq!(
+            pad(&[event(3000, AXIS, SIDE)]).input(Nanos(2)).velocity,
+            [0.0, 0.0]
+        );
         assert!((deflection(i16::MIN) + 1.0).abs() < 1e-9);
     }
 

@@ -1,8 +1,9 @@
 //! The keys of a terminal.
 //!
-//! A terminal tells of key presses, and repeats them while a key is held, but does not tell when it is let go. So the dead-man
-//! is made of time: the clutch is closed by the space bar and opens again by itself when no key has come for
-//! [`DEAD_MAN`]; keys that are held keep it closed, since they repeat.
+//! A terminal tells of key presses, and repeats them while a key is held, but does not tell when it
+//! is let go. So the dead-man is made of time: the clutch is closed by the space bar and opens
+//! again by itself when no key has come for [`DEAD_MAN`]; keys that are held keep it closed, since
+//! they repeat.
 
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -16,7 +17,8 @@ use super::master::Input;
 use super::{Gone, Source};
 use crate::Failure;
 
-/// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has left.
+/// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
+/// left.
 const DEAD_MAN: Nanos = Nanos::from_millis(1000);
 /// Keys that are read at once.
 const AT_ONCE: usize = 64;
@@ -35,7 +37,9 @@ impl Keyboard {
             return Err("--keyboard needs a terminal: standard input is none".into());
         }
         enable_raw_mode()?;
-        let keyboard = Self { keys: Keys::default() };
+        let keyboard = Self {
+            keys: Keys::default(),
+        };
         // Only keys are wanted raw; lines that are shown still have to begin at the left.
         let mut modes = tcgetattr(&input)?;
         modes.output_flags |= OutputFlags::OPOST | OutputFlags::ONLCR;
@@ -52,7 +56,9 @@ impl Drop for Keyboard {
 
 impl Source for Keyboard {
     fn read(&mut self, now: Nanos) -> Result<Input, Gone> {
-        let gone = |error: std::io::Error| Gone { what: format!("the terminal is gone ({error})") };
+        let gone = |error: std::io::Error| Gone {
+            what: format!("the terminal is gone ({error})"),
+        };
         let mut input = Input::default();
         for _ in 0..AT_ONCE {
             if !event::poll(Duration::ZERO).map_err(gone)? {
@@ -139,16 +145,27 @@ mod tests {
             assert!(press(&mut keys, KeyCode::Left, at(milliseconds)).engaged);
         }
         assert!(keys.engaged(at(4800 + 999)) && !keys.engaged(at(4800 + 1000)));
-        assert!(!press(&mut keys, KeyCode::Left, at(6000)).engaged, "an arrow does not close it again");
+        assert!(
+            !press(&mut keys, KeyCode::Left, at(6000)).engaged,
+            "an arrow does not close it again"
+        );
     }
 
     #[test]
     fn any_other_key_opens_it_and_some_end() {
         let mut keys = Keys::default();
-        for code in [KeyCode::Char('x'), KeyCode::Enter, KeyCode::Char('z'), KeyCode::Tab] {
+        for code in [
+            KeyCode::Char('x'),
+            KeyCode::Enter,
+            KeyCode::Char('z'),
+            KeyCode::Tab,
+        ] {
             press(&mut keys, KeyCode::Char(' '), at(0));
             assert!(!press(&mut keys, code, at(1)).engaged, "{code:?}");
         }
-        assert!(press(&mut keys, KeyCode::Char('q'), at(2)).quit && press(&mut keys, KeyCode::Esc, at(2)).quit);
+        assert!(
+            press(&mut keys, KeyCode::Char('q'), at(2)).quit
+                && press(&mut keys, KeyCode::Esc, at(2)).quit
+        );
     }
 }

@@ -2,10 +2,11 @@
 
 use super::super::path::Angles;
 
-/// How far the master may be ahead of the snake, deg. Whoever keeps pushing against a limit must not gather a way that the snake
-/// goes later.
+/// How far the master may be ahead of the snake, deg. Whoever keeps pushing against a limit must
+/// not gather a way that the snake goes later.
 const LEAD_DEG: f64 = 2.0;
-/// Key presses that may wait. Keys repeat faster than the snake moves, and it should stop soon after they do.
+/// Key presses that may wait. Keys repeat faster than the snake moves, and it should stop soon
+/// after they do.
 const WAITING_STEPS: f64 = 3.0;
 /// A program that was held up goes on where it was instead of jumping ahead.
 const LONGEST_STEP_S: f64 = 0.02;
@@ -46,10 +47,17 @@ pub(super) struct Master {
 impl Master {
     /// At a pose, clutch open.
     pub fn new(pose: Angles, speed_deg_s: f64, step_deg: f64) -> Self {
-        Self { pose, engaged: false, speed_deg_s, step_deg, left: [0.0; 2] }
+        Self {
+            pose,
+            engaged: false,
+            speed_deg_s,
+            step_deg,
+            left: [0.0; 2],
+        }
     }
 
-    /// Goes on by `step_s` seconds; `snake`: where the snake is asked to be, as the controller told last.
+    /// Goes on by `step_s` seconds; `snake`: where the snake is asked to be, as the controller told
+    /// last.
     pub fn lead(&mut self, input: &Input, snake: Option<Angles>, step_s: f64) -> Order {
         let begins = input.engaged && !self.engaged;
         self.engaged = input.engaged;
@@ -61,13 +69,19 @@ impl Master {
         if input.engaged {
             self.advance(input, snake, step_s.clamp(0.0, LONGEST_STEP_S));
         }
-        Order { pose: self.pose, clutch_open: !input.engaged }
+        Order {
+            pose: self.pose,
+            clutch_open: !input.engaged,
+        }
     }
 
     /// Opens the clutch.
     pub fn hold(&mut self) -> Order {
         self.engaged = false;
-        Order { pose: self.pose, clutch_open: true }
+        Order {
+            pose: self.pose,
+            clutch_open: true,
+        }
     }
 
     fn advance(&mut self, input: &Input, snake: Option<Angles>, step_s: f64) {
@@ -81,7 +95,8 @@ impl Master {
             let pushed = input.velocity[axis].clamp(-1.0, 1.0) * reach;
             self.pose[axis] += (pressed + pushed).clamp(-reach, reach);
             if let Some(snake) = snake {
-                self.pose[axis] = self.pose[axis].clamp(snake[axis] - LEAD_DEG, snake[axis] + LEAD_DEG);
+                self.pose[axis] =
+                    self.pose[axis].clamp(snake[axis] - LEAD_DEG, snake[axis] + LEAD_DEG);
             }
         }
     }
@@ -94,22 +109,46 @@ mod tests {
     const STEP_S: f64 = 0.005;
 
     fn pushed(pitch: f64, yaw: f64) -> Input {
-        Input { engaged: true, velocity: [pitch, yaw], ..Input::default() }
+        Input {
+            engaged: true,
+            velocity: [pitch, yaw],
+            ..Input::default()
+        }
     }
 
     fn pressed(pitch: i32) -> Input {
-        Input { engaged: true, steps: [pitch, 0], ..Input::default() }
+        Input {
+            engaged: true,
+            steps: [pitch, 0],
+            ..Input::default()
+        }
     }
 
     #[test]
     fn without_the_dead_man_nothing_moves_whatever_the_stick_says() {
         let mut master = Master::new([1.0, 2.0], 10.0, 0.25);
         for _ in 0..100 {
-            let input = Input { engaged: false, velocity: [1.0, -1.0], steps: [3, 3], quit: false };
-            assert_eq!(master.lead(&input, Some([1.0, 2.0]), STEP_S), Order { pose: [1.0, 2.0], clutch_open: true });
+            let input = Input {
+                engaged: false,
+                velocity: [1.0, -1.0],
+                steps: [3, 3],
+                quit: false,
+            };
+            assert_eq!(
+                master.lead(&input, Some([1.0, 2.0]), STEP_S),
+                Order {
+                    pose: [1.0, 2.0],
+                    clutch_open: true
+                }
+            );
         }
         // And what was pressed meanwhile is not done later.
-        assert_eq!(master.lead(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S).pose, [1.0, 2.0]);
+        assert_eq!(
+            master
+                .lead(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S)
+                .pose,
+            [1.0, 2.0]
+        );
     }
 
     #[test]
@@ -119,7 +158,10 @@ mod tests {
         for _ in 0..200 {
             snake = master.lead(&pushed(1.0, -0.5), Some(snake), STEP_S).pose;
         }
-        assert!((snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9, "{snake:?}");
+        assert!(
+            (snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9,
+            "{snake:?}"
+        );
         let mut at = [0.0; 2];
         let mut fresh = Master::new(at, 10.0, 0.25);
         at = fresh.lead(&pressed(1), Some(at), STEP_S).pose;
@@ -150,8 +192,19 @@ mod tests {
     #[test]
     fn closing_the_clutch_starts_where_the_snake_is() {
         let mut master = Master::new([9.0, 9.0], 10.0, 0.25);
-        assert_eq!(master.lead(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S).pose, [3.0, 4.0]);
-        assert_eq!(master.hold(), Order { pose: [3.0, 4.0], clutch_open: true });
+        assert_eq!(
+            master
+                .lead(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S)
+                .pose,
+            [3.0, 4.0]
+        );
+        assert_eq!(
+            master.hold(),
+            Order {
+                pose: [3.0, 4.0],
+                clutch_open: true
+            }
+        );
     }
 
     #[test]

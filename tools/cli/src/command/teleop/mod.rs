@@ -1,8 +1,9 @@
 //! Leading the snake by hand: keyboard or gamepad, with a dead-man and motion scaling.
 //!
-//! Both devices lead a virtual master. While the dead-man is not held the clutch is open: the snake holds, and the master
-//! stays where the snake is. When it is held, the master moves by what the device asks, and the snake goes along. A device that is
-//! unplugged opens the clutch at once and ends the program.
+//! Both devices lead a virtual master. While the dead-man is not held the clutch is open: the snake
+//! holds, and the master stays where the snake is. When it is held, the master moves by what the
+//! device asks, and the snake goes along. A device that is unplugged opens the clutch at once and
+//! ends the program.
 
 mod gamepad;
 mod keyboard;
@@ -79,7 +80,8 @@ pub struct Gone {
     what: String,
 }
 
-/// Leads until the person, or the system, ends it, or it makes no sense any more; then the snake holds and the lease is free.
+/// Leads until the person, or the system, ends it, or it makes no sense any more; then the snake
+/// holds and the lease is free.
 pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut source: Box<dyn Source> = match &plan.device {
         Device::Keyboard => Box::new(Keyboard::open()?),
@@ -89,7 +91,11 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     let watch = Watch::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
     let mut lead = Lead {
-        master: Master::new(pose, plan.speed_deg_s * plan.scale, plan.step_deg * plan.scale),
+        master: Master::new(
+            pose,
+            plan.speed_deg_s * plan.scale,
+            plan.step_deg * plan.scale,
+        ),
         watch,
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
@@ -158,19 +164,40 @@ impl Lead {
         self.send(&order)
     }
 
-    /// Looks at what the controller makes of it. The answer is whether anyone still reads what is shown.
-    fn follow(&mut self, client: &mut Client, order: &Order, now: Nanos, screen: &mut Screen) -> Result<bool, Failure> {
+    /// Looks at what the controller makes of it. The answer is whether anyone still reads what is
+    /// shown.
+    fn follow(
+        &mut self,
+        client: &mut Client,
+        order: &Order,
+        now: Nanos,
+        screen: &mut Screen,
+    ) -> Result<bool, Failure> {
         let state = client.operating_state()?;
-        let refusal = state.map(|state| self.watch.judge(&state, clock::now())).transpose()?.flatten();
+        let refusal = state
+            .map(|state| self.watch.judge(&state, clock::now()))
+            .transpose()?
+            .flatten();
         if let Some(refusal) = refusal {
             return Ok(until_closed(screen.say(&format!("refused: {refusal}")))?);
         }
         if now < self.next_show {
             return Ok(true);
         }
-        self.next_show = now + if screen.is_terminal() { SHOW_PERIOD } else { LOG_PERIOD };
-        let clutch = if order.clutch_open { "HOLDS (dead-man not held)" } else { "FOLLOWS" };
+        self.next_show = now
+            + if screen.is_terminal() {
+                SHOW_PERIOD
+            } else {
+                LOG_PERIOD
+            };
+        let clutch = if order.clutch_open {
+            "HOLDS (dead-man not held)"
+        } else {
+            "FOLLOWS"
+        };
         let [pitch, yaw] = order.pose;
-        Ok(until_closed(screen.draw(&[format!("the snake {clutch}; pitch, yaw asked {pitch:+.2} {yaw:+.2} deg")]))?)
+        Ok(until_closed(screen.draw(&[format!(
+            "the snake {clutch}; pitch, yaw asked {pitch:+.2} {yaw:+.2} deg"
+        )]))?)
     }
 }

@@ -1,12 +1,15 @@
-//! `i2ris demo --through-images`: a calibration whose angles come from pictures, beside one from the angles themselves.
+//! `i2ris demo --through-images`: a calibration whose angles come from pictures, beside one from
+//! the angles themselves.
 //!
-//! One run of the emulator, its camera without noise, gives encoder counts and true angles. What a microscope would have
-//! filmed is drawn from the angles and measured by `i2ris vision`, which knows only what its own calibration, from motions
-//! of one axis at a time, found out. Both recordings hold the same motion and the same instants; one has true angles, the
-//! other those of the pictures. A model is fitted to each, and the controller follows an unseen motion with each.
+//! One run of the emulator, its camera without noise, gives encoder counts and true angles. What a
+//! microscope would have filmed is drawn from the angles and measured by `i2ris vision`, which
+//! knows only what its own calibration, from motions of one axis at a time, found out. Both
+//! recordings hold the same motion and the same instants; one has true angles, the other those of
+//! the pictures. A model is fitted to each, and the controller follows an unseen motion with each.
 //!
-//! Pictures are drawn after the motion, not during it: two views at 30 pictures a second, drawn and measured, take more
-//! than a processor. (`i2ris vision render --live` draws during it, for who has them.)
+//! Pictures are drawn after the motion, not during it: two views at 30 pictures a second, drawn and
+//! measured, take more than a processor. (`i2ris vision render --live` draws during it, for who has
+//! them.)
 //!
 //! | file | holds |
 //! |---|---|
@@ -56,7 +59,11 @@ pub fn show(bench: &Bench, arguments: &Arguments, size: Size) -> Result<(), Fail
         }
     }
     if !bench.path("images.csv").exists() {
-        thin(&bench.path("recording.csv"), &bench.path(DIRECT), arguments.pictures_every)?;
+        thin(
+            &bench.path("recording.csv"),
+            &bench.path(DIRECT),
+            arguments.pictures_every,
+        )?;
         look(bench, &mut emulator, size)?;
     }
     let families = arguments.families("gmr-stop");
@@ -73,17 +80,26 @@ pub fn show(bench: &Bench, arguments: &Arguments, size: Size) -> Result<(), Fail
         }
     }
     step("stop the emulator", || emulator.end())?;
-    super::summary::print(&followed, "The camera adds nothing: its angles are the true ones.");
+    super::summary::print(
+        &followed,
+        "The camera adds nothing: its angles are the true ones.",
+    );
     seen(bench)?;
     for family in &families {
-        arguments.motions.iter().for_each(|motion| loss(&followed, family, *motion));
+        arguments
+            .motions
+            .iter()
+            .for_each(|motion| loss(&followed, family, *motion));
     }
     Ok(())
 }
 
-/// Records motions of one axis at a time, from the straight pose on: nothing has moved the snake before.
+/// Records motions of one axis at a time, from the straight pose on: nothing has moved the snake
+/// before.
 fn swing(bench: &Bench, emulator: &mut Process) -> Result<(), Failure> {
-    let (mut controller, mut client) = step("start the controller, home, enable", || bench.start_controller(None))?;
+    let (mut controller, mut client) = step("start the controller, home, enable", || {
+        bench.start_controller(None)
+    })?;
     for (name, swing) in [("pitch", Swing::Pitch), ("yaw", Swing::Yaw)] {
         let file = bench.path(&format!("{name}.csv"));
         step(&format!("move {name} alone"), || {
@@ -100,25 +116,57 @@ fn look(bench: &Bench, emulator: &mut Process, size: Size) -> Result<(), Failure
     let file = |name: &str| text(&bench.path(name));
     for axis in ["pitch", "yaw"] {
         let (angles, folder) = (file(&format!("{axis}.csv"))?, file(axis)?);
-        let render = ["vision", "render", "--angles", &angles, "--output", &folder, "--size", &size];
+        let render = [
+            "vision", "render", "--angles", &angles, "--output", &folder, "--size", &size,
+        ];
         let options = ["--turned-deg", TURNED_DEG, "--every", EVERY];
-        run(bench, emulator, &format!("draw the motion of {axis}"), &[&render[..], &options].concat())?;
+        run(
+            bench,
+            emulator,
+            &format!("draw the motion of {axis}"),
+            &[&render[..], &options].concat(),
+        )?;
     }
     guess(&bench.path("pitch/vision.toml"), &bench.path("guess.toml"))?;
-    let (guess, setup, rest) = (file("guess.toml")?, file("vision.toml")?, REST_S.to_string());
+    let (guess, setup, rest) = (
+        file("guess.toml")?,
+        file("vision.toml")?,
+        REST_S.to_string(),
+    );
     let folders = ["pitch/view0", "pitch/view1", "yaw/view0", "yaw/view1"].map(file);
     let [p0, p1, y0, y1] = folders;
     let (p0, p1, y0, y1) = (p0?, p1?, y0?, y1?);
-    let calibrate = ["vision", "calibrate", "--setup", &guess, "--output", &setup, "--rest-s", &rest];
+    let calibrate = [
+        "vision",
+        "calibrate",
+        "--setup",
+        &guess,
+        "--output",
+        &setup,
+        "--rest-s",
+        &rest,
+    ];
     let motions = ["--pitch", &p0, &p1, "--yaw", &y0, &y1];
-    run(bench, emulator, "calibrate the views by those motions", &[&calibrate[..], &motions].concat())?;
+    run(
+        bench,
+        emulator,
+        "calibrate the views by those motions",
+        &[&calibrate[..], &motions].concat(),
+    )?;
     stream(bench, emulator, &size, &setup)?;
     let (recording, angles, images) = (file(DIRECT)?, file("angles.csv")?, file("images.csv")?);
     run(
         bench,
         emulator,
         "bring angles and counts together",
-        &["calibrate", "merge", &recording, &angles, "--output", &images],
+        &[
+            "calibrate",
+            "merge",
+            &recording,
+            &angles,
+            "--output",
+            &images,
+        ],
     )
 }
 
@@ -126,13 +174,18 @@ fn look(bench: &Bench, emulator: &mut Process, size: Size) -> Result<(), Failure
 fn thin(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     let mut reader = csv::Reader::from_path(recording)?;
     let header = reader.headers()?.clone();
-    let is_angle = |column: usize| header.get(column).is_some_and(|name| name.ends_with("_deg"));
+    let is_angle = |column: usize| {
+        header
+            .get(column)
+            .is_some_and(|name| name.ends_with("_deg"))
+    };
     let mut writer = csv::Writer::from_path(to)?;
     writer.write_record(&header)?;
     let mut pictures = 0_u32;
     for row in reader.records() {
         let row = row?;
-        let has_angles = (0..row.len()).any(|column| is_angle(column) && row.get(column) != Some(""));
+        let has_angles =
+            (0..row.len()).any(|column| is_angle(column) && row.get(column) != Some(""));
         let keeps = !has_angles || pictures.is_multiple_of(every);
         pictures += u32::from(has_angles);
         let cell = |(column, cell)| if keeps || !is_angle(column) { cell } else { "" };
@@ -157,7 +210,10 @@ fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Res
     let (recording, folder, angles) = (file(DIRECT)?, file("pictures")?, file("angles.csv")?);
     let (first, second) = (file("pictures/view0")?, file("pictures/view1")?);
     let pictures = table::read(&bench.path(DIRECT))?.len();
-    let bar = bar("draw the recording as pictures and measure them", pictures as f64 / 10.0);
+    let bar = bar(
+        "draw the recording as pictures and measure them",
+        pictures as f64 / 10.0,
+    );
     let mut renderer = bench.tool(
         "render",
         &[
@@ -178,8 +234,12 @@ fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Res
         renderer.check()?;
         std::thread::sleep(Duration::from_millis(10));
     }
-    // Every picture carries its stamp; a rate says that these come from a recording and need not come in time.
-    let measure = ["vision", "--setup", setup, &first, &second, "--rest-s", "0", "--fps", "30", "--output", &angles];
+    // Every picture carries its stamp; a rate says that these come from a recording and need not
+    // come in time.
+    let measure = [
+        "vision", "--setup", setup, &first, &second, "--rest-s", "0", "--fps", "30", "--output",
+        &angles,
+    ];
     let mut vision = bench.tool("vision", &measure)?;
     while !vision.finished()? {
         watch_over(&mut [&mut *emulator])?;
@@ -194,11 +254,18 @@ fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Res
 }
 
 fn lines(path: &Path) -> u64 {
-    fs::read(path).map_or(0, |bytes| bytes.iter().filter(|byte| **byte == b'\n').count() as u64)
+    fs::read(path).map_or(0, |bytes| {
+        bytes.iter().filter(|byte| **byte == b'\n').count() as u64
+    })
 }
 
 /// Runs `i2ris` with arguments to its end.
-fn run(bench: &Bench, emulator: &mut Process, what: &str, arguments: &[&str]) -> Result<(), Failure> {
+fn run(
+    bench: &Bench,
+    emulator: &mut Process,
+    what: &str,
+    arguments: &[&str],
+) -> Result<(), Failure> {
     step(what, || {
         let mut tool = bench.tool("images", arguments)?;
         while !tool.finished()? {
@@ -217,7 +284,8 @@ fn seen(bench: &Bench) -> Result<(), Failure> {
     let errors: Vec<[f64; 2]> = measured
         .iter()
         .filter_map(|(stamp, pose)| {
-            let (_, exact) = truth.get(truth.partition_point(|(other, _)| other.0 + 1000 < stamp.0))?;
+            let (_, exact) =
+                truth.get(truth.partition_point(|(other, _)| other.0 + 1000 < stamp.0))?;
             let (a, b) = (degrees(pose), degrees(exact));
             Some([a[0] - b[0], a[1] - b[1]])
         })
@@ -235,7 +303,9 @@ fn seen(bench: &Bench) -> Result<(), Failure> {
 /// What the way through pictures costs.
 fn loss(followed: &[Followed], family: &str, motion: Motion) {
     let length = |way: &str| {
-        let run = followed.iter().find(|run| run.family == format!("{family}-{way}") && run.motion == motion);
+        let run = followed
+            .iter()
+            .find(|run| run.family == format!("{family}-{way}") && run.motion == motion);
         run.map(|run| rms_deg(&run.run.errors_deg)[2])
     };
     if let (Some(direct), Some(images)) = (length("direct"), length("images")) {
@@ -255,7 +325,11 @@ mod tests {
     fn every_other_picture_loses_its_angles_and_no_row_its_counts() {
         let folder = tempfile::tempdir().unwrap();
         let (from, to) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
-        fs::write(&from, "t_s,q0_counts,pitch_deg,yaw_deg\n1,5,0.1,0.2\n2,6,,\n3,7,0.3,0.4\n4,8,0.5,0.6\n").unwrap();
+        fs::write(
+            &from,
+            "t_s,q0_counts,pitch_deg,yaw_deg\n1,5,0.1,0.2\n2,6,,\n3,7,0.3,0.4\n4,8,0.5,0.6\n",
+        )
+        .unwrap();
         thin(&from, &to, 2).unwrap();
         assert_eq!(
             fs::read_to_string(&to).unwrap(),

@@ -32,8 +32,8 @@ const NEWS: Nanos = Nanos::from_millis(3000);
 /// Pictures that are on their way.
 const AFTERGLOW: Nanos = Nanos::from_millis(300);
 
-/// The motors pull at 45 degrees to the joint axes, so both turn for one axis. The signs are what a person finds out by
-/// turning a motor and looking at the snake.
+/// The motors pull at 45 degrees to the joint axes, so both turn for one axis. The signs are what a
+/// person finds out by turning a motor and looking at the snake.
 #[derive(Debug, Clone, Copy)]
 pub enum Swing {
     Pitch,
@@ -53,11 +53,17 @@ impl Swing {
         // The last swing comes to rest: no jump where it ends.
         let size = ((SWINGS * SWING_S - swung) / (0.5 * SWING_S)).clamp(0.0, 1.0);
         let place = REACH_COUNTS * size * (TAU * swung / SWING_S).sin();
-        self.directions().map(|direction| (direction * place).round() as i32)
+        self.directions()
+            .map(|direction| (direction * place).round() as i32)
     }
 
     /// Moves the robot and writes what the camera saw as angles over time.
-    pub fn record(self, client: &mut Client, children: &mut [&mut Process], file: &Path) -> Result<(), Failure> {
+    pub fn record(
+        self,
+        client: &mut Client,
+        children: &mut [&mut Process],
+        file: &Path,
+    ) -> Result<(), Failure> {
         let mut camera = client.watcher().external();
         let mut commander = client.commander();
         let mut seen = Series::<2>::default();
@@ -114,10 +120,16 @@ mod tests {
     #[test]
     fn a_swing_rests_first_moves_one_axis_softly_and_ends_at_rest() {
         for (swing, sign) in [(Swing::Pitch, -1), (Swing::Yaw, 1)] {
-            let places: Vec<[i32; 2]> = (0..=5200).map(|k| swing.counts(f64::from(k) * 0.005)).collect();
+            let places: Vec<[i32; 2]> = (0..=5200)
+                .map(|k| swing.counts(f64::from(k) * 0.005))
+                .collect();
             assert!(places.iter().all(|[a, b]| *b == sign * a));
             assert!(places[..400].iter().all(|place| *place == [0, 0]));
-            assert!(places.windows(2).all(|pair| (pair[1][0] - pair[0][0]).abs() < 6));
+            assert!(
+                places
+                    .windows(2)
+                    .all(|pair| (pair[1][0] - pair[0][0]).abs() < 6)
+            );
             assert!(places.iter().any(|[a, _]| *a > 900) && places.iter().any(|[a, _]| *a < -900));
             assert_eq!(places.last(), Some(&[0, 0]));
         }

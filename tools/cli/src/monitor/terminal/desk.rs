@@ -36,7 +36,13 @@ pub enum Panel {
 }
 
 impl Panel {
-    pub const ALL: [Self; 5] = [Self::Numbers, Self::Strips, Self::Plane, Self::Loops, Self::Events];
+    pub const ALL: [Self; 5] = [
+        Self::Numbers,
+        Self::Strips,
+        Self::Plane,
+        Self::Loops,
+        Self::Events,
+    ];
 
     pub const fn name(self) -> &'static str {
         match self {
@@ -81,9 +87,14 @@ impl Desk {
             KeyCode::Char(' ') => return self.order(Order::Pause),
             KeyCode::Char('h') => return self.order(Order::Hold),
             KeyCode::Char('y') => {
-                return self.question(now).map(|question| question.order.clone()).and_then(|o| self.order(o));
+                return self
+                    .question(now)
+                    .map(|question| question.order.clone())
+                    .and_then(|o| self.order(o));
             }
-            KeyCode::Char('n') | KeyCode::Esc if self.question(now).is_some() => self.question = None,
+            KeyCode::Char('n') | KeyCode::Esc if self.question(now).is_some() => {
+                self.question = None
+            }
             KeyCode::Char('q') => self.quit = true,
             KeyCode::Char('a') => return self.order(Order::Acknowledge),
             KeyCode::Char('m') => self.ask_to_swap(models, now),
@@ -95,12 +106,17 @@ impl Desk {
 
     /// What is to be confirmed, if anything.
     pub fn question(&self, now: Nanos) -> Option<&Question> {
-        self.question.as_ref().filter(|question| now.since(question.asked) < PATIENCE)
+        self.question
+            .as_ref()
+            .filter(|question| now.since(question.asked) < PATIENCE)
     }
 
     /// What was answered last, while it is worth showing.
     pub fn answer(&self, now: Nanos) -> Option<&Answer> {
-        self.answer.as_ref().filter(|(_, at)| now.since(*at) < SHOWN).map(|(answer, _)| answer)
+        self.answer
+            .as_ref()
+            .filter(|(_, at)| now.since(*at) < SHOWN)
+            .map(|(answer, _)| answer)
     }
 
     /// Shows an answer.
@@ -116,10 +132,22 @@ impl Desk {
     fn ask_to_swap(&mut self, models: &Models, now: Nanos) {
         let Some(staged) = models.staged() else {
             let text = "no model is staged: i2ris model stage FILE";
-            return self.hear(Answer { good: false, text: text.to_owned() }, now);
+            return self.hear(
+                Answer {
+                    good: false,
+                    text: text.to_owned(),
+                },
+                now,
+            );
         };
-        let memory = if staged.memory_known { "" } else { ", its memory unknown" };
-        let place = models.used().map_or_else(String::new, |used| format!(" in place of {}", used.name));
+        let memory = if staged.memory_known {
+            ""
+        } else {
+            ", its memory unknown"
+        };
+        let place = models
+            .used()
+            .map_or_else(String::new, |used| format!(" in place of {}", used.name));
         self.question = Some(Question {
             text: format!("Activate {}{memory}{place}?", staged.name),
             order: Order::Activate(staged.id),
@@ -130,14 +158,26 @@ impl Desk {
     fn ask_to_roll_back(&mut self, models: &Models, now: Nanos) {
         let Some(former) = models.former() else {
             let text = "no model was in use before this one";
-            return self.hear(Answer { good: false, text: text.to_owned() }, now);
+            return self.hear(
+                Answer {
+                    good: false,
+                    text: text.to_owned(),
+                },
+                now,
+            );
         };
-        self.question =
-            Some(Question { text: format!("Roll back to {}?", former.name), order: Order::Rollback, asked: now });
+        self.question = Some(Question {
+            text: format!("Roll back to {}?", former.name),
+            order: Order::Rollback,
+            asked: now,
+        });
     }
 
     fn look_elsewhere(&mut self, code: KeyCode) {
-        let place = Panel::ALL.iter().position(|panel| *panel == self.panel).unwrap_or(0);
+        let place = Panel::ALL
+            .iter()
+            .position(|panel| *panel == self.panel)
+            .unwrap_or(0);
         let count = Panel::ALL.len();
         let next = match code {
             KeyCode::Tab | KeyCode::Right => (place + 1) % count,
@@ -170,7 +210,10 @@ mod tests {
             ..ModelSlot::default()
         };
         let slots = [slot(1, 3), slot(2, 1), slot(3, 3)];
-        Models { slots: Some(slots), ..Models::default() }
+        Models {
+            slots: Some(slots),
+            ..Models::default()
+        }
     }
 
     fn key(character: char) -> KeyEvent {
@@ -183,7 +226,11 @@ mod tests {
         assert_eq!(desk.press(&key(' '), &models(), NOW), Some(Order::Pause));
         assert_eq!(desk.press(&key('m'), &models(), NOW), None);
         assert_eq!(desk.press(&key('h'), &models(), NOW), Some(Order::Hold));
-        assert_eq!(desk.press(&key('y'), &models(), NOW), None, "the question is gone");
+        assert_eq!(
+            desk.press(&key('y'), &models(), NOW),
+            None,
+            "the question is gone"
+        );
     }
 
     #[test]
@@ -195,7 +242,10 @@ mod tests {
             desk.question(NOW).unwrap().text,
             "Activate linear 02020202, its memory unknown in place of linear 01010101?"
         );
-        assert_eq!(desk.press(&key('y'), &Models::default(), NOW), Some(Order::Activate(ModelId([2; 32]))));
+        assert_eq!(
+            desk.press(&key('y'), &Models::default(), NOW),
+            Some(Order::Activate(ModelId([2; 32])))
+        );
         assert_eq!(desk.press(&key('b'), &models(), NOW), None);
         assert_eq!(desk.press(&key('n'), &models(), NOW), None);
         assert_eq!(desk.press(&key('y'), &models(), NOW), None);
@@ -223,7 +273,9 @@ mod tests {
     #[test]
     fn views_go_round() {
         let mut desk = Desk::default();
-        let press = |desk: &mut Desk, code| desk.press(&KeyEvent::new(code, KeyModifiers::NONE), &models(), NOW);
+        let press = |desk: &mut Desk, code| {
+            desk.press(&KeyEvent::new(code, KeyModifiers::NONE), &models(), NOW)
+        };
         press(&mut desk, KeyCode::BackTab);
         assert_eq!(desk.panel, Panel::Events);
         press(&mut desk, KeyCode::Tab);

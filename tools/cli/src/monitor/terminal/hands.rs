@@ -1,5 +1,6 @@
-//! The only part of the monitor that asks the controller to do something. In threads of its own, so that the screen goes on
-//! while an answer is waited for; stopping has one that nothing else waits in.
+//! The only part of the monitor that asks the controller to do something. In threads of its own, so
+//! that the screen goes on while an answer is waited for; stopping has one that nothing else waits
+//! in.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
@@ -16,7 +17,8 @@ const CONNECT: Nanos = Nanos::from_millis(200);
 /// Orders that may wait for the one before.
 const WAITING: usize = 2;
 
-/// What a person may ask for here. It can stop the robot and change its model; it cannot start it, and it cannot move it.
+/// What a person may ask for here. It can stop the robot and change its model; it cannot start it,
+/// and it cannot move it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Order {
     /// Hold, and refuse servo commands until someone resumes.
@@ -66,15 +68,28 @@ impl Hands {
     /// Starts them. They connect when there is something to do.
     pub fn start(domain: &Domain) -> Self {
         let (answer, answers) = channel();
-        Self { stops: worker(domain, answer.clone()), models: worker(domain, answer), answers }
+        Self {
+            stops: worker(domain, answer.clone()),
+            models: worker(domain, answer),
+            answers,
+        }
     }
 
-    /// Has an order carried out; an answer follows. `Some`: it cannot be, because too many are waiting.
+    /// Has an order carried out; an answer follows. `Some`: it cannot be, because too many are
+    /// waiting.
     pub fn carry_out(&self, order: Order) -> Option<Answer> {
         let name = order.name();
-        let queue = if order.is_about_models() { &self.models } else { &self.stops };
-        let text = format!("{name} NOT SENT: the controller has not answered what was asked before");
-        queue.try_send(order).err().map(|_| Answer { good: false, text })
+        let queue = if order.is_about_models() {
+            &self.models
+        } else {
+            &self.stops
+        };
+        let text =
+            format!("{name} NOT SENT: the controller has not answered what was asked before");
+        queue
+            .try_send(order)
+            .err()
+            .map(|_| Answer { good: false, text })
     }
 
     /// What was answered since the last call.
@@ -90,8 +105,14 @@ fn worker(domain: &Domain, answers: Sender<Answer>) -> SyncSender<Order> {
         let mut client = None;
         for order in orders {
             let answer = match carry_out(&mut client, &domain, &order) {
-                Ok(text) => Answer { good: true, text: format!("{}: {text}", order.name()) },
-                Err(error) => Answer { good: false, text: format!("{} NOT DONE: {error}", order.name()) },
+                Ok(text) => Answer {
+                    good: true,
+                    text: format!("{}: {text}", order.name()),
+                },
+                Err(error) => Answer {
+                    good: false,
+                    text: format!("{} NOT DONE: {error}", order.name()),
+                },
             };
             if answers.send(answer).is_err() {
                 return;
@@ -101,7 +122,11 @@ fn worker(domain: &Domain, answers: Sender<Answer>) -> SyncSender<Order> {
     sender
 }
 
-fn carry_out(client: &mut Option<Client>, domain: &Domain, order: &Order) -> Result<String, ClientError> {
+fn carry_out(
+    client: &mut Option<Client>,
+    domain: &Domain,
+    order: &Order,
+) -> Result<String, ClientError> {
     let client = match client {
         Some(client) => client,
         None => client.insert(Client::connect(domain, CONNECT)?),
@@ -116,10 +141,17 @@ fn carry_out(client: &mut Option<Client>, domain: &Domain, order: &Order) -> Res
         }
         Order::Rollback => {
             let slots = client.roll_back_model(false)?.slots;
-            return Ok(format!("model {} takes over", short_id(ModelId(slots[0].model_id))));
+            return Ok(format!(
+                "model {} takes over",
+                short_id(ModelId(slots[0].model_id))
+            ));
         }
     };
     let state = client.state_command(command)?;
-    let more = if *order == Order::Hold { ", until the next command" } else { "" };
+    let more = if *order == Order::Hold {
+        ", until the next command"
+    } else {
+        ""
+    };
     Ok(format!("the controller is {state}{more}"))
 }

@@ -14,7 +14,10 @@ pub const HULL: Color = Color::DarkGray;
 
 /// Something that is not as it should be.
 pub fn alarm() -> Style {
-    Style::new().fg(Color::White).bg(Color::Red).add_modifier(Modifier::BOLD)
+    Style::new()
+        .fg(Color::White)
+        .bg(Color::Red)
+        .add_modifier(Modifier::BOLD)
 }
 
 /// Something to be looked at.
@@ -35,8 +38,9 @@ pub fn of_level(level: Level) -> Style {
     }
 }
 
-/// Puts items one after the other, two spaces apart, into lines of this width. An item that is wider than a line is broken
-/// between words, and a word that is wider than a line between characters: nothing is lost.
+/// Puts items one after the other, two spaces apart, into lines of this width. An item that is
+/// wider than a line is broken between words, and a word that is wider than a line between
+/// characters: nothing is lost.
 pub fn fold(items: impl IntoIterator<Item = Span<'static>>, width: usize) -> Vec<Line<'static>> {
     let width = width.max(1);
     let mut lines: Vec<Line<'static>> = Vec::new();
@@ -49,7 +53,9 @@ pub fn fold(items: impl IntoIterator<Item = Span<'static>>, width: usize) -> Vec
             line.push_span(item);
         } else {
             lines.extend(
-                broken(&item.content, width).into_iter().map(|part| Line::from(Span::styled(part, item.style))),
+                broken(&item.content, width)
+                    .into_iter()
+                    .map(|part| Line::from(Span::styled(part, item.style))),
             );
         }
     }
@@ -76,7 +82,10 @@ pub fn broken(text: &str, width: usize) -> Vec<String> {
 
 fn chunks(word: &str, width: usize) -> Vec<String> {
     let characters: Vec<char> = word.chars().collect();
-    characters.chunks(width.max(1)).map(|chunk| chunk.iter().collect()).collect()
+    characters
+        .chunks(width.max(1))
+        .map(|chunk| chunk.iter().collect())
+        .collect()
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! How the screen is divided: everything at once where there is room, one view after the other where there is not.
+//! How the screen is divided: everything at once where there is room, one view after the other
+//! where there is not.
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Message, OperatingState, Refusal};
@@ -45,7 +46,10 @@ fn lines_of(lines: &[Line]) -> u16 {
 
 /// State, what it means, who commands, and what is wrong.
 fn header(board: &Board, title: &str, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let problem = board.problem.iter().map(|problem| Span::styled(problem.clone(), alarm()));
+    let problem = board
+        .problem
+        .iter()
+        .map(|problem| Span::styled(problem.clone(), alarm()));
     let mut lines = fold(problem, width);
     match &board.view.state {
         None => lines.extend(fold([Span::styled(" STATE NOT TOLD YET ", alarm())], width)),
@@ -64,19 +68,41 @@ fn state_items(board: &Board, state: &OperatingStateMsg, now: Nanos) -> Vec<Span
     let has = |flag: u32| state.flags & flag != 0;
     let name = state_name(state);
     let stale = state.age(now) > STALE;
-    let badge =
-        if stale { format!(" STALE {:.1} s, was {name} ", state.age(now).as_seconds()) } else { format!(" {name} ") };
+    let badge = if stale {
+        format!(" STALE {:.1} s, was {name} ", state.age(now).as_seconds())
+    } else {
+        format!(" {name} ")
+    };
     let mut items = vec![Span::styled(badge, badge_style(state, stale))];
-    items.extend(board.view.fault().map(|fault| Span::styled(fault.to_string(), alarm())));
-    items.push(Span::raw(format!("for {:.0} s", state.stamp().since(Nanos(state.since_ns)).as_seconds())));
-    let model = board.models.used().map(|used| format!("model {}", used.name));
+    items.extend(
+        board
+            .view
+            .fault()
+            .map(|fault| Span::styled(fault.to_string(), alarm())),
+    );
+    items.push(Span::raw(format!(
+        "for {:.0} s",
+        state.stamp().since(Nanos(state.since_ns)).as_seconds()
+    )));
+    let model = board
+        .models
+        .used()
+        .map(|used| format!("model {}", used.name));
     for (flag, on, off) in [
         (OperatingStateMsg::HOMED, Some("homed"), Some("NOT HOMED")),
         (OperatingStateMsg::BUSY, Some("busy"), None),
         (OperatingStateMsg::HOLDING, Some("holding"), None),
         (OperatingStateMsg::CLIPPED, Some("CLIPPED TO HULL"), None),
-        (OperatingStateMsg::MEMORY_KNOWN, Some("memory known"), Some("memory unknown")),
-        (OperatingStateMsg::MODEL, model.as_deref().or(Some("model loaded")), Some("no model")),
+        (
+            OperatingStateMsg::MEMORY_KNOWN,
+            Some("memory known"),
+            Some("memory unknown"),
+        ),
+        (
+            OperatingStateMsg::MODEL,
+            model.as_deref().or(Some("model loaded")),
+            Some("no model"),
+        ),
     ] {
         let text = if has(flag) { on } else { off };
         let style = if text.is_some_and(|text| text == "NOT HOMED" || text.starts_with("CLIPPED")) {
@@ -98,7 +124,11 @@ fn badge_style(state: &OperatingStateMsg, stale: bool) -> Style {
         Some(OperatingState::Fault) | None => Color::Red,
     };
     Style::new()
-        .fg(if colour == Color::Red { Color::White } else { Color::Black })
+        .fg(if colour == Color::Red {
+            Color::White
+        } else {
+            Color::Black
+        })
         .bg(colour)
         .add_modifier(Modifier::BOLD)
 }
@@ -112,12 +142,22 @@ fn command_items(state: &OperatingStateMsg) -> Vec<Span<'static>> {
     let mut items = vec![
         Span::raw(lease),
         Span::raw(format!("accepted {}", state.accepted)),
-        Span::styled(refused, if state.refused > 0 { warning() } else { Style::new() }),
+        Span::styled(
+            refused,
+            if state.refused > 0 {
+                warning()
+            } else {
+                Style::new()
+            },
+        ),
     ];
     let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
     items.extend(reason.map(|reason| Span::raw(format!("last: {reason}"))));
     if state.stale_stops > 0 {
-        items.push(Span::styled(format!("stale stops {}", state.stale_stops), warning()));
+        items.push(Span::styled(
+            format!("stale stops {}", state.stale_stops),
+            warning(),
+        ));
     }
     items
 }
@@ -126,11 +166,18 @@ fn command_items(state: &OperatingStateMsg) -> Vec<Span<'static>> {
 fn footer(desk: &Desk, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some(question) = desk.question(now) {
-        lines.extend(fold([Span::styled(question.text.clone(), warning())], width));
+        lines.extend(fold(
+            [Span::styled(question.text.clone(), warning())],
+            width,
+        ));
         lines.extend(fold([key("y", "yes"), key("n", "no")].concat(), width));
     }
     if let Some(answer) = desk.answer(now) {
-        let style = if answer.good { Style::new().fg(Color::Green) } else { alarm() };
+        let style = if answer.good {
+            Style::new().fg(Color::Green)
+        } else {
+            alarm()
+        };
         lines.extend(fold([Span::styled(answer.text.clone(), style)], width));
     }
     lines.extend(keys(width));
@@ -138,14 +185,19 @@ fn footer(desk: &Desk, width: usize, now: Nanos) -> Vec<Line<'static>> {
 }
 
 fn key(name: &str, meaning: &str) -> Vec<Span<'static>> {
-    vec![Span::styled(format!("{name} {meaning}"), Style::new().add_modifier(Modifier::REVERSED))]
+    vec![Span::styled(
+        format!("{name} {meaning}"),
+        Style::new().add_modifier(Modifier::REVERSED),
+    )]
 }
 
 fn keys(width: usize) -> Vec<Line<'static>> {
     let mut lines: Vec<Line<'static>> = Vec::new();
     for (name, meaning) in KEYS {
-        let item =
-            [Span::styled(name, Style::new().add_modifier(Modifier::REVERSED)), Span::raw(format!(" {meaning}"))];
+        let item = [
+            Span::styled(name, Style::new().add_modifier(Modifier::REVERSED)),
+            Span::raw(format!(" {meaning}")),
+        ];
         let long: usize = item.iter().map(Span::width).sum();
         match lines.last_mut() {
             Some(line) if line.width() + 2 + long <= width => {
@@ -160,15 +212,29 @@ fn keys(width: usize) -> Vec<Line<'static>> {
 
 /// Numbers and events on the left, plots on the right.
 fn everything(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Nanos) {
-    let [left, right] =
-        Layout::horizontal([Constraint::Length(numbers::WIDTH as u16 + 3), Constraint::Min(0)]).areas(area);
+    let [left, right] = Layout::horizontal([
+        Constraint::Length(numbers::WIDTH as u16 + 3),
+        Constraint::Min(0),
+    ])
+    .areas(area);
     let text = numbers::lines(board, numbers::WIDTH, now);
-    let [top, bottom] = Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)]).areas(left);
+    let [top, bottom] =
+        Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)]).areas(left);
     frame.render_widget(Paragraph::new(text), top);
-    scrolled(frame, Rect { width: numbers::WIDTH as u16, ..bottom }, events(board, numbers::WIDTH, now), desk.scroll);
-    let [strips, plots] = Layout::vertical([Constraint::Percentage(54), Constraint::Min(0)]).areas(right);
+    scrolled(
+        frame,
+        Rect {
+            width: numbers::WIDTH as u16,
+            ..bottom
+        },
+        events(board, numbers::WIDTH, now),
+        desk.scroll,
+    );
+    let [strips, plots] =
+        Layout::vertical([Constraint::Percentage(54), Constraint::Min(0)]).areas(right);
     draw_strips(frame, strips, board, now);
-    let [plane, loops] = Layout::horizontal([Constraint::Percentage(50), Constraint::Min(0)]).areas(plots);
+    let [plane, loops] =
+        Layout::horizontal([Constraint::Percentage(50), Constraint::Min(0)]).areas(plots);
     charts::plane(frame, plane, board, now);
     draw_loops(frame, loops, board, now);
 }
@@ -177,25 +243,40 @@ fn everything(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Na
 fn one_view(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Nanos) {
     let width = usize::from(area.width);
     let tabs = fold(Panel::ALL.map(|panel| tab(panel, desk.panel)), width);
-    let [top, rest] = Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
+    let [top, rest] =
+        Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(tabs), top);
     match desk.panel {
-        Panel::Numbers => scrolled(frame, rest, numbers::lines(board, width.min(60), now), desk.scroll),
+        Panel::Numbers => scrolled(
+            frame,
+            rest,
+            numbers::lines(board, width.min(60), now),
+            desk.scroll,
+        ),
         Panel::Strips => draw_strips(frame, rest, board, now),
-        Panel::Plane => with_legend(frame, rest, |frame, area| charts::plane(frame, area, board, now)),
-        Panel::Loops => with_legend(frame, rest, |frame, area| draw_loops(frame, area, board, now)),
+        Panel::Plane => with_legend(frame, rest, |frame, area| {
+            charts::plane(frame, area, board, now)
+        }),
+        Panel::Loops => with_legend(frame, rest, |frame, area| {
+            draw_loops(frame, area, board, now)
+        }),
         Panel::Events => scrolled(frame, rest, events(board, width, now), desk.scroll),
     }
 }
 
 fn tab(panel: Panel, chosen: Panel) -> Span<'static> {
-    let style = if panel == chosen { Style::new().add_modifier(Modifier::REVERSED) } else { faint() };
+    let style = if panel == chosen {
+        Style::new().add_modifier(Modifier::REVERSED)
+    } else {
+        faint()
+    };
     Span::styled(panel.name(), style)
 }
 
 fn draw_strips(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
     with_legend(frame, area, |frame, area| {
-        let [pitch, yaw] = Layout::vertical([Constraint::Percentage(50), Constraint::Min(0)]).areas(area);
+        let [pitch, yaw] =
+            Layout::vertical([Constraint::Percentage(50), Constraint::Min(0)]).areas(area);
         charts::strip(frame, pitch, board, 0, now);
         charts::strip(frame, yaw, board, 1, now);
     });
@@ -205,7 +286,11 @@ fn draw_strips(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
 fn draw_loops(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
     let motors = charts::motors(board);
     let parts = vec![Constraint::Ratio(1, motors as u32); motors];
-    let layout = if area.width >= 56 { Layout::horizontal(parts) } else { Layout::vertical(parts) };
+    let layout = if area.width >= 56 {
+        Layout::horizontal(parts)
+    } else {
+        Layout::vertical(parts)
+    };
     for (motor, part) in layout.split(area).iter().enumerate() {
         charts::hysteresis(frame, *part, board, motor, now);
     }
@@ -213,18 +298,29 @@ fn draw_loops(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
 
 fn with_legend(frame: &mut Frame, area: Rect, plot: impl FnOnce(&mut Frame, Rect)) {
     let legend = fold(charts::legend(), usize::from(area.width));
-    let [top, rest] = Layout::vertical([Constraint::Length(lines_of(&legend)), Constraint::Min(0)]).areas(area);
+    let [top, rest] =
+        Layout::vertical([Constraint::Length(lines_of(&legend)), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(legend), top);
     plot(frame, rest);
 }
 
 fn events(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let mut lines = vec![Line::from(Span::styled("events seen since this started", faint()))];
+    let mut lines = vec![Line::from(Span::styled(
+        "events seen since this started",
+        faint(),
+    ))];
     for event in board.journal.newest() {
-        let count = if event.count > 1 { format!(" ({} times)", event.count) } else { String::new() };
+        let count = if event.count > 1 {
+            format!(" ({} times)", event.count)
+        } else {
+            String::new()
+        };
         let age = format!("{:>4.0} s ago", now.since(event.stamp).as_seconds());
         lines.extend(fold(
-            [Span::styled(age, faint()), Span::styled(format!("{}{count}", event.text), of_level(event.level))],
+            [
+                Span::styled(age, faint()),
+                Span::styled(format!("{}{count}", event.text), of_level(event.level)),
+            ],
             width,
         ));
     }
@@ -239,8 +335,20 @@ fn scrolled(frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>, scroll: us
     }
     let room = height.saturating_sub(1);
     let first = scroll.min(lines.len() - room.min(lines.len()));
-    let more =
-        Line::from(Span::styled(format!("↑↓ lines {} to {} of {}", first + 1, first + room, lines.len()), warning()));
-    let shown: Vec<Line> = lines.into_iter().skip(first).take(room).chain(std::iter::once(more)).collect();
+    let more = Line::from(Span::styled(
+        format!(
+            "↑↓ lines {} to {} of {}",
+            first + 1,
+            first + room,
+            lines.len()
+        ),
+        warning(),
+    ));
+    let shown: Vec<Line> = lines
+        .into_iter()
+        .skip(first)
+        .take(room)
+        .chain(std::iter::once(more))
+        .collect();
     frame.render_widget(Paragraph::new(shown), area);
 }

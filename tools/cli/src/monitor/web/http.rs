@@ -1,4 +1,5 @@
-//! As much of HTTP/1.1 (RFC 9112) as a page to look at needs. Bytes in, values out; the parser of the heads is `httparse`.
+//! As much of HTTP/1.1 (RFC 9112) as a page to look at needs. Bytes in, values out; the parser of
+//! the heads is `httparse`.
 
 /// The longest head that is read. Browsers send a few hundred bytes.
 pub const LONGEST_HEAD: usize = 8192;
@@ -38,7 +39,9 @@ pub fn parse(bytes: &[u8]) -> Head {
         Ok(httparse::Status::Partial) => return Head::Partial,
         Err(_) => return Head::Bad,
     };
-    let (Some(method), Some(target), Some(version)) = (head.method, head.path, head.version) else { return Head::Bad };
+    let (Some(method), Some(target), Some(version)) = (head.method, head.path, head.version) else {
+        return Head::Bad;
+    };
     let mut request = Request {
         method: method.to_owned(),
         target: target.to_owned(),
@@ -47,7 +50,9 @@ pub fn parse(bytes: &[u8]) -> Head {
         has_body: false,
     };
     for field in head.headers.iter() {
-        let Ok(value) = std::str::from_utf8(field.value).map(str::trim) else { continue };
+        let Ok(value) = std::str::from_utf8(field.value).map(str::trim) else {
+            continue;
+        };
         match field.name.to_ascii_lowercase().as_str() {
             // Two of them are a trick.
             "host" if request.host.is_some() => return Head::Bad,
@@ -72,15 +77,24 @@ pub struct Response {
 impl Response {
     /// The answer that was asked for.
     pub fn good(kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
-        Self { status: 200, kind, body: body.into() }
+        Self {
+            status: 200,
+            kind,
+            body: body.into(),
+        }
     }
 
     /// A refusal with a sentence.
     pub fn refusal(status: u16, text: &str) -> Self {
-        Self { status, kind: "text/plain; charset=utf-8", body: format!("{text}\n").into_bytes() }
+        Self {
+            status,
+            kind: "text/plain; charset=utf-8",
+            body: format!("{text}\n").into_bytes(),
+        }
     }
 
-    /// What goes over the wire. The page may load nothing from elsewhere, be framed by nobody, and nothing of it is kept.
+    /// What goes over the wire. The page may load nothing from elsewhere, be framed by nobody, and
+    /// nothing of it is kept.
     pub fn bytes(&self, keep_alive: bool) -> Vec<u8> {
         let reason = match self.status {
             200 => "OK",
@@ -91,7 +105,11 @@ impl Response {
             431 => "Request Header Fields Too Large",
             _ => "Service Unavailable",
         };
-        let allow = if self.status == 405 { "Allow: GET\r\n" } else { "" };
+        let allow = if self.status == 405 {
+            "Allow: GET\r\n"
+        } else {
+            ""
+        };
         let head = format!(
             "HTTP/1.1 {} {reason}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{allow}Connection: {}\r\n\
              Cache-Control: no-store\r\nContent-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; \
@@ -126,9 +144,16 @@ mod tests {
     fn a_head_is_read_whole_or_waited_for() {
         let text = "GET /live?after=3 HTTP/1.1\r\nHost: localhost:8765\r\nAccept: */*\r\n\r\n";
         let request = whole(text);
-        assert_eq!((request.method.as_str(), request.target.as_str()), ("GET", "/live?after=3"));
         assert_eq!(
-            (request.host.as_deref(), request.keep_alive, request.has_body),
+            (request.method.as_str(), request.target.as_str()),
+            ("GET", "/live?after=3")
+        );
+        assert_eq!(
+            (
+                request.host.as_deref(),
+                request.keep_alive,
+                request.has_body
+            ),
             (Some("localhost:8765"), true, false)
         );
         assert!((0..text.len()).all(|end| parse(&text.as_bytes()[..end]) == Head::Partial));
@@ -140,7 +165,12 @@ mod tests {
 
     #[test]
     fn what_is_no_http_is_told() {
-        for text in ["hello\r\n\r\n", "GET / HTTP/9\r\n\r\n", "GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n", "\0\0"] {
+        for text in [
+            "hello\r\n\r\n",
+            "GET / HTTP/9\r\n\r\n",
+            "GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n",
+            "\0\0",
+        ] {
             assert_eq!(parse(text.as_bytes()), Head::Bad, "{text}");
         }
     }
@@ -149,12 +179,23 @@ mod tests {
     fn an_answer_says_how_long_it_is_and_what_the_page_may_do() {
         let bytes = Response::good("text/plain", "abc").bytes(true);
         let text = String::from_utf8(bytes).unwrap();
-        assert!(text.starts_with("HTTP/1.1 200 OK\r\n") && text.ends_with("\r\n\r\nabc"), "{text}");
-        for part in ["Content-Length: 3\r\n", "default-src 'none'", "Connection: keep-alive\r\n", "no-store"] {
+        assert!(
+            text.starts_with("HTTP/1.1 200 OK\r\n") && text.ends_with("\r\n\r\nabc"),
+            "{text}"
+        );
+        for part in [
+            "Content-Length: 3\r\n",
+            "default-src 'none'",
+            "Connection: keep-alive\r\n",
+            "no-store",
+        ] {
             assert!(text.contains(part), "{part}: {text}");
         }
         let text = String::from_utf8(Response::refusal(405, "no").bytes(false)).unwrap();
-        assert!(text.contains("Allow: GET\r\n") && text.contains("Connection: close\r\n"), "{text}");
+        assert!(
+            text.contains("Allow: GET\r\n") && text.contains("Connection: close\r\n"),
+            "{text}"
+        );
     }
 
     proptest! {

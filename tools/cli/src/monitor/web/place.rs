@@ -13,16 +13,21 @@ pub struct Place(pub SocketAddr);
 
 /// Neither a port nor an address.
 #[derive(Debug, thiserror::Error)]
-#[error("`{0}` is no PORT, ADDRESS or ADDRESS:PORT; for example 8080, 192.168.1.5 or 192.168.1.5:8080")]
+#[error(
+    "`{0}` is no PORT, ADDRESS or ADDRESS:PORT; for example 8080, 192.168.1.5 or 192.168.1.5:8080"
+)]
 pub struct NoPlace(String);
 
 impl FromStr for Place {
     type Err = NoPlace;
 
-    /// Names are not looked up, `localhost` aside: who opens the page to others has to say to which network.
+    /// Names are not looked up, `localhost` aside: who opens the page to others has to say to which
+    /// network.
     fn from_str(text: &str) -> Result<Self, NoPlace> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
-        let local = text.strip_prefix("localhost").map(|rest| rest.strip_prefix(':').unwrap_or(rest));
+        let local = text
+            .strip_prefix("localhost")
+            .map(|rest| rest.strip_prefix(':').unwrap_or(rest));
         let text_or_port = local.filter(|port| !port.is_empty()).unwrap_or(text);
         if local == Some("") {
             return Ok(Self(SocketAddr::new(loopback, DEFAULT_PORT)));
@@ -34,7 +39,9 @@ impl FromStr for Place {
             return Ok(Self(address));
         }
         let bare = text.trim_start_matches('[').trim_end_matches(']');
-        let address = bare.parse::<IpAddr>().map_err(|_| NoPlace(text.to_owned()))?;
+        let address = bare
+            .parse::<IpAddr>()
+            .map_err(|_| NoPlace(text.to_owned()))?;
         Ok(Self(SocketAddr::new(address, DEFAULT_PORT)))
     }
 }
@@ -55,7 +62,11 @@ mod tests {
             ("::1", "[::1]:8765"),
             ("[::1]:9", "[::1]:9"),
         ] {
-            assert_eq!(text.parse::<Place>().unwrap().0.to_string(), wanted, "{text}");
+            assert_eq!(
+                text.parse::<Place>().unwrap().0.to_string(),
+                wanted,
+                "{text}"
+            );
         }
         for text in ["", "example.org", "1.2.3", "70000", "localhost:x", "-1"] {
             let error = text.parse::<Place>().unwrap_err().to_string();

@@ -24,7 +24,10 @@ fn file(path: &str) -> Option<(&'static str, &'static str)> {
 /// Answers a request. `live` gives what is new. `local`: the server listens on this machine only.
 pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> String) -> Response {
     if request.method != "GET" {
-        return Response::refusal(405, "this monitor is to look at only: it answers GET and nothing else");
+        return Response::refusal(
+            405,
+            "this monitor is to look at only: it answers GET and nothing else",
+        );
     }
     if request.has_body {
         return Response::refusal(400, "a GET has no body");
@@ -33,7 +36,10 @@ pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> Strin
     if local && !request.host.as_deref().is_some_and(is_local) {
         return Response::refusal(403, "open this page by its address, 127.0.0.1 or localhost");
     }
-    let (path, query) = request.target.split_once('?').unwrap_or((request.target.as_str(), ""));
+    let (path, query) = request
+        .target
+        .split_once('?')
+        .unwrap_or((request.target.as_str(), ""));
     match (path, file(path)) {
         ("/live", _) => Response::good("application/json", live(&Since::parse(query))),
         (_, Some((kind, text))) => Response::good(kind, text),
@@ -48,7 +54,10 @@ fn is_local(host: &str) -> bool {
         _ => host,
     };
     let bare = name.trim_start_matches('[').trim_end_matches(']');
-    name.eq_ignore_ascii_case("localhost") || bare.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
+    name.eq_ignore_ascii_case("localhost")
+        || bare
+            .parse::<IpAddr>()
+            .is_ok_and(|address| address.is_loopback())
 }
 
 #[cfg(test)]
@@ -68,11 +77,20 @@ mod tests {
 
     #[test]
     fn only_get_is_answered() {
-        for method in ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "get", "CONNECT"] {
-            assert_eq!(ask(method, "/", Some("localhost"), true).status, 405, "{method}");
+        for method in [
+            "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "get", "CONNECT",
+        ] {
+            assert_eq!(
+                ask(method, "/", Some("localhost"), true).status,
+                405,
+                "{method}"
+            );
         }
         assert_eq!(ask("GET", "/", Some("localhost"), true).status, 200);
-        let request = Request { has_body: true, ..request("/") };
+        let request = Request {
+            has_body: true,
+            ..request("/")
+        };
         assert_eq!(answer(&request, true, |_| String::new()).status, 400);
     }
 
@@ -88,10 +106,22 @@ mod tests {
 
     #[test]
     fn names_that_only_lead_here_are_refused() {
-        for host in ["localhost", "LOCALHOST:8765", "127.0.0.1:8765", "[::1]:8765", "127.0.0.9"] {
+        for host in [
+            "localhost",
+            "LOCALHOST:8765",
+            "127.0.0.1:8765",
+            "[::1]:8765",
+            "127.0.0.9",
+        ] {
             assert_eq!(ask("GET", "/live", Some(host), true).status, 200, "{host}");
         }
-        for host in [Some("evil.example:8765"), Some("10.0.0.1"), Some(""), Some("localhost.evil.example"), None] {
+        for host in [
+            Some("evil.example:8765"),
+            Some("10.0.0.1"),
+            Some(""),
+            Some("localhost.evil.example"),
+            None,
+        ] {
             assert_eq!(ask("GET", "/live", host, true).status, 403, "{host:?}");
             assert_eq!(ask("GET", "/live", host, false).status, 200, "{host:?}");
         }
@@ -100,13 +130,25 @@ mod tests {
     #[test]
     fn everything_that_the_page_names_is_here() {
         let page = String::from_utf8(ask("GET", "/", Some("localhost"), true).body).unwrap();
-        let named: Vec<&str> =
-            page.split(['"']).filter(|part| part.ends_with(".js") || part.ends_with(".css")).collect();
+        let named: Vec<&str> = page
+            .split(['"'])
+            .filter(|part| part.ends_with(".js") || part.ends_with(".css"))
+            .collect();
         assert!(named.len() >= 2, "{named:?}");
         for name in named {
-            assert_eq!(ask("GET", &format!("/{name}"), Some("localhost"), true).status, 200, "{name}");
+            assert_eq!(
+                ask("GET", &format!("/{name}"), Some("localhost"), true).status,
+                200,
+                "{name}"
+            );
         }
-        assert!(!page.contains("http://") && !page.contains("https://"), "nothing from elsewhere");
-        assert_eq!(ask("GET", "/../etc/passwd", Some("localhost"), true).status, 404);
+        assert!(
+            !page.contains("http://") && !page.contains("https://"),
+            "nothing from elsewhere"
+        );
+        assert_eq!(
+            ask("GET", "/../etc/passwd", Some("localhost"), true).status,
+            404
+        );
     }
 }

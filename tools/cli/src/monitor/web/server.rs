@@ -1,8 +1,8 @@
 //! The server: a thread per connection, bounded in number, in time and in memory.
 //!
-//! Its own loop on the standard library, because the small servers to be had have no time-outs: there, a browser that stops
-//! reading keeps a thread for ever. `tiny_http` has not been released since 2022; `axum` brings an asynchronous runtime and
-//! 50 packages for one page.
+//! Its own loop on the standard library, because the small servers to be had have no time-outs:
+//! there, a browser that stops reading keeps a thread for ever. `tiny_http` has not been released
+//! since 2022; `axum` brings an asynchronous runtime and 50 packages for one page.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -17,11 +17,13 @@ use super::source::Source;
 
 /// Connections at the same time. A browser opens up to six.
 const CONNECTIONS: usize = 48;
-/// How long a connection may be idle, how long a head may take once it has begun, and how long an answer.
+/// How long a connection may be idle, how long a head may take once it has begun, and how long an
+/// answer.
 const IDLE: Duration = Duration::from_secs(15);
 const HEAD: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(5);
-/// Between two answers on one connection: who asks faster is no browser, and would take the processor from others.
+/// Between two answers on one connection: who asks faster is no browser, and would take the
+/// processor from others.
 const PACE: Duration = Duration::from_millis(10);
 /// How long the other side may take to end what it is saying when it has its answer.
 const PARTING: Duration = Duration::from_millis(500);
@@ -34,7 +36,9 @@ const BREATH: Duration = Duration::from_millis(50);
 ///
 /// When the system gives no thread.
 pub fn start(listener: TcpListener, source: Arc<Source>, local: bool) -> io::Result<()> {
-    thread::Builder::new().name("web".to_owned()).spawn(move || accept(&listener, &source, local))?;
+    thread::Builder::new()
+        .name("web".to_owned())
+        .spawn(move || accept(&listener, &source, local))?;
     Ok(())
 }
 
@@ -51,11 +55,13 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
         };
         let source = Arc::clone(source);
         // Without a thread the connection is closed.
-        let _ = thread::Builder::new().name("web page".to_owned()).spawn(move || {
-            let _place = place;
-            // A browser that went away is not worth a word.
-            drop(serve(stream, &source, local));
-        });
+        let _ = thread::Builder::new()
+            .name("web page".to_owned())
+            .spawn(move || {
+                let _place = place;
+                // A browser that went away is not worth a word.
+                drop(serve(stream, &source, local));
+            });
     }
 }
 
@@ -78,7 +84,10 @@ impl Drop for Place {
 
 /// A few hundred bytes always fit into the buffer of a new connection, so nothing is waited for.
 fn refuse(mut stream: TcpStream) {
-    drop(write(&mut stream, &Response::refusal(503, "too many browsers are watching; close one").bytes(false)));
+    drop(write(
+        &mut stream,
+        &Response::refusal(503, "too many browsers are watching; close one").bytes(false),
+    ));
 }
 
 /// Answers the requests of one connection, one after the other.
@@ -93,7 +102,10 @@ fn serve(mut stream: TcpStream, source: &Source, local: bool) -> io::Result<()> 
                 let keep_alive = request.keep_alive && response.status == 200;
                 (response, keep_alive)
             }
-            Some(Head::Partial) => (Response::refusal(431, "the head of this request is too long"), false),
+            Some(Head::Partial) => (
+                Response::refusal(431, "the head of this request is too long"),
+                false,
+            ),
             Some(Head::Bad) => (Response::refusal(400, "this is not HTTP/1.1"), false),
             None => return Ok(()),
         };
@@ -105,7 +117,8 @@ fn serve(mut stream: TcpStream, source: &Source, local: bool) -> io::Result<()> 
     }
 }
 
-/// Ends a connection in good order. Closing while something unread is there would reset it, and the answer could be lost.
+/// Ends a connection in good order. Closing while something unread is there would reset it, and the
+/// answer could be lost.
 fn part(stream: &mut TcpStream) -> io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
     stream.set_read_timeout(Some(PARTING))?;
@@ -114,7 +127,8 @@ fn part(stream: &mut TcpStream) -> io::Result<()> {
     Ok(())
 }
 
-/// A head; `Partial` when it is too long; `None` when the other side has nothing more to say, or takes too long.
+/// A head; `Partial` when it is too long; `None` when the other side has nothing more to say, or
+/// takes too long.
 fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<Head>> {
     let mut begun = (!bytes.is_empty()).then(Instant::now);
     loop {
@@ -122,8 +136,12 @@ fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<H
             Head::Partial if bytes.len() < LONGEST_HEAD => {}
             head => return Ok(Some(head)),
         }
-        let left = begun.map_or(Some(IDLE), |begun: Instant| HEAD.checked_sub(begun.elapsed()));
-        let Some(left) = left.filter(|left| !left.is_zero()) else { return Ok(None) };
+        let left = begun.map_or(Some(IDLE), |begun: Instant| {
+            HEAD.checked_sub(begun.elapsed())
+        });
+        let Some(left) = left.filter(|left| !left.is_zero()) else {
+            return Ok(None);
+        };
         stream.set_read_timeout(Some(left))?;
         let mut chunk = [0; 1024];
         match stream.read(&mut chunk) {
@@ -140,7 +158,10 @@ fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<H
 fn write(stream: &mut TcpStream, mut bytes: &[u8]) -> io::Result<()> {
     let start = Instant::now();
     while !bytes.is_empty() {
-        let left = ANSWER.checked_sub(start.elapsed()).filter(|left| !left.is_zero()).ok_or(ErrorKind::TimedOut)?;
+        let left = ANSWER
+            .checked_sub(start.elapsed())
+            .filter(|left| !left.is_zero())
+            .ok_or(ErrorKind::TimedOut)?;
         stream.set_write_timeout(Some(left))?;
         match stream.write(bytes) {
             Ok(0) => return Err(ErrorKind::WriteZero.into()),

@@ -1,5 +1,5 @@
-//! What a browser is told, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the moment of the answer, because a
-//! browser knows nothing of the controller's clock.
+//! What a browser is told, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
+//! moment of the answer, because a browser knows nothing of the controller's clock.
 
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
@@ -14,13 +14,22 @@ use crate::monitor::board::Board;
 use crate::monitor::journal::Level;
 use crate::monitor::models::Named;
 use crate::monitor::trail::{Pair, Picture, Sample};
-use crate::monitor::view::{CAMERA_STALE, STALE, STATISTICS_STALE, View, angles, count, granted, state_name};
+use crate::monitor::view::{
+    CAMERA_STALE, STALE, STATISTICS_STALE, View, angles, count, granted, state_name,
+};
 
 /// Events that are told.
 const EVENTS: usize = 30;
 
 /// Everything there is to show; of the trail what is new.
-pub fn snapshot(board: &Board, domain: &str, run: u64, origin: Nanos, since: &Since, now: Nanos) -> Value {
+pub fn snapshot(
+    board: &Board,
+    domain: &str,
+    run: u64,
+    origin: Nanos,
+    since: &Since,
+    now: Nanos,
+) -> Value {
     let view = &board.view;
     let (samples, next_sample) = board.trail.samples(since.sample);
     let (pictures, next_picture) = board.trail.pictures(since.picture);
@@ -94,9 +103,18 @@ fn seen(view: &View, camera: &ExternalPosition, now: Nanos) -> Value {
 fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
     let motor = |motor: usize| {
         let value = |values: &[i32; 2]| values.get(motor).copied().unwrap_or_default();
-        let word = |values: &[u16; 2]| format!("0x{:04X}", values.get(motor).copied().unwrap_or_default());
-        let read = motors.measured_stamp_ns.get(motor).map(|stamp| Nanos(*stamp)).filter(|stamp| *stamp != Nanos::ZERO);
-        let phase = motors.phase.get(motor).copied().map_or("unknown", phase_text);
+        let word =
+            |values: &[u16; 2]| format!("0x{:04X}", values.get(motor).copied().unwrap_or_default());
+        let read = motors
+            .measured_stamp_ns
+            .get(motor)
+            .map(|stamp| Nanos(*stamp))
+            .filter(|stamp| *stamp != Nanos::ZERO);
+        let phase = motors
+            .phase
+            .get(motor)
+            .copied()
+            .map_or("unknown", phase_text);
         json!({
             "setpoint_counts": value(&motors.setpoint_counts),
             "measured_counts": value(&motors.measured_counts),
@@ -115,8 +133,7 @@ fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
 
 fn loop_statistics(statistics: &PeriodStatistics, now: Nanos) -> Value {
     let us = |nanos: u64| (nanos as f64 / 100.0).round() / 10.0;
-    let spans =
-        |span: &SpanSummary| json!({ "p50_us": us(span.p50_ns), "p99_us": us(span.p99_ns), "max_us": us(span.max_ns) });
+    let spans = |span: &SpanSummary| json!({ "p50_us": us(span.p50_ns), "p99_us": us(span.p99_ns), "max_us": us(span.max_ns) });
     let window = Nanos(statistics.window_ns).as_seconds();
     json!({
         "hz": if window > 0.0 { (statistics.ticks as f64 / window).round() } else { 0.0 },
@@ -164,20 +181,50 @@ fn events(board: &Board, now: Nanos) -> Value {
     board.journal.newest().take(EVENTS).map(event).collect()
 }
 
-/// Time, then pairs: goal, set-point, estimate, standard deviation, set-point counts, counts, currents. `null`: a gap.
+/// Time, then pairs: goal, set-point, estimate, standard deviation, set-point counts, counts,
+/// currents. `null`: a gap.
 fn sample_row(sample: &Sample, origin: Nanos) -> Value {
     let pair = |pair: Pair| pair.map_or([None, None], |pair| pair.map(|value| Some(short(value))));
-    let Sample { goal, setpoint, estimate, deviation, setpoint_counts, counts, current, .. } = *sample;
-    let pairs = [goal, setpoint, estimate, deviation, setpoint_counts, counts, current];
+    let Sample {
+        goal,
+        setpoint,
+        estimate,
+        deviation,
+        setpoint_counts,
+        counts,
+        current,
+        ..
+    } = *sample;
+    let pairs = [
+        goal,
+        setpoint,
+        estimate,
+        deviation,
+        setpoint_counts,
+        counts,
+        current,
+    ];
     let values = pairs.into_iter().flat_map(pair);
-    std::iter::once(Some(seconds(sample.stamp, origin))).chain(values).collect::<Vec<_>>().into()
+    std::iter::once(Some(seconds(sample.stamp, origin)))
+        .chain(values)
+        .collect::<Vec<_>>()
+        .into()
 }
 
 /// Time, pitch, yaw, counts of both motors.
 fn picture_row(picture: &Picture, origin: Nanos) -> Value {
     let [pitch, yaw] = picture.angles.map(|value| Some(short(value)));
-    let [first, second] = picture.counts.map_or([None, None], |counts| counts.map(|value| Some(short(value))));
-    vec![Some(seconds(picture.stamp, origin)), pitch, yaw, first, second].into()
+    let [first, second] = picture.counts.map_or([None, None], |counts| {
+        counts.map(|value| Some(short(value)))
+    });
+    vec![
+        Some(seconds(picture.stamp, origin)),
+        pitch,
+        yaw,
+        first,
+        second,
+    ]
+    .into()
 }
 
 /// Three digits are a thousandth of a degree: more is noise, and bytes.
@@ -223,7 +270,10 @@ mod tests {
             goal: Some(JointState { flags: 0, ..joint }),
             ..View::default()
         };
-        let mut board = Board { view, ..Board::default() };
+        let mut board = Board {
+            view,
+            ..Board::default()
+        };
         board.trail.note(&board.view, NOW);
         board
     }
@@ -232,7 +282,10 @@ mod tests {
     fn angles_are_degrees_and_ages_are_told() {
         let value = snapshot(&board(), "test", 7, Nanos::ZERO, &Since::default(), NOW);
         assert_eq!(value["estimate"]["deg"], json!([5.73, -11.459]));
-        assert_eq!((&value["estimate"]["age_ms"], &value["estimate"]["stale"]), (&json!(2), &json!(false)));
+        assert_eq!(
+            (&value["estimate"]["age_ms"], &value["estimate"]["stale"]),
+            (&json!(2), &json!(false))
+        );
         assert_eq!(
             (&value["state"]["stale"], &value["state"]["fault"]),
             (&json!(true), &json!("a drive does not answer"))
@@ -248,8 +301,21 @@ mod tests {
         let value = snapshot(&board(), "test", 7, NOW, &Since::default(), NOW);
         let row = value["samples"][0].as_array().unwrap();
         assert_eq!(row.len(), 15);
-        assert_eq!((&row[0], &row[1], &row[5], &row[11]), (&json!(0.0), &Value::Null, &json!(5.73), &Value::Null));
-        let nothing = snapshot(&board(), "test", 7, NOW, &Since { sample: 1, ..Since::default() }, NOW);
+        assert_eq!(
+            (&row[0], &row[1], &row[5], &row[11]),
+            (&json!(0.0), &Value::Null, &json!(5.73), &Value::Null)
+        );
+        let nothing = snapshot(
+            &board(),
+            "test",
+            7,
+            NOW,
+            &Since {
+                sample: 1,
+                ..Since::default()
+            },
+            NOW,
+        );
         assert_eq!(nothing["samples"], json!([]));
     }
 }

@@ -28,19 +28,31 @@ pub struct Since {
 }
 
 impl Since {
-    /// From a query, `run=1&sample=2&picture=3`. What is missing or no number is 0: then everything is new.
+    /// From a query, `run=1&sample=2&picture=3`. What is missing or no number is 0: then everything
+    /// is new.
     pub fn parse(query: &str) -> Self {
         let value = |name: &str| {
             let mut pairs = query.split('&').filter_map(|pair| pair.split_once('='));
-            pairs.find(|(key, _)| *key == name).and_then(|(_, value)| value.parse().ok()).unwrap_or(0)
+            pairs
+                .find(|(key, _)| *key == name)
+                .and_then(|(_, value)| value.parse().ok())
+                .unwrap_or(0)
         };
-        Self { run: value("run"), sample: value("sample"), picture: value("picture") }
+        Self {
+            run: value("run"),
+            sample: value("sample"),
+            picture: value("picture"),
+        }
     }
 }
 
 impl Source {
     pub fn new(domain: &str, origin: Nanos) -> Self {
-        Self { board: Mutex::default(), domain: domain.to_owned(), origin }
+        Self {
+            board: Mutex::default(),
+            domain: domain.to_owned(),
+            origin,
+        }
     }
 
     /// The board, to be filled. Held for microseconds, on either side.
@@ -52,8 +64,13 @@ impl Source {
     pub fn live(&self, since: &Since) -> String {
         // Milliseconds: a browser cannot count to the nanoseconds of an uptime.
         let run = self.origin.0 / 1_000_000;
-        let since = if since.run == run { since.clone() } else { Since::default() };
-        // Copied, so that the thread that fills the board never waits for text to be made, however many browsers ask.
+        let since = if since.run == run {
+            since.clone()
+        } else {
+            Since::default()
+        };
+        // Copied, so that the thread that fills the board never waits for text to be made, however
+        // many browsers ask.
         let board = self.board().clone();
         snapshot(&board, &self.domain, run, self.origin, &since, clock::now()).to_string()
     }
@@ -65,7 +82,14 @@ mod tests {
 
     #[test]
     fn queries_are_read_and_nonsense_is_nothing() {
-        assert_eq!(Since::parse("run=5&sample=7&picture=2"), Since { run: 5, sample: 7, picture: 2 });
+        assert_eq!(
+            Since::parse("run=5&sample=7&picture=2"),
+            Since {
+                run: 5,
+                sample: 7,
+                picture: 2
+            }
+        );
         assert_eq!(Since::parse("sample=-1&run=x&&="), Since::default());
     }
 
@@ -78,8 +102,12 @@ mod tests {
             trail.note(view, Nanos::from_millis(10_000 + 100 * step));
         }
         let samples = |query: &str| {
-            let value: serde_json::Value = serde_json::from_str(&source.live(&Since::parse(query))).unwrap();
-            (value["samples"].as_array().unwrap().len(), value["next_sample"].as_u64().unwrap())
+            let value: serde_json::Value =
+                serde_json::from_str(&source.live(&Since::parse(query))).unwrap();
+            (
+                value["samples"].as_array().unwrap().len(),
+                value["next_sample"].as_u64().unwrap(),
+            )
         };
         assert_eq!(samples("run=9000&sample=7"), (3, 10));
         assert_eq!(samples("run=8000&sample=7"), (10, 10));

@@ -26,8 +26,12 @@ impl Fifos {
     /// Makes the FIFOs.
     pub fn make(paths: &[PathBuf]) -> Result<Self, Failure> {
         for path in paths {
-            nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR)
-                .map_err(|error| format!("cannot make the FIFO {}: {error}; remove what is there", path.display()))?;
+            nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR).map_err(|error| {
+                format!(
+                    "cannot make the FIFO {}: {error}; remove what is there",
+                    path.display()
+                )
+            })?;
         }
         let (to, from) = sync_channel(1);
         let paths = paths.to_vec();
@@ -36,7 +40,11 @@ impl Fifos {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => eprintln!("FIFOs: {error}"),
             _ => {}
         });
-        Ok(Self { paths, to: Some(to), writer: Some(writer) })
+        Ok(Self {
+            paths,
+            to: Some(to),
+            writer: Some(writer),
+        })
     }
 
     /// Where pictures are handed over. The other end goes when a reader goes.
@@ -64,15 +72,30 @@ impl Drop for Fifos {
 
 /// Waits for a reader of every FIFO, then writes what comes. Ends when one of them goes.
 fn write(paths: &[PathBuf], from: &Receiver<Shots>) -> io::Result<()> {
-    let open = |path: &PathBuf| OpenOptions::new().write(true).open(path).map(BufWriter::new);
+    let open = |path: &PathBuf| {
+        OpenOptions::new()
+            .write(true)
+            .open(path)
+            .map(BufWriter::new)
+    };
     let mut to: Vec<BufWriter<File>> = paths.iter().map(open).collect::<io::Result<_>>()?;
     let mut begun = false;
     for (stamp, pictures) in from {
         for (to, picture) in to.iter_mut().zip(&pictures) {
             if !begun {
-                writeln!(to, "YUV4MPEG2 W{} H{} F30:1 Ip A1:1 Cmono", picture.width(), picture.height())?;
+                writeln!(
+                    to,
+                    "YUV4MPEG2 W{} H{} F30:1 Ip A1:1 Cmono",
+                    picture.width(),
+                    picture.height()
+                )?;
             }
-            writeln!(to, "FRAME XT={}.{:09}", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000)?;
+            writeln!(
+                to,
+                "FRAME XT={}.{:09}",
+                stamp.0 / 1_000_000_000,
+                stamp.0 % 1_000_000_000
+            )?;
             to.write_all(picture.data())?;
             to.flush()?;
         }

@@ -22,12 +22,20 @@ pub fn files(arguments: &Arguments, rig: &Rig, poses: &Poses) -> Result<(), Fail
     for view in 0..rig.cameras.len() {
         for kind in ["view", "rest"] {
             let folder = arguments.output.join(format!("{kind}{view}"));
-            fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+            fs::create_dir_all(&folder)
+                .map_err(|error| format!("{}: {error}", folder.display()))?;
         }
     }
     for number in 0..AT_REST {
         // Numbers that no row has, so that the noise is another.
-        draw(arguments, rig, "rest", Nanos::from_millis(33 * number), Pose::default(), u64::MAX - number)?;
+        draw(
+            arguments,
+            rig,
+            "rest",
+            Nanos::from_millis(33 * number),
+            Pose::default(),
+            u64::MAX - number,
+        )?;
     }
     let mut drawn = 0_u64;
     for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
@@ -35,21 +43,35 @@ pub fn files(arguments: &Arguments, rig: &Rig, poses: &Poses) -> Result<(), Fail
         drawn += 1;
     }
     let path = write_setup(arguments, rig)?;
-    println!("{drawn} poses drawn for {} views; wrote {}", rig.cameras.len(), path.display());
+    println!(
+        "{drawn} poses drawn for {} views; wrote {}",
+        rig.cameras.len(),
+        path.display()
+    );
     Ok(())
 }
 
 /// Draws into FIFOs, `view0` and `view1`, and waits for their reader.
-pub fn stream(arguments: &Arguments, rig: &Rig, poses: &Poses, interrupt: &Interrupt) -> Result<(), Failure> {
+pub fn stream(
+    arguments: &Arguments,
+    rig: &Rig,
+    poses: &Poses,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let path = write_setup(arguments, rig)?;
     let fifos = Fifos::make(&[fifo(arguments, 0), fifo(arguments, 1)])?;
-    println!("wrote {}; drawing for who reads view0 and view1 beside it", path.display());
+    println!(
+        "wrote {}; drawing for who reads view0 and view1 beside it",
+        path.display()
+    );
     let mut drawn = 0_u64;
     for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
         if interrupt.came() {
             return Err("interrupted".into());
         }
-        let handed = fifos.sender().map(|to| to.send((*stamp, rig.shoot(*pose, number as u64))));
+        let handed = fifos
+            .sender()
+            .map(|to| to.send((*stamp, rig.shoot(*pose, number as u64))));
         if !matches!(handed, Some(Ok(()))) {
             return Err(format!("the reader went away after {drawn} poses").into());
         }
@@ -60,10 +82,24 @@ pub fn stream(arguments: &Arguments, rig: &Rig, poses: &Poses, interrupt: &Inter
     Ok(())
 }
 
-fn draw(arguments: &Arguments, rig: &Rig, kind: &str, stamp: Nanos, pose: Pose, number: u64) -> Result<(), Failure> {
-    let name = format!("frame_t{}.{:09}.png", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000);
+fn draw(
+    arguments: &Arguments,
+    rig: &Rig,
+    kind: &str,
+    stamp: Nanos,
+    pose: Pose,
+    number: u64,
+) -> Result<(), Failure> {
+    let name = format!(
+        "frame_t{}.{:09}.png",
+        stamp.0 / 1_000_000_000,
+        stamp.0 % 1_000_000_000
+    );
     for (view, picture) in rig.shoot(pose, number).iter().enumerate() {
-        save_grey(&arguments.output.join(format!("{kind}{view}")).join(&name), picture)?;
+        save_grey(
+            &arguments.output.join(format!("{kind}{view}")).join(&name),
+            picture,
+        )?;
     }
     Ok(())
 }

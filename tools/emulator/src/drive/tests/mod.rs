@@ -17,7 +17,9 @@ struct Bench {
 
 impl Bench {
     fn new(config: DriveConfig) -> Self {
-        Self { drive: Drive::new(&config, 0.0) }
+        Self {
+            drive: Drive::new(&config, 0.0),
+        }
     }
 
     fn fresh() -> Self {
@@ -36,7 +38,10 @@ impl Bench {
 
     /// The data of the reply.
     fn ask(&mut self, opcode: u8, data: &[u8]) -> Vec<u8> {
-        let request = Incoming::Request(Request { opcode, data: data.to_vec() });
+        let request = Incoming::Request(Request {
+            opcode,
+            data: data.to_vec(),
+        });
         let frame = crate::frame::reply(&self.drive.answer(&request).unwrap().data);
         let mut parser = Parser::default();
         match frame.iter().find_map(|byte| parser.push(*byte)) {
@@ -62,7 +67,13 @@ impl Bench {
     }
 
     fn try_write(&mut self, index: u16, sub: u8, value: i64) -> Result<(), u32> {
-        let data = [&[1][..], &index.to_le_bytes(), &[sub], &(value as u32).to_le_bytes()].concat();
+        let data = [
+            &[1][..],
+            &index.to_le_bytes(),
+            &[sub],
+            &(value as u32).to_le_bytes(),
+        ]
+        .concat();
         let abort = self.error(0x68, &data);
         if abort == 0 { Ok(()) } else { Err(abort) }
     }
@@ -85,6 +96,13 @@ impl Bench {
 
     fn host_bugs(&mut self) -> Vec<HostBug> {
         let bugs = self.drive.take_events().into_iter();
-        bugs.filter_map(|event| if let EventKind::HostBug(bug) = event { Some(bug) } else { None }).collect()
+        bugs.filter_map(|event| {
+            if let EventKind::HostBug(bug) = event {
+                Some(bug)
+            } else {
+                None
+            }
+        })
+        .collect()
     }
 }

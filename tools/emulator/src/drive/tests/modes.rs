@@ -103,7 +103,10 @@ fn targets_queue_or_replace_as_asked() {
     bench.write(0x6040, 0, 0x3F);
     bench.write(0x6040, 0, 0x0F);
     bench.run(5.0);
-    assert!((bench.position() + 50).abs() <= 1, "immediately: both are dropped");
+    assert!(
+        (bench.position() + 50).abs() <= 1,
+        "immediately: both are dropped"
+    );
 }
 
 #[test]

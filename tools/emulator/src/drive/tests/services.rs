@@ -6,9 +6,16 @@ use super::*;
 fn a_wrong_crc_and_an_unknown_opcode_are_answered() {
     let mut bench = Bench::fresh();
     let answer = bench.drive.answer(&Incoming::WrongCrc).unwrap();
-    assert_eq!(crate::frame::reply(&answer.data), [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]);
+    assert_eq!(
+        crate::frame::reply(&answer.data),
+        [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]
+    );
     assert_eq!(bench.error(0x20, &[0; 12]), 0x0F00_FFBF);
-    assert_eq!(bench.error(0x10, &[0x41, 0x60, 0, 1]), 0x0F00_FFBF, "an opcode of the EPOS2");
+    assert_eq!(
+        bench.error(0x10, &[0x41, 0x60, 0, 1]),
+        0x0F00_FFBF,
+        "an opcode of the EPOS2"
+    );
     let events = bench.drive.take_events();
     assert!(events.contains(&EventKind::Line(LineTrouble::Crc)));
     assert!(events.contains(&EventKind::HostBug(HostBug::Opcode(0x20))));
@@ -23,7 +30,11 @@ fn accesses_that_are_wrong_are_refused_by_their_own_code() {
     assert_eq!(bench.try_write(0x605A, 0, 5), Err(0x0609_0030));
     assert_eq!(bench.try_write(0x6060, 0, -1), Err(0x0609_0030));
     assert_eq!(bench.error(0x60, &[1, 0x41]), 0x0607_0010);
-    assert_eq!(bench.try_read(0x1008, 0), Err(0x0607_0010), "too long for a simple read");
+    assert_eq!(
+        bench.try_read(0x1008, 0),
+        Err(0x0607_0010),
+        "too long for a simple read"
+    );
     let mut enabled = Bench::enabled(Mode::CyclicPosition);
     assert_eq!(enabled.try_write(0x3010, 1, 500), Err(0x0800_0022));
 }
@@ -31,8 +42,14 @@ fn accesses_that_are_wrong_are_refused_by_their_own_code() {
 #[test]
 fn an_error_reply_to_a_read_is_as_long_as_configured() {
     for words in [2, 4] {
-        let mut bench = Bench::new(DriveConfig { error_reply_words: words, ..DriveConfig::default() });
-        assert_eq!(bench.ask(0x60, &[1, 0, 0x50, 0]).len(), 2 * usize::from(words));
+        let mut bench = Bench::new(DriveConfig {
+            error_reply_words: words,
+            ..DriveConfig::default()
+        });
+        assert_eq!(
+            bench.ask(0x60, &[1, 0, 0x50, 0]).len(),
+            2 * usize::from(words)
+        );
     }
 }
 
@@ -41,8 +58,15 @@ fn short_values_come_with_rubbish_above() {
     let mut bench = Bench::fresh();
     let value = bench.read(0x6041, 0);
     assert_eq!(value & 0xFFFF, 0x0040);
-    assert_ne!(value >> 16, 0, "a host that does not mask must not get away with it");
-    let mut clean = Bench::new(DriveConfig { rubbish: false, ..DriveConfig::default() });
+    assert_ne!(
+        value >> 16,
+        0,
+        "a host that does not mask must not get away with it"
+    );
+    let mut clean = Bench::new(DriveConfig {
+        rubbish: false,
+        ..DriveConfig::default()
+    });
     assert_eq!(clean.read(0x6041, 0), 0x0040);
 }
 
@@ -52,7 +76,10 @@ fn other_nodes_time_out_late() {
     for node in [0, 1] {
         assert_eq!(bench.error(0x60, &[node, 0x41, 0x60, 0]), 0);
     }
-    let request = Incoming::Request(Request { opcode: 0x60, data: vec![2, 0x41, 0x60, 0] });
+    let request = Incoming::Request(Request {
+        opcode: 0x60,
+        data: vec![2, 0x41, 0x60, 0],
+    });
     let answer = bench.drive.answer(&request).unwrap();
     assert!(answer.delay > Nanos::ZERO);
     assert_eq!(bench.error(0x60, &[2, 0x41, 0x60, 0]), 0x0504_0000);
@@ -60,7 +87,11 @@ fn other_nodes_time_out_late() {
 
 #[test]
 fn identity_is_read_in_segments() {
-    let mut bench = Bench::new(DriveConfig { serial_number: 77, segment_bytes: 3, ..DriveConfig::default() });
+    let mut bench = Bench::new(DriveConfig {
+        serial_number: 77,
+        segment_bytes: 3,
+        ..DriveConfig::default()
+    });
     assert_eq!(bench.read(0x1018, 1), 0xFB);
     assert_eq!(bench.read(0x1018, 4), 77);
     let first = bench.ask(0x81, &[1, 0x00, 0x21, 1]);
@@ -70,7 +101,10 @@ fn identity_is_read_in_segments() {
     let third = bench.ask(0x62, &[1, 0]);
     assert_eq!(third[4..6], [2, 3], "toggle 1, last");
     let serial = [&first[9..12], &second[6..9], &third[6..8]].concat();
-    assert_eq!(u64::from_le_bytes(serial.try_into().unwrap()), 0x1_0000_0000 + 77);
+    assert_eq!(
+        u64::from_le_bytes(serial.try_into().unwrap()),
+        0x1_0000_0000 + 77
+    );
     assert_eq!(bench.error(0x62, &[0, 0]), 0x0503_0000, "nothing left");
     assert_eq!(bench.ask(0x81, &[1, 0x08, 0x10, 0])[4..9], [5, 0, 0, 0, 3]);
     assert_eq!(bench.error(0x62, &[1, 0]), 0x0503_0000, "wrong toggle");
