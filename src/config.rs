@@ -138,7 +138,7 @@ pub struct CommandConfig {
     /// The same for commands in counts.
     pub step_counts: i32,
     /// How far the snake moves per motion of the master, 0.01 to 1. Other than 1, a stream of
-    /// commands is relative to where it begins, as after the clutch; see `i2ris::control`.
+    /// commands is relative to where it begins, as after the clutch; see `i2ris::core`.
     pub scale: f64,
     /// Cut-off of the low-pass against hand tremor, Hz; 0: none. It delays by 1 / (2 pi f): 53 ms
     /// at 3 Hz.

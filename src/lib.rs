@@ -10,7 +10,7 @@
 //!
 //! 1. **When in doubt the snake holds still.** Everything that is stale, not finite, out of range
 //!    or not understood ends in a hold, and says so.
-//! 2. **The cycle is a pure function** ([`control::cycle`]): time and inputs in, outputs out. The
+//! 2. **The cycle is a pure function** ([`core::cycle`]): time and inputs in, outputs out. The
 //!    same code runs in the loop, in tests and in replay.
 //! 3. **The loop never waits.** No allocation, no lock that a slower thread holds, no I/O, no
 //!    printing; values cross threads through wait-free buffers only.
@@ -22,34 +22,38 @@
 //!
 //! # Map
 //!
-//! Dependencies point one way: `units <- model <- control -> drive, ipc`.
+//! Dependencies point one way: `units, robot <- model, drive, ipc <- core <- process`.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`units`] | counts, nanoseconds, sizes of the robot |
 //! | [`clock`] | the monotonic clock and the absolute sleep |
-//! | [`wall`] | the clock of the wall, for file names only |
-//! | [`rt`] | asking for real-time scheduling and reading back what was granted |
+//! | [`wall_clock`] | the clock of the wall, for file names only |
+//! | [`realtime`] | asking for real-time scheduling and reading back what was granted |
 //! | [`access`] | who may write what the controller trusts |
 //! | [`config`] | the configuration file |
 //! | [`model`] | forward model and inverse, model files |
 //! | [`drive`] | maxon drives: frames, objects, CiA 402, one thread per serial port |
 //! | [`ipc`] | payloads and services in shared memory, the client library |
-//! | [`guard`] | the second process that stops the drives when the controller dies or hangs |
-//! | [`control`] | the cycle, its states and limits, and the process around it |
+//! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults |
+//! | [`core`] | the control cycle: a pure function of time and inputs, with its states and limits |
+//! | [`process`] | the controller process around the core: threads, channels, black box, run log |
+//! | [`watchdog`] | the second process that stops the drives when the controller dies or hangs |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod access;
 pub mod clock;
 pub mod config;
-pub mod control;
+pub mod core;
 pub mod drive;
-pub mod guard;
 pub mod ipc;
 pub mod model;
-pub mod rt;
+pub mod process;
+pub mod realtime;
+pub mod robot;
 pub mod units;
-pub mod wall;
+pub mod wall_clock;
+pub mod watchdog;
 
 /// The commit that this software is made of, as far as a release knows it.
 pub const COMMIT: &str = match option_env!("I2RIS_COMMIT") {

@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use bench::Bench;
 use drive::Quirk;
-use i2ris::control::ModelChange;
+use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;

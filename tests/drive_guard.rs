@@ -39,7 +39,7 @@ impl Guarded {
             rig.folder.path().join("guard.log"),
         );
         fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
-        let guard = Command::new(env!("CARGO_BIN_EXE_i2ris-guard"))
+        let guard = Command::new(env!("CARGO_BIN_EXE_i2ris-watchdog"))
             .arg("--config")
             .arg(&file)
             .args(["--silence-ms", &silence_ms.to_string()])

@@ -8,10 +8,10 @@ use std::fs;
 use std::time::Duration;
 
 use i2ris::clock;
-use i2ris::control::black_box::{Content, TickRecord, replay};
 use i2ris::ipc::OperatingState;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::JointState;
+use i2ris::process::black_box::{Content, TickRecord, replay};
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;

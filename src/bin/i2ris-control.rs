@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::COMMIT;
 use i2ris::config::Config;
-use i2ris::control::runtime;
+use i2ris::process::controller;
 
 const HELP: &str = "\
 Teleoperation controller for the I2RIS snake robot

@@ -8,7 +8,7 @@
 //! | `payload` | the messages, field by field, with fixed layout |
 //! | `word` | the numbers inside them as enums: states, commands, refusals |
 //! | `domain` | where the shared memory of one controller lives, and its clean-up |
-//! | `guard` | the controller's exclusive hold on a domain |
+//! | `domain_lock` | the controller's exclusive hold on a domain |
 //! | `ready` | how clients learn which start of which controller serves |
 //! | `pulse` | the pulse of the control loop, for the guard |
 //! | `service` | names and sizes of the services |
@@ -19,7 +19,8 @@
 mod caller;
 pub mod client;
 pub mod domain;
-pub mod guard;
+pub mod domain_lock;
+pub mod drive_phase;
 mod identity;
 mod lock;
 mod message;
@@ -28,13 +29,13 @@ pub mod pulse;
 pub mod ready;
 pub mod server;
 mod service;
-pub mod word;
 
+pub use crate::robot::{Fault, ModelAction, OperatingState, Refusal, StateCommand};
 pub use caller::{Caller, look_up};
 pub use domain::{Domain, DomainError};
-pub use guard::DomainGuard;
+pub use domain_lock::DomainGuard;
+pub use drive_phase::{axis_phase, phase_text};
 pub use identity::random_id;
 pub use message::Message;
 pub use server::{IpcError, Server};
 pub use service::Transport;
-pub use word::{Fault, ModelAction, OperatingState, Refusal, StateCommand};

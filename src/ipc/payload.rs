@@ -136,7 +136,7 @@ pub struct ActuatorState {
     pub statusword: [u16; MAX_MOTORS],
     /// Error codes (0x603F).
     pub error_code: [u16; MAX_MOTORS],
-    /// Where each drive stands: [`crate::ipc::word::axis_phase`].
+    /// Where each drive stands: [`crate::ipc::drive_phase::axis_phase`].
     pub phase: [u8; MAX_MOTORS],
     /// 0.
     pub reserved: [u8; 2],
@@ -165,11 +165,11 @@ pub struct OperatingStateMsg {
     pub refused: u64,
     /// Times that a commander fell silent past its deadline while the robot followed it.
     pub stale_stops: u64,
-    /// [`crate::ipc::OperatingState`].
+    /// [`crate::robot::OperatingState`].
     pub state: u32,
-    /// [`crate::ipc::Fault`]; of the last fault when the state is not FAULT.
+    /// [`crate::robot::Fault`]; of the last fault when the state is not FAULT.
     pub fault: u32,
-    /// [`crate::ipc::Refusal`] of the last refused command.
+    /// [`crate::robot::Refusal`] of the last refused command.
     pub last_refusal: u32,
     /// Sum of [`OperatingStateMsg::HOMED`] and the other flags.
     pub flags: u32,
@@ -285,7 +285,7 @@ impl ExternalPosition {
 pub struct StateCommandRequest {
     /// Who asks. Not 0.
     pub client_id: u64,
-    /// [`crate::ipc::StateCommand`].
+    /// [`crate::robot::StateCommand`].
     pub command: u32,
     /// 0.
     pub reserved: u32,
@@ -313,9 +313,9 @@ pub struct MoveRequest {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
 #[type_name("I2risStateCommandReplyV1")]
 pub struct StateCommandReply {
-    /// [`crate::ipc::Refusal`]; 0: accepted.
+    /// [`crate::robot::Refusal`]; 0: accepted.
     pub refusal: u32,
-    /// [`crate::ipc::OperatingState`] after the command.
+    /// [`crate::robot::OperatingState`] after the command.
     pub state: u32,
 }
 
@@ -356,7 +356,7 @@ pub struct Version {
 pub struct ModelRequest {
     /// Who asks. Not 0.
     pub client_id: u64,
-    /// [`crate::ipc::ModelAction`].
+    /// [`crate::robot::ModelAction`].
     pub action: u32,
     /// 0 or [`ModelRequest::FORCE`].
     pub flags: u32,
@@ -450,7 +450,7 @@ pub struct ModelDifference {
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[type_name("I2risModelReplyV1")]
 pub struct ModelReply {
-    /// [`crate::ipc::Refusal`]; 0: accepted.
+    /// [`crate::robot::Refusal`]; 0: accepted.
     pub refusal: u32,
     /// 0.
     pub reserved: u32,

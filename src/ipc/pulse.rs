@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use nix::sys::mman::{MapFlags, ProtFlags, mmap, munmap};
 
 use super::domain::{Domain, DomainError};
-use super::guard::{DomainGuard, io_error};
+use super::domain_lock::{DomainGuard, io_error};
 use super::ready::Ready;
 use crate::units::Nanos;
 

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 
 use super::domain::{Domain, DomainError};
-use super::guard::{DomainGuard, io_error};
+use super::domain_lock::{DomainGuard, io_error};
 use super::lock;
 
 /// Version of the payloads and services. A client of another version is told so.

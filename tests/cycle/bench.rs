@@ -4,9 +4,8 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::control::black_box::{OfferRecord, Snapshot, TickRecord};
-use i2ris::control::cycle::Cycle;
-use i2ris::control::{
+use i2ris::core::cycle::Cycle;
+use i2ris::core::{
     Candidate, Event, EventKind, External, Goal, Inputs, JointReport, Mark, ModelChange,
     ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest,
 };
@@ -18,7 +17,8 @@ use i2ris::model::file::{
 };
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{History, Model};
-use i2ris::rt::{Tick, TickTiming};
+use i2ris::process::black_box::{OfferRecord, Snapshot, TickRecord};
+use i2ris::realtime::{Tick, TickTiming};
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use crate::drive::{Drive, Quirk};

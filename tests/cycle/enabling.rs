@@ -1,6 +1,6 @@
 //! DISABLED: homing and enabling.
 
-use i2ris::control::EventKind;
+use i2ris::core::EventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};

@@ -1,7 +1,7 @@
 //! ENABLED: what servo commands make of the set-points.
 
 use i2ris::config::Config;
-use i2ris::control::Goal;
+use i2ris::core::Goal;
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};

@@ -1,6 +1,6 @@
 //! Servo commands: what is refused, in which order, and who may command.
 
-use i2ris::control::{EventKind, Goal, ServoCommand};
+use i2ris::core::{EventKind, Goal, ServoCommand};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};

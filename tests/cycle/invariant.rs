@@ -1,7 +1,7 @@
 //! What must hold in every tick, whatever happens.
 
 use i2ris::config::Config;
-use i2ris::control::{Event, EventKind, Inputs, Outputs};
+use i2ris::core::{Event, EventKind, Inputs, Outputs};
 use i2ris::drive::{AxisPhase, AxisRequest, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 

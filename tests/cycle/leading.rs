@@ -111,7 +111,7 @@ fn a_model_can_take_over_on_the_way() {
     bench.tick();
     assert_eq!(
         bench.change_model(
-            i2ris::control::ModelChange::Activate(Arc::clone(&next).id()),
+            i2ris::core::ModelChange::Activate(Arc::clone(&next).id()),
             true
         ),
         Refusal::None

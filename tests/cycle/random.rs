@@ -1,7 +1,7 @@
 //! Whatever clients, drives and clocks do, the invariants of `invariant` hold in every tick, and
 //! the robot can be brought back to work.
 
-use i2ris::control::{Goal, ServoCommand};
+use i2ris::core::{Goal, ServoCommand};
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};

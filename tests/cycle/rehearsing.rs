@@ -1,10 +1,10 @@
-//! The cycle without a robot: `i2ris::control::rehearse`.
+//! The cycle without a robot: `i2ris::core::rehearsal`.
 
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::control::Goal;
-use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
+use i2ris::core::Goal;
+use i2ris::core::rehearsal::{Rehearsal, RehearsalError, beginning, without_limits};
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;

@@ -4,11 +4,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use i2ris::control::ModelChange;
-use i2ris::control::black_box::{Content, Header, ReplayError, replay};
+use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
+use i2ris::process::black_box::{Content, Header, ReplayError, replay};
 use i2ris::units::Nanos;
 
 use crate::bench::{Bench, Recording, config, play_model, scaled_play_model};

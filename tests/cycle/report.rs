@@ -1,7 +1,7 @@
 //! What the world sees.
 
-use i2ris::control::cycle::Cycle;
-use i2ris::control::{EventKind, Inputs};
+use i2ris::core::cycle::Cycle;
+use i2ris::core::{EventKind, Inputs};
 use i2ris::drive::{AxisFeedback, AxisPhase};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;

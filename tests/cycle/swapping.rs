@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use i2ris::control::{EventKind, Goal, ModelChange};
+use i2ris::core::{EventKind, Goal, ModelChange};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;

@@ -1,6 +1,6 @@
-//! Every state command in every state: the table in the documentation of `i2ris::control`.
+//! Every state command in every state: the table in the documentation of `i2ris::core`.
 
-use i2ris::control::Report;
+use i2ris::core::Report;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 

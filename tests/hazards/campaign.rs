@@ -15,7 +15,7 @@ use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{OperatingStateMsg, PeriodStatistics};
 use i2ris::model::ModelId;
-use i2ris::rt::{self, LoopStatistics, TickTiming, Ticker, Wanted};
+use i2ris::realtime::{self, LoopStatistics, TickTiming, Ticker, Wanted};
 use i2ris::units::Nanos;
 use nix::sys::signal::Signal;
 
@@ -205,7 +205,7 @@ fn all_windows(client: &Client, done: &AtomicBool) -> Vec<PeriodStatistics> {
 
 /// A loop that does nothing, scheduled as the controller's, until told to end.
 fn bare_loop(config: &ControlConfig, done: &AtomicBool) -> Vec<PeriodStatistics> {
-    let granted = rt::request(Wanted {
+    let granted = realtime::request(Wanted {
         priority: config.priority,
         cpu: None,
         lock_memory: false,

@@ -1,6 +1,6 @@
 //! H12: an axis that is stuck, a wire that is slack, a motor that runs away.
 
-use i2ris::control::External;
+use i2ris::core::External;
 use i2ris::drive::Demand;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;

@@ -1,6 +1,6 @@
 //! H16: false trips. A robot that does what it is told never stops by itself.
 
-use i2ris::control::External;
+use i2ris::core::External;
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
 

@@ -41,7 +41,7 @@ fn h17_only_file_names_and_headers_know_the_clock_of_the_wall() {
         if WALL_CLOCKS.iter().any(|clock| text.contains(clock)) {
             readers.push(name.clone());
         }
-        if text.contains("wall::") {
+        if text.contains("wall_clock::") {
             users.push(name);
         }
     }

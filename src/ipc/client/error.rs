@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::ipc::domain::DomainError;
 use crate::ipc::ready::INTERFACE_VERSION;
 use crate::ipc::service::Transport;
-use crate::ipc::word::{ModelAction, OperatingState, Refusal, StateCommand};
+use crate::robot::{ModelAction, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
 /// What can go wrong for a client.

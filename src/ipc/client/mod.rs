@@ -51,8 +51,8 @@ use super::payload::{
     StateCommandReply, StateCommandRequest, Version, VersionRequest, text_of,
 };
 use super::service;
-use super::word::{OperatingState, Refusal, StateCommand};
 use crate::clock;
+use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 use link::Link;
 use request::{PATIENCE, Requester};

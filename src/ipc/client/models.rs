@@ -5,8 +5,8 @@ use std::path::Path;
 use super::{Client, ClientError};
 use crate::ipc::payload::{ModelReply, ModelRequest, text_of};
 use crate::ipc::service;
-use crate::ipc::word::{ModelAction, Refusal};
 use crate::model::ModelId;
+use crate::robot::{ModelAction, Refusal};
 use crate::units::Nanos;
 
 /// A model is read, checked over its whole hull, and compared: seconds on a machine that does other

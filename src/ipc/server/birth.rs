@@ -14,7 +14,7 @@ use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
 use super::IpcError;
 use crate::ipc::domain::Domain;
-use crate::ipc::guard::DomainGuard;
+use crate::ipc::domain_lock::DomainGuard;
 use crate::ipc::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
     ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,

@@ -37,7 +37,7 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
 
 use super::domain::DomainError;
-use super::guard::DomainGuard;
+use super::domain_lock::DomainGuard;
 use super::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
     ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,

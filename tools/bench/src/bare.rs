@@ -11,7 +11,7 @@ use i2ris::drive::exchange::{Link, Repeat};
 use i2ris::drive::family::of_port;
 use i2ris::drive::object::{POSITION, TARGET};
 use i2ris::drive::serial::SerialTransport;
-use i2ris::rt::{Wanted, request};
+use i2ris::realtime::{Wanted, request};
 use i2ris::units::Counts;
 use i2ris_emulator::Emulator;
 

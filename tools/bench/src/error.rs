@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use i2ris::config::ConfigError;
-use i2ris::control::rehearse::RehearsalError;
+use i2ris::core::rehearsal::RehearsalError;
 use i2ris::drive::DriveError;
 use i2ris::drive::error::LinkError;
 use i2ris::ipc::client::ClientError;

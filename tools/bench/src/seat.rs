@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
-use i2ris::rt::{Granted, Wanted, request};
+use i2ris::realtime::{Granted, Wanted, request};
 use i2ris::units::Nanos;
 
 use crate::error::BenchError;

@@ -7,9 +7,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::config::Config;
-use i2ris::control::Goal;
-use i2ris::control::rehearse::Rehearsal;
-use i2ris::rt::Ticker;
+use i2ris::core::Goal;
+use i2ris::core::rehearsal::Rehearsal;
+use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use crate::error::BenchError;

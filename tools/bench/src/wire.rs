@@ -12,7 +12,7 @@ use std::thread;
 use i2ris::clock;
 use i2ris::config::{Pattern, PortConfig};
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, LinkCounters, Port, PortRunner};
-use i2ris::rt::{self, Wanted};
+use i2ris::realtime::{self, Wanted};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::log::{Event, EventKind};
 use i2ris_emulator::snake::SnakeConfig;
@@ -301,7 +301,7 @@ fn stretch(
 }
 
 fn serve(runner: PortRunner, priority: u8, stop: &AtomicBool) {
-    let _ = rt::request(Wanted {
+    let _ = realtime::request(Wanted {
         priority,
         ..Wanted::default()
     });

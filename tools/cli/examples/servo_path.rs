@@ -25,7 +25,7 @@ use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ServoJp;
 use i2ris::ipc::{Domain, DomainGuard, Server, random_id, server};
-use i2ris::rt::{self, Ticker, Wanted};
+use i2ris::realtime::{self, Ticker, Wanted};
 use i2ris::units::Nanos;
 use iceoryx2::node::Node;
 use iceoryx2::prelude::{
@@ -42,7 +42,7 @@ const LOOP_CPU: usize = 1;
 
 fn main() {
     // Neither senders nor helpers belong on the processor of the loop.
-    rt::keep_normal(Some(LOOP_CPU));
+    realtime::keep_normal(Some(LOOP_CPU));
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["relay", pace, domain] => send_to_relay(pace, domain),
@@ -76,7 +76,7 @@ fn measure() {
 
 /// Runs the loop with `look` at every tick, and prints what came of it.
 fn run_loop(name: &str, first: Nanos, mut look: impl FnMut() -> ServoJp) {
-    let granted = rt::request(Wanted {
+    let granted = realtime::request(Wanted {
         priority: 80,
         cpu: Some(LOOP_CPU),
         lock_memory: true,
@@ -98,7 +98,7 @@ fn run_loop(name: &str, first: Nanos, mut look: impl FnMut() -> ServoJp) {
             ages.record((after - Nanos(command.stamp_ns)).0).unwrap();
         }
     }
-    rt::keep_normal(Some(LOOP_CPU));
+    realtime::keep_normal(Some(LOOP_CPU));
     let (age, look) = (
         row(&ages, &[0.5, 0.99, 0.999, 1.0]),
         row(&looks, &[0.5, 0.99, 1.0]),
@@ -135,9 +135,9 @@ fn relay(title: &str, period: Nanos, lead: Nanos, pace: &str) {
     let thread = thread::spawn({
         let (stop, domain) = (Arc::clone(&stop), domain.clone());
         move || {
-            rt::keep_normal(Some(LOOP_CPU));
+            realtime::keep_normal(Some(LOOP_CPU));
             let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
-            let _ = rt::request(Wanted {
+            let _ = realtime::request(Wanted {
                 priority: 60,
                 ..Wanted::default()
             });

@@ -3,9 +3,9 @@
 
 use std::path::PathBuf;
 
-use i2ris::control::black_box::{Content, Difference, Replayed, replay};
-use i2ris::control::{EventKind, Outputs};
+use i2ris::core::{EventKind, Outputs};
 use i2ris::ipc::client::Client;
+use i2ris::process::black_box::{Content, Difference, Replayed, replay};
 use i2ris::units::Nanos;
 
 use crate::Failure;

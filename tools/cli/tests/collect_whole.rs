@@ -10,9 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::config::Config;
-use i2ris::control::runtime;
 use i2ris::ipc::{Domain, random_id};
 use i2ris::model::Model;
+use i2ris::process::controller;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
@@ -78,7 +78,7 @@ impl Rig {
         let (config, shutdown) = (self.config.clone(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&shutdown);
         let thread =
-            thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
+            thread::spawn(move || controller::run(&config, &asked, &mut std::io::sink()).unwrap());
         self.controller = Some((shutdown, thread));
     }
 

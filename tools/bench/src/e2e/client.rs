@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Commander, Subscription};
 use i2ris::ipc::payload::ActuatorState;
-use i2ris::rt::{Wanted, request};
+use i2ris::realtime::{Wanted, request};
 use i2ris::units::Nanos;
 
 use super::join::{Reading, Watched, Written};

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::thread;
 
 use i2ris::clock;
-use i2ris::rt::{Wanted, request};
+use i2ris::realtime::{Wanted, request};
 use i2ris::units::Nanos;
 
 use super::client::Pauses;

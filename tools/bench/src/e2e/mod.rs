@@ -94,7 +94,7 @@ impl Drop for Sweep {
 
 fn outcome(
     watch: Watch,
-    granted: Option<i2ris::rt::Granted>,
+    granted: Option<i2ris::realtime::Granted>,
     floor: Joined,
     ours: Joined,
 ) -> Result<Outcome, BenchError> {

@@ -10,7 +10,7 @@ use i2ris::config::{Config, PortConfig};
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState, StateCommand};
-use i2ris::rt::Granted;
+use i2ris::realtime::Granted;
 use i2ris::units::Nanos;
 use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{Signal, kill};

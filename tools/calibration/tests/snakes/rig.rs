@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use i2ris::control::limit::{Limiter, Limits, Target};
+use i2ris::core::motion::velocity_limit::{Limiter, Limits, Target};
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
     SCHEMA_VERSION, TrainingRecord,

@@ -7,7 +7,7 @@ use std::thread;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::ready::Ready;
-use i2ris::rt::{self, Wanted};
+use i2ris::realtime::{self, Wanted};
 
 use super::report::Report;
 
@@ -46,7 +46,7 @@ fn check_granted(config: &Config, report: &mut Report) {
         cpu: control.cpu,
         lock_memory: control.lock_memory,
     };
-    let Ok(granted) = thread::spawn(move || rt::request(wanted)).join() else {
+    let Ok(granted) = thread::spawn(move || realtime::request(wanted)).join() else {
         return report.fail("scheduling", "the test thread ended early", "see above");
     };
     if granted.warnings.is_empty() {

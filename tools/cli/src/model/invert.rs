@@ -8,8 +8,8 @@ use i2ris::config::{
     IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
     RecordConfig, SwapConfig,
 };
-use i2ris::control::Goal;
-use i2ris::control::rehearse::{Rehearsal, RehearsalError, beginning, without_limits};
+use i2ris::core::Goal;
+use i2ris::core::rehearsal::{Rehearsal, RehearsalError, beginning, without_limits};
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::units::{Counts, MotorVec, OutputVec};

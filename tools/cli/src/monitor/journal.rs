@@ -3,10 +3,10 @@
 
 use std::collections::VecDeque;
 
+use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
 };
-use i2ris::ipc::word::phase_text;
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};

@@ -1,9 +1,9 @@
 //! What the monitor shows, as text. Pure.
 
+use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
 };
-use i2ris::ipc::word::phase_text;
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};

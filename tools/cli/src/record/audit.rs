@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use i2ris::control::audit::FILE;
+use i2ris::process::run_log::FILE;
 use serde_json::Value;
 
 /// Every line of one run, as they stand in the log; `None`: there is no such log, or it knows

@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::config::Config;
-use i2ris::control::runtime;
 use i2ris::ipc::{Domain, DomainGuard, random_id};
+use i2ris::process::controller;
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 use tempfile::TempDir;
@@ -57,7 +57,7 @@ impl Robot {
         );
         let asked = Arc::clone(&stop);
         let controller =
-            thread::spawn(move || runtime::run(&config, &asked, &mut std::io::sink()).unwrap());
+            thread::spawn(move || controller::run(&config, &asked, &mut std::io::sink()).unwrap());
         Self {
             domain,
             folder,

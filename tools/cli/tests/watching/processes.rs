@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use i2ris::config::Config;
-use i2ris::control::runtime;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, DomainGuard, OperatingState, StateCommand, random_id};
+use i2ris::process::controller;
 use i2ris::units::Nanos;
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
@@ -41,7 +41,7 @@ fn the_controller_when_asked_to_be_one() {
     let shutdown = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&shutdown);
     ctrlc::set_handler(move || asked.store(true, Ordering::Release)).unwrap();
-    runtime::run(&config, &shutdown, &mut std::io::stderr()).unwrap();
+    controller::run(&config, &shutdown, &mut std::io::stderr()).unwrap();
 }
 
 /// A process that does not outlive the test.

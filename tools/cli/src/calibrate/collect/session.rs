@@ -6,7 +6,7 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, Commander, Subscription};
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, OperatingStateMsg};
 use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::rt::Ticker;
+use i2ris::realtime::Ticker;
 use i2ris::units::{MotorVec, Nanos};
 use indicatif::ProgressBar;
 

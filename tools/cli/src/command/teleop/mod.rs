@@ -15,7 +15,7 @@ use i2ris::clock;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, Commander, Latest};
 use i2ris::ipc::payload::JointState;
-use i2ris::rt::Ticker;
+use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use super::prepare::prepare;

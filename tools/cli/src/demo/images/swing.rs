@@ -7,7 +7,7 @@ use i2ris::clock;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::rt::Ticker;
+use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use crate::Failure;

@@ -1,8 +1,8 @@
 //! The numbers, in 40 columns.
 
 use i2ris::ipc::Message;
+use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{ActuatorState, JointState, PeriodStatistics, SpanSummary};
-use i2ris::ipc::word::phase_text;
 use i2ris::units::Nanos;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};

@@ -1,10 +1,10 @@
 //! What a browser is told, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
 //! moment of the answer, because a browser knows nothing of the controller's clock.
 
+use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
 };
-use i2ris::ipc::word::phase_text;
 use i2ris::ipc::{Message, Refusal};
 use i2ris::units::Nanos;
 use serde_json::{Value, json};

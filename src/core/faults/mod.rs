@@ -1,0 +1,4 @@
+//! Detection of faults that no drive reports.
+
+pub(crate) mod overload;
+pub(crate) mod plausibility;

@@ -1,0 +1,155 @@
+//! Between the payloads of shared memory and the values of the cycle. Nothing is judged here: the
+//! cycle does that, and the server of shared memory adds sequence and boot id.
+
+use crate::core::{External, Goal, JointReport, Report, ServoCommand};
+use crate::drive::AxisFeedback;
+use crate::ipc::drive_phase::axis_phase;
+use crate::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
+};
+use crate::realtime::Granted;
+use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
+
+/// What the messages say about the robot.
+#[derive(Debug, Clone, Copy)]
+pub struct Identity {
+    /// Motors of the robot.
+    pub motors: u32,
+}
+
+impl From<&ServoJp> for ServoCommand {
+    fn from(raw: &ServoJp) -> Self {
+        Self {
+            client_id: raw.client_id,
+            sequence: raw.sequence,
+            stamp: Nanos(raw.stamp_ns),
+            deadline: Nanos(raw.deadline_ns),
+            goal: Goal::Joint(raw.position, raw.count),
+            clutched: raw.flags & ServoJp::CLUTCH != 0,
+        }
+    }
+}
+
+impl From<&ServoActuator> for ServoCommand {
+    fn from(raw: &ServoActuator) -> Self {
+        Self {
+            client_id: raw.client_id,
+            sequence: raw.sequence,
+            stamp: Nanos(raw.stamp_ns),
+            deadline: Nanos(raw.deadline_ns),
+            goal: Goal::Actuator(raw.position_counts.map(Counts), raw.count),
+            clutched: false,
+        }
+    }
+}
+
+/// What a camera saw, if it saw something.
+#[must_use]
+pub fn external(raw: &ExternalPosition) -> Option<External> {
+    let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
+    let seen = External {
+        stamp: Nanos(raw.stamp_ns),
+        position: raw.position,
+        outputs: raw.count,
+    };
+    (valid && raw.position.iter().all(|value| value.is_finite())).then_some(seen)
+}
+
+/// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not
+/// valid.
+#[must_use]
+pub fn joint_states(report: &Report) -> [JointState; 3] {
+    let base = JointState {
+        stamp_ns: report.now.0,
+        ..JointState::default()
+    };
+    let Some(joint) = report.joint else {
+        return [base; 3];
+    };
+    let flags = joint_flags(&joint, report.clipped);
+    let base = JointState {
+        model_id: joint.model.0,
+        count: joint.outputs,
+        flags,
+        ..base
+    };
+    let state = |position: OutputVec, velocity: OutputVec, deviation: OutputVec| JointState {
+        position,
+        velocity,
+        deviation,
+        ..base
+    };
+    let zero = OutputVec::default();
+    [
+        state(joint.goal, zero, zero),
+        state(joint.setpoint, joint.setpoint_velocity, zero),
+        state(joint.measured, joint.measured_velocity, joint.deviation),
+    ]
+}
+
+fn joint_flags(joint: &JointReport, clipped: bool) -> u32 {
+    JointState::VALID
+        | flag(joint.memory_known, JointState::MEMORY_KNOWN)
+        | flag(clipped, JointState::CLIPPED)
+}
+
+const fn flag(set: bool, value: u32) -> u32 {
+    if set { value } else { 0 }
+}
+
+/// `actuators/measured_js` of one tick.
+#[must_use]
+pub fn actuator_state(report: &Report, identity: &Identity) -> ActuatorState {
+    let written = report.feedback.map(|axis| axis.written.unwrap_or_default());
+    ActuatorState {
+        stamp_ns: report.now.0,
+        measured_stamp_ns: report.feedback.map(|axis| axis.stamp.0),
+        written_stamp_ns: written.map(|write| write.stamp.0),
+        command_stamp_ns: written.map(|write| write.command_stamp.0),
+        command_sequence: written.map(|write| write.command_sequence),
+        exchanges: report.feedback.map(|axis| axis.counters.exchanges),
+        measured_counts: report.feedback.map(|axis| axis.position.0),
+        setpoint_counts: report.setpoints.map(|counts| counts.0),
+        written_counts: written.map(|write| write.target.0),
+        current_ma: report.feedback.map(|axis| axis.current_ma),
+        statusword: report.feedback.map(|axis| axis.statusword),
+        error_code: report.feedback.map(|axis| axis.error_code),
+        phase: phases(&report.feedback),
+        count: identity.motors,
+        ..ActuatorState::default()
+    }
+}
+
+fn phases(feedback: &[AxisFeedback; MAX_MOTORS]) -> [u8; MAX_MOTORS] {
+    feedback.map(|axis| axis_phase(axis.phase))
+}
+
+/// `operating_state` of one tick.
+#[must_use]
+pub fn operating_state(report: &Report, granted: &Granted) -> OperatingStateMsg {
+    let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
+    let flags = [
+        flag(report.homed, OperatingStateMsg::HOMED),
+        flag(report.busy, OperatingStateMsg::BUSY),
+        flag(report.models.active.is_some(), OperatingStateMsg::MODEL),
+        flag(memory_known, OperatingStateMsg::MEMORY_KNOWN),
+        flag(report.holding, OperatingStateMsg::HOLDING),
+        flag(report.clipped, OperatingStateMsg::CLIPPED),
+        flag(granted.priority > 0, OperatingStateMsg::FIFO),
+        flag(granted.memory_locked, OperatingStateMsg::MEMORY_LOCKED),
+        flag(granted.cpu.is_some(), OperatingStateMsg::PINNED),
+    ];
+    OperatingStateMsg {
+        stamp_ns: report.now.0,
+        since_ns: report.since.0,
+        lease_client_id: report.lease_client_id,
+        accepted: report.accepted,
+        refused: report.refused,
+        stale_stops: report.stale_stops,
+        state: report.state.number(),
+        fault: report.fault.number(),
+        last_refusal: report.last_refusal.number(),
+        flags: flags.iter().sum(),
+        ..OperatingStateMsg::default()
+    }
+}

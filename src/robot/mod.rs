@@ -1,0 +1,15 @@
+//! The vocabulary of the robot: states, commands, refusals, faults. Core, process, shared memory and
+//! clients use it; it depends on none of them.
+
+mod fault;
+mod model_action;
+mod numbered_enum;
+mod operating_state;
+mod refusal;
+mod state_command;
+
+pub use fault::Fault;
+pub use model_action::ModelAction;
+pub use operating_state::OperatingState;
+pub use refusal::Refusal;
+pub use state_command::StateCommand;
