@@ -13,8 +13,8 @@ use rig::{PATIENCE, Rig, settle};
 #[test]
 fn the_motors_go_through_a_decaying_stroke_and_end_where_they_began() {
     let mut rig = Rig::new();
-    rig.config.condition.half_width_counts = Some(300);
-    rig.config.condition.turns = 2;
+    rig.config.conditioning.half_width_counts = Some(300);
+    rig.config.conditioning.turns = 2;
     let mut client = rig.enabled();
     let begin = settle(&mut client, |_| true);
     client.state_command(StateCommand::Condition).unwrap();

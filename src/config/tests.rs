@@ -1,4 +1,6 @@
+use super::sections::window_ticks;
 use super::*;
+use crate::units::Nanos;
 
 const AXIS: &str = r#"
     robot_id = "test"
@@ -38,22 +40,61 @@ fn an_unknown_key_is_named_with_its_line() {
 }
 
 #[test]
-fn a_value_out_of_range_is_named_with_the_reason() {
-    assert!(error("[control]\nrate_hz = 7").contains("control.rate_hz = 7: must be 100 to 4000"));
-    assert!(error("[limits]\nvelocity_counts_s = nan").contains("limits.velocity_counts_s = NaN"));
-    assert!(error("[command]\ndeadline_ms = 0").contains("command.deadline_ms"));
-    assert!(
-        error("[compensation]\nfactor = 1.5").contains("compensation.factor = 1.5: must be 0 to 1")
-    );
-    assert!(
-        error("[compensation]\nturning_band_deg = nan")
-            .contains("turning_band_deg = NaN: must be 0 to 2")
-    );
-    assert!(
-        error("[limits]\njerk_counts_s3 = 1e7").contains("the delay would be longer than 16 ticks")
-    );
-    assert!(error("[condition]\nturns = 0").contains("condition.turns = 0: must be 1 to 20"));
-    assert!(error("[condition]\nhalf_width_counts = 0").contains("condition.half_width_counts"));
+fn every_value_out_of_range_is_named_with_the_reason() {
+    for (extra, expected) in [
+        (
+            "[control]\nrate_hz = 7",
+            "control.rate_hz = 7: must be 100 to 4000",
+        ),
+        (
+            "[limits]\nvelocity_counts_s = nan",
+            "limits.velocity_counts_s = NaN",
+        ),
+        ("[command]\ndeadline_ms = 0", "command.deadline_ms"),
+        (
+            "[compensation]\nfactor = 1.5",
+            "compensation.factor = 1.5: must be 0 to 1",
+        ),
+        (
+            "[compensation]\nreversal_dead_band_deg = nan",
+            "dead_band_deg = NaN: must be 0 to 2",
+        ),
+        (
+            "[limits]\njerk_counts_s3 = 1e7",
+            "the delay would be longer than 16 ticks",
+        ),
+        (
+            "[conditioning]\nturns = 0",
+            "conditioning.turns = 0: must be 1 to 20",
+        ),
+        (
+            "[conditioning]\nhalf_width_counts = 0",
+            "conditioning.half_width_counts",
+        ),
+    ] {
+        let text = error(extra);
+        assert!(text.contains(expected), "{text}");
+    }
+    let both = error("[control]\nrate_hz = 7\n[record]\nseconds = 1");
+    assert!(both.contains("rate_hz") && both.contains("record.seconds = 1: must be 10 to 120"));
+}
+
+#[test]
+fn an_old_key_is_refused_with_its_new_name() {
+    for (extra, expected) in [
+        (
+            "[condition]\nturns = 2",
+            "`condition` is called `conditioning`",
+        ),
+        (
+            "[limits]\ncurrent_trip_ma = 90",
+            "`current_trip_ma` is called `over_current_ma`",
+        ),
+        ("[command]\nscale = 0.5", "`scale` is called `motion_scale`"),
+    ] {
+        let text = error(extra);
+        assert!(text.contains(expected), "{text}");
+    }
 }
 
 #[test]

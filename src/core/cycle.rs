@@ -131,15 +131,15 @@ impl Cycle {
             steps: Steps::new(&config.command),
             stroke_plan: Plan::new(config),
             bounds: Bounds::new(&config.move_jp),
-            clutch: Clutch::new(config.command.scale),
+            clutch: Clutch::new(config.command.motion_scale),
             axes: (0..motors)
                 .filter_map(|motor| config.axis(motor))
                 .map(|axis| Axis::new(axis, config))
                 .collect(),
             trail: Trail::new(),
             lateness: Bucket::new(
-                config.limits.late_ticks,
-                Nanos::from_millis(config.limits.late_window_ms),
+                config.limits.overrun_ticks,
+                Nanos::from_millis(config.limits.overrun_window_ms),
             ),
             plausible: Plausible::new(&config.plausibility),
             models: Slots::new(model.map(|model| Joints::new(model, config))),

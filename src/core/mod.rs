@@ -107,9 +107,9 @@
 //! | enabling, powering off: 3 s; homing: 30 s | DriveTimeout | DISABLED, busy |
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
-//! | `late_ticks` within `late_window_ms` | Late | drives on |
-//! | camera and model apart by `plausibility.distance_deg` for `lasts_ms` | Implausible | drives on, memory known |
-//! | motor current above `current_trip_ma` for `current_trip_ms` | Current | while the drive follows |
+//! | `overrun_ticks` within `overrun_window_ms` | Late | drives on |
+//! | camera and model apart by `plausibility.distance_deg` for `debounce_ms` | Implausible | drives on, memory known |
+//! | motor current above `over_current_ma` for `over_current_ms` | Current | while the drive follows |
 //!
 //! The reaction is the mildest that does not lean on what just failed. Cutting the power lets the
 //! wires lose their tension and tissue push the snake, so **a drive that works holds**, by its own

@@ -222,9 +222,9 @@ pub fn without_limits(config: &Config) -> Config {
     config.limits.stop_deceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.jerk_counts_s3 = None;
     config.limits.following_error_counts = i32::MAX;
-    config.joints = crate::config::JointLimitConfig::default();
-    config.command.step_deg = NO_LIMIT;
-    config.command.step_counts = i32::MAX;
+    config.joint_limits = crate::config::JointLimitConfig::default();
+    config.command.max_step_deg = NO_LIMIT;
+    config.command.max_step_counts = i32::MAX;
     for axis in config.ports.iter_mut().flat_map(|port| &mut port.axes) {
         (axis.position_min_counts, axis.position_max_counts) =
             (Counts(-NO_POSITION_LIMIT), Counts(NO_POSITION_LIMIT));

@@ -19,7 +19,7 @@ mod steer;
 
 use std::ops::RangeInclusive;
 
-use crate::config::{AxisConfig, Pattern};
+use crate::config::{AxisConfig, Polling};
 use crate::units::{Counts, Nanos};
 
 use super::cia402::{State, Statusword};
@@ -68,7 +68,7 @@ pub(super) struct Axis {
     plan: HomingPlan,
     stage: Stage,
     rearm: Rearm,
-    pattern: Pattern,
+    polling: Polling,
     cadence: Cadence,
     steer: Steer,
     feedback: AxisFeedback,
@@ -100,7 +100,7 @@ struct Reported {
 }
 
 impl Axis {
-    pub(super) fn new(config: &AxisConfig, drive: &'static dyn Drive, pattern: Pattern) -> Self {
+    pub(super) fn new(config: &AxisConfig, drive: &'static dyn Drive, polling: Polling) -> Self {
         Self {
             motor: config.motor,
             limits: config.position_min_counts.0..=config.position_max_counts.0,
@@ -109,8 +109,8 @@ impl Axis {
             plan: drive.homing(config),
             stage: Stage::Starting,
             rearm: Rearm::Held,
-            pattern,
-            cadence: Cadence::new(pattern),
+            polling,
+            cadence: Cadence::new(polling),
             steer: Steer::default(),
             displaced: false,
             unrestored: false,
@@ -238,7 +238,7 @@ impl Axis {
         }
         self.still = false;
         self.stage = stage;
-        self.cadence = Cadence::new(self.pattern);
+        self.cadence = Cadence::new(self.polling);
         self.steer = Steer::default();
         self.reported.refusal = None;
         let (to, statusword) = (stage.phase(), self.feedback.statusword);

@@ -127,7 +127,7 @@ impl Slot {
         };
         let (settings, axis) = (
             drive.settings(&config),
-            Axis::new(&config, drive, port.pattern),
+            Axis::new(&config, drive, port.polling),
         );
         let slot = Self {
             config,
@@ -139,7 +139,7 @@ impl Slot {
             next_admission: Nanos::ZERO,
             hint,
             heard: (0, Nanos::ZERO),
-            deadman: (port.deadman_ms > 0).then(|| Nanos::from_millis(port.deadman_ms)),
+            deadman: (port.loop_timeout_ms > 0).then(|| Nanos::from_millis(port.loop_timeout_ms)),
             deserted: false,
         };
         (slot, link)

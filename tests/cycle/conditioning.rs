@@ -84,7 +84,7 @@ fn afterwards_the_memory_is_known() {
 #[test]
 fn a_narrow_stroke_is_widened_to_what_the_model_needs() {
     let mut bench = ready(
-        config("[condition]\nhalf_width_counts = 20\nturns = 2"),
+        config("[conditioning]\nhalf_width_counts = 20\nturns = 2"),
         Some(play_model()),
     );
     let places = stroke(&mut bench);
@@ -99,7 +99,7 @@ fn a_narrow_stroke_is_widened_to_what_the_model_needs() {
 #[test]
 fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
     let mut bench = ready(
-        config("[condition]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"),
+        config("[conditioning]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"),
         None,
     );
     let places = stroke(&mut bench);

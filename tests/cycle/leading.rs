@@ -182,7 +182,7 @@ fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
 
 #[test]
 fn limits_on_the_angles_are_kept_whatever_is_asked() {
-    let tables = "[joints]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [3.0, 5.0]\nvelocity_deg_s = 6.0\n\
+    let tables = "[joint_limits]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [3.0, 5.0]\nvelocity_deg_s = 6.0\n\
                   acceleration_deg_s2 = 100.0\njerk_deg_s3 = 10000.0";
     let mut bench = enabled(tables);
     for _ in 0..200 {

@@ -52,7 +52,10 @@ fn work(bench: &mut Bench, second: &Arc<Model>) {
 /// A recorded day, with the snapshots that `keep` asks for.
 fn recorded(keep: impl Fn(usize) -> bool) -> Content {
     let (first, second) = (play_model(), scaled_play_model(1.2));
-    let mut bench = Bench::new(config("[swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
+    let mut bench = Bench::new(
+        config("[model_swap]\nblend_ms = 100"),
+        Some(Arc::clone(&first)),
+    );
     bench.recording = Some(Recording::default());
     work(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();

@@ -244,7 +244,7 @@ fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
     let reply_timeout_ms = 1000;
     vec![PortConfig {
         // Cases write a request when something changes, and no others.
-        deadman_ms: 0,
+        loop_timeout_ms: 0,
         family: setup.port,
         framing: setup.framing,
         reply_timeout_ms,

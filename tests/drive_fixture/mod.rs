@@ -348,7 +348,7 @@ pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
         .collect();
     // Tests write a request when something changes, and no others.
     PortConfig {
-        deadman_ms: 0,
+        loop_timeout_ms: 0,
         ..PortConfig::new("/dev/bench".into(), axes)
     }
 }

@@ -109,7 +109,7 @@ fn a_drive_that_does_not_stop_is_switched_off() {
 #[test]
 fn a_control_loop_that_falls_silent_is_stopped() {
     let (bench, mut config, _) = open(vec![one_drive()]);
-    config.deadman_ms = 100;
+    config.loop_timeout_ms = 100;
     let (mut runner, mut links) = Port::over(bench.clone(), &config)
         .bring_up()
         .unwrap()

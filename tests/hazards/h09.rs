@@ -31,7 +31,7 @@ fn h09_nonsense_and_huge_steps_are_refused_and_nothing_moves() {
     linear_model(&rig, "model.json", "rig", 1.0);
     rig.config.control.model = Some("model.json".into());
     let mut client = rig.enabled();
-    let huge = rig.config.command.step_deg.to_radians() * 1.5;
+    let huge = rig.config.command.max_step_deg.to_radians() * 1.5;
     for (goal, refusal) in [
         ([f64::NAN, 0.0], Refusal::NotFinite),
         ([0.0, f64::INFINITY], Refusal::NotFinite),

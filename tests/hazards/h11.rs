@@ -23,7 +23,7 @@ fn h11_a_key_without_its_unit_or_with_another_is_refused() {
         ("[command]\ndeadline = 50", "deadline"),
         ("[command]\ndeadline_s = 0.05", "deadline_s"),
         ("[command]\nstep_rad = 0.1", "step_rad"),
-        ("[swap]\nblend_s = 0.5", "blend_s"),
+        ("[model_swap]\nblend_s = 0.5", "blend_s"),
     ] {
         assert!(
             complaint(table).contains(key),
@@ -39,12 +39,15 @@ fn h11_values_that_belong_to_another_unit_are_out_of_range() {
         ("[control]\nrate_hz = 1", "control.rate_hz"),
         ("[control]\nspin_us = 100000", "control.spin_us"),
         ("[command]\ndeadline_ms = 50000", "command.deadline_ms"),
-        ("[command]\nlease_ms = 500000000", "command.lease_ms"),
+        (
+            "[command]\nlease_ms = 500000000",
+            "command.lease_timeout_ms",
+        ),
         (
             "[compensation]\nturning_band_deg = 50.0",
-            "compensation.turning_band_deg",
+            "compensation.reversal_dead_band_deg",
         ),
-        ("[swap]\nblend_ms = 500000", "swap.blend_ms"),
+        ("[model_swap]\nblend_ms = 500000", "model_swap.blend_ms"),
         (
             "[plausibility]\ndistance_deg = 300.0",
             "plausibility.distance_deg",

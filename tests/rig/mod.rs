@@ -15,9 +15,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
-    RecordConfig, SwapConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config, ControlConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
+    PortConfig, RecordConfig,
 };
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -107,7 +107,7 @@ impl Rig {
             ipc: IpcConfig { domain },
             command: CommandConfig {
                 deadline_ms: 200,
-                lease_ms: 1000,
+                lease_timeout_ms: 1000,
                 ..CommandConfig::default()
             },
             // A stall of the machine is not what these tests are about.
@@ -117,9 +117,9 @@ impl Rig {
                 ..LimitConfig::default()
             },
             compensation: CompensationConfig::default(),
-            condition: ConditionConfig::default(),
-            swap: SwapConfig::default(),
-            joints: JointLimitConfig::default(),
+            conditioning: ConditioningConfig::default(),
+            model_swap: ModelSwapConfig::default(),
+            joint_limits: JointLimitConfig::default(),
             move_jp: MoveConfig::default(),
             plausibility: PlausibilityConfig::default(),
             record: RecordConfig::default(),

@@ -26,7 +26,7 @@
 //! sequence number.
 //!
 //! The lease: taken by the first accepted command while it is free, renewed by every accepted
-//! command, lost after `command.lease_ms` without one, or given back with the state command
+//! command, lost after `command.lease_timeout_ms` without one, or given back with the state command
 //! `release`.
 
 use serde::{Deserialize, Serialize};
@@ -91,7 +91,7 @@ impl Gate {
     pub fn new(config: &CommandConfig) -> Self {
         Self {
             default_deadline: Nanos::from_millis(config.deadline_ms),
-            lease: Nanos::from_millis(config.lease_ms),
+            lease: Nanos::from_millis(config.lease_timeout_ms),
             holder: None,
             last: None,
             folded: None,

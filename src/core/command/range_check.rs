@@ -26,8 +26,8 @@ impl Steps {
     /// As configured.
     pub fn new(config: &CommandConfig) -> Self {
         Self {
-            joint: config.step_deg.to_radians(),
-            actuator: f64::from(config.step_counts),
+            joint: config.max_step_deg.to_radians(),
+            actuator: f64::from(config.max_step_counts),
         }
     }
 

@@ -38,7 +38,7 @@ impl Plausible {
     pub fn new(config: &PlausibilityConfig) -> Self {
         Self {
             distance: config.distance_deg.to_radians(),
-            patience: Patience::new(Nanos::from_millis(config.lasts_ms)),
+            patience: Patience::new(Nanos::from_millis(config.debounce_ms)),
             estimates: [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS],
             written: 0,
             last: Nanos::ZERO,
@@ -144,7 +144,7 @@ mod tests {
     fn moving() -> Plausible {
         let config = PlausibilityConfig {
             distance_deg: 2.0,
-            lasts_ms: 100,
+            debounce_ms: 100,
         };
         let mut plausible = Plausible::new(&config);
         // 10 deg/s.

@@ -64,12 +64,12 @@ impl Steady {
         let tick_s = tick.as_seconds();
         Self {
             band: if jumps {
-                angle(config.turning_band_deg)
+                angle(config.reversal_dead_band_deg)
             } else {
                 0.0
             },
-            share: tick_s / (tick_s + 1e-3 * config.correction_filter_ms),
-            correction_band: angle(config.correction_band_deg),
+            share: tick_s / (tick_s + 1e-3 * config.residual_filter_ms),
+            correction_band: angle(config.residual_dead_band_deg),
             pen: None,
             correction: None,
         }
@@ -162,8 +162,8 @@ mod tests {
 
     fn steady() -> Steady {
         let config = CompensationConfig {
-            turning_band_deg: 1.0,
-            correction_band_deg: 0.5,
+            reversal_dead_band_deg: 1.0,
+            residual_dead_band_deg: 0.5,
             ..CompensationConfig::default()
         };
         Steady::new(&config, OutputUnit::Deg, Nanos::from_millis(1), true)

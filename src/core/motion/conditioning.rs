@@ -18,7 +18,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ConditionConfig, Config};
+use crate::config::{ConditioningConfig, Config};
 use crate::core::motion::velocity_limit::{Limiter, Limits, Target};
 use crate::model::Model;
 use crate::robot::Refusal;
@@ -86,11 +86,11 @@ struct Extremes {
 impl Plan {
     /// As configured. The configuration has been checked before.
     pub fn new(config: &Config) -> Self {
-        let ConditionConfig {
+        let ConditioningConfig {
             half_width_counts,
             turns,
             velocity_counts_s,
-        } = config.condition;
+        } = config.conditioning;
         let motors = config.motors().min(MAX_MOTORS);
         let (mut lowest, mut highest) = (MotorVec::default(), MotorVec::default());
         for ((motor, lowest), highest) in (0..motors).zip(&mut lowest).zip(&mut highest) {

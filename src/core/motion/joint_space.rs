@@ -103,7 +103,7 @@ impl Joints {
         let angles = unit == OutputUnit::Deg;
         let shape = Shape::new(
             &config.command,
-            &config.joints,
+            &config.joint_limits,
             config.control.period(),
             angles,
         );
@@ -119,7 +119,7 @@ impl Joints {
             settled: None,
             blend: None,
         };
-        let blend_span = Nanos::from_millis(config.swap.blend_ms);
+        let blend_span = Nanos::from_millis(config.model_swap.blend_ms);
         Self {
             model,
             compensation: config.compensation.factor,

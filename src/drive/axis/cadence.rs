@@ -4,7 +4,7 @@
 //! set-point and position costs rate. While the target is followed, a round is set-point and
 //! position, and only some rounds carry a third.
 
-use crate::config::Pattern;
+use crate::config::Polling;
 
 /// Where in their rounds the current and the error code are read, apart from each other and from
 /// the statusword.
@@ -21,7 +21,7 @@ const IDLE_EVERY: u32 = 8;
 /// Counts rounds and slots.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Cadence {
-    pattern: Pattern,
+    polling: Polling,
     next: Slot,
     round: u32,
     skipped: u32,
@@ -48,9 +48,9 @@ pub(super) enum Extra {
 }
 
 impl Cadence {
-    pub(super) fn new(pattern: Pattern) -> Self {
+    pub(super) fn new(polling: Polling) -> Self {
         Self {
-            pattern,
+            polling,
             ..Self::default()
         }
     }
@@ -76,13 +76,13 @@ impl Cadence {
 
     fn begin_round(&mut self) -> Slot {
         self.round = self.round.wrapping_add(1);
-        let Pattern {
-            status_every,
-            rare_every,
-        } = self.pattern;
+        let Polling {
+            status_every_rounds,
+            slow_every_rounds,
+        } = self.polling;
         match (
-            self.round % status_every.max(1),
-            self.round % rare_every.max(1),
+            self.round % status_every_rounds.max(1),
+            self.round % slow_every_rounds.max(1),
         ) {
             (0, _) => Slot::Extra(Extra::Status),
             (_, CURRENT_AT) => Slot::Extra(Extra::Current),
@@ -134,9 +134,9 @@ mod tests {
 
     #[test]
     fn the_pattern_is_as_configured() {
-        let mut cadence = Cadence::new(Pattern {
-            status_every: 2,
-            rare_every: 64,
+        let mut cadence = Cadence::new(Polling {
+            status_every_rounds: 2,
+            slow_every_rounds: 64,
         });
         let slots: Vec<Slot> = (0..1000).map(|_| cadence.following(false)).collect();
         let looks = slots

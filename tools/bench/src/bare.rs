@@ -41,7 +41,7 @@ pub fn port(emulator: &Emulator, motor: usize, serial_number: u32) -> PortConfig
     let axis = AxisConfig::new(motor, serial_number, [Counts(-2400), Counts(2400)]);
     PortConfig {
         reply_timeout_ms: 1000,
-        deadman_ms: 0,
+        loop_timeout_ms: 0,
         ..PortConfig::new(emulator.device(motor).to_owned(), vec![axis])
     }
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
-use i2ris::config::{Pattern, PortConfig};
+use i2ris::config::{Polling, PortConfig};
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, LinkCounters, Port, PortRunner};
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::{Counts, Nanos};
@@ -248,9 +248,9 @@ fn driver(
     for motor in 0..2 {
         // Nothing but set-points and positions, as far as it may be.
         let port = PortConfig {
-            pattern: Pattern {
-                status_every: 50,
-                rare_every: 1000,
+            polling: Polling {
+                status_every_rounds: 50,
+                slow_every_rounds: 1000,
             },
             ..rig.port(motor)
         };

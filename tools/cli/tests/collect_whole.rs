@@ -53,9 +53,12 @@ impl Rig {
             config.limits.feedback_stale_ms,
             config.limits.feedback_lost_ms,
         ) = (2000, 10_000);
-        (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
-        config.condition.half_width_counts = Some(400);
-        (config.condition.turns, config.condition.velocity_counts_s) = (1, 2000.0);
+        (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
+        config.conditioning.half_width_counts = Some(400);
+        (
+            config.conditioning.turns,
+            config.conditioning.velocity_counts_s,
+        ) = (1, 2000.0);
         let mut rig = Self {
             emulator,
             folder,

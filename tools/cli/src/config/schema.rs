@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(
             (
                 &limits["additionalProperties"],
-                limits["properties"]["late_ticks"]["default"].as_u64()
+                limits["properties"]["overrun_ticks"]["default"].as_u64()
             ),
             (&Value::Bool(false), Some(0))
         );

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditionConfig, Config, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
-    RecordConfig, SwapConfig,
+    AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config, ControlConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
+    PortConfig, RecordConfig,
 };
 use i2ris::core::Goal;
 use i2ris::core::rehearsal::{Rehearsal, RehearsalError, beginning, without_limits};
@@ -272,7 +272,7 @@ fn told(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Fai
         RehearsalError::Goal(Refusal::Step) => {
             format!(
                 "; more than {} deg in one tick: smooth it, or lift the limits with --no-limits",
-                config.command.step_deg
+                config.command.max_step_deg
             )
         }
         _ => String::new(),
@@ -318,9 +318,9 @@ fn standard(model: &Model) -> Config {
         command: CommandConfig::default(),
         limits: LimitConfig::default(),
         compensation: CompensationConfig::default(),
-        condition: ConditionConfig::default(),
-        swap: SwapConfig::default(),
-        joints: JointLimitConfig::default(),
+        conditioning: ConditioningConfig::default(),
+        model_swap: ModelSwapConfig::default(),
+        joint_limits: JointLimitConfig::default(),
         move_jp: MoveConfig::default(),
         plausibility: PlausibilityConfig::default(),
         record: RecordConfig::default(),

@@ -48,7 +48,7 @@ impl Robot {
             config.limits.feedback_stale_ms,
             config.limits.feedback_lost_ms,
         ) = (2000, 10_000);
-        (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
+        (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
         config.control.model = Some(linear_model(folder.path(), "first.json", 1.0));
         config.record.folder = folder.path().join("records");
         let (domain, stop) = (

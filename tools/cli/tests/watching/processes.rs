@@ -201,7 +201,7 @@ fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
         config.limits.feedback_stale_ms,
         config.limits.feedback_lost_ms,
     ) = (2000, 20_000);
-    (config.command.deadline_ms, config.command.lease_ms) = (500, 2000);
+    (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
     std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
     file
 }

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Config, WrongValue, require};
-use crate::units::{Counts, MAX_MOTORS};
+use crate::units::Counts;
 
 /// A serial port and the axes behind it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,10 +29,10 @@ pub struct PortConfig {
     /// Silence of the control loop after which the port stops its enabled axes, in milliseconds; 0:
     /// never. The loop writes a request every tick, so this is a loop that hangs.
     #[serde(default = "default_deadman_ms")]
-    pub deadman_ms: u64,
+    pub loop_timeout_ms: u64,
     /// How often what is not pressing is read while a target is followed.
     #[serde(default)]
-    pub pattern: Pattern,
+    pub polling: Polling,
     /// A file that takes where the axes stand when the controller ends, relative to the folder of
     /// this file. With it, an axis that stands elsewhere at the next start, or of which no one
     /// noted the place, is not homed. Absent: what the drive says of its zero is believed.
@@ -54,8 +53,8 @@ impl PortConfig {
             family: Family::default(),
             framing: Framing::default(),
             reply_timeout_ms: default_reply_timeout_ms(),
-            deadman_ms: default_deadman_ms(),
-            pattern: Pattern::default(),
+            loop_timeout_ms: default_deadman_ms(),
+            polling: Polling::default(),
             positions_file: None,
             axes,
         }
@@ -67,18 +66,18 @@ impl PortConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
-pub struct Pattern {
+pub struct Polling {
     /// Rounds between two looks at the statusword, 1 to 1000.
-    pub status_every: u32,
+    pub status_every_rounds: u32,
     /// Rounds between two reads of the error code, and of the current, 20 to 10000.
-    pub rare_every: u32,
+    pub slow_every_rounds: u32,
 }
 
-impl Default for Pattern {
+impl Default for Polling {
     fn default() -> Self {
         Self {
-            status_every: 4,
-            rare_every: 32,
+            status_every_rounds: 4,
+            slow_every_rounds: 32,
         }
     }
 }
@@ -245,173 +244,11 @@ fn default_homing_speed_rpm() -> u32 {
     20
 }
 
-impl Config {
-    pub(super) fn check_ports(&self) -> Result<(), WrongValue> {
-        let motors = self.motors();
-        require(
-            (1..=MAX_MOTORS).contains(&motors),
-            "ports.axes",
-            motors,
-            "there must be 1 or 2 axes in all",
-        )?;
-        for (number, port) in self.ports.iter().enumerate() {
-            let twice = self.ports[..number]
-                .iter()
-                .any(|other| other.device == port.device);
-            port.check(number, twice)?;
-        }
-        self.axes().try_for_each(|axis| self.check_axis(axis))
-    }
-
-    fn check_axis(&self, axis: &AxisConfig) -> Result<(), WrongValue> {
-        let (motors, twice) = (
-            self.motors(),
-            self.axes()
-                .filter(|other| other.motor == axis.motor)
-                .count()
-                > 1,
-        );
-        require(
-            axis.motor < motors,
-            &axis.key("motor"),
-            axis.motor,
-            "motors are numbered from 0 without gaps",
-        )?;
-        require(
-            !twice,
-            &axis.key("motor"),
-            axis.motor,
-            "is turned by another axis already",
-        )?;
-        axis.check()
-    }
-}
-
-impl PortConfig {
-    fn check(&self, number: usize, twice: bool) -> Result<(), WrongValue> {
-        let key = |name: &str| format!("ports[{number}].{name}");
-        let timeout = self.reply_timeout_ms;
-        require(
-            (3..=1000).contains(&timeout),
-            &key("reply_timeout_ms"),
-            timeout,
-            "must be 3 to 1000",
-        )?;
-        require(
-            (9600..=4_000_000).contains(&self.baud),
-            &key("baud"),
-            self.baud,
-            "must be 9600 to 4000000",
-        )?;
-        require(
-            !twice,
-            &key("device"),
-            self.device.display(),
-            "is named by another port already",
-        )?;
-        let Pattern {
-            status_every,
-            rare_every,
-        } = self.pattern;
-        require(
-            (1..=1000).contains(&status_every),
-            &key("pattern.status_every"),
-            status_every,
-            "must be 1 to 1000",
-        )?;
-        require(
-            (20..=10_000).contains(&rare_every),
-            &key("pattern.rare_every"),
-            rare_every,
-            "must be 20 to 10000",
-        )?;
-        let speaks = (self.family, self.framing) != (Family::Epos4, Framing::V1);
-        require(
-            speaks,
-            &key("framing"),
-            "v1",
-            "is spoken by `family = \"epos2\"` on RS232 only",
-        )?;
-        for (place, axis) in self.axes.iter().enumerate() {
-            let family = axis.family.unwrap_or(self.family);
-            let can = (family, axis.streaming) != (Family::Epos2, Streaming::Profile);
-            require(
-                can,
-                &axis.key("streaming"),
-                "profile",
-                "is for EPOS4 only; leave it out for an EPOS2",
-            )?;
-            let fits = family != Family::Epos2 || axis.current_limit_ma <= u32::from(u16::MAX);
-            require(
-                fits,
-                &axis.key("current_limit_ma"),
-                axis.current_limit_ma,
-                "must be below 65536 for an EPOS2",
-            )?;
-            let twice = self.axes[..place]
-                .iter()
-                .any(|other| other.node_id == axis.node_id);
-            require(
-                !twice,
-                &axis.key("node_id"),
-                axis.node_id,
-                "is named by another axis of the same port already",
-            )?;
-        }
-        Ok(())
-    }
-}
-
-impl AxisConfig {
-    fn key(&self, name: &str) -> String {
-        format!("ports.axes[motor {}].{name}", self.motor)
-    }
-
-    fn check(&self) -> Result<(), WrongValue> {
-        require(
-            self.node_id <= 127,
-            &self.key("node_id"),
-            self.node_id,
-            "must be 0 to 127",
-        )?;
-        require(
-            self.position_min_counts < self.position_max_counts,
-            &self.key("position_min_counts"),
-            self.position_min_counts,
-            "must be below position_max_counts",
-        )?;
-        for (name, value) in [
-            ("current_limit_ma", self.current_limit_ma),
-            ("motor_speed_rpm", self.motor_speed_rpm),
-            ("quick_stop_rpm_s", self.quick_stop_rpm_s),
-            ("homing_current_ma", self.homing_current_ma),
-            ("homing_speed_rpm", self.homing_speed_rpm),
-        ] {
-            require(value > 0, &self.key(name), value, "must be above 0")?;
-        }
-        if self.homing == HomingMethod::Here {
-            return Ok(());
-        }
-        let (current, stop) = (self.homing_current_ma, self.homing_stop_counts);
-        require(
-            current < self.current_limit_ma && current <= u32::from(u16::MAX),
-            &self.key("homing_current_ma"),
-            current,
-            "must be below current_limit_ma: it decides how hard the wires are pulled against the stop",
-        )?;
-        let inside = (self.position_min_counts..=self.position_max_counts).contains(&stop);
-        require(
-            inside,
-            &self.key("homing_stop_counts"),
-            stop,
-            "must lie within the position limits",
-        )
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
+
+    use crate::config::Config;
 
     use super::*;
 
@@ -447,7 +284,7 @@ mod tests {
         assert!(
             parse("framing = \"v1\"", "")
                 .unwrap_err()
-                .contains("ports[0].framing = v1: is spoken by")
+                .contains("ports[0].framing = v1: is for")
         );
         assert!(
             parse("family = \"epos2\"", "streaming = \"profile\"")

@@ -1,0 +1,346 @@
+//! The tables of the configuration file, with units, ranges and defaults of every key.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::Nanos;
+
+/// The control loop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct ControlConfig {
+    /// Ticks per second, 100 to 4000.
+    pub rate_hz: u32,
+    /// How long before each tick to wake and spin, in microseconds, 0 to 500. 0 sleeps to the tick
+    /// itself.
+    pub spin_us: u32,
+    /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
+    /// less.
+    pub priority: u8,
+    /// The processor to pin the loop to. Absent: not pinned.
+    pub cpu: Option<usize>,
+    /// Lock all memory against paging.
+    pub lock_memory: bool,
+    /// The model file, relative to the folder of this file. Absent: motors can be moved by counts
+    /// only, for calibration.
+    pub model: Option<PathBuf>,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self {
+            rate_hz: 1000,
+            spin_us: 100,
+            priority: 80,
+            cpu: None,
+            lock_memory: true,
+            model: None,
+        }
+    }
+}
+
+impl ControlConfig {
+    /// The length of a tick.
+    #[must_use]
+    pub fn period(&self) -> Nanos {
+        Nanos(1_000_000_000 / u64::from(self.rate_hz.max(1)))
+    }
+}
+
+/// Shared memory.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct IpcConfig {
+    /// Name of the domain: controllers and clients meet only inside one. Letters, digits and `-`,
+    /// at most 32.
+    pub domain: String,
+}
+
+impl Default for IpcConfig {
+    fn default() -> Self {
+        Self {
+            domain: "i2ris".to_owned(),
+        }
+    }
+}
+
+/// What is asked of commands from other processes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct CommandConfig {
+    /// Age at which a servo command that names no deadline is stale and the robot stops, in
+    /// milliseconds, 2 to 1000.
+    pub deadline_ms: u64,
+    /// Silence after which the lease of a commander is free for others, in milliseconds.
+    pub lease_timeout_ms: u64,
+    /// The largest difference between two servo commands in a row, and between the first and the
+    /// present pose, in degrees.
+    pub max_step_deg: f64,
+    /// The same for commands in counts.
+    pub max_step_counts: i32,
+    /// How far the snake moves per motion of the master, 0.01 to 1. Other than 1, a stream of
+    /// commands is relative to where it begins, as after the clutch; see `i2ris::core`.
+    pub motion_scale: f64,
+    /// Cut-off of the low-pass against hand tremor, Hz; 0: none. It delays by 1 / (2 pi f): 53 ms
+    /// at 3 Hz.
+    pub tremor_filter_hz: f64,
+}
+
+impl Default for CommandConfig {
+    fn default() -> Self {
+        Self {
+            deadline_ms: 50,
+            lease_timeout_ms: 500,
+            max_step_deg: 5.0,
+            max_step_counts: 250,
+            motion_scale: 1.0,
+            tremor_filter_hz: 0.0,
+        }
+    }
+}
+
+/// Limits on the motion of every motor. The reference is the previous set-point, not the
+/// measurement.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitConfig {
+    /// Velocity of the set-point, counts per second.
+    pub velocity_counts_s: f64,
+    /// Acceleration of the set-point while it follows a goal, counts per second squared.
+    pub acceleration_counts_s2: f64,
+    /// Deceleration when it must stop, counts per second squared. Large: a stop from full speed
+    /// should end within two ticks, which is still less than a count or two of travel.
+    pub stop_deceleration_counts_s2: f64,
+    /// Jerk of the set-point, counts per second cubed, stops included. It makes every motion late
+    /// by `stop_deceleration / jerk`, at most 16 ticks, and a stop longer by twice that. Absent: no
+    /// limit.
+    pub jerk_counts_s3: Option<f64>,
+    /// Age of the newest position at which the loop stops the motion, in milliseconds.
+    pub feedback_stale_ms: u64,
+    /// Age of the newest position at which the loop goes to FAULT, in milliseconds.
+    pub feedback_lost_ms: u64,
+    /// Largest distance between set-point and encoder, in counts, before FAULT.
+    pub following_error_counts: i32,
+    /// Motor current that leads to FAULT when it lasts, in mA. Absent: only the limit in the drive.
+    pub over_current_ma: Option<u32>,
+    /// How long it may last, in milliseconds.
+    pub over_current_ms: u64,
+    /// Late ticks (a tick or more after their time) within `overrun_window_ms` that lead to FAULT. 0:
+    /// never.
+    pub overrun_ticks: u32,
+    /// See `overrun_ticks`; in milliseconds.
+    pub overrun_window_ms: u64,
+}
+
+impl Default for LimitConfig {
+    fn default() -> Self {
+        Self {
+            velocity_counts_s: 2000.0,
+            acceleration_counts_s2: 40_000.0,
+            stop_deceleration_counts_s2: 1_000_000.0,
+            jerk_counts_s3: None,
+            feedback_stale_ms: 50,
+            feedback_lost_ms: 250,
+            following_error_counts: 300,
+            over_current_ma: None,
+            over_current_ms: 200,
+            overrun_ticks: 0,
+            overrun_window_ms: 1000,
+        }
+    }
+}
+
+impl LimitConfig {
+    /// Over how many ticks the set-point of a motor is averaged, so that the jerk stays within its
+    /// limit.
+    #[must_use]
+    pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
+        self.jerk_counts_s3
+            .map(|jerk| window_ticks(self.stop_deceleration_counts_s2, jerk, tick))
+    }
+}
+
+/// How a model with memory is used.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct CompensationConfig {
+    /// Part of gaps and friction that is compensated, 0 to 1. Too much moves the tip at a turn, too
+    /// little delays it.
+    pub factor: f64,
+    /// A goal that turns back by less than twice this is held, so that tremor does not send the
+    /// motors across the gap, in degrees, 0 to 2.
+    pub reversal_dead_band_deg: f64,
+    /// Time constant of the low-pass on the correction by the model's residual, in milliseconds, 0
+    /// to 1000.
+    pub residual_filter_ms: f64,
+    /// Changes of the correction below this are not followed, in degrees, 0 to 1.
+    pub residual_dead_band_deg: f64,
+}
+
+impl Default for CompensationConfig {
+    fn default() -> Self {
+        Self {
+            factor: 1.0,
+            reversal_dead_band_deg: 0.05,
+            residual_filter_ms: 50.0,
+            residual_dead_band_deg: 0.02,
+        }
+    }
+}
+
+/// The decaying stroke that wipes out what is not known about the past of the wires.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct ConditioningConfig {
+    /// Half the width of the first turn, counts of every motor, around where it begins. The model's
+    /// need and the position limits come first. Absent: the calibrated hull of the model; 500
+    /// without one.
+    pub half_width_counts: Option<i32>,
+    /// Turns, the first in full width, the others shrinking, 1 to 20.
+    pub turns: u32,
+    /// Velocity of the faster motor, counts per second; not above that of the limits.
+    pub velocity_counts_s: f64,
+}
+
+impl Default for ConditioningConfig {
+    fn default() -> Self {
+        Self {
+            half_width_counts: None,
+            turns: 4,
+            velocity_counts_s: 1000.0,
+        }
+    }
+}
+
+/// How one model takes over from another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelSwapConfig {
+    /// How long the motors take to go where the new model wants them, in milliseconds, 0 to 10000.
+    /// 0: as fast as the limits allow.
+    pub blend_ms: u64,
+}
+
+impl Default for ModelSwapConfig {
+    fn default() -> Self {
+        Self { blend_ms: 500 }
+    }
+}
+
+/// Limits on the angles that are asked of the inverse. Each is off unless it is there; a model of
+/// the tip position has none.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct JointLimitConfig {
+    /// Lowest angles, degrees, one per output.
+    pub position_min_deg: Option<Vec<f64>>,
+    /// Highest angles, degrees, one per output.
+    pub position_max_deg: Option<Vec<f64>>,
+    /// Velocity of every angle, degrees per second.
+    pub velocity_deg_s: Option<f64>,
+    /// Acceleration of every angle, degrees per second squared.
+    pub acceleration_deg_s2: Option<f64>,
+    /// Jerk of every angle, degrees per second cubed; needs an acceleration limit, of which it
+    /// makes a delay of `acceleration / jerk`, at most 16 ticks.
+    pub jerk_deg_s3: Option<f64>,
+}
+
+impl JointLimitConfig {
+    /// There is a limit.
+    #[must_use]
+    pub fn is_any(&self) -> bool {
+        *self != Self::default()
+    }
+
+    /// Over how many ticks acceleration is averaged, so that the jerk stays within its limit.
+    #[must_use]
+    pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
+        Some(window_ticks(
+            self.acceleration_deg_s2?,
+            self.jerk_deg_s3?,
+            tick,
+        ))
+    }
+}
+
+/// The way of `move_jp`: from rest to rest on a straight line in joint space.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct MoveConfig {
+    /// Velocity along the line, degrees per second.
+    pub velocity_deg_s: f64,
+    /// Acceleration along the line, degrees per second squared.
+    pub acceleration_deg_s2: f64,
+    /// Jerk along the line, degrees per second cubed.
+    pub jerk_deg_s3: f64,
+}
+
+impl Default for MoveConfig {
+    fn default() -> Self {
+        Self {
+            velocity_deg_s: 10.0,
+            acceleration_deg_s2: 100.0,
+            jerk_deg_s3: 2000.0,
+        }
+    }
+}
+
+/// The camera against the model: what `external/measured_jp` says against the estimate from the
+/// encoders at that instant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct PlausibilityConfig {
+    /// Distance between the two that leads to FAULT when it lasts, in degrees. 0: never, for robots
+    /// without a camera.
+    pub distance_deg: f64,
+    /// How long it may last, in milliseconds: longer than the camera needs for some pictures.
+    pub debounce_ms: u64,
+}
+
+impl Default for PlausibilityConfig {
+    fn default() -> Self {
+        Self {
+            distance_deg: 0.0,
+            debounce_ms: 300,
+        }
+    }
+}
+
+/// What is written down.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct RecordConfig {
+    /// Where black boxes and the log of runs go, relative to the folder of this file.
+    pub folder: PathBuf,
+    /// Seconds that the black box holds, 10 to 120. A second takes 2 MB of memory at 1 kHz.
+    pub seconds: u64,
+}
+
+impl Default for RecordConfig {
+    fn default() -> Self {
+        Self {
+            folder: "records".into(),
+            seconds: 12,
+        }
+    }
+}
+
+/// The length in ticks of the moving average that keeps jerk within a limit: in the mean over `n`
+/// ticks of length `T`, an acceleration between `-A` and `A` has a jerk of at most `2 A / (n T)`.
+pub(super) fn window_ticks(acceleration: f64, jerk: f64, tick: Nanos) -> u32 {
+    // Rounding may not make a window of 20 ticks one of 21.
+    let ticks = 2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9;
+    ticks.ceil().clamp(1.0, 1e6) as u32
+}

@@ -1,0 +1,383 @@
+//! Checks on the values of a configuration that parsed: ranges, and what must fit together.
+//!
+//! All checks run, so that one start of the program names everything that is wrong.
+
+use std::fmt::{self, Display};
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
+use crate::units::{LONGEST_WINDOW, MAX_MOTORS};
+
+/// Why a jerk limit is refused: the moving average that limits jerk delays by half its window.
+const JERK_DELAY: &str = "must be higher: the delay would be longer than 16 ticks";
+
+/// Current limits of an EPOS2 are 16-bit objects.
+const MAX_EPOS2_CURRENT_MA: u32 = u16::MAX as u32;
+
+/// A key whose value is refused.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// The key, with the tables that hold it.
+    pub key: String,
+    /// The value in the file.
+    pub value: String,
+    /// What is wrong and what would be right.
+    pub reason: String,
+}
+
+impl Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} = {}: {}", self.key, self.value, self.reason)
+    }
+}
+
+/// Collects what is refused.
+#[derive(Default)]
+struct Findings(Vec<Finding>);
+
+impl Findings {
+    fn require(
+        &mut self,
+        is_valid: bool,
+        key: impl Into<String>,
+        value: impl Display,
+        reason: impl Into<String>,
+    ) {
+        if !is_valid {
+            let (key, value, reason) = (key.into(), value.to_string(), reason.into());
+            self.0.push(Finding { key, value, reason });
+        }
+    }
+
+    fn within<T: PartialOrd + Display>(
+        &mut self,
+        key: impl Into<String>,
+        value: T,
+        range: RangeInclusive<T>,
+    ) {
+        let reason = format!("must be {} to {}", range.start(), range.end());
+        self.require(range.contains(&value), key, value, reason);
+    }
+
+    /// TOML has `nan` and `inf`, and serde accepts them.
+    fn positive(&mut self, key: &str, value: f64) {
+        let is_valid = value.is_finite() && value > 0.0;
+        self.require(is_valid, key, value, "must be a finite number above 0");
+    }
+
+    fn above_zero<T: PartialOrd + Default + Display>(&mut self, key: impl Into<String>, value: T) {
+        self.require(value > T::default(), key, value, "must be above 0");
+    }
+}
+
+/// The findings of a file, one line each.
+pub(super) fn lines(path: &Path, findings: &[Finding]) -> String {
+    let line = |finding| format!("configuration {}: {finding}", path.display());
+    findings.iter().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// Everything that is wrong with the values; empty if the configuration is valid.
+pub(super) fn validate(config: &Config) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    check_process(config, &mut findings);
+    check_command(config, &mut findings);
+    check_limits(config, &mut findings);
+    check_joint_limits(config, &mut findings);
+    check_motion(config, &mut findings);
+    check_ports(config, &mut findings);
+    findings.0
+}
+
+fn check_process(config: &Config, findings: &mut Findings) {
+    findings.within("control.rate_hz", config.control.rate_hz, 100..=4000);
+    findings.within("control.spin_us", config.control.spin_us, 0..=500);
+    findings.within("control.priority", config.control.priority, 0..=98);
+    findings.within("record.seconds", config.record.seconds, 10..=120);
+    let domain = &config.ipc.domain;
+    let is_plain = domain
+        .chars()
+        .all(|c| c.is_ascii_alphanumeric() || c == '-');
+    findings.require(
+        is_plain && (1..=32).contains(&domain.len()),
+        "ipc.domain",
+        domain,
+        "must be 1 to 32 letters, digits or `-`, because it names files",
+    );
+}
+
+fn check_command(config: &Config, findings: &mut Findings) {
+    let command = &config.command;
+    findings.require(
+        (2..=1000).contains(&command.deadline_ms),
+        "command.deadline_ms",
+        command.deadline_ms,
+        "must be 2 to 1000: the robot has to stop when commands end",
+    );
+    findings.require(
+        (command.deadline_ms..=60_000).contains(&command.lease_timeout_ms),
+        "command.lease_timeout_ms",
+        command.lease_timeout_ms,
+        "must be between the deadline and 60000",
+    );
+    findings.within("command.motion_scale", command.motion_scale, 0.01..=1.0);
+    findings.within(
+        "command.tremor_filter_hz",
+        command.tremor_filter_hz,
+        0.0..=50.0,
+    );
+    findings.positive("command.max_step_deg", command.max_step_deg);
+    findings.above_zero("command.max_step_counts", command.max_step_counts);
+}
+
+fn check_limits(config: &Config, findings: &mut Findings) {
+    let limits = &config.limits;
+    let stop = limits.stop_deceleration_counts_s2;
+    findings.positive("limits.velocity_counts_s", limits.velocity_counts_s);
+    findings.positive(
+        "limits.acceleration_counts_s2",
+        limits.acceleration_counts_s2,
+    );
+    findings.positive("limits.stop_deceleration_counts_s2", stop);
+    findings.require(
+        stop >= limits.acceleration_counts_s2,
+        "limits.stop_deceleration_counts_s2",
+        stop,
+        "must not be below acceleration_counts_s2: a stop may not be weaker than a start",
+    );
+    if let Some(jerk) = limits.jerk_counts_s3 {
+        findings.positive("limits.jerk_counts_s3", jerk);
+        let window = limits.window_ticks(config.control.period()).unwrap_or(1);
+        let fits = window as usize <= LONGEST_WINDOW;
+        findings.require(fits, "limits.jerk_counts_s3", jerk, JERK_DELAY);
+    }
+    findings.above_zero("limits.feedback_stale_ms", limits.feedback_stale_ms);
+    findings.require(
+        limits.feedback_lost_ms > limits.feedback_stale_ms,
+        "limits.feedback_lost_ms",
+        limits.feedback_lost_ms,
+        "must be above feedback_stale_ms",
+    );
+    findings.above_zero(
+        "limits.following_error_counts",
+        limits.following_error_counts,
+    );
+    findings.above_zero(
+        "limits.over_current_ma",
+        limits.over_current_ma.unwrap_or(1),
+    );
+    findings.above_zero("limits.overrun_window_ms", limits.overrun_window_ms);
+}
+
+fn check_joint_limits(config: &Config, findings: &mut Findings) {
+    let limits = &config.joint_limits;
+    for (key, value) in [
+        ("joint_limits.velocity_deg_s", limits.velocity_deg_s),
+        (
+            "joint_limits.acceleration_deg_s2",
+            limits.acceleration_deg_s2,
+        ),
+        ("joint_limits.jerk_deg_s3", limits.jerk_deg_s3),
+    ] {
+        if let Some(value) = value {
+            findings.positive(key, value);
+        }
+    }
+    let list = |angles: &Option<Vec<f64>>| angles.clone().unwrap_or_default();
+    let (low, high) = (
+        list(&limits.position_min_deg),
+        list(&limits.position_max_deg),
+    );
+    let is_finite = low.iter().chain(&high).all(|angle| angle.is_finite());
+    let is_ordered = low.iter().zip(&high).all(|(low, high)| low < high);
+    findings.require(
+        is_finite && is_ordered,
+        "joint_limits.position_min_deg",
+        format!("{low:?} to {high:?}"),
+        "must be finite and below position_max_deg",
+    );
+    if let Some(jerk) = limits.jerk_deg_s3 {
+        findings.require(
+            limits.acceleration_deg_s2.is_some(),
+            "joint_limits.jerk_deg_s3",
+            jerk,
+            "needs joint_limits.acceleration_deg_s2: jerk is limited by averaging a limited \
+             acceleration",
+        );
+        let window = limits.window_ticks(config.control.period()).unwrap_or(1);
+        let fits = window as usize <= LONGEST_WINDOW;
+        findings.require(fits, "joint_limits.jerk_deg_s3", jerk, JERK_DELAY);
+    }
+}
+
+fn check_motion(config: &Config, findings: &mut Findings) {
+    let compensation = &config.compensation;
+    findings.within("compensation.factor", compensation.factor, 0.0..=1.0);
+    for (key, value, max) in [
+        (
+            "reversal_dead_band_deg",
+            compensation.reversal_dead_band_deg,
+            2.0,
+        ),
+        (
+            "residual_filter_ms",
+            compensation.residual_filter_ms,
+            1000.0,
+        ),
+        (
+            "residual_dead_band_deg",
+            compensation.residual_dead_band_deg,
+            1.0,
+        ),
+    ] {
+        findings.within(format!("compensation.{key}"), value, 0.0..=max);
+    }
+    let conditioning = &config.conditioning;
+    let half_width = conditioning.half_width_counts.unwrap_or(1);
+    findings.above_zero("conditioning.half_width_counts", half_width);
+    findings.within("conditioning.turns", conditioning.turns, 1..=20);
+    findings.positive(
+        "conditioning.velocity_counts_s",
+        conditioning.velocity_counts_s,
+    );
+    findings.within(
+        "model_swap.blend_ms",
+        config.model_swap.blend_ms,
+        0..=10_000,
+    );
+    let move_jp = &config.move_jp;
+    findings.positive("move_jp.velocity_deg_s", move_jp.velocity_deg_s);
+    findings.positive("move_jp.acceleration_deg_s2", move_jp.acceleration_deg_s2);
+    findings.positive("move_jp.jerk_deg_s3", move_jp.jerk_deg_s3);
+    findings.within(
+        "plausibility.distance_deg",
+        config.plausibility.distance_deg,
+        0.0..=90.0,
+    );
+}
+
+fn check_ports(config: &Config, findings: &mut Findings) {
+    let motors = config.motors();
+    findings.require(
+        (1..=MAX_MOTORS).contains(&motors),
+        "ports.axes",
+        motors,
+        "there must be 1 or 2 axes in all",
+    );
+    for (index, port) in config.ports.iter().enumerate() {
+        let is_repeated = config.ports[..index]
+            .iter()
+            .any(|other| other.device == port.device);
+        check_port(port, index, is_repeated, findings);
+    }
+    for axis in config.axes() {
+        findings.require(
+            axis.motor < motors,
+            axis_key(axis, "motor"),
+            axis.motor,
+            "motors are numbered from 0 without gaps",
+        );
+        findings.require(
+            config
+                .axes()
+                .filter(|other| other.motor == axis.motor)
+                .count()
+                == 1,
+            axis_key(axis, "motor"),
+            axis.motor,
+            "is turned by another axis already",
+        );
+        check_axis(axis, findings);
+    }
+}
+
+fn axis_key(axis: &AxisConfig, name: &str) -> String {
+    format!("ports.axes[motor {}].{name}", axis.motor)
+}
+
+fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut Findings) {
+    let key = |name: &str| format!("ports[{index}].{name}");
+    findings.within(key("reply_timeout_ms"), port.reply_timeout_ms, 3..=1000);
+    findings.within(key("baud"), port.baud, 9600..=4_000_000);
+    findings.require(
+        !is_repeated,
+        key("device"),
+        port.device.display(),
+        "is named by another port already",
+    );
+    let polling = &port.polling;
+    findings.within(
+        key("polling.status_every_rounds"),
+        polling.status_every_rounds,
+        1..=1000,
+    );
+    findings.within(
+        key("polling.slow_every_rounds"),
+        polling.slow_every_rounds,
+        20..=10_000,
+    );
+    findings.require(
+        (port.family, port.framing) != (Family::Epos4, Framing::V1),
+        key("framing"),
+        "v1",
+        "is for `family = \"epos2\"` on RS232 only",
+    );
+    for (position, axis) in port.axes.iter().enumerate() {
+        let family = axis.family.unwrap_or(port.family);
+        findings.require(
+            (family, axis.streaming) != (Family::Epos2, Streaming::Profile),
+            axis_key(axis, "streaming"),
+            "profile",
+            "is for EPOS4 only; leave it out for an EPOS2",
+        );
+        findings.require(
+            family != Family::Epos2 || axis.current_limit_ma <= MAX_EPOS2_CURRENT_MA,
+            axis_key(axis, "current_limit_ma"),
+            axis.current_limit_ma,
+            "must be below 65536 for an EPOS2",
+        );
+        findings.require(
+            port.axes[..position]
+                .iter()
+                .all(|other| other.node_id != axis.node_id),
+            axis_key(axis, "node_id"),
+            axis.node_id,
+            "is named by another axis of the same port already",
+        );
+    }
+}
+
+fn check_axis(axis: &AxisConfig, findings: &mut Findings) {
+    findings.within(axis_key(axis, "node_id"), axis.node_id, 0..=127);
+    findings.require(
+        axis.position_min_counts < axis.position_max_counts,
+        axis_key(axis, "position_min_counts"),
+        axis.position_min_counts,
+        "must be below position_max_counts",
+    );
+    for (name, value) in [
+        ("current_limit_ma", axis.current_limit_ma),
+        ("motor_speed_rpm", axis.motor_speed_rpm),
+        ("quick_stop_rpm_s", axis.quick_stop_rpm_s),
+        ("homing_current_ma", axis.homing_current_ma),
+        ("homing_speed_rpm", axis.homing_speed_rpm),
+    ] {
+        findings.above_zero(axis_key(axis, name), value);
+    }
+    if axis.homing == HomingMethod::Here {
+        return;
+    }
+    let (current, stop) = (axis.homing_current_ma, axis.homing_stop_counts);
+    findings.require(
+        current < axis.current_limit_ma && current <= MAX_EPOS2_CURRENT_MA,
+        axis_key(axis, "homing_current_ma"),
+        current,
+        "must be below current_limit_ma: it decides how hard the wires are pulled against the stop",
+    );
+    findings.require(
+        (axis.position_min_counts..=axis.position_max_counts).contains(&stop),
+        axis_key(axis, "homing_stop_counts"),
+        stop,
+        "must lie within the position limits",
+    );
+}
