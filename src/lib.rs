@@ -30,7 +30,7 @@
 //! | [`clock`] | the monotonic clock and the absolute sleep |
 //! | [`wall_clock`] | the clock of the wall, for file names only |
 //! | [`realtime`] | asking for real-time scheduling and reading back what was granted |
-//! | [`access`] | who may write what the controller trusts |
+//! | [`file_permissions`] | refuses files that every user may write |
 //! | [`config`] | the configuration file |
 //! | [`model`] | forward model and inverse, model files |
 //! | [`drive`] | maxon drives: frames, objects, CiA 402, one thread per serial port |
@@ -41,11 +41,11 @@
 //! | [`watchdog`] | the second process that stops the drives when the controller dies or hangs |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
-pub mod access;
 pub mod clock;
 pub mod config;
 pub mod core;
 pub mod drive;
+pub mod file_permissions;
 pub mod ipc;
 pub mod model;
 pub mod process;

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use i2ris::COMMIT;
 use i2ris::config::Config;
 use i2ris::process::controller;
+use lexopt::Arg::{Long, Short};
 
 const HELP: &str = "\
 Teleoperation controller for the I2RIS snake robot
@@ -18,7 +19,7 @@ Usage: i2ris-control --config FILE [--note TEXT]
 
 Options:
   --config FILE  Configuration (TOML), for example config/emulator.toml
-  --note TEXT    What the operator has to say about this run, for the log of runs
+  --note TEXT    A remark of the operator about this run, for the run log
   --version      Print the version
   --help         Print this
 
@@ -45,7 +46,9 @@ fn main() -> ExitCode {
 }
 
 fn start() -> Result<(), Failure> {
-    match parse(std::env::args_os().skip(1))? {
+    let request = parse(std::env::args_os().skip(1))
+        .map_err(|error| format!("{error}; see i2ris-control --help"))?;
+    match request {
         Request::Help => print(HELP),
         Request::Version => print(&format!(
             "i2ris-control {} ({COMMIT})\n",
@@ -70,40 +73,19 @@ fn print(text: &str) -> Result<(), Failure> {
     Ok(io::stdout().write_all(text.as_bytes())?)
 }
 
-/// `--note TEXT`, if it is there.
-fn note(arguments: &mut impl Iterator<Item = OsString>) -> Result<String, Failure> {
-    match arguments.next() {
-        None => Ok(String::new()),
-        Some(option) if option == "--note" => {
-            let text = arguments
-                .next()
-                .ok_or("--note wants a text; see i2ris-control --help")?;
-            Ok(text.to_string_lossy().into_owned())
+/// Reads the command line.
+fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Request, lexopt::Error> {
+    let mut parser = lexopt::Parser::from_args(arguments);
+    let (mut config, mut note) = (None, String::new());
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Short('h') | Long("help") => return Ok(Request::Help),
+            Short('V') | Long("version") => return Ok(Request::Version),
+            Short('c') | Long("config") => config = Some(PathBuf::from(parser.value()?)),
+            Long("note") => note = parser.value()?.to_string_lossy().into_owned(),
+            other => return Err(other.unexpected()),
         }
-        Some(more) => Err(format!(
-            "unexpected argument {}; see i2ris-control --help",
-            more.display()
-        )
-        .into()),
     }
-}
-
-fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failure> {
-    let wrong = |what: String| Err(format!("{what}; see i2ris-control --help").into());
-    let Some(first) = arguments.next() else {
-        return wrong("no configuration named".to_owned());
-    };
-    let request = match first.to_str() {
-        Some("--help" | "-h") => Request::Help,
-        Some("--version" | "-V") => Request::Version,
-        Some("--config" | "-c") => match arguments.next() {
-            Some(path) => Request::Run(path.into(), note(&mut arguments)?),
-            None => return wrong("--config wants a file".to_owned()),
-        },
-        _ => return wrong(format!("unknown argument {}", first.display())),
-    };
-    match arguments.next() {
-        None => Ok(request),
-        Some(more) => wrong(format!("unexpected argument {}", more.display())),
-    }
+    let config = config.ok_or("no configuration: use --config FILE")?;
+    Ok(Request::Run(config, note))
 }

@@ -1,4 +1,4 @@
-//! The guard process: stops the drives when the controller dies or hangs.
+//! The watchdog process: stops the drives when the controller dies or hangs.
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -14,6 +14,8 @@ use i2ris::ipc::Domain;
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::Nanos;
 use i2ris::watchdog::{self, Notice, Verdict};
+use lexopt::Arg::{Long, Short};
+use lexopt::ValueExt;
 
 const HELP: &str = "\
 Stops the drives of the I2RIS snake robot when its controller dies or hangs
@@ -22,13 +24,14 @@ Usage: i2ris-watchdog --config FILE [--silence-ms N]
 
 Options:
   --config FILE    The configuration of the controller
-  --silence-ms N   Silence of the control loop after which quick stop is sent, 10 to 10000 [default: 40]
+  --silence-ms N   Age of the last heartbeat at which quick stop is sent, 10 to 10000 [default: 40]
   --version        Print the version
   --help           Print this
 
-Start it before the controller, which locks its ports for everyone who comes later. SIGINT and SIGTERM end it; it stops
-nothing then. It cannot help when the host loses power or hangs as a whole, or when a cable is pulled: that takes a
-watchdog of hardware on the safe-torque-off input of the drives.
+Start it before the controller, which locks its ports for programs that start later. SIGINT and
+SIGTERM end it without stopping the drives. It cannot act when the host loses power or hangs as a
+whole, or when a cable is pulled: that needs a hardware watchdog on the safe-torque-off input of the
+drives.
 ";
 
 /// Priority under SCHED_FIFO: above everything of the controller.
@@ -53,7 +56,9 @@ fn main() -> ExitCode {
 }
 
 fn start() -> Result<(), Failure> {
-    match parse(std::env::args_os().skip(1))? {
+    let request = parse(std::env::args_os().skip(1))
+        .map_err(|error| format!("{error}; see i2ris-watchdog --help"))?;
+    match request {
         Request::Help => Ok(io::stdout().write_all(HELP.as_bytes())?),
         Request::Version => Ok(writeln!(
             io::stdout(),
@@ -72,44 +77,43 @@ fn start() -> Result<(), Failure> {
                 lock_memory: config.control.lock_memory,
             };
             let granted = realtime::request(wanted);
-            granted
-                .warnings
-                .iter()
-                .for_each(|warning| say(format_args!("warning: {warning}")));
-            watchdog::run(&config, &domain, silence, &stop, &mut tell);
+            for warning in &granted.warnings {
+                print(format_args!("warning: {warning}"));
+            }
+            watchdog::run(&config, &domain, silence, &stop, &mut report);
             Ok(())
         }
     }
 }
 
-fn tell(notice: Notice) {
+fn report(notice: Notice) {
     match notice {
-        Notice::Held(device) => say(format_args!("holding {}", device.display())),
+        Notice::Held(device) => print(format_args!("holding {}", device.display())),
         Notice::NotHeld(device, why) => {
-            say(format_args!("cannot hold {}: {why}", device.display()))
+            print(format_args!("cannot hold {}: {why}", device.display()))
         }
-        Notice::Watching => say(format_args!("watching the controller")),
-        Notice::Ended => say(format_args!("the controller ended with its drives off")),
+        Notice::Watching => print(format_args!("watching the controller")),
+        Notice::Ended => print(format_args!("the controller ended with its drives off")),
         Notice::Silent(verdict, age) => {
             let what = if verdict == Verdict::Gone {
                 "is gone"
             } else {
                 "hangs"
             };
-            say(format_args!(
-                "the controller {what}; its last beat was {:.1} ms ago",
+            print(format_args!(
+                "the controller {what}; its last heartbeat was {:.1} ms ago",
                 age.as_seconds() * 1e3
             ));
         }
         Notice::Stopped(device, axes) => {
             for axis in axes {
                 match axis.outcome {
-                    Ok(state) => say(format_args!(
+                    Ok(state) => print(format_args!(
                         "{}, motor {}: {state:?}",
                         device.display(),
                         axis.motor
                     )),
-                    Err(why) => say(format_args!(
+                    Err(why) => print(format_args!(
                         "{}, motor {}: NOT STOPPED, {why}",
                         device.display(),
                         axis.motor
@@ -120,40 +124,29 @@ fn tell(notice: Notice) {
     }
 }
 
-fn say(line: std::fmt::Arguments<'_>) {
-    // A closed or full log must not stop the guard.
+fn print(line: std::fmt::Arguments<'_>) {
+    // A closed or full log must not stop the watchdog.
     let _ = writeln!(io::stderr(), "[{:12.6}] {line}", clock::now().as_seconds());
 }
 
-fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failure> {
-    let wrong = |what: String| Err(format!("{what}; see i2ris-watchdog --help").into());
+/// Reads the command line.
+fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Request, lexopt::Error> {
+    let mut parser = lexopt::Parser::from_args(arguments);
     let (mut config, mut silence) = (None, watchdog::DEFAULT_SILENCE);
-    while let Some(argument) = arguments.next() {
-        match argument.to_str() {
-            Some("--help" | "-h") => return Ok(Request::Help),
-            Some("--version" | "-V") => return Ok(Request::Version),
-            Some("--config" | "-c") => config = arguments.next().map(PathBuf::from),
-            Some("--silence-ms") => {
-                let text = arguments.next().unwrap_or_default();
-                match text
-                    .to_str()
-                    .and_then(|text| text.parse().ok())
-                    .filter(|ms| (10..=10_000).contains(ms))
-                {
-                    Some(ms) => silence = Nanos::from_millis(ms),
-                    None => {
-                        return wrong(format!(
-                            "--silence-ms {}: must be 10 to 10000",
-                            text.display()
-                        ));
-                    }
-                }
+    while let Some(argument) = parser.next()? {
+        match argument {
+            Short('h') | Long("help") => return Ok(Request::Help),
+            Short('V') | Long("version") => return Ok(Request::Version),
+            Short('c') | Long("config") => config = Some(PathBuf::from(parser.value()?)),
+            Long("silence-ms") => {
+                let text = parser.value()?.string()?;
+                let milliseconds = text.parse().ok().filter(|ms| (10..=10_000).contains(ms));
+                let refusal = || format!("--silence-ms {text}: must be 10 to 10000");
+                silence = Nanos::from_millis(milliseconds.ok_or_else(refusal)?);
             }
-            _ => return wrong(format!("unknown argument {}", argument.display())),
+            other => return Err(other.unexpected()),
         }
     }
-    match config {
-        Some(path) => Ok(Request::Run(path, silence)),
-        None => wrong("no configuration named".to_owned()),
-    }
+    let config = config.ok_or("no configuration: use --config FILE")?;
+    Ok(Request::Run(config, silence))
 }

@@ -1,8 +1,14 @@
 //! The configuration file of the controller: TOML, units in the key names, unknown keys refused.
 //!
-//! Every key is documented here once: `i2ris config schema` and `i2ris config print` show what
-//! stands here. A value that parses but makes no sense is refused with the key, the value and the
-//! reason; nothing starts on a half-understood configuration.
+//! The doc comment of every key is its only documentation: `i2ris config schema` and `i2ris config
+//! print` show it. A value out of its range is refused with the key, the value and the reason.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `sections` | tables of the process, of commands and of motion |
+//! | `ports` | serial ports, and the axes behind them |
+//! | `validation` | ranges, and what must fit together |
+//! | `key_hint` | help for a key that does not exist |
 
 mod key_hint;
 mod ports;
@@ -14,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::access::{self, Untrusted};
+use crate::file_permissions::{self, WritableByAll};
 
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
 pub use sections::{
@@ -80,7 +86,7 @@ pub enum ConfigError {
     },
     /// Everyone may write it.
     #[error("configuration {0}")]
-    Untrusted(#[from] Untrusted),
+    WritableByAll(#[from] WritableByAll),
     /// Not TOML, a wrong type, or a key that does not exist.
     #[error("configuration {path} is not valid: {source}{}", key_hint::hint(.source.message()))]
     Parse {
@@ -107,7 +113,7 @@ impl Config {
     /// When everyone may write the file, it cannot be read, is not TOML of this shape, or holds a
     /// value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        access::check(path)?;
+        file_permissions::check(path)?;
         let text = fs::read_to_string(path).map_err(|source| ConfigError::Read {
             path: path.to_owned(),
             source,

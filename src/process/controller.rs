@@ -18,7 +18,6 @@ use std::thread::{self, JoinHandle};
 use rtrb::Consumer;
 
 use crate::COMMIT;
-use crate::access::{self, Untrusted};
 use crate::clock;
 use crate::config::{Config, ControlConfig};
 use crate::core::cycle::Cycle;
@@ -28,6 +27,7 @@ use crate::drive::event::{PortEvent, PortEventKind};
 use crate::drive::port::{Opened, Port};
 use crate::drive::runner::{AxisLink, PortRunner};
 use crate::drive::{AxisFeedback, AxisIdentity};
+use crate::file_permissions::{self, WritableByAll};
 use crate::ipc::pulse::Pulse;
 use crate::ipc::server::RELAY_LEAD;
 use crate::ipc::{Domain, DomainError, DomainGuard, IpcError, Server, look_up};
@@ -58,7 +58,7 @@ const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 pub enum RuntimeError {
     /// Everyone may write the model.
     #[error("model file {0}")]
-    Untrusted(#[from] Untrusted),
+    WritableByAll(#[from] WritableByAll),
     /// The model is missing, damaged, or of another robot.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -232,7 +232,7 @@ fn load_model(config: &Config) -> Result<Option<Model>, RuntimeError> {
     let Some(path) = &config.control.model else {
         return Ok(None);
     };
-    access::check(path)?;
+    file_permissions::check(path)?;
     let model = Model::load(path)?;
     model.check_robot(&config.robot_id, config.motors())?;
     Ok(Some(model))

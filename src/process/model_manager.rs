@@ -11,10 +11,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
-use crate::access;
 use crate::clock;
 use crate::config::Config;
 use crate::core::model_slots::slots::{Candidate, ModelChange, ModelRequest};
+use crate::file_permissions;
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
 use crate::model::{Model, ModelError, ModelId};
 use crate::process::black_box::{OfferRecord, Wish};
@@ -141,7 +141,7 @@ impl Keeper {
             refusal: Refusal::BadModel,
             message,
         };
-        access::check(file).map_err(|error| bad(format!("model file {error}")))?;
+        file_permissions::check(file).map_err(|error| bad(format!("model file {error}")))?;
         let model = self.load(file).map_err(|error| bad(error.to_string()))?;
         let (history, active, position) = {
             let chronicle = self.chronicle.lock();

@@ -1,9 +1,10 @@
-//! How well the loop keeps its time.
+//! Statistics of the loop: period, lateness and computing time per window.
 
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 
-use super::{Granted, Tick};
+use super::scheduling::Granted;
+use super::ticker::Tick;
 use crate::ipc::payload::{PeriodStatistics, SpanSummary};
 use crate::units::Nanos;
 
@@ -24,7 +25,7 @@ pub struct TickTiming {
 /// Distributions of period, lateness and computing time, window by window.
 ///
 /// Recording takes some ten nanoseconds and does not allocate. Closing a window reads three
-/// histograms, some tens of microseconds: better done by a helper thread that gets the
+/// histograms, which takes tens of microseconds: do it in a slower thread that receives the
 /// [`TickTiming`]s through a ring.
 #[derive(Debug)]
 pub struct LoopStatistics {
@@ -106,14 +107,13 @@ impl LoopStatistics {
             ..PeriodStatistics::default()
         };
         self.opened = Some(now);
-        self.ticks = 0;
-        self.missed = 0;
+        (self.ticks, self.missed) = (0, 0);
         Some(message)
     }
 }
 
-/// A distribution of spans with fixed bounds. Without the histogram, if its constants were wrong,
-/// it would stay empty.
+/// A distribution of spans with fixed bounds. `None` only if the constants were invalid: then it
+/// stays empty.
 #[derive(Debug)]
 struct Spans(Option<Histogram<u32>>);
 
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn without_ticks_there_is_nothing_to_tell() {
+    fn without_ticks_there_is_no_message() {
         assert_eq!(statistics().take(Nanos(u64::MAX)), None);
     }
 

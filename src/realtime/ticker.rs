@@ -1,8 +1,8 @@
 //! Waiting for the next tick on the absolute clock.
 //!
-//! Ticks lie on a fixed grid: start, start + period, start + 2 periods, ... A thread that comes
-//! late skips the ticks that are over and goes on with the grid. It never catches up: a burst of
-//! ticks would send a burst of set-points.
+//! Ticks are on a fixed grid: start, start + period, start + 2 periods, ... A late thread skips the
+//! ticks that have passed and continues on the grid. It never catches up, because a burst of ticks
+//! would send a burst of set-points.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ pub struct Tick {
     pub planned: Nanos,
     /// When it began.
     pub started: Nanos,
-    /// Later ticks that were over already when this one began, and will not be run.
+    /// Later ticks that had passed when this one began; they are skipped.
     pub missed: u64,
 }
 

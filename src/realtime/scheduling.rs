@@ -1,15 +1,7 @@
-//! Real-time scheduling: asking for it and reading back what was granted.
+//! Requests for real-time scheduling.
 //!
-//! Every wish is best effort: a laptop without permissions still runs, but says so. What counts is
-//! not what was asked but what the kernel reports afterwards ([`Granted`]).
-//!
-//! | file | holds |
-//! |---|---|
-//! | `ticker` | waiting for the next tick on the absolute clock |
-//! | `statistics` | how well that went |
-
-pub mod statistics;
-pub mod ticker;
+//! Every request is best effort: a computer without permissions still runs the controller, with a
+//! warning. What counts is what the kernel reports afterwards ([`Granted`]).
 
 use std::fs;
 
@@ -18,13 +10,10 @@ use nix::sched::{CpuSet, sched_getaffinity, sched_setaffinity};
 use nix::sys::mman::{MlockAllFlags, mlockall};
 use nix::unistd::Pid;
 
-pub use statistics::{LoopStatistics, TickTiming};
-pub use ticker::{Schedule, Tick, Ticker};
-
 /// The calling thread, in calls that take a thread id.
 const SELF: Pid = Pid::from_raw(0);
 
-/// What a thread would like.
+/// What a thread asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Wanted {
     /// SCHED_FIFO priority, 1 to 98; 0: normal scheduling.
@@ -35,7 +24,7 @@ pub struct Wanted {
     pub lock_memory: bool,
 }
 
-/// What a thread got, as read back from the kernel.
+/// What a thread was granted, as read back from the kernel.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Granted {
     /// SCHED_FIFO priority; 0: normal scheduling.
@@ -44,11 +33,11 @@ pub struct Granted {
     pub cpu: Option<usize>,
     /// The memory of the process is locked.
     pub memory_locked: bool,
-    /// One sentence for every wish that was not granted: what, why, and how to allow it.
+    /// One sentence for every request that was not granted: what, why, and how to allow it.
     pub warnings: Vec<String>,
 }
 
-/// Asks for `wanted` on behalf of the calling thread, then reads back what came of it.
+/// Asks for `wanted` on behalf of the calling thread, then reads back the result.
 ///
 /// Threads and processes that this thread starts do not inherit SCHED_FIFO. They do inherit the
 /// processor: see [`keep_normal`].
@@ -72,26 +61,25 @@ pub fn request(wanted: Wanted) -> Granted {
         warnings,
         ..read_back()
     };
-    granted.doubt(wanted)
+    granted.check_silent_refusals(wanted)
 }
 
-/// Puts the calling thread under normal scheduling and keeps it away from the loop's processor,
-/// where it could only be in the way. For every thread that is not real-time, first thing in it: a
-/// thread inherits the processor of the one that starts it.
+/// Puts the calling thread under normal scheduling and off the processor of the control loop. Every
+/// thread that is not real-time calls this first, because a thread inherits the processor of the
+/// thread that starts it.
 pub fn keep_normal(loop_cpu: Option<usize>) {
     set_normal();
     if let Some(cpu) = loop_cpu {
         let allowed = sched_getaffinity(SELF).unwrap_or_else(|_| every_processor());
         let others = without(&allowed, cpu).or_else(|| without(&every_processor(), cpu));
         if let Some(others) = others {
-            // Refused where the loop's processor is the only one; then there is nothing to do about
-            // it.
+            // Refused where the processor of the loop is the only one.
             let _ = sched_setaffinity(SELF, &others);
         }
     }
 }
 
-/// What the calling thread has, whatever was asked.
+/// What the calling thread has now.
 #[must_use]
 pub fn read_back() -> Granted {
     Granted {
@@ -107,8 +95,8 @@ pub fn read_back() -> Granted {
 }
 
 impl Granted {
-    /// Adds a warning for what was asked without an error and is not there all the same.
-    fn doubt(mut self, wanted: Wanted) -> Self {
+    /// Adds a warning for what the kernel accepted without an error and does not report.
+    fn check_silent_refusals(mut self, wanted: Wanted) -> Self {
         let silent = self.warnings.is_empty();
         let missing = [
             (
@@ -123,7 +111,7 @@ impl Granted {
         ];
         for (_, what) in missing.iter().filter(|(missing, _)| *missing && silent) {
             self.warnings.push(format!(
-                "the kernel accepted the wish for {what} but does not show it; check the host"
+                "the kernel accepted the request for {what} but does not report it; check the host"
             ));
         }
         self
@@ -131,7 +119,7 @@ impl Granted {
 }
 
 fn set_fifo(priority: u8) -> Result<(), Errno> {
-    // With the flag, whatever this thread starts begins under normal scheduling.
+    // With the flag, threads that this one starts begin under normal scheduling.
     schedule(
         libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK,
         i32::from(priority),
@@ -139,7 +127,7 @@ fn set_fifo(priority: u8) -> Result<(), Errno> {
 }
 
 fn set_normal() {
-    // Always allowed, except that the flag may not be taken away: leave it on.
+    // Always allowed, except that the reset-on-fork flag may not be removed.
     if schedule(libc::SCHED_OTHER, 0).is_err() {
         let _ = schedule(libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, 0);
     }
@@ -210,23 +198,24 @@ fn locked_kilobytes(status: &str) -> u64 {
 
 fn priority_warning(priority: u8, errno: Errno) -> String {
     format!(
-        "SCHED_FIFO priority {priority} refused ({errno}): ticks will be late under load; allow it with `setcap \
-         cap_sys_nice,cap_ipc_lock+ep` on the program, `rtprio` in /etc/security/limits.d, or LimitRTPRIO= in its \
-         systemd unit"
+        "SCHED_FIFO priority {priority} refused ({errno}): ticks will be late under load; allow it \
+         with `setcap cap_sys_nice,cap_ipc_lock+ep` on the program, `rtprio` in \
+         /etc/security/limits.d, or LimitRTPRIO= in its systemd unit"
     )
 }
 
 fn memory_warning(errno: Errno) -> String {
     format!(
-        "locking memory refused ({errno}): paging can delay ticks; allow it with `setcap cap_sys_nice,cap_ipc_lock+ep` \
-         on the program, `memlock` in /etc/security/limits.d, or LimitMEMLOCK=infinity in its systemd unit"
+        "locking memory refused ({errno}): paging can delay ticks; allow it with `setcap \
+         cap_sys_nice,cap_ipc_lock+ep` on the program, `memlock` in /etc/security/limits.d, or \
+         LimitMEMLOCK=infinity in its systemd unit"
     )
 }
 
 fn processor_warning(cpu: usize, errno: Errno) -> String {
     format!(
-        "pinning to processor {cpu} refused ({errno}): it does not exist or is not allowed for this process; change \
-         control.cpu"
+        "pinning to processor {cpu} refused ({errno}): it does not exist or is not allowed for this \
+         process; change control.cpu"
     )
 }
 
@@ -294,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_inherits_fifo_and_helpers_leave_the_processor_of_the_loop() {
+    fn child_threads_do_not_inherit_fifo_and_keep_normal_leaves_the_processor() {
         in_a_thread(|| {
             let processors = allowed();
             let cpu = processors[0];
@@ -327,13 +316,13 @@ mod tests {
     }
 
     #[test]
-    fn a_wish_that_came_to_nothing_without_an_error_is_warned_about() {
+    fn a_request_that_fails_without_an_error_is_warned_about() {
         let wanted = Wanted {
             priority: 80,
             cpu: Some(1),
             lock_memory: true,
         };
-        let granted = Granted::default().doubt(wanted);
+        let granted = Granted::default().check_silent_refusals(wanted);
         assert_eq!(granted.warnings.len(), 3);
         let granted = Granted {
             priority: 80,
@@ -341,7 +330,7 @@ mod tests {
             memory_locked: true,
             warnings: vec![],
         };
-        assert_eq!(granted.clone().doubt(wanted), granted);
+        assert_eq!(granted.clone().check_silent_refusals(wanted), granted);
     }
 
     #[test]

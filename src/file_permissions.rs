@@ -1,16 +1,16 @@
-//! Who may write what the controller trusts: its configuration and its models.
+//! File permissions: the controller refuses configurations and models that every user may write.
 
 use std::fs;
-use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// Why a file is not trusted.
+/// A file that every user of the machine may write.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{path}: every user of this machine may write it; take that away with `chmod o-w {path}`, and look through it first"
+    "{path}: every user of this machine may write it; take that away with `chmod o-w {path}`, and \
+     look through it first"
 )]
-pub struct Untrusted {
+pub struct WritableByAll {
     /// The file.
     pub path: PathBuf,
 }
@@ -18,16 +18,16 @@ pub struct Untrusted {
 /// Write access for everyone, in the mode of a file.
 const WRITABLE_BY_ALL: u32 = 0o002;
 
-/// What every user may write, every user may have written. A file that cannot be looked at cannot
-/// be read either, and reading it says why.
+/// Refuses a file that every user may write: its content may be anyone's. A file that does not
+/// exist or cannot be examined passes, because reading it gives the better error.
 ///
 /// # Errors
 ///
 /// When everyone may write it.
-pub fn check(path: &Path) -> Result<(), Untrusted> {
-    let mode: io::Result<u32> = fs::metadata(path).map(|metadata| metadata.mode());
+pub fn check(path: &Path) -> Result<(), WritableByAll> {
+    let mode = fs::metadata(path).map(|metadata| metadata.mode());
     if mode.is_ok_and(|mode| mode & WRITABLE_BY_ALL != 0) {
-        Err(Untrusted {
+        Err(WritableByAll {
             path: path.to_owned(),
         })
     } else {
@@ -43,11 +43,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_that_everyone_may_write_is_not_trusted() {
+    fn a_file_that_everyone_may_write_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("robot.toml");
         fs::write(&file, "").unwrap();
-        for (mode, trusted) in [
+        for (mode, is_accepted) in [
             (0o600, true),
             (0o664, true),
             (0o444, true),
@@ -55,7 +55,7 @@ mod tests {
             (0o666, false),
         ] {
             fs::set_permissions(&file, Permissions::from_mode(mode)).unwrap();
-            assert_eq!(check(&file).is_ok(), trusted, "{mode:o}");
+            assert_eq!(check(&file).is_ok(), is_accepted, "{mode:o}");
         }
         assert!(check(&folder.path().join("absent")).is_ok());
     }
