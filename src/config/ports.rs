@@ -16,30 +16,31 @@ pub struct PortConfig {
     /// Bits per second.
     #[serde(default = "default_baud")]
     pub baud: u32,
-    /// The family of the drive that the port belongs to: its language is spoken on the line.
+    /// The family of the drive that the port belongs to: it decides the command set on the line.
     #[serde(default)]
     pub family: Family,
-    /// How bytes are put into frames.
+    /// The framing of bytes on the line.
     #[serde(default)]
     pub framing: Framing,
-    /// How long to wait for a reply, in milliseconds, 3 to 1000. Behind a gateway, longer than its
-    /// own time-out for a node.
+    /// Timeout for a reply, in milliseconds, 3 to 1000. Behind a gateway: longer than the gateway's
+    /// own timeout for a node.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: u64,
-    /// Silence of the control loop after which the port stops its enabled axes, in milliseconds; 0:
-    /// never. The loop writes a request every tick, so this is a loop that hangs.
+    /// Age of the last request of the control loop at which the port stops its enabled axes, in
+    /// milliseconds; 0: never. The loop writes a request every tick, so a timeout means that the
+    /// loop hangs.
     #[serde(default = "default_deadman_ms")]
     pub loop_timeout_ms: u64,
-    /// How often what is not pressing is read while a target is followed.
+    /// Polling of statusword, error code and current while a target is followed.
     #[serde(default)]
     pub polling: Polling,
-    /// A file that takes where the axes stand when the controller ends, relative to the folder of
-    /// this file. With it, an axis that stands elsewhere at the next start, or of which no one
-    /// noted the place, is not homed. Absent: what the drive says of its zero is believed.
+    /// The file that saves the positions of the axes when the controller ends, relative to the
+    /// folder of this file. With it, an axis without a saved position, or at another position at
+    /// the next start, is not homed. Absent: the homing flag of the drive is trusted.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub positions_file: Option<PathBuf>,
-    /// The axes, one drive each. More than one: the first drive passes requests on over CAN, by
-    /// node id.
+    /// The axes, one drive each. With more than one, the first drive is a gateway to the others
+    /// over CAN, by node id.
     pub axes: Vec<AxisConfig>,
 }
 
@@ -61,13 +62,12 @@ impl PortConfig {
     }
 }
 
-/// How often what is not pressing is read. A round is a set-point and a position, and takes two
-/// exchanges of the line.
+/// Polling of slow values. A round is a setpoint and a position: two exchanges on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Polling {
-    /// Rounds between two looks at the statusword, 1 to 1000.
+    /// Rounds between two reads of the statusword, 1 to 1000.
     pub status_every_rounds: u32,
     /// Rounds between two reads of the error code, and of the current, 20 to 10000.
     pub slow_every_rounds: u32,
@@ -94,7 +94,7 @@ pub enum Family {
     Epos2,
 }
 
-/// How bytes are put into frames on a line.
+/// The framing of bytes on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -102,35 +102,35 @@ pub enum Framing {
     /// With sync bytes and stuffing: EPOS4 on RS232 and USB, EPOS2 on USB.
     #[default]
     V2,
-    /// With a hand-shake for every part of a frame: EPOS2 on RS232.
+    /// With a handshake for every part of a frame: EPOS2 on RS232.
     V1,
 }
 
-/// How set-points reach the motor.
+/// The way in which setpoints act in the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Streaming {
-    /// Every set-point acts at once: cyclic synchronous position (EPOS4), position mode (EPOS2).
+    /// Every setpoint acts at once: cyclic synchronous position (EPOS4), position mode (EPOS2).
     /// One write each.
     #[default]
     Cyclic,
-    /// The drive ramps to every set-point: profile position mode, EPOS4 only. Three writes each, so
+    /// The drive ramps to every setpoint: profile position mode, EPOS4 only. Three writes each, so
     /// a third of the rate; the drive's own limits on speed and acceleration hold.
     Profile,
 }
 
-/// How an axis finds its zero.
+/// The homing methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum HomingMethod {
-    /// Where it stands when it is homed. Nothing moves.
+    /// The present position becomes zero (homing method 37). Nothing moves.
     #[default]
     Here,
-    /// At the hard stop in the positive direction, told by the motor current.
+    /// The hard stop in the positive direction, detected by the motor current.
     StopPositive,
-    /// At the hard stop in the negative direction, told by the motor current.
+    /// The hard stop in the negative direction, detected by the motor current.
     StopNegative,
 }
 
@@ -156,7 +156,7 @@ pub struct AxisConfig {
     /// The family of the drive. Absent: that of its port.
     #[serde(default)]
     pub family: Option<Family>,
-    /// How set-points reach the motor.
+    /// The way in which setpoints act in the drive.
     #[serde(default)]
     pub streaming: Streaming,
     /// CAN node id of the drive, 0 to 127; 0 is the drive that the port belongs to.
@@ -179,18 +179,17 @@ pub struct AxisConfig {
     /// Quick-stop deceleration in the drive (object 0x6085), rpm per second.
     #[serde(default = "default_quick_stop_rpm_s")]
     pub quick_stop_rpm_s: u32,
-    /// How it finds its zero.
+    /// The homing method.
     #[serde(default)]
     pub homing: HomingMethod,
-    /// Motor current that tells the hard stop, mA, and the most that the drive puts out while it
-    /// looks for it. Far below what the wires bear, and below `current_limit_ma`.
+    /// Motor current that detects the hard stop, mA, and the limit of the drive while it homes. Far
+    /// below the strength of the wires, and below `current_limit_ma`.
     #[serde(default = "default_homing_current_ma")]
     pub homing_current_ma: u32,
     /// Motor speed towards the hard stop, rpm.
     #[serde(default = "default_homing_speed_rpm")]
     pub homing_speed_rpm: u32,
-    /// Position that the hard stop has, counts: the zero lies as far from it. Only for homing
-    /// against a stop.
+    /// Position of the hard stop, counts. Only for homing against a stop.
     #[serde(default)]
     pub homing_stop_counts: Counts,
 }

@@ -13,8 +13,8 @@ use crate::units::Nanos;
 pub struct ControlConfig {
     /// Ticks per second, 100 to 4000.
     pub rate_hz: u32,
-    /// How long before each tick to wake and spin, in microseconds, 0 to 500. 0 sleeps to the tick
-    /// itself.
+    /// The loop wakes this long before each tick and spins until the tick, in microseconds, 0 to
+    /// 500. 0: sleeps until the tick.
     pub spin_us: u32,
     /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
     /// less.
@@ -23,8 +23,8 @@ pub struct ControlConfig {
     pub cpu: Option<usize>,
     /// Lock all memory against paging.
     pub lock_memory: bool,
-    /// The model file, relative to the folder of this file. Absent: motors can be moved by counts
-    /// only, for calibration.
+    /// The model file, relative to the folder of this file. Absent: motors move by counts only,
+    /// which is what calibration needs.
     pub model: Option<PathBuf>,
 }
 
@@ -67,7 +67,7 @@ impl Default for IpcConfig {
     }
 }
 
-/// What is asked of commands from other processes.
+/// Requirements on commands from other processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -82,8 +82,8 @@ pub struct CommandConfig {
     pub max_step_deg: f64,
     /// The same for commands in counts.
     pub max_step_counts: i32,
-    /// How far the snake moves per motion of the master, 0.01 to 1. Other than 1, a stream of
-    /// commands is relative to where it begins, as after the clutch; see `i2ris::core`.
+    /// Motion of the snake per motion of the master, 0.01 to 1. With a value other than 1, a stream
+    /// of commands is relative to its first one, as after the clutch; see `i2ris::core`.
     pub motion_scale: f64,
     /// Cut-off of the low-pass against hand tremor, Hz; 0: none. It delays by 1 / (2 pi f): 53 ms
     /// at 3 Hz.
@@ -103,37 +103,38 @@ impl Default for CommandConfig {
     }
 }
 
-/// Limits on the motion of every motor. The reference is the previous set-point, not the
+/// Limits on the motion of every motor. The reference is the previous setpoint, not the
 /// measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitConfig {
-    /// Velocity of the set-point, counts per second.
+    /// Velocity of the setpoint, counts per second.
     pub velocity_counts_s: f64,
-    /// Acceleration of the set-point while it follows a goal, counts per second squared.
+    /// Acceleration of the setpoint while it follows a goal, counts per second squared.
     pub acceleration_counts_s2: f64,
-    /// Deceleration when it must stop, counts per second squared. Large: a stop from full speed
-    /// should end within two ticks, which is still less than a count or two of travel.
+    /// Deceleration of a stop, counts per second squared. It is large so that a stop from full
+    /// speed ends within two ticks, after one or two counts of travel.
     pub stop_deceleration_counts_s2: f64,
-    /// Jerk of the set-point, counts per second cubed, stops included. It makes every motion late
-    /// by `stop_deceleration / jerk`, at most 16 ticks, and a stop longer by twice that. Absent: no
+    /// Jerk of the setpoint, counts per second cubed, stops included. It delays every motion by
+    /// `stop_deceleration / jerk`, at most 16 ticks, and lengthens a stop by twice that. Absent: no
     /// limit.
     pub jerk_counts_s3: Option<f64>,
     /// Age of the newest position at which the loop stops the motion, in milliseconds.
     pub feedback_stale_ms: u64,
     /// Age of the newest position at which the loop goes to FAULT, in milliseconds.
     pub feedback_lost_ms: u64,
-    /// Largest distance between set-point and encoder, in counts, before FAULT.
+    /// Largest distance between setpoint and encoder, in counts, before FAULT.
     pub following_error_counts: i32,
-    /// Motor current that leads to FAULT when it lasts, in mA. Absent: only the limit in the drive.
+    /// Motor current that leads to FAULT after `over_current_ms`, in mA. Absent: only the drive
+    /// limits the current.
     pub over_current_ma: Option<u32>,
-    /// How long it may last, in milliseconds.
+    /// Duration of the over-current that leads to FAULT, in milliseconds.
     pub over_current_ms: u64,
-    /// Late ticks (a tick or more after their time) within `overrun_window_ms` that lead to FAULT. 0:
-    /// never.
+    /// Overruns (ticks that begin a period late or more) within `overrun_window_ms` that lead to
+    /// FAULT. 0: never.
     pub overrun_ticks: u32,
-    /// See `overrun_ticks`; in milliseconds.
+    /// Window in which `overrun_ticks` are counted, in milliseconds.
     pub overrun_window_ms: u64,
 }
 
@@ -156,8 +157,7 @@ impl Default for LimitConfig {
 }
 
 impl LimitConfig {
-    /// Over how many ticks the set-point of a motor is averaged, so that the jerk stays within its
-    /// limit.
+    /// Length in ticks of the moving average over the setpoint that keeps the jerk limit.
     #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
         self.jerk_counts_s3
@@ -165,21 +165,20 @@ impl LimitConfig {
     }
 }
 
-/// How a model with memory is used.
+/// Compensation of backlash and friction by a model with memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CompensationConfig {
-    /// Part of gaps and friction that is compensated, 0 to 1. Too much moves the tip at a turn, too
-    /// little delays it.
+    /// Share of backlash and friction that is compensated, 0 to 1. Too much moves the tip at a
+    /// reversal, too little delays it.
     pub factor: f64,
-    /// A goal that turns back by less than twice this is held, so that tremor does not send the
-    /// motors across the gap, in degrees, 0 to 2.
+    /// A goal that reverses by less than twice this is held, so that tremor does not drive the
+    /// motors across the backlash, in degrees, 0 to 2.
     pub reversal_dead_band_deg: f64,
-    /// Time constant of the low-pass on the correction by the model's residual, in milliseconds, 0
-    /// to 1000.
+    /// Time constant of the low-pass on the residual of the model, in milliseconds, 0 to 1000.
     pub residual_filter_ms: f64,
-    /// Changes of the correction below this are not followed, in degrees, 0 to 1.
+    /// Changes of the residual below this are not followed, in degrees, 0 to 1.
     pub residual_dead_band_deg: f64,
 }
 
@@ -194,18 +193,18 @@ impl Default for CompensationConfig {
     }
 }
 
-/// The decaying stroke that wipes out what is not known about the past of the wires.
+/// The conditioning cycle: a decaying oscillation after which the hysteresis memory is known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ConditioningConfig {
-    /// Half the width of the first turn, counts of every motor, around where it begins. The model's
-    /// need and the position limits come first. Absent: the calibrated hull of the model; 500
-    /// without one.
+    /// Amplitude of the first turn, counts of every motor, around the start. The range that the
+    /// model needs and the position limits have priority. Absent: the calibrated hull of the model;
+    /// 500 without a model.
     pub half_width_counts: Option<i32>,
-    /// Turns, the first in full width, the others shrinking, 1 to 20.
+    /// Turns, the first with full amplitude, the others decaying, 1 to 20.
     pub turns: u32,
-    /// Velocity of the faster motor, counts per second; not above that of the limits.
+    /// Velocity of the faster motor, counts per second; `limits.velocity_counts_s` at most.
     pub velocity_counts_s: f64,
 }
 
@@ -219,12 +218,12 @@ impl Default for ConditioningConfig {
     }
 }
 
-/// How one model takes over from another.
+/// The change from one model to another while the robot is enabled.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSwapConfig {
-    /// How long the motors take to go where the new model wants them, in milliseconds, 0 to 10000.
+    /// Time in which the motors go to the setpoints of the new model, in milliseconds, 0 to 10000.
     /// 0: as fast as the limits allow.
     pub blend_ms: u64,
 }
@@ -235,8 +234,8 @@ impl Default for ModelSwapConfig {
     }
 }
 
-/// Limits on the angles that are asked of the inverse. Each is off unless it is there; a model of
-/// the tip position has none.
+/// Limits on the angles before the inverse. An absent limit is off. A model of the tip position
+/// has none.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -249,19 +248,19 @@ pub struct JointLimitConfig {
     pub velocity_deg_s: Option<f64>,
     /// Acceleration of every angle, degrees per second squared.
     pub acceleration_deg_s2: Option<f64>,
-    /// Jerk of every angle, degrees per second cubed; needs an acceleration limit, of which it
-    /// makes a delay of `acceleration / jerk`, at most 16 ticks.
+    /// Jerk of every angle, degrees per second cubed. Needs `acceleration_deg_s2`. It delays by
+    /// `acceleration / jerk`, at most 16 ticks.
     pub jerk_deg_s3: Option<f64>,
 }
 
 impl JointLimitConfig {
-    /// There is a limit.
+    /// Whether any limit is set.
     #[must_use]
     pub fn is_any(&self) -> bool {
         *self != Self::default()
     }
 
-    /// Over how many ticks acceleration is averaged, so that the jerk stays within its limit.
+    /// Length in ticks of the moving average that keeps the jerk limit.
     #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
         Some(window_ticks(
@@ -272,7 +271,7 @@ impl JointLimitConfig {
     }
 }
 
-/// The way of `move_jp`: from rest to rest on a straight line in joint space.
+/// The trajectory of `move_jp`: from rest to rest on a straight line in joint space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
@@ -295,16 +294,16 @@ impl Default for MoveConfig {
     }
 }
 
-/// The camera against the model: what `external/measured_jp` says against the estimate from the
-/// encoders at that instant.
+/// The plausibility check: `external/measured_jp` of a camera against the estimate from the
+/// encoders at the same instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlausibilityConfig {
-    /// Distance between the two that leads to FAULT when it lasts, in degrees. 0: never, for robots
-    /// without a camera.
+    /// Distance between the two that leads to FAULT after `debounce_ms`, in degrees. 0: off, for
+    /// robots without a camera.
     pub distance_deg: f64,
-    /// How long it may last, in milliseconds: longer than the camera needs for some pictures.
+    /// Duration of the distance that leads to FAULT, in milliseconds: several frames of the camera.
     pub debounce_ms: u64,
 }
 
@@ -317,12 +316,12 @@ impl Default for PlausibilityConfig {
     }
 }
 
-/// What is written down.
+/// Black box and run log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RecordConfig {
-    /// Where black boxes and the log of runs go, relative to the folder of this file.
+    /// Folder of black boxes and run log, relative to the folder of this file.
     pub folder: PathBuf,
     /// Seconds that the black box holds, 10 to 120. A second takes 2 MB of memory at 1 kHz.
     pub seconds: u64,
