@@ -1,44 +1,104 @@
 //! Teleoperation controller for I2RIS, a snake robot of 0.9 mm that works inside the human eye.
 //!
 //! Two small motors pull wires that bend the snake in pitch and yaw. Backlash, friction and slack
-//! lie between motor and tip, so the same encoder counts give different angles depending on how
-//! they were reached. This crate turns desired angles into encoder counts by inverting a Gaussian
-//! mixture regression, streams them to the motor drives over serial lines at a high rate, and takes
-//! its commands from other processes through shared memory.
+//! lie between motor and tip, so the angle depends on the history of the counts. This crate turns
+//! desired angles into encoder counts by inverting a Gaussian mixture regression, streams them to
+//! the motor drives over serial lines, and takes its commands from other processes through shared
+//! memory.
 //!
 //! # Principles
 //!
-//! 1. **When in doubt the snake holds still.** Everything that is stale, not finite, out of range
-//!    or not understood ends in a hold, and says so.
-//! 2. **The cycle is a pure function** ([`core::cycle`]): time and inputs in, outputs out. The
-//!    same code runs in the loop, in tests and in replay.
-//! 3. **The loop never waits.** No allocation, no lock that a slower thread holds, no I/O, no
-//!    printing; values cross threads through wait-free buffers only.
-//! 4. **One file reads the clock** ([`clock`]). Everywhere else time is an argument.
-//! 5. **What the motor did counts, not what was asked.** State follows encoder feedback and
-//!    set-points that were really written to the wire.
-//! 6. **Parse once at the edge.** Raw views (frames, payloads, files) become checked values before
-//!    anything acts on them.
+//! 1. **When in doubt the snake holds still.** Input that is stale, not finite, out of range or not
+//!    understood leads to a hold and to a message that says why.
+//! 2. **The cycle is a pure function** ([`core::cycle`]): time and inputs in, outputs out. The same
+//!    code runs in the loop, in tests and in replay.
+//! 3. **The loop never waits.** It does not allocate, take a lock of a slower thread, do I/O or
+//!    print. Values cross threads through wait-free buffers only.
+//! 4. **One file reads the monotonic clock** ([`clock`]). Everywhere else time is an argument.
+//! 5. **State follows the motor, not the command.** The model is driven by encoder feedback and by
+//!    setpoints that were written to the wire.
+//! 6. **Parse once at the edge.** Frames, payloads and files become checked values before anything
+//!    uses them.
 //!
 //! # Map
 //!
-//! Dependencies point one way: `units, robot <- model, drive, ipc <- core <- process`.
+//! Imports point one way: `units, robot <- config, model <- drive <- core <- process`, and
+//! `units, robot <- ipc <- process, watchdog`.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`units`] | counts, nanoseconds, sizes of the robot |
-//! | [`clock`] | the monotonic clock and the absolute sleep |
-//! | [`wall_clock`] | the clock of the wall, for file names only |
-//! | [`realtime`] | asking for real-time scheduling and reading back what was granted |
-//! | [`file_permissions`] | refuses files that every user may write |
+//! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults |
 //! | [`config`] | the configuration file |
 //! | [`model`] | forward model and inverse, model files |
-//! | [`drive`] | maxon drives: frames, objects, CiA 402, one thread per serial port |
-//! | [`ipc`] | payloads and services in shared memory, the client library |
-//! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults |
+//! | [`drive`] | maxon drives: serial frames, objects, CiA 402, one thread per serial port |
 //! | [`core`] | the control cycle: a pure function of time and inputs, with its states and limits |
+//! | [`ipc`] | payloads and services in shared memory, the client library |
 //! | [`process`] | the controller process around the core: threads, channels, black box, run log |
-//! | [`watchdog`] | the second process that stops the drives when the controller dies or hangs |
+//! | [`watchdog`] | the second process, which stops the drives when the controller dies or hangs |
+//! | [`realtime`] | real-time scheduling, the tick grid, statistics of the loop |
+//! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only |
+//! | [`file_permissions`] | refuses files that every user may write |
+//!
+//! # From a command to the wire, and a position back
+//!
+//! The double line is the real-time boundary: below it nothing allocates, locks or waits. Crossings
+//! are wait-free ([`process`]: `channels`).
+//!
+//! ```text
+//! client process    ipc/client/commander.rs         servo_jp: angles, stamp, sequence, deadline
+//!                       | shared memory (iceoryx2)       ^ measured_js, setpoint_js, ...
+//! IPC thread        ipc/server  ->  process/ipc_thread.rs, payload_conversion.rs
+//!                       | channels.rs: newest value      ^ channels.rs: one report per tick
+//! ==================================================================== real time
+//! control loop      process/control_loop.rs: waits for the tick, reads, steps, writes
+//!                   core/cycle.rs:
+//!                     states/         drive status, faults, state transitions
+//!                     command/        admission: lease, deadline, range; goal extrapolation
+//!                     motion/         tremor filter, joint limits, backlash dead-band
+//!                     model_slots/ -> model/inverse.rs: angles to counts
+//!                     motion/         velocity and jerk limits, rounding to counts
+//!                       | one request per axis           ^ one feedback per axis
+//! port thread       drive/runner.rs: newest setpoint, then position, then status
+//!                   drive/serial_frame.rs, command sets of EPOS4 and EPOS2
+//!                       | serial line                    ^
+//! drive             EPOS4 or EPOS2, motor, encoder, gear, wires, snake
+//! ```
+//!
+//! # Glossary
+//!
+//! - **counts**: encoder counts of a motor, in quadrature.
+//! - **joint**: a bending angle, pitch or yaw; rad in code and payloads, deg in files and on
+//!   screens.
+//! - **goal, setpoint, measured**: what the client asked; what the controller sends after all
+//!   limits; what the encoders report.
+//! - **play, stop operator**: the elements of the Prandtl-Ishlinskii hysteresis model: a play has
+//!   a backlash, a stop a friction.
+//! - **memory**: the outputs of the hysteresis operators: what the model keeps of past motion.
+//! - **conditioning**: a decaying oscillation of the motors after which the memory is known.
+//! - **mixture, EM, regression**: Gaussian mixture, expectation maximisation, Gaussian mixture
+//!   regression (GMR).
+//! - **inverse**: counts from angles, by damped Newton iterations on the regression.
+//! - **hull**: convex hull of the calibrated counts; outside it the model is not used.
+//! - **residual**: the part of the model that is linear in the state of the operators.
+//! - **dead-band**: reversals of the goal below it do not cross the backlash.
+//! - **commander, lease**: the one client whose commands are followed; its right to do so.
+//! - **deadline, stale**: the age at which a command is stale, and the robot holds.
+//! - **clutch, motion scaling**: the master moves without the snake; the snake moves less than the
+//!   master.
+//! - **hold, quick stop, disable**: decelerate and keep position; the same by the drive itself;
+//!   power off.
+//! - **FAULT, acknowledge**: the latched state after a failure; the command that leaves it.
+//! - **plausibility**: the comparison of the camera with the estimate of the model.
+//! - **overrun**: a tick that begins a period late or more.
+//! - **following error**: distance between setpoint and encoder.
+//! - **model slots**: the active, the staged and the previous model; swap and rollback exchange
+//!   them.
+//! - **heartbeat, watchdog**: one word in shared memory that the loop writes every tick; the
+//!   process that reads it.
+//! - **black box, replay**: the last seconds of every tick in a file; running them again, compared
+//!   to the bit.
+//! - **run log**: one line of JSON per change of state, fault and run.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod clock;
