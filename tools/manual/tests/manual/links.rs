@@ -1,0 +1,45 @@
+//! Links between README, manual and other documents.
+
+use super::markdown::{Document, root};
+
+#[test]
+fn every_link_leads_to_a_file_and_a_heading() {
+    let mut broken = Vec::new();
+    for document in Document::all() {
+        let folder = document.path.parent().unwrap();
+        for link in document.links() {
+            if link.starts_with("http://") || link.starts_with("https://") {
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
+            let target =
+                if file.is_empty() { document.path.clone() } else { folder.join(file) };
+            let is_found = target.exists()
+                && (anchor.is_empty()
+                    || Document::read(&target).anchors().iter().any(|known| known == anchor));
+            if !is_found {
+                broken.push(format!("{}: {link}", document.path.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn every_chapter_is_in_the_table_of_contents() {
+    let folder = root().join("tools/manual/src");
+    let listed = Document::read(&folder.join("SUMMARY.md")).links();
+    for document in Document::all() {
+        let name = document.path.file_name().unwrap().to_str().unwrap();
+        if document.path.starts_with(&folder) && name != "SUMMARY.md" {
+            assert!(listed.iter().any(|link| link == name), "{name} is not in SUMMARY.md");
+        }
+    }
+}
+
+#[test]
+fn the_readme_is_short_and_leads_to_the_manual() {
+    let text = std::fs::read_to_string(root().join("README.md")).unwrap();
+    assert!(text.lines().count() <= 150, "{} lines", text.lines().count());
+    assert!(text.contains("tools/manual/src/first-hour.md"));
+}
