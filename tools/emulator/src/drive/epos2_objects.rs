@@ -2,7 +2,7 @@
 //! (reference, sections 2.3 and 3.3).
 
 use super::object::Kind::{I8, I16, I32, Text, U8, U16, U32, U64};
-use super::object::{MOST_RPM, Object, ro, rw};
+use super::object::{MAX_RPM, Object, ro, rw};
 
 /// All objects, by index and subindex. Subindex 0 of a record, its highest subindex, is implied.
 pub const EPOS2_OBJECTS: &[Object] = &[
@@ -56,21 +56,21 @@ pub const EPOS2_OBJECTS: &[Object] = &[
     rw(0x607C, 0, I32, 0),
     rw(0x607D, 1, I32, -0x8000_0000),
     rw(0x607D, 2, I32, 0x7FFF_FFFF),
-    rw(0x607F, 0, U32, 25_000).ranged(1, MOST_RPM),
-    rw(0x6081, 0, U32, 1000).ranged(1, MOST_RPM),
+    rw(0x607F, 0, U32, 25_000).ranged(1, MAX_RPM),
+    rw(0x6081, 0, U32, 1000).ranged(1, MAX_RPM),
     rw(0x6083, 0, U32, 10_000).ranged(1, 0xFFFF_FFFF),
     rw(0x6084, 0, U32, 10_000).ranged(1, 0xFFFF_FFFF),
     rw(0x6085, 0, U32, 10_000).ranged(1, 0xFFFF_FFFF),
     rw(0x6086, 0, I16, 0).ranged(0, 1),
     rw(0x6098, 0, I8, 7),
-    rw(0x6099, 1, U32, 100).ranged(1, MOST_RPM),
-    rw(0x6099, 2, U32, 10).ranged(1, MOST_RPM),
+    rw(0x6099, 1, U32, 100).ranged(1, MAX_RPM),
+    rw(0x6099, 2, U32, 10).ranged(1, MAX_RPM),
     rw(0x609A, 0, U32, 1000).ranged(1, 0xFFFF_FFFF),
     rw(0x60C5, 0, U32, 0xFFFF_FFFF).ranged(1, 0xFFFF_FFFF),
     rw(0x60FF, 0, I32, 0),
     rw(0x6402, 0, U16, 10).power_off(),
     rw(0x6410, 1, U16, 5000),
     rw(0x6410, 2, U16, 10_000),
-    rw(0x6410, 4, U32, 25_000).ranged(1, MOST_RPM),
+    rw(0x6410, 4, U32, 25_000).ranged(1, MAX_RPM),
     ro(0x6502, 0, U32, 0x0000_0065),
 ];

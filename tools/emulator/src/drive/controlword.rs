@@ -1,25 +1,25 @@
-//! What a controlword sets in motion, and what a fault does.
+//! What a controlword starts, and what a fault does.
 
-use super::code::{Fault, Reaction};
-use super::motion::Task;
-use super::profile::Demand;
-use super::state::{Command, State};
-use super::{Drive, Homing, Mode, Setpoints};
-use crate::log::{EventKind, HostBug};
+use super::device::{Drive, Homing, Setpoints};
+use super::event::{EventKind, HostBug};
+use super::fault::{Fault, Reaction};
+use super::mode::Mode;
+use super::state::{DeviceCommand, State};
+use super::task::Task;
 
-/// Controlword bit 4: new set-point, or start homing.
+/// Bit 4: new set-point, or start homing.
 pub(super) const START: u16 = 1 << 4;
-/// Controlword bit 5: go there at once.
+/// Bit 5: change the set-point immediately.
 const IMMEDIATELY: u16 = 1 << 5;
-/// Controlword bit 6: from here, not from zero.
+/// Bit 6: the set-point is relative.
 const RELATIVE: u16 = 1 << 6;
-/// Controlword bit 7: reset the fault.
+/// Bit 7: fault reset.
 const FAULT_RESET: u16 = 1 << 7;
-/// Controlword bit 8: stop and hold.
+/// Bit 8: halt.
 pub(super) const HALT: u16 = 1 << 8;
 
 impl Drive {
-    /// Carries out a controlword.
+    /// Executes a controlword.
     pub(super) fn write_controlword(&mut self, controlword: u16) {
         let before = std::mem::replace(&mut self.controlword, controlword);
         let rising = controlword & !before;
@@ -28,12 +28,12 @@ impl Drive {
         }
         self.command(controlword);
         if self.state == State::OperationEnabled && !self.task.is_leaving() {
-            self.halt_or_go_on(before);
+            self.halt_or_continue(before);
             self.start(rising, before);
         }
     }
 
-    /// Brings the drive to another state, at once and without a ramp.
+    /// Changes the state at once and without a ramp.
     pub(super) fn enter(&mut self, state: State) {
         let from = std::mem::replace(&mut self.state, state);
         if from != state {
@@ -41,30 +41,30 @@ impl Drive {
         }
     }
 
-    /// Cuts the power stage.
+    /// Disables the power stage.
     pub(super) fn power_off(&mut self) {
         self.task = Task::Off;
         self.setpoints = Setpoints::default();
     }
 
-    /// The ramp of a stop has ended: carries out what it was for, then the controlword that came in
-    /// the meantime.
+    /// Ends the ramp of a stop: enters the state behind it, then executes the controlword that came
+    /// in the meantime.
     pub(super) fn finish_stop(&mut self, then: State) {
         self.power_off();
         self.enter(then);
         self.command(self.controlword);
     }
 
-    /// Carries out the state command of a controlword. During a ramp only cutting the power is
-    /// taken: one command must finish before the next is handled.
+    /// Executes the state command of a controlword. During a ramp only disable voltage is executed:
+    /// one command must finish before the next one.
     fn command(&mut self, controlword: u16) {
-        let Some(command) = Command::of(controlword) else {
+        let Some(command) = DeviceCommand::from_controlword(controlword) else {
             return;
         };
-        if self.task.is_leaving() && command != Command::DisableVoltage {
+        if self.task.is_leaving() && command != DeviceCommand::DisableVoltage {
             return;
         }
-        let Some(to) = command.leads(self.state) else {
+        let Some(to) = command.next_state(self.state) else {
             return;
         };
         match (self.state, to) {
@@ -82,13 +82,10 @@ impl Drive {
         }
     }
 
-    /// Powers the motor. In the cyclic position mode it goes to object 0x607A at once, however old
-    /// that is.
+    /// Enables the power stage. In the cyclic position mode the motor moves to object 0x607A at
+    /// once, however old that is.
     fn enable(&mut self) {
-        self.demand = Demand {
-            position: self.measured(),
-            velocity: self.motor.velocity,
-        };
+        self.demand = self.actual();
         self.setpoints = Setpoints::default();
         self.enter(State::OperationEnabled);
         self.start_mode();
@@ -104,7 +101,7 @@ impl Drive {
         }
     }
 
-    fn halt_or_go_on(&mut self, before: u16) {
+    fn halt_or_continue(&mut self, before: u16) {
         let halted = matches!(self.task, Task::Brake { .. });
         if self.controlword & HALT != 0 && !halted {
             self.brake(self.per_second(0x6084), None);
@@ -113,18 +110,16 @@ impl Drive {
         }
     }
 
-    /// Bit 4: only its rising edge starts something, and in the profile position mode a set-point
-    /// behind a bit that was never lowered is lost without a word.
+    /// Evaluates bit 4. Only its rising edge starts something. In the profile position mode a
+    /// set-point without a new edge is lost without an error.
     fn start(&mut self, rising: u16, before: u16) {
+        let is_new = self.setpoints.taken != Some(self.dictionary.get(0x607A, 0));
         match self.mode {
             Mode::ProfilePosition if rising & START != 0 => self.take_setpoint(),
             Mode::ProfilePosition if self.controlword & START == 0 => {
                 self.setpoints.acknowledged = self.setpoints.queued.is_some();
             }
-            Mode::ProfilePosition
-                if before & START != 0
-                    && self.setpoints.taken != Some(self.dictionary.get(0x607A, 0)) =>
-            {
+            Mode::ProfilePosition if before & START != 0 && is_new => {
                 self.events
                     .push(EventKind::HostBug(HostBug::SetpointIgnored));
             }
@@ -135,23 +130,14 @@ impl Drive {
 
     fn take_setpoint(&mut self) {
         let written = self.dictionary.get(0x607A, 0);
-        let base = self
-            .setpoints
-            .queued
-            .or(self.setpoints.active)
-            .unwrap_or(self.demand.position);
+        let previous = self.setpoints.queued.or(self.setpoints.active);
         let target = if self.controlword & RELATIVE != 0 {
-            base + written as f64
+            previous.unwrap_or(self.demand.position) + written as f64
         } else {
             self.to_motor(written)
         };
         if self.is_beyond_limits(target) {
-            let fault = self
-                .config
-                .family
-                .places()
-                .beyond_limits
-                .unwrap_or(Fault(0xFF09));
+            let fault = self.map().position_limit_fault.unwrap_or(Fault(0xFF09));
             self.raise(fault, false);
             return;
         }
@@ -173,55 +159,48 @@ impl Drive {
         }
     }
 
-    /// Here is the home position, or at the stop in a direction. The other methods need switches or
-    /// an index, and fail here.
+    /// Starts homing: on the present position, or at the hard stop in a direction. The other
+    /// methods need switches or an index, and fail here.
     fn home(&mut self) {
         let method = self.dictionary.get(0x6098, 0);
-        match method {
-            -3 | -4 => {
-                let speed = self.per_second(0x6099) * if method == -3 { 1.0 } else { -1.0 };
-                self.homing = Homing::Idle;
-                self.task = Task::SearchStop {
-                    speed,
-                    pressed_s: 0.0,
-                };
-            }
-            method => self.end_homing(method == self.config.family.places().here),
+        if matches!(method, -3 | -4) {
+            let speed = self.per_second(0x6099) * if method == -3 { 1.0 } else { -1.0 };
+            self.homing = Homing::Idle;
+            let pressed_s = 0.0;
+            self.task = Task::SearchStop { speed, pressed_s };
+        } else {
+            self.end_homing(method == self.map().actual_position_method);
         }
     }
 
-    /// Homing ends here.
+    /// Ends homing at the present position.
     pub(super) fn end_homing(&mut self, done: bool) {
+        self.homing = Homing::Failed;
         if done {
-            self.origin = self.encoder() - self.stored(self.config.family.places().home_position);
+            self.homing = Homing::Attained;
+            self.origin = self.encoder() - self.stored(self.map().home_position);
             self.homed = true;
         }
-        self.homing = if done {
-            Homing::Attained
-        } else {
-            Homing::Failed
-        };
         self.events.push(EventKind::Homing(done));
     }
 
-    /// Raises a fault. While `persists`, it cannot be reset.
+    /// Raises a fault. While it `persists`, it cannot be reset.
     pub fn raise(&mut self, fault: Fault, persists: bool) {
         self.events.push(EventKind::Fault(fault.0));
-        self.remember(fault);
-        if fault.reaction(self.config.family) == Reaction::Warning {
+        self.add_to_history(fault);
+        let reaction = fault.reaction(self.config.family);
+        if reaction == Reaction::Warning {
             self.warning = true;
             return;
         }
         self.fault = Some(fault);
-        self.cause = persists;
-        let ramp = match fault.reaction(self.config.family) {
-            Reaction::FaultOption => match self.dictionary.get(0x605E, 0) {
-                0 => None,
-                1 => Some(0x6084),
-                _ => Some(0x6085),
-            },
-            Reaction::AbortOption => (self.dictionary.get(0x6007, 0) == 3).then_some(0x6085),
-            Reaction::Disable | Reaction::Warning => None,
+        self.cause_persists = persists;
+        let ramp = match (reaction, self.dictionary.get(0x605E, 0)) {
+            (Reaction::FaultOption, 0) => None,
+            (Reaction::FaultOption, 1) => Some(0x6084),
+            (Reaction::FaultOption, _) => Some(0x6085),
+            (Reaction::AbortOption, _) => (self.dictionary.get(0x6007, 0) == 3).then_some(0x6085),
+            (Reaction::Disable | Reaction::Warning, _) => None,
         };
         match ramp {
             Some(_) if self.state == State::FaultReactionActive => {}
@@ -236,19 +215,20 @@ impl Drive {
         }
     }
 
-    /// The cause of a persistent fault is gone.
+    /// Removes the cause of a persistent fault.
     pub fn remove_cause(&mut self) {
-        self.cause = false;
+        self.cause_persists = false;
         self.warning = false;
     }
 
     fn reset_fault(&mut self) {
-        if self.state != State::Fault || self.cause {
+        if self.state != State::Fault || self.cause_persists {
             return;
         }
+        let family = self.config.family;
         if self
             .fault
-            .is_some_and(|fault| fault.clears_position(self.config.family))
+            .is_some_and(|fault| fault.clears_position(family))
         {
             self.lose_position();
         }
@@ -256,14 +236,14 @@ impl Drive {
         self.enter(State::SwitchOnDisabled);
     }
 
-    /// Puts a fault into the history (object 0x1003), newest first.
-    fn remember(&mut self, fault: Fault) {
+    /// Puts a fault into the error history (object 0x1003), newest first.
+    fn add_to_history(&mut self, fault: Fault) {
         for entry in (1..5).rev() {
-            self.dictionary
-                .set(0x1003, entry + 1, self.dictionary.get(0x1003, entry));
+            let older = self.dictionary.get(0x1003, entry);
+            self.dictionary.set(0x1003, entry + 1, older);
         }
+        let count = self.dictionary.get(0x1003, 0) + 1;
         self.dictionary.set(0x1003, 1, i64::from(fault.0));
-        self.dictionary
-            .set(0x1003, 0, (self.dictionary.get(0x1003, 0) + 1).min(5));
+        self.dictionary.set(0x1003, 0, count.min(5));
     }
 }

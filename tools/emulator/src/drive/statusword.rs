@@ -1,14 +1,15 @@
-//! Statusword, and all other objects that are computed when they are read.
+//! Statusword, and the other objects that are computed when they are read.
 
-use super::code::Fault;
-use super::motion::Task;
+use super::device::{Drive, Homing};
+use super::fault::Fault;
+use super::mode::Mode;
 use super::state::State;
-use super::{Drive, Homing, Mode};
+use super::task::Task;
 
 /// Bit 4: voltage at the power stage.
 const VOLTAGE_ENABLED: u16 = 1 << 4;
 const WARNING: u16 = 1 << 7;
-/// Bit 9: NMT operational. A drive on a serial line that no one sent an NMT start leaves it at 0.
+/// Bit 9: NMT operational. On a serial line it is 0 until an NMT start.
 const REMOTE: u16 = 1 << 9;
 const TARGET_REACHED: u16 = 1 << 10;
 const LIMIT: u16 = 1 << 11;
@@ -29,12 +30,11 @@ impl Drive {
                 following_error,
                 self.is_at_target(),
             ),
-            Mode::ProfileVelocity => (self.motor.stands(), false, self.is_at_speed()),
-            Mode::Homing => (
-                self.homing == Homing::Attained,
-                self.homing == Homing::Failed,
-                self.homing == Homing::Attained,
-            ),
+            Mode::ProfileVelocity => (self.motor.is_at_standstill(), false, self.is_at_speed()),
+            Mode::Homing => {
+                let attained = self.homing == Homing::Attained;
+                (attained, self.homing == Homing::Failed, attained)
+            }
             Mode::CyclicPosition | Mode::Position => {
                 (self.task == Task::Cyclic, following_error, false)
             }
@@ -52,14 +52,11 @@ impl Drive {
             | flag(twelve, MODE_12)
             | flag(thirteen, MODE_13)
             | flag(self.homed, REFERENCED)
-            | flag(
-                self.state != State::NotReadyToSwitchOn,
-                self.config.family.places().always,
-            )
+            | flag(!self.is_booting(), self.map().constant_status)
     }
 
-    /// The value of an object that changes by itself, or `None` for one that is stored.
-    pub(super) fn live(&self, index: u16, sub: u8) -> Option<i64> {
+    /// The value of a computed object, or `None` for a stored one.
+    pub(super) fn computed_value(&self, index: u16, sub: u8) -> Option<i64> {
         let current = self.motor.current_ma.round() as i64;
         Some(match (index, sub) {
             (0x1001, 0) => i64::from(self.fault.map_or(0, Fault::register)),
@@ -84,7 +81,7 @@ impl Drive {
         match self.task {
             Task::Hold => self.state == State::OperationEnabled,
             Task::Brake { then: None, .. } => {
-                self.state == State::OperationEnabled && self.motor.stands()
+                self.state == State::OperationEnabled && self.motor.is_at_standstill()
             }
             _ => false,
         }

@@ -1,4 +1,4 @@
-//! The folder with a link of a stable name for every port.
+//! The folder with a link of a stable name to every port.
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io;
@@ -10,7 +10,7 @@ use nix::unistd::geteuid;
 
 const LOCK: &str = "lock";
 
-/// A folder that belongs to one emulator. Links and lock disappear with it.
+/// A folder that belongs to one emulator. Dropping it removes links and lock.
 #[derive(Debug)]
 pub(crate) struct PortFolder {
     path: PathBuf,
@@ -22,32 +22,31 @@ pub(crate) struct PortFolder {
 /// Why a folder cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// The system refuses.
+    /// The system refuses the access.
     #[error(
         "cannot use {path} for the ports: {source}; choose a folder that you can write with --ports"
     )]
     Io {
-        /// What it was about.
+        /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
-    /// Something else is there.
+    /// Something else exists at this path.
     #[error(
         "{path} is in the way: it is not a folder of the emulator; choose another one with --ports"
     )]
     NotOurs {
-        /// What it was about.
+        /// The file or folder.
         path: PathBuf,
     },
-    /// It belongs to someone else, or others may write to it: they could put their own devices
-    /// under our names.
+    /// It belongs to another user, or others may write to it and could replace the links.
     #[error("{path} can be changed by others; remove it, or choose another folder with --ports")]
     Unsafe {
         /// The folder.
         path: PathBuf,
     },
-    /// Another emulator.
+    /// Another emulator uses it.
     #[error(
         "{path} is used by another emulator; stop that one, or choose another folder with --ports"
     )]
@@ -58,51 +57,46 @@ pub enum FolderError {
 }
 
 impl PortFolder {
-    /// Creates the folder, or takes over what an earlier emulator left.
+    /// Creates the folder, or takes over that of an earlier emulator.
     pub(crate) fn claim(path: &Path) -> Result<Self, FolderError> {
         let io = |path: &Path| {
             let path = path.to_owned();
             move |source| FolderError::Io { path, source }
         };
         let created = !path.exists();
-        DirBuilder::new()
+        let mut builder = DirBuilder::new();
+        builder
             .recursive(true)
             .mode(0o700)
             .create(path)
             .map_err(io(path))?;
         let found = fs::symlink_metadata(path).map_err(io(path))?;
+        let path = path.to_owned();
         if !found.is_dir() {
-            return Err(FolderError::NotOurs {
-                path: path.to_owned(),
-            });
+            return Err(FolderError::NotOurs { path });
         }
         if found.uid() != geteuid().as_raw() || found.mode() & 0o022 != 0 {
-            return Err(FolderError::Unsafe {
-                path: path.to_owned(),
-            });
+            return Err(FolderError::Unsafe { path });
         }
         let lock = path.join(LOCK);
         let mut options = OpenOptions::new();
-        options
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .custom_flags(libc::O_NOFOLLOW);
-        let file = options.open(&lock).map_err(io(&lock))?;
-        let lock =
-            Flock::lock(file, FlockArg::LockExclusiveNonblock).map_err(|_| FolderError::InUse {
-                path: path.to_owned(),
-            })?;
-        Ok(Self {
-            path: path.to_owned(),
-            links: Vec::new(),
-            created,
-            _lock: lock,
-        })
+        options.write(true).create(true).truncate(false).mode(0o600);
+        let file = options
+            .custom_flags(libc::O_NOFOLLOW)
+            .open(&lock)
+            .map_err(io(&lock))?;
+        match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
+            Err(_) => Err(FolderError::InUse { path }),
+            Ok(lock) => Ok(Self {
+                path,
+                links: Vec::new(),
+                created,
+                _lock: lock,
+            }),
+        }
     }
 
-    /// Adds a link to a device. A link that an earlier emulator left is replaced.
+    /// Adds a link to a device. It replaces a link of an earlier emulator.
     pub(crate) fn link(&mut self, name: &str, device: &Path) -> Result<PathBuf, FolderError> {
         let link = self.path.join(name);
         let io = |source| FolderError::Io {
@@ -120,8 +114,8 @@ impl PortFolder {
     }
 }
 
-/// Points a link to another device, without a moment at which there is none.
-pub(super) fn point(link: &Path, device: &Path) -> io::Result<()> {
+/// Redirects a link to another device. The link exists at any time.
+pub(super) fn redirect(link: &Path, device: &Path) -> io::Result<()> {
     let new = link.with_extension("new");
     let _ = fs::remove_file(&new);
     symlink(device, &new)?;
@@ -131,10 +125,9 @@ pub(super) fn point(link: &Path, device: &Path) -> io::Result<()> {
 impl Drop for PortFolder {
     fn drop(&mut self) {
         for (link, device) in &self.links {
-            // A port that hung up and came back has another device.
-            if fs::read_link(link)
-                .is_ok_and(|target| target == *device || target.starts_with("/dev/pts"))
-            {
+            // After a hang-up the port has another device.
+            let is_port = |target: PathBuf| target == *device || target.starts_with("/dev/pts");
+            if fs::read_link(link).is_ok_and(is_port) {
                 let _ = fs::remove_file(link);
             }
         }
@@ -149,10 +142,11 @@ impl Drop for PortFolder {
 mod tests {
     use std::os::unix::fs::PermissionsExt;
 
+    use super::FolderError::{InUse, Io, NotOurs, Unsafe};
     use super::*;
 
     #[test]
-    fn links_live_as_long_as_the_folder_is_held() {
+    fn links_exist_as_long_as_the_folder_is_claimed() {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("ports");
         let mut folder = PortFolder::claim(&path).unwrap();
@@ -162,49 +156,36 @@ mod tests {
         );
         let link = folder.link("axis0", Path::new("/dev/null")).unwrap();
         assert_eq!(fs::read_link(&link).unwrap(), Path::new("/dev/null"));
-        assert!(matches!(
-            PortFolder::claim(&path),
-            Err(FolderError::InUse { .. })
-        ));
+        assert!(matches!(PortFolder::claim(&path), Err(InUse { .. })));
         drop(folder);
         assert!(!path.exists());
     }
 
     #[test]
-    fn leftovers_are_replaced_and_foreign_files_are_not() {
+    fn old_links_are_replaced_and_foreign_files_are_not() {
         let base = tempfile::tempdir().unwrap();
         symlink("/dev/pts/gone", base.path().join("axis0")).unwrap();
         fs::write(base.path().join("axis1"), "data").unwrap();
         fs::set_permissions(base.path(), fs::Permissions::from_mode(0o700)).unwrap();
         let mut folder = PortFolder::claim(base.path()).unwrap();
         folder.link("axis0", Path::new("/dev/null")).unwrap();
-        assert!(matches!(
-            folder.link("axis1", Path::new("/dev/null")),
-            Err(FolderError::NotOurs { .. })
-        ));
+        let foreign = folder.link("axis1", Path::new("/dev/null"));
+        assert!(matches!(foreign, Err(NotOurs { .. })));
         drop(folder);
         assert!(!base.path().join("axis0").exists() && base.path().join("axis1").exists());
     }
 
     #[test]
-    fn what_others_can_change_is_refused() {
+    fn folders_that_others_can_change_are_refused() {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("ports");
         fs::create_dir(&path).unwrap();
         fs::set_permissions(&path, fs::Permissions::from_mode(0o777)).unwrap();
-        assert!(matches!(
-            PortFolder::claim(&path),
-            Err(FolderError::Unsafe { .. })
-        ));
+        assert!(matches!(PortFolder::claim(&path), Err(Unsafe { .. })));
         let link = base.path().join("link");
         symlink(base.path(), &link).unwrap();
-        assert!(matches!(
-            PortFolder::claim(&link),
-            Err(FolderError::NotOurs { .. })
-        ));
-        assert!(matches!(
-            PortFolder::claim(Path::new("/proc/none/ports")),
-            Err(FolderError::Io { .. })
-        ));
+        assert!(matches!(PortFolder::claim(&link), Err(NotOurs { .. })));
+        let impossible = PortFolder::claim(Path::new("/proc/none/ports"));
+        assert!(matches!(impossible, Err(Io { .. })));
     }
 }

@@ -1,27 +1,27 @@
 //! The balance of forces on pulleys and segments during one small step.
 //!
 //! ```text
-//! motor --(gap)-- pulley ~~wire~~ [segment 1 | segment 2 | ...] tip
-//!                   |                 |           |
-//!                friction       friction, stiffness, stop
+//! motor --(backlash)-- pulley ~~wire~~ [segment 1 | segment 2 | ...] tip
+//!                        |                 |           |
+//!                     friction       friction, stiffness, stop
 //! ```
 //!
 //! Masses are negligible: forces balance at every instant. Within a step the friction bristles are
-//! followed implicitly (return mapping, as in computational plasticity, Simo and Hughes 1998), so a
-//! step of any size is stable. The limits of friction are those of the state before the step.
+//! integrated implicitly (return mapping, as in computational plasticity, Simo and Hughes 1998), so
+//! a step of any size is stable. The limits of friction are those of the state before the step.
 
-use super::config::SnakeConfig;
-use super::friction::{Bristles, Load};
-use super::law::{Force, contact, gap, slip};
-use super::newton::{Balance, Matrix, SIZE, Vector};
-use super::{MAX_SEGMENTS, Pair, dot};
+use super::config::{MAX_SEGMENTS, SnakeConfig};
+use super::force_law::{Force, contact, gap, return_mapping};
+use super::friction::{BreakAway, Bristles, FrictionForce};
+use super::newton::{ForceBalance, Matrix, SIZE, Vector, solve};
+use super::plane::{Pair, add, dot, subtract};
 
-/// Everything that the snake remembers, in degrees.
+/// The complete state of the snake, in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct State {
-    /// Where the motors would have the wires.
+    /// Wire travel of the motors.
     pub motor: Pair,
-    /// Where the pulleys are.
+    /// Positions of the pulleys.
     pub pulley: Pair,
     /// Bristles under the pulleys.
     pub pulley_bristle: Pair,
@@ -32,18 +32,16 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Pitch and yaw of the tip, without the wandering zero.
+    /// Pitch and yaw of the tip, without the drift of the zero.
     pub(super) fn total_bend(&self) -> Pair {
-        self.bend
-            .iter()
-            .fold([0.0; 2], |sum, bend| [sum[0] + bend[0], sum[1] + bend[1]])
+        self.bend.iter().fold([0.0; 2], |sum, bend| add(sum, *bend))
     }
 
-    /// Lets friction creep: all bristles keep the share `left` of their bend.
+    /// Reduces the deflections of all bristles to the share `left`.
     pub(super) fn creep(&mut self, left: f64) {
-        self.bristles
-            .iter_mut()
-            .for_each(|bristles| bristles.creep(left));
+        for bristles in &mut self.bristles {
+            bristles.creep(left);
+        }
     }
 
     fn unknowns(&self, segments: usize) -> Vector {
@@ -54,14 +52,14 @@ impl State {
     }
 }
 
-/// One step, prepared.
+/// One prepared step.
 pub(super) struct Step<'a> {
     config: &'a SnakeConfig,
     /// The planes that the motors bend, as directions in pitch and yaw.
     axes: [Pair; 2],
     before: State,
     motor: Pair,
-    load: Load,
+    break_away: BreakAway,
     /// Drag per distance: `drag_s / dt`.
     drag: f64,
 }
@@ -82,19 +80,19 @@ impl<'a> Step<'a> {
             axes,
             before,
             motor,
-            load: Load::default(),
+            break_away: BreakAway::default(),
             drag: config.drag_s / dt_s,
         };
         let bend = before.total_bend();
-        let pulls = [0, 1].map(|motor| step.pulls(motor, before.pulley[motor], bend));
-        step.load = Load::new(&config.friction, pulls, bend, friction);
+        let tensions = [0, 1].map(|motor| step.tensions(motor, before.pulley[motor], bend));
+        step.break_away = BreakAway::new(&config.friction, tensions, bend, friction);
         step
     }
 
     /// The state after the step.
     pub(super) fn solve(&self) -> State {
         let count = self.config.segments.len();
-        let at = super::newton::solve(self, self.before.unknowns(count));
+        let at = solve(self, self.before.unknowns(count));
         let mut after = State {
             motor: self.motor,
             pulley: [at[0], at[1]],
@@ -104,17 +102,15 @@ impl<'a> Step<'a> {
         for segment in 0..count {
             let bend = [at[2 + 2 * segment], at[3 + 2 * segment]];
             after.bend[segment] = bend;
-            after.bristles[segment] = self.hold(segment, bend).bristles;
+            after.bristles[segment] = self.segment_friction(segment, bend).bristles;
         }
         after
     }
 
     /// Tension of the wire that pulls to positive angles, and of the other.
-    fn pulls(&self, motor: usize, pulley: f64, bend: Pair) -> [Force; 2] {
-        let (stretch, slack) = (
-            self.stretch(motor, pulley, bend),
-            self.config.wire.slack_deg[motor],
-        );
+    fn tensions(&self, motor: usize, pulley: f64, bend: Pair) -> [Force; 2] {
+        let stretch = self.stretch(motor, pulley, bend);
+        let slack = self.config.wire.slack_deg[motor];
         let softness = self.config.wire.softness_deg;
         [
             contact(stretch - slack[0], softness),
@@ -122,30 +118,28 @@ impl<'a> Step<'a> {
         ]
     }
 
-    /// Travel of the pulley beyond what the bend has taken up.
+    /// Travel of the pulley minus the travel that the bend takes up.
     fn stretch(&self, motor: usize, pulley: f64, bend: Pair) -> f64 {
         pulley - dot(self.axes[motor], bend)
     }
 
     /// Force of the pair of wires that one motor pulls.
     fn wire(&self, motor: usize, pulley: f64, bend: Pair) -> Force {
-        let [up, down] = self.pulls(motor, pulley, bend);
+        let [up, down] = self.tensions(motor, pulley, bend);
         let loose = self.config.wire.slack_stiffness;
-        Force {
-            value: up.value - down.value + loose * self.stretch(motor, pulley, bend),
-            slope: up.slope + down.slope + loose,
-        }
+        let stretch = self.stretch(motor, pulley, bend);
+        Force::new(
+            up.value - down.value + loose * stretch,
+            up.slope + down.slope + loose,
+        )
     }
 
-    /// Force of the motor on the pulley, growing with the motor's lead.
+    /// Force of the motor on the pulley through the backlash of the gear.
     fn flank(&self, motor: usize, pulley: f64) -> Force {
         let gear = &self.config.gear;
-        let half = 0.5 * gear.gap_deg[motor];
-        let force = gap(self.motor[motor] - pulley, half, half, gear.softness_deg);
-        Force {
-            value: gear.contact_stiffness * force.value,
-            slope: gear.contact_stiffness * force.slope,
-        }
+        let half = 0.5 * gear.backlash_deg[motor];
+        let travel = self.motor[motor] - pulley;
+        gap(travel, half, gear.softness_deg).scaled(gear.contact_stiffness)
     }
 
     /// Friction under the pulley, and its bristle after the step. The bristle is as stiff as a
@@ -153,60 +147,47 @@ impl<'a> Step<'a> {
     fn pulley_friction(&self, motor: usize, pulley: f64) -> (Force, f64) {
         let stiffness = self.config.gear.contact_stiffness;
         let trial = self.before.pulley_bristle[motor] + pulley - self.before.pulley[motor];
-        let bristle = slip([trial, 0.0], self.config.gear.friction[motor] / stiffness);
-        (
-            Force {
-                value: stiffness * bristle.bend[0],
-                slope: stiffness * bristle.slope[0][0],
-            },
-            bristle.bend[0],
-        )
+        let limit = self.config.gear.friction[motor] / stiffness;
+        let bristle = return_mapping([trial, 0.0], limit);
+        let (bend, slope) = (bristle.bend[0], bristle.slope[0][0]);
+        (Force::new(bend, slope).scaled(stiffness), bend)
     }
 
     /// Friction of a segment that has moved to `bend`.
-    fn hold(&self, segment: usize, bend: Pair) -> super::friction::Hold {
-        let from = self.before.bend[segment];
-        let moved = [bend[0] - from[0], bend[1] - from[1]];
+    fn segment_friction(&self, segment: usize, bend: Pair) -> FrictionForce {
+        let moved = subtract(bend, self.before.bend[segment]);
         let share = self.config.segments[segment].friction;
-        self.before.bristles[segment].hold(
-            &self.config.friction,
-            &self.load,
-            share,
-            self.axes,
-            moved,
+        let (config, break_away) = (&self.config.friction, &self.break_away);
+        self.before.bristles[segment].slide(config, break_away, share, self.axes, moved)
+    }
+
+    /// Restoring force of a segment in one direction: stiffening elasticity, and the stop.
+    fn restoring(&self, segment: usize, bend: f64) -> Force {
+        let law = &self.config.segments[segment];
+        let stop = gap(bend, law.limit_deg, 0.1 * law.limit_deg).scaled(self.config.stop_stiffness);
+        Force::new(
+            (law.stiffness + law.stiffening * bend * bend) * bend + stop.value,
+            law.stiffness + 3.0 * law.stiffening * bend * bend + stop.slope,
         )
     }
 
-    /// What straightens a segment in one direction: elasticity, growing stiffer, and the stop.
-    fn straightening(&self, segment: usize, bend: f64) -> Force {
-        let law = &self.config.segments[segment];
-        let stop = gap(bend, law.limit_deg, law.limit_deg, 0.1 * law.limit_deg);
-        Force {
-            value: (law.stiffness + law.stiffening * bend * bend) * bend
-                + self.config.stop_stiffness * stop.value,
-            slope: law.stiffness
-                + 3.0 * law.stiffening * bend * bend
-                + self.config.stop_stiffness * stop.slope,
-        }
-    }
-
-    /// Adds what holds one segment by itself: elasticity, stop, friction, drag.
+    /// Adds the forces of one segment: elasticity, stop, friction, drag.
     fn add_segment(&self, segment: usize, bend: Pair, force: &mut Vector, slope: &mut Matrix) {
         let row = 2 + 2 * segment;
-        let hold = self.hold(segment, bend);
+        let friction = self.segment_friction(segment, bend);
         for axis in 0..2 {
-            let straight = self.straightening(segment, bend[axis]);
+            let restoring = self.restoring(segment, bend[axis]);
             let moved = bend[axis] - self.before.bend[segment][axis];
-            force[row + axis] += straight.value + self.drag * moved + hold.force[axis];
-            slope[row + axis][row + axis] += straight.slope + self.drag;
+            force[row + axis] += restoring.value + self.drag * moved + friction.force[axis];
+            slope[row + axis][row + axis] += restoring.slope + self.drag;
             for other in 0..2 {
-                slope[row + axis][row + other] += hold.slope[axis][other];
+                slope[row + axis][row + other] += friction.slope[axis][other];
             }
         }
     }
 
-    /// Adds one motor: flank, friction of the pulley, and the wires that tie the pulley to all
-    /// segments.
+    /// Adds the forces of one motor: gear, friction of the pulley, and the wires from the pulley to
+    /// all segments.
     fn add_motor(
         &self,
         motor: usize,
@@ -234,7 +215,7 @@ impl<'a> Step<'a> {
     }
 }
 
-impl Balance for Step<'_> {
+impl ForceBalance for Step<'_> {
     fn unknowns(&self) -> usize {
         2 + 2 * self.config.segments.len()
     }
@@ -244,7 +225,7 @@ impl Balance for Step<'_> {
         let mut total = [0.0; 2];
         for segment in 0..self.config.segments.len() {
             let bend = [at[2 + 2 * segment], at[3 + 2 * segment]];
-            total = [total[0] + bend[0], total[1] + bend[1]];
+            total = add(total, bend);
             self.add_segment(segment, bend, &mut force, &mut slope);
         }
         self.add_motor(0, at[0], total, &mut force, &mut slope);
@@ -261,7 +242,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn slopes_are_the_slopes_of_the_forces(at in prop::array::uniform10(-20.0..20.0f64), unknown in 0..8usize) {
+        fn the_slopes_are_the_derivatives_of_the_forces(
+            at in prop::array::uniform10(-20.0..20.0f64),
+            unknown in 0..8usize,
+        ) {
             let config = crate::snake::tests::config("multi");
             let axes = [[0.6, 0.8], [-0.8, 0.6]];
             let step = Step::new(&config, axes, State::default(), [3.0, -2.0], 1e-2, 1.0);
@@ -269,13 +253,14 @@ mod tests {
             let (mut above, mut below) = (at, at);
             above[unknown] += size;
             below[unknown] -= size;
-            let (_, slope) = step.evaluate(&at);
+            let (_, slopes) = step.evaluate(&at);
             let (more, less) = (step.evaluate(&above).0, step.evaluate(&below).0);
             for row in 0..step.unknowns() {
                 let difference = (more[row] - less[row]) / (2.0 * size);
-                let error = (difference - slope[row][unknown]).abs();
-                prop_assert!(error < 1e-3 * (1.0 + difference.abs()), "{row}: {difference} {}", slope[row][unknown]);
-                prop_assert!((slope[row][unknown] - slope[unknown][row]).abs() < 1e-12);
+                let slope = slopes[row][unknown];
+                let error = (difference - slope).abs();
+                prop_assert!(error < 1e-3 * (1.0 + difference.abs()), "{difference} {slope}");
+                prop_assert!((slope - slopes[unknown][row]).abs() < 1e-12);
             }
         }
     }
