@@ -16,7 +16,7 @@ pub(super) const MAX_BRISTLES: usize = 4;
 
 /// One snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SnakeConfig {
     /// Its name.
@@ -44,7 +44,7 @@ pub struct SnakeConfig {
 
 /// Gearheads and pulleys, one entry per motor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct GearConfig {
     /// Backlash between motor and pulley, from flank to flank, degrees.
@@ -60,7 +60,7 @@ pub struct GearConfig {
 /// Antagonist wires. In pairs: motor, then direction (the wire that pulls to positive angles
 /// first).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct WireConfig {
     /// Slack of each wire when the snake is straight, degrees.
@@ -73,7 +73,7 @@ pub struct WireConfig {
 
 /// Friction of the wires.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FrictionConfig {
     /// Break-away force without any tension.
@@ -91,7 +91,7 @@ pub struct FrictionConfig {
 
 /// Bristles of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct BristleConfig {
     /// Stiffness before it slips.
@@ -102,7 +102,7 @@ pub struct BristleConfig {
 
 /// A part of the snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SegmentConfig {
     /// Bending stiffness.
@@ -117,7 +117,7 @@ pub struct SegmentConfig {
 
 /// Slow random changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DriftConfig {
     /// Standard deviation of the zero of pitch and yaw in the long run, degrees.

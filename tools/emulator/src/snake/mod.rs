@@ -37,6 +37,8 @@ mod model;
 mod newton;
 mod plane;
 #[cfg(test)]
+mod schema_file;
+#[cfg(test)]
 pub(crate) mod tests;
 
 pub use config::{
