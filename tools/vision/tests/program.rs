@@ -1,4 +1,4 @@
-//! `i2ris vision` as a process: pictures in, angles out, and one sentence for everything that is
+//! `i2ris vision` as a process: frames in, angles out, and one sentence for everything that is
 //! wrong.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
@@ -13,9 +13,9 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
 use i2ris::units::Nanos;
 use i2ris_vision::accuracy::setup;
-use i2ris_vision::scene::{Pose, Rig};
-use i2ris_vision::setup::Setup;
-use i2ris_vision::show::save_grey;
+use i2ris_vision::drawing::save_grey;
+use i2ris_vision::scene::{JointPose, Rig};
+use i2ris_vision::setup::VisionSetup;
 
 const REST: u64 = 6;
 
@@ -70,21 +70,21 @@ impl Place {
         self.path(name).to_string_lossy().into_owned()
     }
 
-    /// Numbered pictures of both views: rest, then these poses in degrees. And the setup.
+    /// Numbered frames of both views: rest, then these poses in degrees. And the setup.
     fn film(&self, prefix: &str, rig: &Rig, poses: &[[f64; 2]]) {
         for view in 0..2 {
             fs::create_dir_all(self.path(&format!("{prefix}{view}"))).unwrap();
         }
         let all = (0..REST).map(|_| [0.0; 2]).chain(poses.iter().copied());
         for (number, [pitch, yaw]) in all.enumerate() {
-            let pose = Pose {
+            let pose = JointPose {
                 pitch_rad: pitch.to_radians(),
                 yaw_rad: yaw.to_radians(),
             };
-            for (view, picture) in rig.shoot(pose, number as u64).iter().enumerate() {
+            for (view, image) in rig.render_views(pose, number as u64).iter().enumerate() {
                 save_grey(
                     &self.path(&format!("{prefix}{view}/image_{number:04}.png")),
-                    picture,
+                    image,
                 )
                 .unwrap();
             }
@@ -143,7 +143,7 @@ fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
     );
     assert!(
         rows[8][1..9].iter().all(String::is_empty)
-            && rows[8][9].contains("view1: not a whole picture")
+            && rows[8][9].contains("view1: not a whole frame")
     );
     let report = text(&output.stderr);
     assert!(
@@ -151,7 +151,7 @@ fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
         "{report}"
     );
 
-    // A person looks at the same pictures.
+    // A person looks at the same frames.
     let (sheet, overlays) = (place.name("sheet.png"), place.name("overlays"));
     let output = run(&[
         "check",
@@ -210,7 +210,7 @@ fn motions_of_one_axis_tell_which_view_is_which() {
     ];
     let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", y0, y1]].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let views = Setup::load(Path::new(&found)).unwrap().views;
+    let views = VisionSetup::load(Path::new(&found)).unwrap().views;
     for (view, deg) in views.iter().zip([94.0, 184.0]) {
         assert!(
             (view.plane_rad().to_degrees() - deg).abs() < 0.3,
@@ -218,7 +218,7 @@ fn motions_of_one_axis_tell_which_view_is_which() {
         );
         assert!(view.rest.is_some_and(|rest| rest.spread_deg < 0.1));
     }
-    // With the rest from the file, pictures need not begin at rest.
+    // With the rest from the file, frames need not begin at rest.
     let output = run(&["--setup", &found, p0, p1, "--rest-s", "0"]);
     let rows = rows(&text(&output.stdout));
     assert!(
@@ -241,8 +241,8 @@ fn stream(place: &Place, rig: &Rig, poses: usize) -> Vec<u8> {
         let angle = if number < REST { 0.0 } else { 0.2 };
         bytes.extend(b"FRAME\n");
         bytes.extend(
-            rig.shoot(
-                Pose {
+            rig.render_views(
+                JointPose {
                     pitch_rad: angle,
                     yaw_rad: 0.0,
                 },
@@ -275,14 +275,14 @@ fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
         vision(&["--setup", &setup, "-", "--fps", "30", "--rest-s", "0.15"]),
         bytes,
     );
-    assert_refused(&output, &["ends within picture 9", "306200 of 307200"]);
+    assert_refused(&output, &["ends within frame 9", "306200 of 307200"]);
     let rows = rows(&text(&output.stdout));
     assert_eq!(rows.len(), 8);
     assert!((number(&rows[7][1]) - f64::to_degrees(0.2)).abs() < 0.1);
 }
 
 #[test]
-fn raw_bytes_are_the_same_pictures() {
+fn raw_bytes_are_the_same_frames() {
     let place = Place::new();
     let bytes = stream(&place, &rig(), 8);
     let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
@@ -306,7 +306,7 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let place = Place::new();
     let rig = rig();
     let mut bytes = stream(&place, &rig, 30);
-    // The last picture is empty: the controller hears that nothing was seen.
+    // The last frame is empty: the controller hears that nothing was seen.
     let length = bytes.len();
     bytes[length - 640 * 480..].fill(100);
     let name = format!("t{:016x}", random_id());
@@ -314,7 +314,7 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
         Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
     let setup = place.name("one.toml");
     let before = clock::now();
-    // Every picture says when it was taken: a millisecond after the one before.
+    // Every frame says when it was taken: a millisecond after the one before.
     let command = vision(&[
         "--setup",
         &setup,
@@ -377,12 +377,12 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let number = (last.stamp_ns - before.0) / 1_000_000;
     assert!(
         last.stamp_ns == before.0 + number * 1_000_000 && number < 29,
-        "the picture's own stamp: {last:?}"
+        "the frame's own stamp: {last:?}"
     );
     assert_eq!(
         seen.last().unwrap().flags,
         0,
-        "an empty picture is said to show nothing"
+        "an empty frame is said to show nothing"
     );
 }
 
@@ -471,7 +471,7 @@ fn bad_input_is_refused_with_a_reason() {
         (vec!["--setup", none, v0, v1], vec!["none.toml"]),
         (
             vec!["--setup", setup, v0],
-            vec!["1 sources of pictures for 2 views"],
+            vec!["1 sources of frames for 2 views"],
         ),
         (
             vec!["--setup", setup, v0, empty],
@@ -479,7 +479,7 @@ fn bad_input_is_refused_with_a_reason() {
         ),
         (
             vec!["--setup", setup, v0, v0],
-            vec!["of 6 pictures at rest can be measured"],
+            vec!["of 6 frames at rest can be measured"],
         ),
         (
             vec!["--setup", setup, v0, v1, "--rest-s", "0"],

@@ -1,6 +1,6 @@
-//! `i2ris vision accuracy`: the table of accuracy over synthetic pictures.
+//! `i2ris vision accuracy`: the table of accuracy over synthetic images.
 
-use i2ris_vision::accuracy::{Row, clear, cluttered, conditions, rigs, speed, stereo};
+use i2ris_vision::accuracy::{AccuracyRow, clear, cluttered, conditions, rigs, speed, stereo};
 
 use i2ris_terminal::Failure;
 use i2ris_terminal::while_working;
@@ -8,10 +8,10 @@ use i2ris_terminal::while_working;
 /// Arguments of `i2ris vision accuracy`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Pictures per row of the table
+    /// Images per row of the table
     #[arg(long, value_name = "N", default_value_t = 500)]
     frames: u64,
-    /// Pictures with instruments, specks, hairs, covers; 0: none
+    /// Images with instruments, specks, hairs, covers; 0: none
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     cluttered: u64,
     /// Seed: the same seed gives the same table
@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     } = *arguments;
     println!(
         "{:<66}{:>7}{:>7}{:>9}{:>8}{:>8}{:>9}{:>8}",
-        "pictures at 1280x960, 200 px/mm, +-45 deg (both axes: +-40)",
+        "images at 1280x960, 200 px/mm, +-45 deg (both axes: +-40)",
         "frames",
         "good",
         "bias",
@@ -54,22 +54,23 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if frames > 0 {
         let rate = while_working("measuring the speed", || speed(seed))?;
         println!(
-            "\none view at 1280x960, one thread: {rate:.0} pictures per second (a camera delivers 30)"
+            "\none view at 1280x960, one thread: {rate:.0} images per second (a camera delivers 30)"
         );
     }
     if cluttered_frames > 0 {
-        let outcome = while_working("measuring cluttered pictures", || {
+        let outcome = while_working("measuring cluttered images", || {
             cluttered(cluttered_frames, seed)
         });
         println!(
-            "\n{} cluttered pictures: {} good, largest error of those {:.3} deg, wrong by more than 1 deg: {}",
+            "\n{} cluttered images: {} good, largest error of those {:.3} deg, \
+             wrong by more than 1 deg: {}",
             outcome.frames,
             outcome.good,
             outcome.max_deg,
             outcome.wrong.len()
         );
-        for (doubt, count) in &outcome.doubts {
-            println!("{count:>7}  {doubt}");
+        for (issue, count) in &outcome.issues {
+            println!("{count:>7}  {issue}");
         }
         if !outcome.wrong.is_empty() {
             return Err(format!(
@@ -82,8 +83,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print_row(row: &Row) {
-    let Row {
+fn print_row(row: &AccuracyRow) {
+    let AccuracyRow {
         name,
         frames,
         good,
@@ -94,6 +95,7 @@ fn print_row(row: &Row) {
         tip_um,
     } = row;
     println!(
-        "{name:<66}{frames:>7}{good:>7}{bias_deg:>+9.4}{std_deg:>8.4}{max_deg:>8.3}{claimed_deg:>9.4}{tip_um:>8.2}"
+        "{name:<66}{frames:>7}{good:>7}{bias_deg:>+9.4}{std_deg:>8.4}{max_deg:>8.3}\
+         {claimed_deg:>9.4}{tip_um:>8.2}"
     );
 }

@@ -4,11 +4,11 @@
 use std::path::PathBuf;
 
 use i2ris::units::Nanos;
-use i2ris_vision::align::{is_reversed, two_views};
-use i2ris_vision::look::{Eye, Look};
-use i2ris_vision::pair::{Pairer, Together};
-use i2ris_vision::rest::{Rest, Resting};
-use i2ris_vision::setup::{Axis, Setup};
+use i2ris_vision::frame_pairing::{FramePairer, PairResult};
+use i2ris_vision::rest_pose::{RestPose, RestPoseEstimator};
+use i2ris_vision::setup::{JointAxis, VisionSetup};
+use i2ris_vision::view_alignment::{is_reversed, two_views};
+use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
 use super::input::Format;
 use super::measure::span;
@@ -25,16 +25,17 @@ pub struct Arguments {
     /// Where to write what is found
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Pictures of each view while only pitch moves: rest first, then towards positive, then as you
+    /// Frames of each view while only pitch moves: rest first, then towards positive, then as you
     /// like
-    #[arg(long, value_name = "PICTURES", num_args = 1..=2)]
+    #[arg(long, value_name = "IMAGES", num_args = 1..=2)]
     pitch: Vec<PathBuf>,
-    /// Pictures of each view while only yaw moves, likewise
-    #[arg(long, value_name = "PICTURES", num_args = 1..=2)]
+    /// Frames of each view while only yaw moves, likewise
+    #[arg(long, value_name = "IMAGES", num_args = 1..=2)]
     yaw: Vec<PathBuf>,
-    /// Pictures of each view at rest [default: the beginning of the pitch motion, or of the yaw
+    /// Frames of each view at rest [default: the beginning of the pitch motion, or of the yaw
     /// motion]
-    #[arg(long, value_name = "PICTURES", num_args = 1..=2, required_unless_present_any = ["pitch", "yaw"])]
+    #[arg(long, value_name = "IMAGES", num_args = 1..=2)]
+    #[arg(required_unless_present_any = ["pitch", "yaw"])]
     rest: Vec<PathBuf>,
     /// How long every motion rests at its beginning
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = span)]
@@ -54,16 +55,16 @@ fn between(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "must be an angle from 15 to 165".to_owned())
 }
 
-/// What one set of pictures showed.
+/// What one set of frames showed.
 struct Motion {
-    rests: Vec<Rest>,
+    rests: Vec<RestPose>,
     /// Tangents of every view's angle from rest, where all views could be measured.
     tangents: Vec<Vec<f64>>,
 }
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut setup = Setup::load(&arguments.setup)?;
+    let mut setup = VisionSetup::load(&arguments.setup)?;
     let read = |paths: &Vec<PathBuf>, rest_s| {
         (!paths.is_empty()).then(|| motion(arguments, &setup, paths, rest_s))
     };
@@ -79,13 +80,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     setup.save(&arguments.output)?;
     // What was written has to be readable: two views on one axis, say, are not.
-    Setup::load(&arguments.output)?;
+    VisionSetup::load(&arguments.output)?;
     println!("wrote {}", arguments.output.display());
     Ok(())
 }
 
 fn orient(
-    setup: &mut Setup,
+    setup: &mut VisionSetup,
     arguments: &Arguments,
     pitch: Option<&Motion>,
     yaw: Option<&Motion>,
@@ -114,8 +115,8 @@ fn orient(
         }
         ([view], pitch, yaw) => {
             let (axis, motion, name) = match (pitch, yaw) {
-                (Some(motion), None) => (Axis::Pitch, motion, "pitch"),
-                (None, Some(motion)) => (Axis::Yaw, motion, "yaw"),
+                (Some(motion), None) => (JointAxis::Pitch, motion, "pitch"),
+                (None, Some(motion)) => (JointAxis::Yaw, motion, "yaw"),
                 _ => return Err("one view shows one axis: give --pitch or --yaw, not both".into()),
             };
             let tangents: Vec<f64> = motion
@@ -141,48 +142,54 @@ fn orient(
 /// Measures a motion: the straight pose from its first `rest`, and everything from there.
 fn motion(
     arguments: &Arguments,
-    setup: &Setup,
+    setup: &VisionSetup,
     paths: &[PathBuf],
     rest: Nanos,
 ) -> Result<Motion, Failure> {
     if paths.len() != setup.views.len() {
         let (given, wanted) = (paths.len(), setup.views.len());
         return Err(format!(
-            "{given} sources of pictures for {wanted} views in {}",
+            "{given} sources of frames for {wanted} views in {}",
             arguments.setup.display()
         )
         .into());
     }
-    let mut views: Vec<Vec<Look>> = Vec::new();
+    let mut views: Vec<Vec<ViewResult>> = Vec::new();
     let mut rests = Vec::new();
     for (view, path) in setup.views.iter().zip(paths) {
-        let (mut source, mut eye) = (arguments.format.open(path)?, Eye::new(view.settings()));
-        let (mut looks, mut resting) = (Vec::new(), Resting::default());
-        while let Some(shot) = source.next()? {
-            let mut look = eye.look(shot);
-            look.picture = None;
-            let first = looks.first().map_or(look.stamp, |first: &Look| first.stamp);
-            if look.stamp.since(first) < rest {
-                resting.add(look.seen.as_ref().ok());
+        let (mut source, mut detector) = (
+            arguments.format.open(path)?,
+            ViewDetector::new(view.settings()),
+        );
+        let (mut results, mut estimator) = (Vec::new(), RestPoseEstimator::default());
+        while let Some(item) = source.next()? {
+            let mut result = detector.detect(item);
+            result.image = None;
+            let first = results
+                .first()
+                .map_or(result.stamp, |first: &ViewResult| first.stamp);
+            if result.stamp.since(first) < rest {
+                estimator.add(result.seen.as_ref().ok());
             }
-            looks.push(look);
+            results.push(result);
         }
         rests.push(
-            resting
+            estimator
                 .finish(&view.name)
                 .map_err(|error| format!("{}: {error}", path.display()))?,
         );
-        views.push(looks);
+        views.push(results);
     }
-    let tangent = |view: usize, look: &Look| {
-        look.good()
+    let tangent = |view: usize, result: &ViewResult| {
+        result
+            .good()
             .ok()
             .map(|reading| (reading.angle_rad - rests[view].angle_deg.to_radians()).tan())
     };
     let tangents = match views.as_slice() {
         [only] => only
             .iter()
-            .filter_map(|look| tangent(0, look).map(|t| vec![t]))
+            .filter_map(|result| tangent(0, result).map(|t| vec![t]))
             .collect(),
         _ => pairs(setup, views)
             .iter()
@@ -192,17 +199,17 @@ fn motion(
     Ok(Motion { rests, tangents })
 }
 
-fn pairs(setup: &Setup, views: Vec<Vec<Look>>) -> Vec<[Look; 2]> {
-    let mut pairer = Pairer::new(Nanos((setup.pair_within_ms * 1e6) as u64));
-    for (view, looks) in views.into_iter().enumerate() {
-        looks
+fn pairs(setup: &VisionSetup, views: Vec<Vec<ViewResult>>) -> Vec<[ViewResult; 2]> {
+    let mut pairer = FramePairer::new(Nanos((setup.pair_within_ms * 1e6) as u64));
+    for (view, results) in views.into_iter().enumerate() {
+        results
             .into_iter()
-            .for_each(|look| pairer.push(view, look.stamp, look));
+            .for_each(|result| pairer.push(view, result.stamp, result));
         pairer.end(view);
     }
     let mut pairs = Vec::new();
-    while let Some(together) = pairer.pop() {
-        if let Together::Both(_, both) = together {
+    while let Some(pair) = pairer.pop() {
+        if let PairResult::Matched(_, both) = pair {
             pairs.push(both);
         }
     }

@@ -1,4 +1,4 @@
-//! Where the pictures of `i2ris vision` come from.
+//! Where the frames of `i2ris vision` come from.
 
 use std::fs::File;
 use std::io::{BufReader, Read, stdin};
@@ -6,24 +6,26 @@ use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_vision::source::{Clock, Folder, FrameSource, Raw, Size, SourceError, Y4m};
+use i2ris_vision::source::{
+    FrameClock, FrameSource, ImageFolder, ImageSize, RawStream, SourceError, Y4mStream,
+};
 
-/// Pictures per second of a numbered folder, unless told.
+/// Frames per second of a numbered folder, unless told.
 const FOLDER_FPS: f64 = 30.0;
 /// Enough to take a stream in large pieces.
 const BUFFER: usize = 1 << 18;
 
-/// How pictures are read.
+/// How frames are read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Format {
-    /// Streams hold grey bytes without any header, pictures of this size [default: Y4M]
+    /// Streams hold grey bytes without any header, frames of this size [default: Y4M]
     #[arg(long, value_name = "WxH")]
-    raw: Option<Size>,
-    /// Pictures were taken at this rate: stamps by number. Streams are otherwise stamped as they
+    raw: Option<ImageSize>,
+    /// Frames were taken at this rate: stamps by number. Streams are otherwise stamped as they
     /// arrive
     #[arg(long, value_name = "PER-SECOND", value_parser = positive)]
     fps: Option<f64>,
-    /// Pictures arrive this long after they were taken
+    /// Frames arrive this long after they were taken
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     latency_ms: f64,
 }
@@ -45,13 +47,13 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 impl Format {
-    /// Opens the pictures of one view. Waits for the other end of a FIFO.
+    /// Opens the frames of one view. Waits for the other end of a FIFO.
     pub fn open(&self, path: &Path) -> Result<Box<dyn FrameSource>, SourceError> {
         if path == Path::new("-") {
             return self.stream(stdin());
         }
         if path.is_dir() {
-            return Ok(Box::new(Folder::open(
+            return Ok(Box::new(ImageFolder::open(
                 path,
                 self.fps.unwrap_or(FOLDER_FPS),
             )?));
@@ -69,20 +71,20 @@ impl Format {
     ) -> Result<Box<dyn FrameSource>, SourceError> {
         let reader = BufReader::with_capacity(BUFFER, from);
         Ok(match self.raw {
-            Some(size) => Box::new(Raw::new(reader, size, self.clock())),
-            None => Box::new(Y4m::open(reader, self.clock())?),
+            Some(size) => Box::new(RawStream::new(reader, size, self.clock())),
+            None => Box::new(Y4mStream::open(reader, self.clock())?),
         })
     }
 
-    fn clock(&self) -> Clock {
+    fn clock(&self) -> FrameClock {
         let latency = Nanos((self.latency_ms * 1e6) as u64);
         match self.fps {
-            Some(fps) => Clock::Rate(fps),
-            None => Clock::Arrival(Box::new(move || clock::now().since(latency))),
+            Some(fps) => FrameClock::Rate(fps),
+            None => FrameClock::Arrival(Box::new(move || clock::now().since(latency))),
         }
     }
 
-    /// Whether pictures of these paths come from a camera now, and not from a recording.
+    /// Whether frames of these paths come from a camera now, and not from a recording.
     pub fn is_live(&self, paths: &[PathBuf]) -> bool {
         self.fps.is_none() && !paths.iter().any(|path| path.is_dir())
     }

@@ -1,4 +1,4 @@
-//! `i2ris vision`: from microscope pictures to angles.
+//! `i2ris vision`: from microscope images to angles.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -28,9 +28,11 @@ use std::process::ExitCode;
 )]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Examples:
-  i2ris vision calibrate --setup my.toml --pitch P/top P/side --yaw Y/top Y/side --output vision.toml
+  i2ris vision calibrate --setup my.toml --pitch P/top P/side --yaw Y/top Y/side \\
+      --output vision.toml
   i2ris vision check --setup vision.toml --sheet sheet.png P/top P/side
-  i2ris vision --setup vision.toml top.fifo side.fifo --latency-ms 40 --publish --output angles.csv")]
+  i2ris vision --setup vision.toml top.fifo side.fifo --latency-ms 40 --publish \\
+      --output angles.csv")]
 struct Arguments {
     #[command(subcommand)]
     task: Option<Task>,
@@ -40,15 +42,15 @@ struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    /// Draw what is measured over the pictures, for a person to look at
+    /// Draw what is measured over the images, for a person to look at
     Check(check::Arguments),
     /// Find which view shows which axis, and the straight pose, and write them into a setup
     Calibrate(calibrate::Arguments),
-    /// Tell the scale from two pictures between which a stage moved by a known way
+    /// Tell the scale from two images between which a stage moved by a known way
     Scale(scale::Arguments),
-    /// Draw synthetic pictures of given angles
+    /// Draw synthetic images of given angles
     Render(render::Arguments),
-    /// Measure how exact the detector is on synthetic pictures
+    /// Measure how exact the detector is on synthetic images
     Accuracy(accuracy::Arguments),
 }
 

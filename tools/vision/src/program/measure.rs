@@ -1,4 +1,4 @@
-//! `i2ris vision`: pictures in, angles out.
+//! `i2ris vision`: frames in, angles out.
 
 use std::fs::File;
 use std::io::{Write, stdout};
@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 use i2ris::clock;
 use i2ris::ipc::client::{ClientError, ExternalPublisher};
 use i2ris::units::Nanos;
-use i2ris_vision::look::{Eye, Look};
-use i2ris_vision::record::{Recorder, Row};
+use i2ris_vision::angle_csv::{AngleRow, Recorder};
 use i2ris_vision::session::{Reference, Session};
-use i2ris_vision::setup::Setup;
+use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::SourceError;
+use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
 use super::input::Format;
 use super::report::report;
@@ -22,26 +22,26 @@ use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, until_closed};
 
 /// A camera that delivers nothing for this long has stalled.
-const PATIENCE: Duration = Duration::from_secs(1);
+const STALL_TIMEOUT: Duration = Duration::from_secs(1);
 /// How often it is looked whether to end.
-const GLANCE: Duration = Duration::from_millis(100);
+const POLL: Duration = Duration::from_millis(100);
 /// Looks of one view that wait for the other: a second and more of a camera, little memory of a
 /// recording.
-const WAITING: usize = 64;
+const QUEUE_LENGTH: usize = 64;
 
 /// Arguments of `i2ris vision`.
 #[derive(Debug, clap::Args)]
 #[group(id = "measure")]
 pub struct Arguments {
-    /// Pictures of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
-    #[arg(value_name = "PICTURES", num_args = 1..=2, required = true)]
-    pictures: Vec<PathBuf>,
+    /// Frames of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
+    #[arg(value_name = "IMAGES", num_args = 1..=2, required = true)]
+    images: Vec<PathBuf>,
     /// What is known about the views
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
     setup: PathBuf,
     #[command(flatten)]
     format: Format,
-    /// The pictures begin at rest for this long: what angles count from. 0: as the setup says
+    /// The frames begin at rest for this long: what angles count from. 0: as the setup says
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = span)]
     rest_s: Nanos,
     /// Where to write the angles, CSV [default: standard output]
@@ -66,57 +66,64 @@ pub fn span(text: &str) -> Result<Nanos, String> {
 }
 
 /// What a view's thread tells.
-type Told = Result<Look, SourceError>;
+type ViewMessage = Result<ViewResult, SourceError>;
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let setup = Setup::load(&arguments.setup)?;
-    let Arguments {
-        pictures, format, ..
-    } = &arguments;
-    if pictures.len() != setup.views.len() {
-        let (given, wanted) = (pictures.len(), setup.views.len());
+    let setup = VisionSetup::load(&arguments.setup)?;
+    let Arguments { images, format, .. } = &arguments;
+    if images.len() != setup.views.len() {
+        let (given, wanted) = (images.len(), setup.views.len());
         return Err(format!(
-            "{given} sources of pictures for {wanted} views in {}",
+            "{given} sources of frames for {wanted} views in {}",
             arguments.setup.display()
         )
         .into());
     }
-    let live = format.is_live(pictures);
+    let live = format.is_live(images);
     let reference = if arguments.rest_s == Nanos::ZERO {
         Reference::Setup
     } else {
         Reference::First(arguments.rest_s)
     };
     let session = Session::new(&setup, reference)?;
-    let outlet = Outlet::open(&arguments, live, session.axes())?;
+    let output = AngleOutput::open(&arguments, live, session.axes())?;
     let interrupt = Interrupt::catch()?;
-    let views = setup.views.iter().zip(pictures).map(|(view, path)| {
-        let (sender, receiver) = sync_channel(WAITING);
-        let (path, format, eye) = (path.clone(), format.clone(), Eye::new(view.settings()));
-        thread::spawn(move || watch(&path, &format, eye, &sender));
+    let views = setup.views.iter().zip(images).map(|(view, path)| {
+        let (sender, receiver) = sync_channel(QUEUE_LENGTH);
+        let (path, format, detector) = (
+            path.clone(),
+            format.clone(),
+            ViewDetector::new(view.settings()),
+        );
+        thread::spawn(move || watch(&path, &format, detector, &sender));
         receiver
     });
     let mut run = Run {
         views: views.collect(),
         session,
-        outlet,
+        output,
         live,
         interrupt,
         failure: None,
     };
     let outcome = run.go();
-    eprint!("{}{}", report(&setup, &run.session), run.outlet.report());
+    eprint!("{}{}", report(&setup, &run.session), run.output.report());
     outcome?;
     match run.failure {
         Some(failure) => Err(failure.into()),
-        None if run.session.tally().good == 0 => Err("not one angle could be measured".into()),
+        None if run.session.statistics().good == 0 => Err("not one angle could be measured".into()),
         None => Ok(()),
     }
 }
 
-/// Looks at the pictures of one view until they end, or until nobody listens.
-fn watch(path: &std::path::Path, format: &Format, mut eye: Eye, to: &SyncSender<Told>) {
+/// Looks at the frames of one view until they end, or until nobody listens.
+fn watch(
+    path: &std::path::Path,
+    format: &Format,
+    mut detector: ViewDetector,
+    to: &SyncSender<ViewMessage>,
+) {
     let mut source = match format.open(path) {
         Ok(source) => source,
         Err(error) => {
@@ -125,27 +132,27 @@ fn watch(path: &std::path::Path, format: &Format, mut eye: Eye, to: &SyncSender<
         }
     };
     loop {
-        let told = match source.next() {
+        let reported = match source.next() {
             Ok(None) => return,
-            Ok(Some(shot)) => {
-                let mut look = eye.look(shot);
+            Ok(Some(item)) => {
+                let mut result = detector.detect(item);
                 // Many of them wait in the channel.
-                look.picture = None;
-                Ok(look)
+                result.image = None;
+                Ok(result)
             }
             Err(error) => Err(error),
         };
-        let is_last = told.is_err();
-        if to.send(told).is_err() || is_last {
+        let is_last = reported.is_err();
+        if to.send(reported).is_err() || is_last {
             return;
         }
     }
 }
 
 struct Run {
-    views: Vec<Receiver<Told>>,
+    views: Vec<Receiver<ViewMessage>>,
     session: Session,
-    outlet: Outlet,
+    output: AngleOutput,
     live: bool,
     interrupt: Interrupt,
     /// What ended a view before its end.
@@ -156,8 +163,8 @@ impl Run {
     fn go(&mut self) -> Result<(), Failure> {
         while let Some(view) = self.session.wanted() {
             match self.next(view) {
-                Next::Told(told) => match *told {
-                    Ok(look) => self.session.take(view, look),
+                Next::ViewMessage(reported) => match *reported {
+                    Ok(result) => self.session.take(view, result),
                     Err(error) => {
                         self.failure.get_or_insert(error);
                         self.session.end(view);
@@ -166,14 +173,14 @@ impl Run {
                 Next::Ended => self.session.end(view),
                 Next::Stalled => {
                     let rows = self.session.stalled(view, clock::now())?;
-                    if !self.outlet.put(&rows)? {
+                    if !self.output.put(&rows)? {
                         return Ok(());
                     }
                 }
                 Next::Interrupted => return Ok(()),
             }
             let rows = match self.session.rows() {
-                // Why there is no picture says more than that there is none.
+                // Why there is no frame says more than that there is none.
                 Err(error) => {
                     return self
                         .failure
@@ -182,7 +189,7 @@ impl Run {
                 }
                 Ok(rows) => rows,
             };
-            if !self.outlet.put(&rows)? {
+            if !self.output.put(&rows)? {
                 return Ok(());
             }
         }
@@ -192,13 +199,13 @@ impl Run {
     fn next(&self, view: usize) -> Next {
         let start = Instant::now();
         loop {
-            match self.views[view].recv_timeout(GLANCE) {
-                Ok(told) => return Next::Told(Box::new(told)),
+            match self.views[view].recv_timeout(POLL) {
+                Ok(reported) => return Next::ViewMessage(Box::new(reported)),
                 Err(RecvTimeoutError::Disconnected) => return Next::Ended,
                 Err(RecvTimeoutError::Timeout) if self.interrupt.came() => {
                     return Next::Interrupted;
                 }
-                Err(RecvTimeoutError::Timeout) if self.live && start.elapsed() >= PATIENCE => {
+                Err(RecvTimeoutError::Timeout) if self.live && start.elapsed() >= STALL_TIMEOUT => {
                     return Next::Stalled;
                 }
                 Err(RecvTimeoutError::Timeout) => {}
@@ -208,26 +215,24 @@ impl Run {
 }
 
 enum Next {
-    Told(Box<Told>),
+    ViewMessage(Box<ViewMessage>),
     Ended,
     Stalled,
     Interrupted,
 }
 
 /// Where rows go.
-struct Outlet {
+struct AngleOutput {
     recorder: Recorder<Box<dyn Write>>,
     publisher: Option<ExternalPublisher>,
     published: usize,
-    unheard: usize,
+    without_controller: usize,
 }
 
-impl Outlet {
+impl AngleOutput {
     fn open(arguments: &Arguments, live: bool, axes: [bool; 2]) -> Result<Self, Failure> {
         if arguments.publish && !live {
-            return Err(
-                "--publish needs pictures as they are taken: a stream, and no --fps".into(),
-            );
+            return Err("--publish needs frames as they are taken: a stream, and no --fps".into());
         }
         if arguments.publish && !axes[0] {
             return Err(
@@ -249,12 +254,12 @@ impl Outlet {
             recorder: Recorder::new(to, axes)?,
             publisher,
             published: 0,
-            unheard: 0,
+            without_controller: 0,
         })
     }
 
     /// Writes and publishes. `false`: nobody reads any more.
-    fn put(&mut self, rows: &[Row]) -> Result<bool, Failure> {
+    fn put(&mut self, rows: &[AngleRow]) -> Result<bool, Failure> {
         for row in rows {
             if !until_closed(self.recorder.row(row))? {
                 return Ok(false);
@@ -264,14 +269,13 @@ impl Outlet {
         Ok(true)
     }
 
-    fn publish(&mut self, row: &Row) -> Result<(), ClientError> {
+    fn publish(&mut self, row: &AngleRow) -> Result<(), ClientError> {
         let Some(publisher) = &mut self.publisher else {
             return Ok(());
         };
+        let known = |values: [Option<f64>; 2]| values.into_iter().flatten().collect::<Vec<_>>();
         let outcome = match &row.seen {
             Ok(joints) => {
-                let known =
-                    |values: [Option<f64>; 2]| values.into_iter().flatten().collect::<Vec<f64>>();
                 let (angles, deviations) = (known(joints.angle_rad), known(joints.std_rad));
                 publisher.publish_judged(row.stamp, &angles, &deviations, joints.quality)
             }
@@ -280,7 +284,7 @@ impl Outlet {
         match outcome {
             Ok(()) => self.published += 1,
             // A controller may come later.
-            Err(error) if error.is_absent() => self.unheard += 1,
+            Err(error) if error.is_absent() => self.without_controller += 1,
             Err(error) => return Err(error),
         }
         Ok(())
@@ -292,7 +296,7 @@ impl Outlet {
         }
         format!(
             "published {} rows; {} more while no controller served the domain\n",
-            self.published, self.unheard
+            self.published, self.without_controller
         )
     }
 }

@@ -1,4 +1,4 @@
-//! `i2ris vision render`: pictures of given angles, from a recording or from the emulator as it
+//! `i2ris vision render`: images of given angles, from a recording or from the emulator as it
 //! moves.
 
 mod fifo;
@@ -12,14 +12,14 @@ use i2ris::units::Nanos;
 use i2ris_terminal::pose_table;
 
 use i2ris_vision::accuracy::setup;
-use i2ris_vision::scene::{Optics, Paint, Pose, Rig, Snake};
-use i2ris_vision::setup::Setup;
-use i2ris_vision::source::Size;
+use i2ris_vision::scene::{Brightness, JointPose, Optics, Rig, SnakeShape};
+use i2ris_vision::setup::VisionSetup;
+use i2ris_vision::source::ImageSize;
 
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
-/// Scale of a picture of this width that shows the whole snake.
+/// Scale of a image of this width that shows the whole snake.
 const WIDTH_AT_200: f64 = 1280.0;
 
 /// Arguments of `i2ris vision render`.
@@ -41,23 +41,24 @@ pub struct Arguments {
     /// them: no files
     #[arg(long, conflicts_with = "live")]
     stream: bool,
-    /// Folder for the pictures (view0, view1), those at rest (rest0, rest1) and their setup
+    /// Folder for the images (view0, view1), those at rest (rest0, rest1) and their setup
     /// (vision.toml)
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Size of the pictures
+    /// Size of the images
     #[arg(long, value_name = "WxH", default_value = "1280x960")]
-    size: Size,
-    /// What the pictures look like
+    size: ImageSize,
+    /// What the images look like
     #[command(flatten)]
-    look: LookArguments,
+    result: LookArguments,
     /// Draw every so manieth row
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
 }
 
 #[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Pictures")]
+#[command(next_help_heading = "Images")]
 struct LookArguments {
     /// A bare fibre of one thickness, not the robot's body
     #[arg(long)]
@@ -69,7 +70,8 @@ struct LookArguments {
     #[arg(long)]
     strong: bool,
     /// Both cameras stand turned by this about the snake, from pitch towards yaw
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = turn)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = turn)]
+    #[arg(allow_negative_numbers = true)]
     turned_deg: f64,
     /// Seed of the noise
     #[arg(long, default_value_t = 1)]
@@ -114,8 +116,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Poses over time from a CSV file.
-fn poses(angles: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
-    let pose = |pose: pose_table::Pose| Pose {
+fn poses(angles: &Path) -> Result<Vec<(Nanos, JointPose)>, Failure> {
+    let pose = |pose: pose_table::Pose| JointPose {
         pitch_rad: pose.pitch_rad,
         yaw_rad: pose.yaw_rad,
     };
@@ -124,20 +126,20 @@ fn poses(angles: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
 }
 
 fn rig(arguments: &Arguments) -> Rig {
-    let Size { width, height } = arguments.size;
-    let look = &arguments.look;
+    let ImageSize { width, height } = arguments.size;
+    let result = &arguments.result;
     let mut rig = Rig::laboratory(width, height, 200.0 * width as f64 / WIDTH_AT_200);
-    rig.seed = look.seed;
+    rig.seed = result.seed;
     rig.cameras
         .iter_mut()
-        .for_each(|camera| camera.plane_rad += look.turned_deg.to_radians());
-    if look.bare_fibre {
-        rig.snake = Snake::fibre(0.125);
+        .for_each(|camera| camera.plane_rad += result.turned_deg.to_radians());
+    if result.bare_fibre {
+        rig.snake = SnakeShape::fibre(0.125);
     }
-    if look.bright {
-        rig.paint = Paint::bright();
+    if result.bright {
+        rig.paint = Brightness::bright();
     }
-    if look.strong {
+    if result.strong {
         rig.optics = Optics::strong();
     }
     rig
@@ -149,7 +151,7 @@ fn fifo(arguments: &Arguments, view: usize) -> PathBuf {
 
 fn write_setup(arguments: &Arguments, rig: &Rig) -> Result<PathBuf, Failure> {
     let path = arguments.output.join("vision.toml");
-    let setup: Setup = setup(rig);
+    let setup: VisionSetup = setup(rig);
     setup.save(&path)?;
     Ok(path)
 }

@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
-use i2ris_vision::rest::Rest;
-use i2ris_vision::session::{Session, Tally};
-use i2ris_vision::setup::Setup;
+use i2ris_vision::rest_pose::RestPose;
+use i2ris_vision::session::{Session, SessionStatistics};
+use i2ris_vision::setup::VisionSetup;
 
 /// Reference, counts of good rows and of every cause.
-pub fn report(setup: &Setup, session: &Session) -> String {
+pub fn report(setup: &VisionSetup, session: &Session) -> String {
     let mut text = String::new();
     for (view, rest) in setup.views.iter().zip(session.rests()) {
         line(
@@ -15,12 +15,12 @@ pub fn report(setup: &Setup, session: &Session) -> String {
             &format!("view {}: {}", view.name, rest_words(rest)),
         );
     }
-    let Tally {
+    let SessionStatistics {
         rows,
         good,
         causes,
         skew,
-    } = session.tally();
+    } = session.statistics();
     line(&mut text, &format!("{good} of {rows} rows have angles"));
     if setup.views.len() == 2 {
         line(
@@ -35,15 +35,16 @@ pub fn report(setup: &Setup, session: &Session) -> String {
 }
 
 /// A straight pose in words.
-pub fn rest_words(rest: &Rest) -> String {
-    let Rest {
+pub fn rest_words(rest: &RestPose) -> String {
+    let RestPose {
         angle_deg,
         spread_deg,
         length_px,
         tip_px: [x, y],
     } = rest;
     format!(
-        "rest at {angle_deg:+.3} deg, spread {spread_deg:.3} deg, length {length_px:.1} px, tip at {x:.1}, {y:.1} px"
+        "rest at {angle_deg:+.3} deg, spread {spread_deg:.3} deg, length {length_px:.1} px, \
+         tip at {x:.1}, {y:.1} px"
     )
 }
 

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use i2ris_vision::fibre::{Reading, measure};
-use i2ris_vision::setup::Setup;
+use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::decode;
 
 use i2ris_terminal::Failure;
@@ -11,9 +11,9 @@ use i2ris_terminal::Failure;
 /// Arguments of `i2ris vision scale`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Two pictures of one view, before and after the stage moved
-    #[arg(value_name = "PICTURE", num_args = 2, required = true)]
-    pictures: Vec<PathBuf>,
+    /// Two images of one view, before and after the stage moved
+    #[arg(value_name = "IMAGE", num_args = 2, required = true)]
+    images: Vec<PathBuf>,
     /// How far the stage moved, across the line of sight
     #[arg(long, value_name = "MM")]
     moved_mm: f64,
@@ -27,7 +27,7 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let setup = Setup::load(&arguments.setup)?;
+    let setup = VisionSetup::load(&arguments.setup)?;
     let named = |name: &String| setup.views.iter().find(|view| view.name == *name);
     let view = match &arguments.view {
         None => setup.views.first(),
@@ -40,18 +40,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let read = |path: &Path| -> Result<Reading, Failure> {
         let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
         let bytes = std::fs::read(path).map_err(|error| failed(&error))?;
-        let picture = decode(&bytes).map_err(|error| failed(&error))?;
-        let reading = measure(&picture, &view.settings()).map_err(|doubt| failed(&doubt))?;
-        match reading.doubt {
-            Some(doubt) => Err(failed(&doubt).into()),
+        let image = decode(&bytes).map_err(|error| failed(&error))?;
+        let reading = measure(&image, &view.settings()).map_err(|issue| failed(&issue))?;
+        match reading.issue {
+            Some(issue) => Err(failed(&issue).into()),
             None => Ok(reading),
         }
     };
-    let (before, after) = (read(&arguments.pictures[0])?, read(&arguments.pictures[1])?);
+    let (before, after) = (read(&arguments.images[0])?, read(&arguments.images[1])?);
     let turned = (after.angle_rad - before.angle_rad).to_degrees().abs();
     if turned > 0.5 {
         return Err(format!(
-            "the snake bent by {turned:.1} deg between both pictures; hold it still"
+            "the snake bent by {turned:.1} deg between both images; hold it still"
         )
         .into());
     }

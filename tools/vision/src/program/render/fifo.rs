@@ -1,4 +1,4 @@
-//! Pictures as Y4M streams in FIFOs, one for each view, every picture with its stamp.
+//! Frames as Y4M streams in FIFOs, one for each view, every frame with its stamp.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -7,18 +7,18 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
 use i2ris::units::Nanos;
-use i2ris_vision::image::Grey;
+use i2ris_vision::image::GreyImage;
 use nix::sys::stat::Mode;
 
 use i2ris_terminal::Failure;
 
-/// One picture per camera, and when they were taken.
-pub type Shots = (Nanos, Vec<Grey>);
+/// One frame per camera, and when they were taken.
+pub type FrameSet = (Nanos, Vec<GreyImage>);
 
-/// FIFOs, and the thread that writes pictures into them once somebody reads.
+/// FIFOs, and the thread that writes frames into them once somebody reads.
 pub struct Fifos {
     paths: Vec<PathBuf>,
-    to: Option<SyncSender<Shots>>,
+    to: Option<SyncSender<FrameSet>>,
     writer: Option<JoinHandle<()>>,
 }
 
@@ -47,8 +47,8 @@ impl Fifos {
         })
     }
 
-    /// Where pictures are handed over. The other end goes when a reader goes.
-    pub fn sender(&self) -> Option<&SyncSender<Shots>> {
+    /// Where frames are handed over. The other end goes when a reader goes.
+    pub fn sender(&self) -> Option<&SyncSender<FrameSet>> {
         self.to.as_ref()
     }
 
@@ -71,7 +71,7 @@ impl Drop for Fifos {
 }
 
 /// Waits for a reader of every FIFO, then writes what comes. Ends when one of them goes.
-fn write(paths: &[PathBuf], from: &Receiver<Shots>) -> io::Result<()> {
+fn write(paths: &[PathBuf], from: &Receiver<FrameSet>) -> io::Result<()> {
     let open = |path: &PathBuf| {
         OpenOptions::new()
             .write(true)
@@ -80,14 +80,14 @@ fn write(paths: &[PathBuf], from: &Receiver<Shots>) -> io::Result<()> {
     };
     let mut to: Vec<BufWriter<File>> = paths.iter().map(open).collect::<io::Result<_>>()?;
     let mut begun = false;
-    for (stamp, pictures) in from {
-        for (to, picture) in to.iter_mut().zip(&pictures) {
+    for (stamp, images) in from {
+        for (to, image) in to.iter_mut().zip(&images) {
             if !begun {
                 writeln!(
                     to,
                     "YUV4MPEG2 W{} H{} F30:1 Ip A1:1 Cmono",
-                    picture.width(),
-                    picture.height()
+                    image.width(),
+                    image.height()
                 )?;
             }
             writeln!(
@@ -96,7 +96,7 @@ fn write(paths: &[PathBuf], from: &Receiver<Shots>) -> io::Result<()> {
                 stamp.0 / 1_000_000_000,
                 stamp.0 % 1_000_000_000
             )?;
-            to.write_all(picture.data())?;
+            to.write_all(image.data())?;
             to.flush()?;
         }
         begun = true;

@@ -1,21 +1,21 @@
-//! Pictures of recorded angles: as files, or as streams that are as fast as their reader.
+//! Frames of recorded angles: as files, or as streams that are as fast as their reader.
 
 use std::fs;
 
 use i2ris::units::Nanos;
-use i2ris_vision::scene::{Pose, Rig};
-use i2ris_vision::show::save_grey;
+use i2ris_vision::drawing::save_grey;
+use i2ris_vision::scene::{JointPose, Rig};
 
 use super::fifo::Fifos;
 use super::{Arguments, fifo, write_setup};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
-/// Pictures of the straight pose that are drawn beside those of a recording.
-const AT_REST: u64 = 15;
+/// Frames of the straight pose that are drawn beside those of a recording.
+const REST_FRAMES: u64 = 15;
 
 /// Poses over time.
-pub type Poses = [(Nanos, Pose)];
+pub type Poses = [(Nanos, JointPose)];
 
 /// Draws into folders, `view0` and `view1`, and the straight pose into `rest0` and `rest1`.
 pub fn files(arguments: &Arguments, rig: &Rig, poses: &Poses) -> Result<(), Failure> {
@@ -26,14 +26,14 @@ pub fn files(arguments: &Arguments, rig: &Rig, poses: &Poses) -> Result<(), Fail
                 .map_err(|error| format!("{}: {error}", folder.display()))?;
         }
     }
-    for number in 0..AT_REST {
+    for number in 0..REST_FRAMES {
         // Numbers that no row has, so that the noise is another.
         draw(
             arguments,
             rig,
             "rest",
             Nanos::from_millis(33 * number),
-            Pose::default(),
+            JointPose::default(),
             u64::MAX - number,
         )?;
     }
@@ -71,7 +71,7 @@ pub fn stream(
         }
         let handed = fifos
             .sender()
-            .map(|to| to.send((*stamp, rig.shoot(*pose, number as u64))));
+            .map(|to| to.send((*stamp, rig.render_views(*pose, number as u64))));
         if !matches!(handed, Some(Ok(()))) {
             return Err(format!("the reader went away after {drawn} poses").into());
         }
@@ -87,7 +87,7 @@ fn draw(
     rig: &Rig,
     kind: &str,
     stamp: Nanos,
-    pose: Pose,
+    pose: JointPose,
     number: u64,
 ) -> Result<(), Failure> {
     let name = format!(
@@ -95,10 +95,10 @@ fn draw(
         stamp.0 / 1_000_000_000,
         stamp.0 % 1_000_000_000
     );
-    for (view, picture) in rig.shoot(pose, number).iter().enumerate() {
+    for (view, image) in rig.render_views(pose, number).iter().enumerate() {
         save_grey(
             &arguments.output.join(format!("{kind}{view}")).join(&name),
-            picture,
+            image,
         )?;
     }
     Ok(())

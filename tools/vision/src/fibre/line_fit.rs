@@ -6,21 +6,21 @@
 //! both saw the same pixels; the standard deviation is widened by their correlation (a first-order
 //! autoregressive process with correlation r is worth (1 - r) / (1 + r) of its points).
 
-use super::{Px, across, advance, relative, step};
+use super::geometry::{Px, across, advance, relative, step};
 
 /// Tukey's constant: 95 % efficiency on normal errors.
 const TUKEY: f64 = 4.685;
 /// From median absolute deviation to standard deviation of a normal distribution.
 const MAD: f64 = 1.4826;
-/// Errors of synthetic pictures without noise would be nothing; no picture is better than this, px.
+/// Errors of synthetic images without noise would be nothing; no image is better than this, px.
 const SIGMA_FLOOR: f64 = 0.01;
 const ROUNDS: usize = 10;
 /// The fewest points that make a line.
-const FEWEST: usize = 8;
+const MIN_COUNT: usize = 8;
 
 /// A straight line through a stretch of the trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Line {
+pub struct FittedLine {
     /// The middle of the stretch, px.
     pub middle: [f64; 2],
     /// Its direction, rad, counter-clockwise as seen.
@@ -40,7 +40,7 @@ pub struct Line {
     pub followed: f64,
 }
 
-impl Line {
+impl FittedLine {
     /// The place on the line `along` px from its middle.
     #[must_use]
     pub fn at(&self, along: f64) -> [f64; 2] {
@@ -51,7 +51,7 @@ impl Line {
     /// or no extent.
     pub(super) fn fit(points: &[Px], direction_rad: f64) -> Option<Self> {
         let origin = *points.first()?;
-        if points.len() < FEWEST {
+        if points.len() < MIN_COUNT {
             return None;
         }
         let (u, v): (Vec<f64>, Vec<f64>) = points
@@ -59,11 +59,11 @@ impl Line {
             .map(|p| relative(*p, origin, direction_rad))
             .map(|[u, v]| (u, v))
             .unzip();
-        let mut fit = Weighted::start(&u, &v)?;
+        let mut fit = WeightedFit::start(&u, &v)?;
         for _ in 0..ROUNDS {
             fit = fit.again(&u, &v)?;
         }
-        let spread = Spread::of(&fit, &u, &v)?;
+        let spread = FitUncertainty::of(&fit, &u, &v)?;
         let middle = advance(
             advance(origin, step(direction_rad), fit.mean_u),
             across(direction_rad),
@@ -86,7 +86,7 @@ impl Line {
 }
 
 /// A weighted least-squares line `v = mean_v + slope (u - mean_u)`.
-struct Weighted {
+struct WeightedFit {
     weights: Vec<f64>,
     mean_u: f64,
     mean_v: f64,
@@ -94,7 +94,7 @@ struct Weighted {
     sigma: f64,
 }
 
-impl Weighted {
+impl WeightedFit {
     fn start(u: &[f64], v: &[f64]) -> Option<Self> {
         let half = u.len() / 2;
         let mut slopes: Vec<f64> = (0..u.len() - half)
@@ -164,14 +164,14 @@ impl Weighted {
 }
 
 /// What the residuals say about the fit.
-struct Spread {
+struct FitUncertainty {
     slope_std: f64,
     bend: f64,
     bend_std: f64,
 }
 
-impl Spread {
-    fn of(fit: &Weighted, u: &[f64], v: &[f64]) -> Option<Self> {
+impl FitUncertainty {
+    fn of(fit: &WeightedFit, u: &[f64], v: &[f64]) -> Option<Self> {
         let sum: f64 = fit.weights.iter().sum();
         let centred: Vec<f64> = u.iter().map(|u| u - fit.mean_u).collect();
         let moment = |power: i32| {
@@ -266,24 +266,29 @@ mod tests {
     proptest! {
         #[test]
         fn finds_the_direction_of_clean_points(direction in -3.0..3.0_f64, rough in -0.3..0.3_f64) {
-            let line = Line::fit(&points(direction, 60, |_| 0.0), direction + rough).unwrap();
+            let line = FittedLine::fit(&points(direction, 60, |_| 0.0), direction + rough).unwrap();
             prop_assert!((line.direction_rad - direction).abs() < 1e-9);
             prop_assert!(line.bend_rad.abs() < 1e-6);
         }
 
         #[test]
-        fn a_fifth_of_wild_points_does_not_turn_it(direction in -3.0..3.0_f64, wild in 3.0..40.0_f64, from in 0..48_usize) {
+        fn a_fifth_of_outliers_does_not_turn_the_line(
+            direction in -3.0..3.0_f64,
+            wild in 3.0..40.0_f64,
+            from in 0..48_usize,
+        ) {
             let small = |i: usize| 0.1 * ((i * 7919 % 13) as f64 / 6.0 - 1.0);
             let error = |i: usize| if (from..from + 12).contains(&i) { wild } else { small(i) };
-            let line = Line::fit(&points(direction, 60, error), direction).unwrap();
-            prop_assert!((line.direction_rad - direction).abs() < 0.002, "{}", line.direction_rad - direction);
+            let line = FittedLine::fit(&points(direction, 60, error), direction).unwrap();
+            let error = line.direction_rad - direction;
+            prop_assert!(error.abs() < 0.002, "{error}");
         }
     }
 
     #[test]
     fn a_bent_stretch_shows_its_bend() {
         // A circle of radius 1000 over 198 px turns by 0.099 rad from the middle to the end.
-        let line = Line::fit(
+        let line = FittedLine::fit(
             &points(0.4, 100, |i| (2.0 * i as f64).powi(2) / 2000.0),
             0.4,
         )
@@ -294,9 +299,9 @@ mod tests {
 
     #[test]
     fn too_few_points_make_no_line() {
-        assert!(Line::fit(&points(0.0, 7, |_| 0.0), 0.0).is_none());
+        assert!(FittedLine::fit(&points(0.0, 7, |_| 0.0), 0.0).is_none());
         assert!(
-            Line::fit(&[[5.0, 5.0]; 20], 0.0).is_none(),
+            FittedLine::fit(&[[5.0, 5.0]; 20], 0.0).is_none(),
             "all in one place"
         );
     }

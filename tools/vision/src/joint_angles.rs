@@ -12,13 +12,14 @@
 //! `-sin phi_i x + cos phi_i y`.
 //!
 //! A lens at the distance `D` magnifies what lies `n` nearer by `1 + n / D` away from the middle of
-//! the picture. A direction `(1, t, s)` (along, across, nearer) at `(a, c)` from the middle then
+//! the frame. A direction `(1, t, s)` (along, across, nearer) at `(a, c)` from the middle then
 //! shows as `(1 + n/D) (1, t) + (a, c) s / D`. The other view knows `n` and `s`, so this is undone
 //! (a few rounds, because both views need each other).
 
-use crate::fibre::{Doubt, Reading, relative};
-use crate::rest::Rest;
-use crate::setup::{Axis, Setup, View};
+use crate::fibre::geometry::relative;
+use crate::fibre::{QualityIssue, Reading};
+use crate::rest_pose::RestPose;
+use crate::setup::{JointAxis, View, VisionSetup};
 
 /// Part by which the fibre may seem longer or shorter than it should.
 const LENGTH_TOLERANCE: f64 = 0.03;
@@ -30,7 +31,7 @@ const ROUNDS: usize = 4;
 
 /// What both views say together.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Joints {
+pub struct JointAngles {
     /// Pitch and yaw, rad, from the rest pose; `None` for the axis that no view shows.
     pub angle_rad: [Option<f64>; 2],
     /// Their standard deviations, rad.
@@ -43,30 +44,30 @@ pub struct Joints {
 
 /// One view at one instant.
 #[derive(Debug, Clone, Copy)]
-pub struct Sight<'a> {
+pub struct ViewReading<'a> {
     /// The view.
     pub view: &'a View,
     /// Its straight pose.
-    pub rest: &'a Rest,
+    pub rest: &'a RestPose,
     /// What it read.
     pub reading: &'a Reading,
-    /// Columns and rows of the picture.
+    /// Columns and rows of the frame.
     pub size: [usize; 2],
 }
 
 /// A sight in millimetres and tangents, in the frame of the base.
 #[derive(Debug, Clone, Copy)]
-struct Flat {
+struct PlanarView {
     plane_rad: f64,
     /// 1 / distance of the lens, 1/mm; 0: telecentric.
     closeness: f64,
-    /// Tangent of the angle as the picture shows it.
+    /// Tangent of the angle as the frame shows it.
     tan: f64,
     /// Tip from the tip at rest: along, across.
     tip: [f64; 2],
-    /// Tip from the middle of the picture.
+    /// Tip from the middle of the frame.
     tip_off_axis: [f64; 2],
-    /// The middle of the tip line from the middle of the picture.
+    /// The middle of the tip line from the middle of the frame.
     middle_off_axis: [f64; 2],
     /// From the middle of the tip line to the tip, along the base.
     to_tip: f64,
@@ -85,80 +86,82 @@ struct Depth {
 ///
 /// # Errors
 ///
-/// The view, and [`Doubt::Length`] when it shows the fibre shorter or longer than it can be, so
-/// that something else was measured.
-pub fn solve(sights: &[Sight<'_>]) -> Result<Joints, (usize, Doubt)> {
-    match sights {
+/// The view, and [`QualityIssue::Length`] when it shows the fibre shorter or longer than it can be:
+/// something else was measured.
+pub fn solve(inputs: &[ViewReading<'_>]) -> Result<JointAngles, (usize, QualityIssue)> {
+    match inputs {
         [first, second] => two([*first, *second]),
         [only] => one(*only),
-        _ => Err((0, Doubt::NoBase)),
+        _ => Err((0, QualityIssue::NoBase)),
     }
 }
 
-fn one(sight: Sight<'_>) -> Result<Joints, (usize, Doubt)> {
-    let flat = Flat::of(&sight);
+fn one(input: ViewReading<'_>) -> Result<JointAngles, (usize, QualityIssue)> {
+    let planar = PlanarView::of(&input);
     let (axis, sign) = (
-        usize::from(sight.view.axis == Axis::Yaw),
-        if sight.view.reversed { -1.0 } else { 1.0 },
+        usize::from(input.view.axis == JointAxis::Yaw),
+        if input.view.reversed { -1.0 } else { 1.0 },
     );
-    check_length(&sight, flat.tan, [0.0, UNSEEN_BEND.tan()]).map_err(|doubt| (0, doubt))?;
-    let mut joints = Joints {
+    check_length(&input, planar.tan, [0.0, UNSEEN_BEND.tan()]).map_err(|issue| (0, issue))?;
+    let mut angles = JointAngles {
         angle_rad: [None; 2],
         std_rad: [None; 2],
-        quality: sight.reading.quality,
-        tip_mm: [Some(flat.tip[0]), None, None],
+        quality: input.reading.quality,
+        tip_mm: [Some(planar.tip[0]), None, None],
     };
-    joints.angle_rad[axis] = Some(sign * flat.tan.atan());
-    joints.std_rad[axis] = Some(sight.reading.std_rad);
-    joints.tip_mm[1 + axis] = Some(sign * flat.tip[1]);
-    Ok(joints)
+    angles.angle_rad[axis] = Some(sign * planar.tan.atan());
+    angles.std_rad[axis] = Some(input.reading.std_rad);
+    angles.tip_mm[1 + axis] = Some(sign * planar.tip[1]);
+    Ok(angles)
 }
 
-fn two(sights: [Sight<'_>; 2]) -> Result<Joints, (usize, Doubt)> {
-    let flats = sights.each_ref().map(Flat::of);
-    let mix = Mix::of(flats.map(|flat| flat.plane_rad)).ok_or((0, Doubt::NoBase))?;
+fn two(inputs: [ViewReading<'_>; 2]) -> Result<JointAngles, (usize, QualityIssue)> {
+    let planars = inputs.each_ref().map(PlanarView::of);
+    let mixing =
+        AxisMixing::of(planars.map(|planar| planar.plane_rad)).ok_or((0, QualityIssue::NoBase))?;
     let mut depths = [Depth::default(); 2];
     let (mut tan, mut tip) = ([0.0; 2], [0.0; 3]);
     for _ in 0..ROUNDS {
-        let views: [[f64; 2]; 2] = std::array::from_fn(|i| flats[i].without_perspective(depths[i]));
+        let views: [[f64; 2]; 2] =
+            std::array::from_fn(|i| planars[i].without_perspective(depths[i]));
         let tips: [[f64; 2]; 2] =
-            std::array::from_fn(|i| flats[i].tip_without_perspective(depths[i]));
-        tan = mix.joint([views[0][0], views[1][0]]);
-        let [x, y] = mix.joint([tips[0][1], tips[1][1]]);
+            std::array::from_fn(|i| planars[i].tip_without_perspective(depths[i]));
+        tan = mixing.joint([views[0][0], views[1][0]]);
+        let [x, y] = mixing.joint([tips[0][1], tips[1][1]]);
         tip = [0.5 * (tips[0][0] + tips[1][0]), x, y];
-        depths = flats.map(|flat| Depth {
-            slope: flat.nearer(tan),
-            tip: flat.nearer([x, y]),
+        depths = planars.map(|planar| Depth {
+            slope: planar.nearer(tan),
+            tip: planar.nearer([x, y]),
         });
     }
-    for (i, sight) in sights.iter().enumerate() {
-        let [seen, _] = flats[i].without_perspective(depths[i]);
-        check_length(sight, seen, [depths[i].slope.abs(); 2]).map_err(|doubt| (i, doubt))?;
+    for (i, input) in inputs.iter().enumerate() {
+        let [seen, _] = planars[i].without_perspective(depths[i]);
+        check_length(input, seen, [depths[i].slope.abs(); 2]).map_err(|issue| (i, issue))?;
     }
-    Ok(Joints {
+    Ok(JointAngles {
         angle_rad: tan.map(|tan| Some(tan.atan())),
-        std_rad: mix
+        std_rad: mixing
             .spread(
-                [0, 1].map(|i| sights[i].reading.std_rad * (1.0 + flats[i].tan.powi(2))),
+                [0, 1].map(|i| inputs[i].reading.std_rad * (1.0 + planars[i].tan.powi(2))),
                 tan,
             )
             .map(Some),
-        quality: sights[0].reading.quality.min(sights[1].reading.quality),
+        quality: inputs[0].reading.quality.min(inputs[1].reading.quality),
         tip_mm: tip.map(Some),
     })
 }
 
-impl Flat {
-    fn of(sight: &Sight<'_>) -> Self {
-        let (reading, view) = (sight.reading, sight.view);
+impl PlanarView {
+    fn of(input: &ViewReading<'_>) -> Self {
+        let (reading, view) = (input.reading, input.view);
         let base = reading.base.direction_rad;
         let mm = |point, origin| relative(point, origin, base).map(|px: f64| px / view.px_per_mm);
-        let centre = sight.size.map(|size| 0.5 * (size as f64 - 1.0));
+        let centre = input.size.map(|size| 0.5 * (size as f64 - 1.0));
         Self {
             plane_rad: view.plane_rad(),
             closeness: view.distance_mm.map_or(0.0, |distance| 1.0 / distance),
-            tan: (reading.angle_rad - sight.rest.angle_deg.to_radians()).tan(),
-            tip: mm(reading.tip_px, sight.rest.tip_px),
+            tan: (reading.angle_rad - input.rest.angle_deg.to_radians()).tan(),
+            tip: mm(reading.tip_px, input.rest.tip_px),
             tip_off_axis: mm(reading.tip_px, centre),
             middle_off_axis: mm(reading.tip.middle, centre),
             to_tip: mm(reading.tip_px, reading.tip.middle)[0],
@@ -191,11 +194,11 @@ impl Flat {
 }
 
 /// From both views' directions to both axes.
-struct Mix {
+struct AxisMixing {
     inverse: nalgebra::Matrix2<f64>,
 }
 
-impl Mix {
+impl AxisMixing {
     fn of(planes_rad: [f64; 2]) -> Option<Self> {
         let [(s0, c0), (s1, c1)] = planes_rad.map(f64::sin_cos);
         nalgebra::Matrix2::new(c0, s0, c1, s1)
@@ -218,18 +221,22 @@ impl Mix {
     }
 }
 
-/// The length in the picture must fit a fibre that is bent towards the camera by a tangent within
+/// The length in the frame must fit a fibre that is bent towards the camera by a tangent within
 /// `nearer`.
-fn check_length(sight: &Sight<'_>, tan: f64, nearer: [f64; 2]) -> Result<(), Doubt> {
-    let view = sight.view;
+fn check_length(input: &ViewReading<'_>, tan: f64, nearer: [f64; 2]) -> Result<(), QualityIssue> {
+    let view = input.view;
     let expected = |nearer: f64| {
         let hidden = view.arc_length_mm * (1.0 - arc_in_view(tan, nearer))
             + view.tip_length_mm * (1.0 - step_in_view(tan, nearer, 1.0));
-        sight.rest.length_px - hidden * view.px_per_mm
+        input.rest.length_px - hidden * view.px_per_mm
     };
-    let ratio = |nearer: f64| sight.reading.length_px / expected(nearer) - 1.0;
+    let ratio = |nearer: f64| input.reading.length_px / expected(nearer) - 1.0;
     let fits = ratio(nearer[0]) <= LENGTH_TOLERANCE && ratio(nearer[1]) >= -LENGTH_TOLERANCE;
-    if fits { Ok(()) } else { Err(Doubt::Length) }
+    if fits {
+        Ok(())
+    } else {
+        Err(QualityIssue::Length)
+    }
 }
 
 /// How long a piece of length 1 looks whose direction is the part `share` of a bend with these
@@ -253,13 +260,13 @@ fn arc_in_view(tan: f64, nearer: f64) -> f64 {
 /// What a setup knows, with the straight pose of every view: ready to put readings together.
 #[derive(Debug, Clone)]
 pub struct Stereo {
-    views: Vec<(View, Rest)>,
+    views: Vec<(View, RestPose)>,
 }
 
 impl Stereo {
     /// `rests` in the order of the setup's views; views without one are left out.
     #[must_use]
-    pub fn new(setup: &Setup, rests: &[Rest]) -> Self {
+    pub fn new(setup: &VisionSetup, rests: &[RestPose]) -> Self {
         Self {
             views: setup
                 .views
@@ -275,18 +282,21 @@ impl Stereo {
     /// # Errors
     ///
     /// As [`solve`].
-    pub fn solve(&self, readings: &[(&Reading, [usize; 2])]) -> Result<Joints, (usize, Doubt)> {
-        let sights: Vec<Sight<'_>> = self
+    pub fn solve(
+        &self,
+        readings: &[(&Reading, [usize; 2])],
+    ) -> Result<JointAngles, (usize, QualityIssue)> {
+        let inputs: Vec<ViewReading<'_>> = self
             .views
             .iter()
             .zip(readings)
-            .map(|((view, rest), (reading, size))| Sight {
+            .map(|((view, rest), (reading, size))| ViewReading {
                 view,
                 rest,
                 reading,
                 size: *size,
             })
             .collect();
-        solve(&sights)
+        solve(&inputs)
     }
 }

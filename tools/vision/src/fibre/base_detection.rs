@@ -1,28 +1,26 @@
-//! Where the base comes into the picture.
+//! Where the base comes into the image.
 
-use super::{
-    Px, Settings, across, advance,
-    profile::{Candidate, Profile},
-    step,
-};
-use crate::image::Grey;
+use super::geometry::{Px, across, advance, step};
+use super::intensity_profile::{Candidate, IntensityProfile};
+use super::settings::DetectorSettings;
+use crate::image::GreyImage;
 
 /// Places behind the border where the base is looked for.
-const STATIONS: usize = 9;
+const SECTIONS: usize = 9;
 /// The base must show at this many of them.
-const FEWEST: usize = 5;
+const MIN_COUNT: usize = 5;
 /// Distance of the first station from the border, px.
 const MARGIN: f64 = 8.0;
 /// The base comes in within this angle of the inward direction: its tangent.
-const STEEPEST: f64 = 0.47;
+const MAX_SLOPE: f64 = 0.47;
 /// The weakest contrast that counts, grey levels.
-pub(super) const FAINTEST: f32 = 14.0;
+pub(super) const MIN_CONTRAST: f32 = 14.0;
 /// The base may be this many px off the straight line through two of its stations.
 const OFF_LINE: f64 = 2.0;
 
 /// Where the base comes in.
 #[derive(Debug, Clone, Copy)]
-pub struct Entry {
+pub struct BaseDetection {
     /// On the base, `MARGIN` px behind the border.
     pub start: Px,
     /// Direction of the base.
@@ -35,7 +33,7 @@ pub struct Entry {
 
 /// Why no base was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum NoEntry {
+pub enum BaseNotFound {
     /// Nothing of the right thickness comes in there.
     Nothing,
     /// Two things do.
@@ -44,19 +42,19 @@ pub enum NoEntry {
 
 /// One candidate at one station: distance from the border, place along it.
 #[derive(Clone, Copy)]
-struct Seen {
+struct EdgePair {
     depth: f64,
     place: f64,
     candidate: Candidate,
 }
 
 /// Looks for the base.
-pub fn find(picture: &Grey, settings: &Settings) -> Result<Entry, NoEntry> {
-    let frame = Frame::new(picture, settings);
-    let seen = frame.look(picture, settings);
-    let mut best: Option<(usize, f32, Vec<Seen>)> = None;
+pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetection, BaseNotFound> {
+    let frame = BorderFrame::new(image, settings);
+    let seen = frame.detect(image, settings);
+    let mut best: Option<(usize, f32, Vec<EdgePair>)> = None;
     let mut rival = 0;
-    let mut fits: Vec<(usize, f32, Vec<Seen>)> = hypotheses(&seen).collect();
+    let mut fits: Vec<(usize, f32, Vec<EdgePair>)> = hypotheses(&seen).collect();
     fits.sort_by(|a, b| {
         (b.0, b.1)
             .partial_cmp(&(a.0, a.1))
@@ -72,18 +70,18 @@ pub fn find(picture: &Grey, settings: &Settings) -> Result<Entry, NoEntry> {
         }
     }
     let (support, _, on_it) = best
-        .filter(|(support, ..)| *support >= FEWEST)
-        .ok_or(NoEntry::Nothing)?;
-    if rival + 1 >= support && rival >= FEWEST {
-        return Err(NoEntry::Two);
+        .filter(|(support, ..)| *support >= MIN_COUNT)
+        .ok_or(BaseNotFound::Nothing)?;
+    if rival + 1 >= support && rival >= MIN_COUNT {
+        return Err(BaseNotFound::Two);
     }
-    frame.entry(&on_it).ok_or(NoEntry::Nothing)
+    frame.entry(&on_it).ok_or(BaseNotFound::Nothing)
 }
 
 /// Lines through two candidates of different stations, with all candidates that lie on them.
-fn hypotheses(seen: &[Vec<Seen>]) -> impl Iterator<Item = (usize, f32, Vec<Seen>)> + '_ {
-    let pairs =
-        (0..STATIONS - FEWEST + 1).flat_map(|i| (i + FEWEST - 1..STATIONS).map(move |j| (i, j)));
+fn hypotheses(seen: &[Vec<EdgePair>]) -> impl Iterator<Item = (usize, f32, Vec<EdgePair>)> + '_ {
+    let pairs = (0..SECTIONS - MIN_COUNT + 1)
+        .flat_map(|i| (i + MIN_COUNT - 1..SECTIONS).map(move |j| (i, j)));
     pairs
         .flat_map(move |(i, j)| {
             seen[i]
@@ -92,8 +90,8 @@ fn hypotheses(seen: &[Vec<Seen>]) -> impl Iterator<Item = (usize, f32, Vec<Seen>
         })
         .filter_map(move |(a, b)| {
             let slope = (b.place - a.place) / (b.depth - a.depth);
-            (slope.abs() <= STEEPEST).then(|| {
-                let on_it: Vec<Seen> = seen
+            (slope.abs() <= MAX_SLOPE).then(|| {
+                let on_it: Vec<EdgePair> = seen
                     .iter()
                     .filter_map(|station| {
                         nearest(station, |s| a.place + slope * (s.depth - a.depth))
@@ -105,8 +103,8 @@ fn hypotheses(seen: &[Vec<Seen>]) -> impl Iterator<Item = (usize, f32, Vec<Seen>
         })
 }
 
-fn nearest(station: &[Seen], expected: impl Fn(&Seen) -> f64) -> Option<Seen> {
-    let off = |s: &Seen| (s.place - expected(s)).abs();
+fn nearest(station: &[EdgePair], expected: impl Fn(&EdgePair) -> f64) -> Option<EdgePair> {
+    let off = |s: &EdgePair| (s.place - expected(s)).abs();
     station
         .iter()
         .min_by(|a, b| off(a).total_cmp(&off(b)))
@@ -114,7 +112,7 @@ fn nearest(station: &[Seen], expected: impl Fn(&Seen) -> f64) -> Option<Seen> {
         .copied()
 }
 
-fn differs(a: &[Seen], b: &[Seen], width: f64) -> bool {
+fn differs(a: &[EdgePair], b: &[EdgePair], width: f64) -> bool {
     let common = a.iter().filter(|s| {
         b.iter()
             .any(|t| t.depth == s.depth && (t.place - s.place).abs() < 0.5 * width)
@@ -122,24 +120,24 @@ fn differs(a: &[Seen], b: &[Seen], width: f64) -> bool {
     2 * common.count() < a.len()
 }
 
-/// The picture as seen from the side of entry.
-struct Frame {
+/// The image as seen from the side of entry.
+struct BorderFrame {
     corner: Px,
     inward: Px,
     along: Px,
     inward_rad: f64,
     width: f64,
-    depths: [f64; STATIONS],
+    depths: [f64; SECTIONS],
 }
 
-impl Frame {
-    fn new(picture: &Grey, settings: &Settings) -> Self {
+impl BorderFrame {
+    fn new(image: &GreyImage, settings: &DetectorSettings) -> Self {
         let inward_rad = settings.inward_rad();
         // Clean unit vectors: a cosine of a right angle is not quite 0.
         let inward = step(inward_rad).map(f64::round);
         let along = across(inward_rad).map(f64::round);
-        let (right, bottom) = (picture.width() as f64 - 1.0, picture.height() as f64 - 1.0);
-        // The corner from which `along` runs into the picture.
+        let (right, bottom) = (image.width() as f64 - 1.0, image.height() as f64 - 1.0);
+        // The corner from which `along` runs into the image.
         let corner = [
             if inward[0] + along[0] > 0.0 {
                 0.0
@@ -153,7 +151,7 @@ impl Frame {
             },
         ];
         let width = along[0].abs() * right + along[1].abs() * bottom;
-        let spacing = (settings.base_length - MARGIN) / STATIONS as f64;
+        let spacing = (settings.base_length - MARGIN) / SECTIONS as f64;
         let depths = std::array::from_fn(|i| MARGIN + spacing * i as f64);
         Self {
             corner,
@@ -166,8 +164,8 @@ impl Frame {
     }
 
     /// All candidates of all stations.
-    fn look(&self, picture: &Grey, settings: &Settings) -> Vec<Vec<Seen>> {
-        let (mut profile, mut found) = (Profile::default(), Vec::new());
+    fn detect(&self, image: &GreyImage, settings: &DetectorSettings) -> Vec<Vec<EdgePair>> {
+        let (mut profile, mut found) = (IntensityProfile::default(), Vec::new());
         let half = (0.5 * self.width) as usize;
         self.depths
             .iter()
@@ -177,11 +175,11 @@ impl Frame {
                     self.along,
                     half as f64,
                 );
-                profile.read(picture, settings.ground, centre, self.along, half);
-                profile.find(settings.body_width, FAINTEST, &mut found);
+                profile.read(image, settings.ground, centre, self.along, half);
+                profile.find(settings.body_width, MIN_CONTRAST, &mut found);
                 found
                     .iter()
-                    .map(|candidate| Seen {
+                    .map(|candidate| EdgePair {
                         depth: *depth,
                         place: half as f64 + candidate.offset,
                         candidate: *candidate,
@@ -192,8 +190,8 @@ impl Frame {
             .collect()
     }
 
-    fn is_near(&self, settings: &Settings, place: f64) -> bool {
-        // `near` counts from the picture's left or upper corner; `along` may run the other way.
+    fn is_near(&self, settings: &DetectorSettings, place: f64) -> bool {
+        // `near` counts from the image's left or upper corner; `along` may run the other way.
         let from_zero = if self.along[0] + self.along[1] > 0.0 {
             place
         } else {
@@ -204,9 +202,9 @@ impl Frame {
             .is_none_or(|[at, within]| (from_zero - at).abs() <= within)
     }
 
-    fn entry(&self, on_it: &[Seen]) -> Option<Entry> {
+    fn entry(&self, on_it: &[EdgePair]) -> Option<BaseDetection> {
         let count = on_it.len() as f64;
-        let mean = |f: &dyn Fn(&Seen) -> f64| on_it.iter().map(f).sum::<f64>() / count;
+        let mean = |f: &dyn Fn(&EdgePair) -> f64| on_it.iter().map(f).sum::<f64>() / count;
         let (depth, place) = (mean(&|s| s.depth), mean(&|s| s.place));
         let slope = on_it
             .iter()
@@ -218,7 +216,7 @@ impl Frame {
             self.along,
             place + slope * (MARGIN - depth),
         );
-        slope.is_finite().then(|| Entry {
+        slope.is_finite().then(|| BaseDetection {
             start,
             // `along` is to the left of `inward`.
             direction_rad: self.inward_rad + slope.atan(),

@@ -1,4 +1,4 @@
-//! Which pictures of two views belong together.
+//! Which frames of two views belong together.
 
 use std::collections::VecDeque;
 
@@ -6,7 +6,7 @@ use i2ris::units::Nanos;
 
 /// Pairs what two views deliver by their stamps, each view in the order of its stamps.
 #[derive(Debug)]
-pub struct Pairer<T> {
+pub struct FramePairer<T> {
     within: Nanos,
     waiting: [VecDeque<(Nanos, T)>; 2],
     ended: [bool; 2],
@@ -14,14 +14,14 @@ pub struct Pairer<T> {
 
 /// What came together.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Together<T> {
+pub enum PairResult<T> {
     /// One of each view, and the instant half-way between their stamps.
-    Both(Nanos, [T; 2]),
+    Matched(Nanos, [T; 2]),
     /// One without a partner: its view, its stamp.
-    Alone(usize, Nanos, T),
+    Unmatched(usize, Nanos, T),
 }
 
-impl<T> Pairer<T> {
+impl<T> FramePairer<T> {
     /// Pairs what lies at most `within` apart.
     #[must_use]
     pub fn new(within: Nanos) -> Self {
@@ -51,12 +51,12 @@ impl<T> Pairer<T> {
     }
 
     /// What is certain by now.
-    pub fn pop(&mut self) -> Option<Together<T>> {
+    pub fn pop(&mut self) -> Option<PairResult<T>> {
         match [0, 1].map(|view| self.waiting[view].front().map(|(stamp, _)| *stamp)) {
             [Some(a), Some(b)] if a.since(b).max(b.since(a)) <= self.within => {
                 let (_, first) = self.waiting[0].pop_front()?;
                 let (_, second) = self.waiting[1].pop_front()?;
-                Some(Together::Both(
+                Some(PairResult::Matched(
                     Nanos(a.0 / 2 + b.0 / 2 + (a.0 & b.0 & 1)),
                     [first, second],
                 ))
@@ -69,14 +69,14 @@ impl<T> Pairer<T> {
     }
 
     /// Gives up waiting for a partner: the oldest one of a view that has any.
-    pub fn give_up(&mut self) -> Option<Together<T>> {
+    pub fn give_up(&mut self) -> Option<PairResult<T>> {
         self.alone(0).or_else(|| self.alone(1))
     }
 
-    fn alone(&mut self, view: usize) -> Option<Together<T>> {
+    fn alone(&mut self, view: usize) -> Option<PairResult<T>> {
         self.waiting[view]
             .pop_front()
-            .map(|(stamp, item)| Together::Alone(view, stamp, item))
+            .map(|(stamp, item)| PairResult::Unmatched(view, stamp, item))
     }
 }
 
@@ -84,8 +84,8 @@ impl<T> Pairer<T> {
 mod tests {
     use super::*;
 
-    fn run(first: &[u64], second: &[u64]) -> Vec<Together<u64>> {
-        let mut pairer = Pairer::new(Nanos(10));
+    fn run(first: &[u64], second: &[u64]) -> Vec<PairResult<u64>> {
+        let mut pairer = FramePairer::new(Nanos(10));
         let mut sources = [first.iter(), second.iter()];
         let mut out = Vec::new();
         while let Some(view) = pairer.wanted() {
@@ -93,8 +93,8 @@ mod tests {
                 Some(stamp) => pairer.push(view, Nanos(*stamp), *stamp),
                 None => pairer.end(view),
             }
-            while let Some(together) = pairer.pop() {
-                out.push(together);
+            while let Some(pair) = pairer.pop() {
+                out.push(pair);
             }
         }
         out
@@ -102,7 +102,7 @@ mod tests {
 
     #[test]
     fn near_stamps_pair_and_the_pair_lies_half_way() {
-        let both = |stamp, a, b| Together::Both(Nanos(stamp), [a, b]);
+        let both = |stamp, a, b| PairResult::Matched(Nanos(stamp), [a, b]);
         assert_eq!(
             run(&[100, 133], &[104, 131]),
             [both(102, 100, 104), both(132, 133, 131)]
@@ -110,10 +110,10 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_picture_leaves_its_partner_alone_and_the_others_paired() {
+    fn a_missing_frame_leaves_its_partner_alone_and_the_others_paired() {
         let found = run(&[100, 133, 166], &[101, 167]);
-        assert_eq!(found[1], Together::Alone(0, Nanos(133), 133));
-        assert!(matches!(found[2], Together::Both(_, [166, 167])));
+        assert_eq!(found[1], PairResult::Unmatched(0, Nanos(133), 133));
+        assert!(matches!(found[2], PairResult::Matched(_, [166, 167])));
         assert_eq!(found.len(), 3);
     }
 
@@ -123,13 +123,13 @@ mod tests {
         assert!(
             run(&[], &[5])
                 .iter()
-                .all(|t| *t == Together::Alone(1, Nanos(5), 5))
+                .all(|t| *t == PairResult::Unmatched(1, Nanos(5), 5))
         );
     }
 
     #[test]
     fn views_that_never_meet_do_not_pair() {
         let found = run(&[100, 200, 300], &[150, 250, 350]);
-        assert!(found.iter().all(|t| matches!(t, Together::Alone(..))) && found.len() == 6);
+        assert!(found.iter().all(|t| matches!(t, PairResult::Unmatched(..))) && found.len() == 6);
     }
 }

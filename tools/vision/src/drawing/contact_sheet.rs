@@ -1,18 +1,18 @@
 //! Many small overlays on one page.
 
-use super::paper::Paper;
+use super::canvas::Canvas;
 
 /// Width of one overlay on the page, px.
 const CELL: usize = 320;
 const BORDER: usize = 4;
 
 /// A page of small overlays, in rows from left to right.
-pub struct Sheet {
+pub struct ContactSheet {
     columns: usize,
-    cells: Vec<Paper>,
+    cells: Vec<Canvas>,
 }
 
-impl Sheet {
+impl ContactSheet {
     /// An empty page with so many overlays per row; at least one.
     #[must_use]
     pub fn new(columns: usize) -> Self {
@@ -23,10 +23,10 @@ impl Sheet {
     }
 
     /// Adds an overlay, made smaller.
-    pub fn add(&mut self, paper: &Paper) {
-        let by = paper.width().div_ceil(CELL).max(1);
-        let mut cell = Paper::new(paper.width() / by, paper.height() / by, [0; 3]);
-        cell.paste(paper, [0, 0], by);
+    pub fn add(&mut self, canvas: &Canvas) {
+        let by = canvas.width().div_ceil(CELL).max(1);
+        let mut cell = Canvas::new(canvas.width() / by, canvas.height() / by, [0; 3]);
+        cell.paste(canvas, [0, 0], by);
         self.cells.push(cell);
     }
 
@@ -44,11 +44,11 @@ impl Sheet {
 
     /// The page.
     #[must_use]
-    pub fn page(&self) -> Paper {
-        let width = self.cells.iter().map(Paper::width).max().unwrap_or(1) + BORDER;
-        let height = self.cells.iter().map(Paper::height).max().unwrap_or(1) + BORDER;
+    pub fn page(&self) -> Canvas {
+        let width = self.cells.iter().map(Canvas::width).max().unwrap_or(1) + BORDER;
+        let height = self.cells.iter().map(Canvas::height).max().unwrap_or(1) + BORDER;
         let rows = self.cells.len().div_ceil(self.columns).max(1);
-        let mut page = Paper::new(
+        let mut page = Canvas::new(
             width * self.columns.min(self.cells.len().max(1)),
             height * rows,
             [0; 3],

@@ -1,23 +1,21 @@
 //! Where the fibre ends, and whether it is really its end.
 
-use super::{
-    Ground, Px, Settings, across,
-    line::{Line, median},
-    relative,
-    trace::Trace,
-};
-use crate::image::Grey;
+use super::centreline::Centreline;
+use super::geometry::{Px, across, relative};
+use super::line_fit::{FittedLine, median};
+use super::settings::{Background, DetectorSettings};
+use crate::image::GreyImage;
 
 /// Ground differs from what it should be by less than this part of the contrast.
 const GROUND_LIKE: f32 = 0.4;
 /// Places around the end that are looked at.
-const PLACES: i32 = 5 * 15;
+const SAMPLES: i32 = 5 * 15;
 /// This part of the places around the end must be ground.
 pub const FREE: f64 = 0.9;
 
 /// The end of the fibre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct End {
+pub struct TipDetection {
     /// Its middle, px.
     pub at: Px,
     /// How far it lies beyond the last reading of the trace, px.
@@ -30,11 +28,16 @@ pub struct End {
 
 /// Looks along `line`, the line of the tip, for the end. `None` if there is no clear one within one
 /// and a half thicknesses of the last reading.
-pub fn find(picture: &Grey, settings: &Settings, trace: &Trace, line: &Line) -> Option<End> {
+pub fn find(
+    image: &GreyImage,
+    settings: &DetectorSettings,
+    trace: &Centreline,
+    line: &FittedLine,
+) -> Option<TipDetection> {
     let last = trace.points.last()?.at;
     let [along, _] = relative(last, line.middle, line.direction_rad);
-    let view = View {
-        picture,
+    let view = TipWindow {
+        image,
         ground: settings.ground,
         line,
         from: along,
@@ -43,7 +46,7 @@ pub fn find(picture: &Grey, settings: &Settings, trace: &Trace, line: &Line) -> 
     let middle = view.crossing([-0.3 * width, 0.3 * width], width, trace.contrast)?;
     let left = view.crossing([0.05 * width, 0.4 * width], width, trace.contrast)?;
     let right = view.crossing([-0.4 * width, -0.05 * width], width, trace.contrast)?;
-    Some(End {
+    Some(TipDetection {
         at: line.at(along + middle),
         beyond: middle,
         free: view.free(middle, width, trace)?,
@@ -51,20 +54,20 @@ pub fn find(picture: &Grey, settings: &Settings, trace: &Trace, line: &Line) -> 
     })
 }
 
-struct View<'a> {
-    picture: &'a Grey,
-    ground: Ground,
-    line: &'a Line,
+struct TipWindow<'a> {
+    image: &'a GreyImage,
+    ground: Background,
+    line: &'a FittedLine,
     /// Along the line, where distances count from.
     from: f64,
 }
 
-impl View<'_> {
+impl TipWindow<'_> {
     fn value(&self, along: f64, offset: f64) -> Option<f32> {
         let [x, y] = self.line.at(self.from + along);
         let [ux, uy] = across(self.line.direction_rad);
-        let value = self.picture.sample(x + offset * ux, y + offset * uy)?;
-        Some(if self.ground == Ground::Bright {
+        let value = self.image.sample(x + offset * ux, y + offset * uy)?;
+        Some(if self.ground == Background::Bright {
             value
         } else {
             255.0 - value
@@ -72,7 +75,7 @@ impl View<'_> {
     }
 
     /// Mean across `lane` at every pixel along, from 2 thicknesses before the last reading to 2.5
-    /// beyond or to the border of the picture.
+    /// beyond or to the border of the image.
     fn lane(&self, lane: [f64; 2], width: f64) -> Vec<f32> {
         let lines = ((lane[1] - lane[0]).round() as usize).max(1);
         let offset = |j: usize| lane[0] + (j as f64 + 0.5) / lines as f64 * (lane[1] - lane[0]);
@@ -114,8 +117,8 @@ impl View<'_> {
     }
 
     /// Part of the places around the end that look like ground. `None` if most of them are out of
-    /// the picture.
-    fn free(&self, end: f64, width: f64, trace: &Trace) -> Option<f64> {
+    /// the image.
+    fn free(&self, end: f64, width: f64, trace: &Centreline) -> Option<f64> {
         let spacing = (width / 6.0).max(1.5);
         let first = end + (0.35 * width).max(5.0);
         let places = (0..5).flat_map(|i| {
@@ -134,7 +137,7 @@ impl View<'_> {
                 free += i32::from((level - trace.ground).abs() < GROUND_LIKE * trace.contrast);
             }
         }
-        (inside > PLACES / 2).then(|| f64::from(free) / f64::from(inside))
+        (inside > SAMPLES / 2).then(|| f64::from(free) / f64::from(inside))
     }
 }
 

@@ -1,23 +1,23 @@
-//! A colour picture to draw on.
+//! A colour image to draw on.
 
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use super::font;
-use crate::image::Grey;
+use crate::image::GreyImage;
 
 /// Red, green, blue.
 pub type Colour = [u8; 3];
 
-/// A colour picture.
+/// A colour image.
 #[derive(Clone)]
-pub struct Paper {
+pub struct Canvas {
     width: usize,
     height: usize,
     data: Vec<u8>,
 }
 
-/// Why a picture was not written.
+/// Why a image was not written.
 #[derive(Debug, thiserror::Error)]
 pub enum SaveError {
     /// The file cannot be written.
@@ -28,7 +28,7 @@ pub enum SaveError {
         /// Why.
         source: std::io::Error,
     },
-    /// The picture cannot be encoded.
+    /// The image cannot be encoded.
     #[error("{path}: {source}")]
     Encode {
         /// Which.
@@ -38,7 +38,7 @@ pub enum SaveError {
     },
 }
 
-impl Paper {
+impl Canvas {
     /// A page of one colour.
     #[must_use]
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
@@ -49,13 +49,13 @@ impl Paper {
         }
     }
 
-    /// A grey picture to draw on.
+    /// A grey image to draw on.
     #[must_use]
-    pub fn of(picture: &Grey) -> Self {
-        let data = picture.data().iter().flat_map(|v| [*v; 3]).collect();
+    pub fn of(image: &GreyImage) -> Self {
+        let data = image.data().iter().flat_map(|v| [*v; 3]).collect();
         Self {
-            width: picture.width(),
-            height: picture.height(),
+            width: image.width(),
+            height: image.height(),
             data,
         }
     }
@@ -72,7 +72,7 @@ impl Paper {
         self.height
     }
 
-    /// Colours a pixel; outside the picture nothing happens.
+    /// Colours a pixel; outside the image nothing happens.
     pub fn dot(&mut self, x: i64, y: i64, colour: Colour) {
         if (0..self.width as i64).contains(&x) && (0..self.height as i64).contains(&y) {
             let at = 3 * (y as usize * self.width + x as usize);
@@ -83,7 +83,7 @@ impl Paper {
     /// Draws a straight line, `thick` px thick.
     pub fn line(&mut self, from: [f64; 2], to: [f64; 2], thick: i64, colour: Colour) {
         let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
-        // No line is longer than its picture would allow; a wild one is not drawn.
+        // No line is longer than its image would allow; a wild one is not drawn.
         let steps = dx.abs().max(dy.abs()).ceil();
         if !steps.is_finite() || steps > 20.0 * (self.width + self.height) as f64 {
             return;
@@ -126,7 +126,7 @@ impl Paper {
         }
     }
 
-    /// Copies another picture with its upper left corner at (x, y), made smaller by the whole
+    /// Copies another image with its upper left corner at (x, y), made smaller by the whole
     /// number `by`.
     pub fn paste(&mut self, other: &Self, [x, y]: [usize; 2], by: usize) {
         for row in 0..other.height / by {
@@ -166,18 +166,18 @@ impl Paper {
     }
 }
 
-/// Writes a grey picture as a PNG file.
+/// Writes a grey image as a PNG file.
 ///
 /// # Errors
 ///
 /// [`SaveError`] with the path.
-pub fn save_grey(path: &Path, picture: &Grey) -> Result<(), SaveError> {
+pub fn save_grey(path: &Path, image: &GreyImage) -> Result<(), SaveError> {
     save_png(
         path,
-        picture.width(),
-        picture.height(),
+        image.width(),
+        image.height(),
         png::ColorType::Grayscale,
-        picture.data(),
+        image.data(),
     )
 }
 
@@ -209,23 +209,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_saved_picture_decodes_to_itself() {
+    fn a_saved_image_decodes_to_itself() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let picture = Grey::new(3, 2, vec![0, 50, 100, 150, 200, 250]).unwrap();
-        save_grey(&path, &picture).unwrap();
+        let image = GreyImage::new(3, 2, vec![0, 50, 100, 150, 200, 250]).unwrap();
+        save_grey(&path, &image).unwrap();
         assert_eq!(
             crate::source::decode(&std::fs::read(&path).unwrap()).unwrap(),
-            picture
+            image
         );
     }
 
     #[test]
     fn drawing_outside_is_harmless() {
-        let mut paper = Paper::new(10, 10, [0; 3]);
-        paper.line([-50.0, -50.0], [60.0, 60.0], 3, [255; 3]);
-        paper.line([0.0, 0.0], [f64::NAN, 1e300], 3, [255; 3]);
-        paper.text("outside", [-5, 8], 2, [255; 3]);
-        assert_eq!(paper.mean(4, 4, 1), [255; 3]);
+        let mut canvas = Canvas::new(10, 10, [0; 3]);
+        canvas.line([-50.0, -50.0], [60.0, 60.0], 3, [255; 3]);
+        canvas.line([0.0, 0.0], [f64::NAN, 1e300], 3, [255; 3]);
+        canvas.text("outside", [-5, 8], 2, [255; 3]);
+        assert_eq!(canvas.mean(4, 4, 1), [255; 3]);
     }
 }

@@ -1,19 +1,17 @@
 //! Following the fibre from its base to its end.
 
-use super::{
-    Px, Settings, across, advance,
-    entry::{Entry, FAINTEST},
-    profile::{Candidate, Profile},
-    relative, step,
-};
-use crate::image::Grey;
+use super::base_detection::{BaseDetection, MIN_CONTRAST};
+use super::geometry::{Px, across, advance, relative, step};
+use super::intensity_profile::{Candidate, IntensityProfile};
+use super::settings::DetectorSettings;
+use crate::image::GreyImage;
 
 /// Distance between two readings along the fibre, px.
 pub const STRIDE: f64 = 2.0;
 /// Readings that point the way to the next one.
 const MEMORY: usize = 32;
 /// With fewer than this, the direction of the entry counts.
-const FEWEST: usize = 10;
+const MIN_COUNT: usize = 10;
 /// A reading this far from where the last stretch points to is something else, px, beside a part of
 /// the thickness.
 const GATE: f64 = 2.5;
@@ -39,11 +37,11 @@ const BREAK: f64 = 3.0 * STRIDE;
 /// An island at the end with fewer readings is dropped: a speck, an edge of an instrument.
 const ISLAND: usize = 6;
 /// No trace is longer.
-const LONGEST: usize = 4000;
+const MAX_STEPS: usize = 4000;
 
 /// One reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct TracePoint {
     /// Middle of the fibre, px.
     pub at: Px,
     /// Along the fibre from where the trace begins, px.
@@ -56,22 +54,22 @@ pub struct Point {
 
 /// Why the trace ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stop {
+pub enum TraceEnd {
     /// Ground ahead: the fibre ends.
-    Ground,
+    Background,
     /// Something lies over it and it did not come back in view.
     Covered,
-    /// It leaves the picture.
+    /// It leaves the image.
     Border,
 }
 
 /// The way of the fibre.
 #[derive(Debug, Clone)]
-pub struct Trace {
+pub struct Centreline {
     /// The readings, in order; at least one.
-    pub points: Vec<Point>,
+    pub points: Vec<TracePoint>,
     /// Why it ended.
-    pub stop: Stop,
+    pub stop: TraceEnd,
     /// Contrast at its end, grey levels.
     pub contrast: f32,
     /// Ground beside its end.
@@ -79,30 +77,34 @@ pub struct Trace {
 }
 
 /// What one step met.
-enum Met {
+enum StepResult {
     Fibre(Candidate, bool),
-    Ground,
+    Background,
     Something,
 }
 
-struct Tracer<'a> {
-    picture: &'a Grey,
-    settings: &'a Settings,
-    entry: Entry,
-    points: Vec<Point>,
+struct CentrelineTracker<'a> {
+    image: &'a GreyImage,
+    settings: &'a DetectorSettings,
+    entry: BaseDetection,
+    points: Vec<TracePoint>,
     is_fibre: bool,
     /// Mean thickness of the readings of this part, and how many they are.
     thickness: (f64, f64),
     contrast: f32,
     ground: f32,
-    profile: Profile,
+    profile: IntensityProfile,
     found: Vec<Candidate>,
 }
 
 /// Follows the fibre. `None` if not one reading was made.
-pub fn follow(picture: &Grey, settings: &Settings, entry: Entry) -> Option<Trace> {
-    let mut tracer = Tracer {
-        picture,
+pub fn follow(
+    image: &GreyImage,
+    settings: &DetectorSettings,
+    entry: BaseDetection,
+) -> Option<Centreline> {
+    let mut tracer = CentrelineTracker {
+        image,
         settings,
         entry,
         points: Vec::with_capacity(1024),
@@ -110,18 +112,18 @@ pub fn follow(picture: &Grey, settings: &Settings, entry: Entry) -> Option<Trace
         thickness: (0.0, 0.0),
         contrast: entry.contrast,
         ground: entry.ground,
-        profile: Profile::default(),
+        profile: IntensityProfile::default(),
         found: Vec::new(),
     };
     let stop = tracer.run();
     drop_islands(&mut tracer.points);
-    let Tracer {
+    let CentrelineTracker {
         points,
         contrast,
         ground,
         ..
     } = tracer;
-    (!points.is_empty()).then_some(Trace {
+    (!points.is_empty()).then_some(Centreline {
         points,
         stop,
         contrast,
@@ -129,44 +131,44 @@ pub fn follow(picture: &Grey, settings: &Settings, entry: Entry) -> Option<Trace
     })
 }
 
-impl Tracer<'_> {
-    fn run(&mut self) -> Stop {
+impl CentrelineTracker<'_> {
+    fn run(&mut self) -> TraceEnd {
         let mut along = 0.0;
         // What was met since the last reading, px: ground, and things that are neither fibre nor
         // ground.
         let (mut bare, mut covered) = (0.0, 0.0);
-        for _ in 0..LONGEST {
+        for _ in 0..MAX_STEPS {
             let (place, direction) = self.predict(along);
             if !self.is_inside(place) {
-                return Stop::Border;
+                return TraceEnd::Border;
             }
-            match self.look(place, direction, along) {
-                Met::Fibre(candidate, is_fibre) => {
+            match self.detect(place, direction, along) {
+                StepResult::Fibre(candidate, is_fibre) => {
                     self.accept(candidate, is_fibre, place, direction, along);
                     (bare, covered) = (0.0, 0.0);
                 }
-                Met::Ground => {
+                StepResult::Background => {
                     bare += STRIDE;
                     if bare > (0.4 * self.width()).max(3.0 * STRIDE) {
                         // A blurred end is neither for a few steps; more than that was something.
                         return if covered > (0.5 * self.width()).max(BLUR) {
-                            Stop::Covered
+                            TraceEnd::Covered
                         } else {
-                            Stop::Ground
+                            TraceEnd::Background
                         };
                     }
                 }
-                Met::Something => {
+                StepResult::Something => {
                     bare = 0.0;
                     covered += STRIDE;
                 }
             }
             if along - self.last_along() > 1.2 * self.settings.tip_length {
-                return Stop::Covered;
+                return TraceEnd::Covered;
             }
             along += STRIDE;
         }
-        Stop::Covered
+        TraceEnd::Covered
     }
 
     fn last_along(&self) -> f64 {
@@ -184,8 +186,8 @@ impl Tracer<'_> {
     fn is_inside(&self, [x, y]: Px) -> bool {
         let margin = 3.0;
         let (right, bottom) = (
-            self.picture.width() as f64 - 1.0 - margin,
-            self.picture.height() as f64 - 1.0 - margin,
+            self.image.width() as f64 - 1.0 - margin,
+            self.image.height() as f64 - 1.0 - margin,
         );
         x >= margin && y >= margin && x <= right && y <= bottom
     }
@@ -197,7 +199,7 @@ impl Tracer<'_> {
         let (Some(first), Some(last)) = (recent.first(), recent.last()) else {
             return self.straight(self.entry.start, along);
         };
-        if recent.len() < FEWEST {
+        if recent.len() < MIN_COUNT {
             return self.straight(last.at, along - last.along);
         }
         let rough = f64::atan2(first.at[1] - last.at[1], last.at[0] - first.at[0]);
@@ -216,7 +218,7 @@ impl Tracer<'_> {
     }
 
     /// `v = a + b u + c u^2` through the readings, as seen from `origin` in direction `rough`.
-    fn parabola(&self, recent: &[Point], origin: Px, rough: f64) -> [f64; 3] {
+    fn parabola(&self, recent: &[TracePoint], origin: Px, rough: f64) -> [f64; 3] {
         let mut normal = nalgebra::Matrix3::<f64>::zeros();
         let mut right = nalgebra::Vector3::<f64>::zeros();
         for point in recent {
@@ -233,14 +235,14 @@ impl Tracer<'_> {
             .map_or([0.0; 3], |factor| factor.solve(&right).into())
     }
 
-    fn look(&mut self, place: Px, direction: f64, along: f64) -> Met {
+    fn detect(&mut self, place: Px, direction: f64, along: f64) -> StepResult {
         let width = self.width();
         let gap = (along - self.last_along() - STRIDE).max(0.0);
         let gate = GATE + 0.08 * width + GATE_GROWTH * gap;
         // Room for the thickest candidate at the edge of the gate and for the ground beside it.
         let half = (0.65 * width + gate + (0.5 * width).clamp(8.0, 16.0)) as usize;
         self.profile.read(
-            self.picture,
+            self.image,
             self.settings.ground,
             place,
             across(direction),
@@ -250,27 +252,27 @@ impl Tracer<'_> {
             .nearest(width, gate)
             .filter(|candidate| self.is_thick_as_before(candidate))
         {
-            return Met::Fibre(candidate, self.is_fibre);
+            return StepResult::Fibre(candidate, self.is_fibre);
         }
         if !self.is_fibre {
             // The fibre leaves the body in the middle of it.
             let gate = gate + 0.05 * width;
             if let Some(candidate) = self.nearest(self.settings.fibre_width, gate) {
-                return Met::Fibre(candidate, true);
+                return StepResult::Fibre(candidate, true);
             }
         }
         let core = 0.3 * self.settings.fibre_width;
         let level = self.profile.mean(-core, core);
         if (level - self.ground).abs() < GROUND_LIKE * self.contrast {
-            Met::Ground
+            StepResult::Background
         } else {
-            Met::Something
+            StepResult::Something
         }
     }
 
     /// The one candidate within the gate; none if there are two that could be it.
     fn nearest(&mut self, width: f64, gate: f64) -> Option<Candidate> {
-        let contrast = (CONTRAST_KEPT * self.contrast).max(FAINTEST);
+        let contrast = (CONTRAST_KEPT * self.contrast).max(MIN_CONTRAST);
         self.profile.find(width, contrast, &mut self.found);
         let like_before = |c: &&Candidate| {
             c.offset.abs() <= gate
@@ -315,7 +317,7 @@ impl Tracer<'_> {
             *count += 1.0;
             *mean += (candidate.width - *mean) / *count;
         }
-        self.points.push(Point {
+        self.points.push(TracePoint {
             at,
             along,
             width: candidate.width,
@@ -327,13 +329,13 @@ impl Tracer<'_> {
 }
 
 /// Removes short runs of readings behind a break at the end of the trace.
-fn drop_islands(points: &mut Vec<Point>) {
+fn drop_islands(points: &mut Vec<TracePoint>) {
     while let Some(start) = last_island(points) {
         points.truncate(start);
     }
 }
 
-fn last_island(points: &[Point]) -> Option<usize> {
+fn last_island(points: &[TracePoint]) -> Option<usize> {
     let tail = points.len().checked_sub(ISLAND)?;
     let is_break = |i: usize| points[i].along - points[i - 1].along > BREAK;
     (tail.max(1)..points.len()).rev().find(|i| is_break(*i))
@@ -343,10 +345,10 @@ fn last_island(points: &[Point]) -> Option<usize> {
 mod tests {
     use super::*;
 
-    fn points(runs: &[(f64, usize)]) -> Vec<Point> {
+    fn points(runs: &[(f64, usize)]) -> Vec<TracePoint> {
         runs.iter()
             .flat_map(|(from, count)| (0..*count).map(move |i| from + STRIDE * i as f64))
-            .map(|along| Point {
+            .map(|along| TracePoint {
                 at: [along, 0.0],
                 along,
                 width: 20.0,

@@ -1,10 +1,10 @@
 //! Which view shows which axis, from motions of one axis at a time.
 //!
 //! While only pitch moves, the tangents of both views go `(cos phi_0, cos phi_1)` times that of
-//! pitch; while only yaw moves, `(sin phi_0, sin phi_1)` times that of yaw (see [`crate::joint`]).
-//! Directions of lines through the origin tell the ratios, not the sizes: nobody knows how far the
-//! snake was bent. With the angle between both cameras known, each of both motions tells `phi_0` by
-//! itself:
+//! pitch; while only yaw moves, `(sin phi_0, sin phi_1)` times that of yaw (see
+//! [`crate::joint_angles`]).
+//! The directions of lines through the origin give the ratios, not the sizes: how far the snake was
+//! bent is unknown. With the known angle between both cameras, each motion gives `phi_0`:
 //!
 //! ```text
 //! phi_1 = phi_0 + delta
@@ -12,20 +12,20 @@
 //! yaw motion along (b_0, b_1):    phi_0 = atan2(b_0 sin delta, b_1 - b_0 cos delta)
 //! ```
 //!
-//! both up to half a turn, which the sign of the motion settles. That they agree is the check.
+//! both up to half a turn, which the sign of the motion decides. Their difference is the check.
 
 use std::f64::consts::PI;
 
-/// The fewest pictures of a motion.
-const FEWEST: usize = 10;
+/// The fewest frames of a motion.
+const MIN_COUNT: usize = 10;
 /// A motion has to bend by this at least, tangent (5 deg).
-const LEAST: f64 = 0.0875;
+const MIN_MOTION: f64 = 0.0875;
 /// Part of a motion that may leave its line: the other axis moved, too, beyond this.
-const MOST_ASIDE: f64 = 0.12;
+const MAX_ASIDE: f64 = 0.12;
 /// Both motions must agree on the turn within this, rad (8 deg).
-const MOST_APART: f64 = 0.14;
+const MAX_DISAGREEMENT: f64 = 0.14;
 
-/// What the two motions tell.
+/// The result of the two motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alignment {
     /// Direction that each view calls positive, from pitch towards yaw, rad.
@@ -34,12 +34,13 @@ pub struct Alignment {
     pub apart_rad: f64,
 }
 
-/// Why motions do not tell.
+/// Why motions are unsuitable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AlignError {
     /// Too few readings.
     #[error(
-        "{motion} motion: only {found} pictures can be measured, {FEWEST} are needed; see `i2ris vision check`"
+        "{motion} motion: only {found} frames can be measured, {MIN_COUNT} are needed; \
+         see `i2ris vision check`"
     )]
     TooFew {
         /// Which motion.
@@ -59,7 +60,8 @@ pub enum AlignError {
     },
     /// Not one axis.
     #[error(
-        "{motion} motion: both axes moved ({aside:.0} % off a straight line); move {motion} alone, or the order is wrong"
+        "{motion} motion: both axes moved ({aside:.0} % off a straight line); \
+         move {motion} alone, or the order is wrong"
     )]
     TwoAxes {
         /// Which motion.
@@ -115,7 +117,7 @@ pub fn two_views(
     } else {
         right
     };
-    if best.apart_rad > MOST_APART {
+    if best.apart_rad > MAX_DISAGREEMENT {
         return Err(AlignError::Disagree {
             deg: best.apart_rad.to_degrees(),
             between: between_rad.to_degrees(),
@@ -136,14 +138,14 @@ pub fn is_reversed(motion: &'static str, tangents: &[f64]) -> Result<bool, Align
 
 /// The unit vector along which a motion goes from the origin, towards where it went first.
 fn line(motion: &'static str, points: &[[f64; 2]]) -> Result<[f64; 2], AlignError> {
-    if points.len() < FEWEST {
+    if points.len() < MIN_COUNT {
         return Err(AlignError::TooFew {
             motion,
             found: points.len(),
         });
     }
     let most = points.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
-    if most < LEAST {
+    if most < MIN_MOTION {
         return Err(AlignError::TooSmall {
             motion,
             deg: most.atan().to_degrees(),
@@ -155,7 +157,7 @@ fn line(motion: &'static str, points: &[[f64; 2]]) -> Result<[f64; 2], AlignErro
     let (sin, cos) = angle.sin_cos();
     let along = uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin;
     let aside = ((uu + vv - along).max(0.0) / along).sqrt();
-    if aside > MOST_ASIDE {
+    if aside > MAX_ASIDE {
         return Err(AlignError::TwoAxes {
             motion,
             aside: 100.0 * aside,
@@ -203,60 +205,48 @@ mod tests {
             let planes = [deg.to_radians(), deg.to_radians() + delta];
             let found = two_views(&motion(planes, 0), &motion(planes, 1), PI / 2.0).unwrap();
             for view in 0..2 {
-                prop_assert!(wrap(found.planes_rad[view] - planes[view]).abs() < 0.005, "{found:?} {planes:?}");
+                let error = wrap(found.planes_rad[view] - planes[view]);
+                prop_assert!(error.abs() < 0.005, "{found:?} {planes:?}");
             }
         }
     }
 
     #[test]
-    fn cameras_that_are_not_at_right_angles() {
+    fn cameras_need_not_be_at_right_angles() {
         let planes = [0.1, 0.1 + f64::to_radians(70.0)];
-        let found = two_views(
-            &motion(planes, 0),
-            &motion(planes, 1),
-            f64::to_radians(70.0),
-        )
-        .unwrap();
+        let (pitch, yaw) = (motion(planes, 0), motion(planes, 1));
+        let found = two_views(&pitch, &yaw, f64::to_radians(70.0)).unwrap();
         assert!(
             wrap(found.planes_rad[1] - planes[1]).abs() < 0.005,
             "{found:?}"
         );
-        let error = two_views(
-            &motion(planes, 0),
-            &motion(planes, 1),
-            f64::to_radians(90.0),
-        )
-        .unwrap_err();
+        let error = two_views(&pitch, &yaw, f64::to_radians(90.0)).unwrap_err();
         assert!(matches!(error, AlignError::Disagree { .. }), "{error}");
     }
 
     #[test]
-    fn motions_that_do_not_tell_are_refused() {
+    fn unsuitable_motions_are_refused() {
+        use AlignError::{TooFew, TooSmall, TwoAxes};
         let planes = [0.0, PI / 2.0];
         let (pitch, yaw) = (motion(planes, 0), motion(planes, 1));
+        let align = |pitch: &[_], yaw: &[_]| two_views(pitch, yaw, PI / 2.0).unwrap_err();
         assert!(matches!(
-            two_views(&pitch[..5], &yaw, PI / 2.0),
-            Err(AlignError::TooFew {
+            align(&pitch[..5], &yaw),
+            TooFew {
                 motion: "pitch",
                 ..
-            })
+            }
         ));
         let small: Vec<_> = yaw.iter().map(|p| p.map(|v| 0.1 * v)).collect();
         assert!(matches!(
-            two_views(&pitch, &small, PI / 2.0),
-            Err(AlignError::TooSmall { motion: "yaw", .. })
+            align(&pitch, &small),
+            TooSmall { motion: "yaw", .. }
         ));
-        let circle: Vec<_> = (0..100)
-            .map(|i| [f64::from(i).sin() * 0.5, f64::from(i).cos() * 0.5])
-            .collect();
-        assert!(matches!(
-            two_views(&circle, &yaw, PI / 2.0),
-            Err(AlignError::TwoAxes { .. })
-        ));
-        assert!(
-            two_views(&pitch, &pitch, PI / 2.0).is_err(),
-            "the same axis twice"
-        );
+        let circle = |i| [f64::from(i).sin() * 0.5, f64::from(i).cos() * 0.5];
+        let circle: Vec<_> = (0..100).map(circle).collect();
+        assert!(matches!(align(&circle, &yaw), TwoAxes { .. }));
+        // The same axis twice.
+        align(&pitch, &pitch);
     }
 
     #[test]

@@ -14,8 +14,8 @@ pub struct Rod {
     pub glint: f32,
 }
 
-/// A picture in the making: brightness in floating point, not yet blurred.
-pub struct Canvas {
+/// A image in the making: brightness in floating point, not yet blurred.
+pub struct Raster {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) data: Vec<f32>,
@@ -23,7 +23,7 @@ pub struct Canvas {
 
 /// One pixel's view of the rod piece nearest to it.
 #[derive(Clone, Copy)]
-struct Touch {
+struct Coverage {
     distance: f32,
     cover: f32,
     /// Across the rod: -1 and 1 are its rims.
@@ -32,7 +32,7 @@ struct Touch {
     along: f32,
 }
 
-const UNTOUCHED: Touch = Touch {
+const UNCOVERED: Coverage = Coverage {
     distance: f32::INFINITY,
     cover: 0.0,
     across: 0.0,
@@ -43,7 +43,7 @@ const UNTOUCHED: Touch = Touch {
 /// ends at most, px.
 const BEYOND: f64 = 8.0;
 
-impl Canvas {
+impl Raster {
     /// An even ground.
     pub fn new(width: usize, height: usize, ground: f32) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Canvas {
 
     /// Paints a rod over what is there.
     pub fn rod(&mut self, rod: &Rod) {
-        let mut touches = vec![UNTOUCHED; self.data.len()];
+        let mut touches = vec![UNCOVERED; self.data.len()];
         let Some(cut) = Cut::of(&rod.points) else {
             return;
         };
@@ -77,7 +77,7 @@ impl Canvas {
     /// is one of the rod; beyond the others the next piece is nearer.
     fn touch(
         &self,
-        touches: &mut [Touch],
+        touches: &mut [Coverage],
         a: [f64; 3],
         b: [f64; 3],
         is_outer: [bool; 2],
@@ -123,7 +123,7 @@ impl Canvas {
                 if cover > 0.0 && (distance as f32) < touch.distance {
                     let across = (side / half) as f32;
                     let cover = cover.max(touch.cover);
-                    *touch = Touch {
+                    *touch = Coverage {
                         distance: distance as f32,
                         cover,
                         across,
@@ -156,7 +156,7 @@ impl Canvas {
         }
     }
 
-    /// The columns and rows of a rectangle that lie in the picture.
+    /// The columns and rows of a rectangle that lie in the image.
     fn window(&self, x: [f64; 2], y: [f64; 2]) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         // A cast of a negative number gives 0, which is what is wanted here.
         let range = |[low, high]: [f64; 2], size: usize| {
@@ -191,7 +191,7 @@ fn beside(
     first.min(end)..end
 }
 
-/// Without the care of `hypot` for huge numbers, which takes most of the time of a picture.
+/// Without the care of `hypot` for huge numbers, which takes most of the time of a image.
 fn distance(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
@@ -231,7 +231,7 @@ impl Cut {
 }
 
 impl Rod {
-    fn shade(&self, touch: &Touch) -> f32 {
+    fn shade(&self, touch: &Coverage) -> f32 {
         let rim = self.rim * touch.across * touch.across;
         // A streak that comes and goes along the rod, as on a scratched tube.
         let streak = (-((touch.across - 0.35) / 0.1).powi(2)).exp()
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn a_rod_covers_its_own_area() {
-        let mut canvas = Canvas::new(100, 60, 0.0);
+        let mut canvas = Raster::new(100, 60, 0.0);
         let points = vec![[-20.0, 30.0, 5.0], [40.0, 30.0, 5.0], [80.0, 30.0, 5.0]];
         canvas.rod(&Rod {
             points,
@@ -269,7 +269,7 @@ mod tests {
 
     #[test]
     fn a_rod_of_many_short_pieces_ends_square() {
-        let mut canvas = Canvas::new(100, 100, 0.0);
+        let mut canvas = Raster::new(100, 100, 0.0);
         let points = (-3..=10)
             .map(|i| [f64::from(i) * 5.0, 50.0, 30.0])
             .collect();
@@ -284,8 +284,8 @@ mod tests {
     }
 
     #[test]
-    fn things_outside_the_picture_leave_it_alone() {
-        let mut canvas = Canvas::new(20, 20, 3.0);
+    fn things_outside_the_image_leave_it_alone() {
+        let mut canvas = Raster::new(20, 20, 3.0);
         canvas.blob([-50.0, -50.0], [5.0, 5.0], 0.0, 9.0);
         canvas.rod(&Rod {
             points: vec![[200.0, 200.0, 4.0], [300.0, 250.0, 4.0]],

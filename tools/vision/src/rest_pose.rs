@@ -4,23 +4,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::fibre::Reading;
 
-/// The fewest good pictures at rest.
-const FEWEST: usize = 5;
+/// The fewest good frames at rest.
+const MIN_COUNT: usize = 5;
 /// More spread than this, deg, means that it moved or cannot be measured.
-const MOST_SPREAD_DEG: f64 = 0.3;
+const MAX_SPREAD_DEG: f64 = 0.3;
 /// From the median absolute deviation to the standard deviation of a normal distribution.
 const MAD: f64 = 1.4826;
 
-/// What one view shows of the straight pose: medians over some pictures.
+/// What one view shows of the straight pose: medians over some frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct Rest {
+pub struct RestPose {
     /// Angle between base and tip, deg: how far fibre and joint zero are off.
     pub angle_deg: f64,
-    /// Standard deviation of a single picture, deg.
+    /// Standard deviation of a single frame, deg.
     pub spread_deg: f64,
-    /// From the border of the picture along the fibre to its end, px.
+    /// From the border of the frame along the fibre to its end, px.
     pub length_px: f64,
     /// Where the fibre ends, px.
     pub tip_px: [f64; 2],
@@ -28,24 +28,24 @@ pub struct Rest {
 
 /// Why there is no rest reference.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RestError {
-    /// Not enough good pictures.
+pub enum RestPoseError {
+    /// Not enough good frames.
     #[error(
-        "view {view}: only {good} of {pictures} pictures at rest can be measured, {FEWEST} are needed; \
-         look at them with `i2ris vision check`"
+        "view {view}: only {good} of {frames} frames at rest can be measured, \
+         {MIN_COUNT} are needed; look at them with `i2ris vision check`"
     )]
     TooFew {
         /// Name of the view.
         view: String,
         /// Good readings.
         good: usize,
-        /// Pictures.
-        pictures: usize,
+        /// Frames.
+        frames: usize,
     },
     /// It did not rest.
     #[error(
-        "view {view}: the angle spreads by {spread_deg:.2} deg at rest, more than {MOST_SPREAD_DEG}: \
-         hold the snake straight and still, or shorten --rest-s"
+        "view {view}: the angle spreads by {spread_deg:.2} deg at rest, \
+         more than {MAX_SPREAD_DEG}: hold the snake straight and still, or shorten --rest-s"
     )]
     Moving {
         /// Name of the view.
@@ -55,19 +55,19 @@ pub enum RestError {
     },
 }
 
-/// Collects pictures at rest.
+/// Collects frames at rest.
 #[derive(Debug, Clone, Default)]
-pub struct Resting {
-    pictures: usize,
+pub struct RestPoseEstimator {
+    frames: usize,
     angles: Vec<f64>,
     lengths: Vec<f64>,
     tips: [Vec<f64>; 2],
 }
 
-impl Resting {
-    /// Takes one picture's reading; `None` or one of low quality counts as a picture only.
+impl RestPoseEstimator {
+    /// Takes one frame's reading; `None` or one of low quality counts as a frame only.
     pub fn add(&mut self, reading: Option<&Reading>) {
-        self.pictures += 1;
+        self.frames += 1;
         if let Some(reading) = reading.filter(|reading| reading.is_good()) {
             self.angles.push(reading.angle_rad.to_degrees());
             self.lengths.push(reading.length_px);
@@ -80,14 +80,14 @@ impl Resting {
     ///
     /// # Errors
     ///
-    /// [`RestError`], naming `view`.
-    pub fn finish(&self, view: &str) -> Result<Rest, RestError> {
+    /// [`RestPoseError`], naming `view`.
+    pub fn finish(&self, view: &str) -> Result<RestPose, RestPoseError> {
         let good = self.angles.len();
-        if good < FEWEST {
-            return Err(RestError::TooFew {
+        if good < MIN_COUNT {
+            return Err(RestPoseError::TooFew {
                 view: view.to_owned(),
                 good,
-                pictures: self.pictures,
+                frames: self.frames,
             });
         }
         let angle_deg = median(&self.angles);
@@ -96,14 +96,14 @@ impl Resting {
         let half = good / 2;
         let drift = (median(&self.angles[..half]) - median(&self.angles[half..])).abs();
         let spread_deg = (MAD * median(&deviations)).max(drift);
-        if spread_deg > MOST_SPREAD_DEG {
-            return Err(RestError::Moving {
+        if spread_deg > MAX_SPREAD_DEG {
+            return Err(RestPoseError::Moving {
                 view: view.to_owned(),
                 spread_deg,
             });
         }
         let tip_px = [median(&self.tips[0]), median(&self.tips[1])];
-        Ok(Rest {
+        Ok(RestPose {
             angle_deg,
             spread_deg,
             length_px: median(&self.lengths),
@@ -112,7 +112,7 @@ impl Resting {
     }
 }
 
-impl Rest {
+impl RestPose {
     /// All of it are numbers.
     #[must_use]
     pub fn is_finite(&self) -> bool {
@@ -133,10 +133,10 @@ fn median(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fibre::Line;
+    use crate::fibre::FittedLine;
 
     fn reading(angle_deg: f64, quality: f64) -> Reading {
-        let line = Line {
+        let line = FittedLine {
             middle: [0.0; 2],
             direction_rad: 0.0,
             std_rad: 0.0,
@@ -154,22 +154,22 @@ mod tests {
             tip: line,
             length_px: 900.0,
             quality,
-            doubt: None,
+            issue: None,
             trace: Vec::new(),
         }
     }
 
-    fn resting(angles: impl IntoIterator<Item = f64>) -> Resting {
-        let mut resting = Resting::default();
+    fn estimator(angles: impl IntoIterator<Item = f64>) -> RestPoseEstimator {
+        let mut estimator = RestPoseEstimator::default();
         angles
             .into_iter()
-            .for_each(|angle| resting.add(Some(&reading(angle, 0.9))));
-        resting
+            .for_each(|angle| estimator.add(Some(&reading(angle, 0.9))));
+        estimator
     }
 
     #[test]
     fn the_reference_is_blind_to_a_few_wild_readings_and_reports_its_spread() {
-        let rest = resting((0..40).map(|i| {
+        let rest = estimator((0..40).map(|i| {
             if i % 10 == 0 {
                 20.0
             } else {
@@ -186,31 +186,31 @@ mod tests {
 
     #[test]
     fn a_moving_snake_is_no_reference() {
-        let error = resting((0..60).map(|i| 0.02 * f64::from(i)))
+        let error = estimator((0..60).map(|i| 0.02 * f64::from(i)))
             .finish("top")
             .unwrap_err();
         assert!(
-            matches!(error, RestError::Moving { .. }) && error.to_string().contains("view top"),
+            matches!(error, RestPoseError::Moving { .. }) && error.to_string().contains("view top"),
             "{error}"
         );
         assert!(matches!(
-            resting((0..60).map(|i| f64::from(i % 7))).finish("top"),
-            Err(RestError::Moving { .. })
+            estimator((0..60).map(|i| f64::from(i % 7))).finish("top"),
+            Err(RestPoseError::Moving { .. })
         ));
     }
 
     #[test]
-    fn doubtful_pictures_do_not_count() {
-        let mut resting = resting([0.0; 4]);
-        (0..20).for_each(|_| resting.add(Some(&reading(0.0, 0.4))));
-        resting.add(None);
-        let error = resting.finish("side").unwrap_err();
+    fn doubtful_frames_do_not_count() {
+        let mut estimator = estimator([0.0; 4]);
+        (0..20).for_each(|_| estimator.add(Some(&reading(0.0, 0.4))));
+        estimator.add(None);
+        let error = estimator.finish("side").unwrap_err();
         assert_eq!(
             error,
-            RestError::TooFew {
+            RestPoseError::TooFew {
                 view: "side".into(),
                 good: 4,
-                pictures: 25
+                frames: 25
             }
         );
     }

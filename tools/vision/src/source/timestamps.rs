@@ -1,4 +1,4 @@
-//! When the pictures of a folder were taken.
+//! When the frames of a folder were taken.
 //!
 //! In this order: a list `frames.csv` in the folder (columns `file` and `t_s`); a time in the file
 //! names; the number in the file name and the rate.
@@ -8,7 +8,7 @@ use std::path::Path;
 
 use i2ris::units::Nanos;
 
-use super::SourceError;
+use super::error::SourceError;
 
 /// Name of the list.
 pub const LIST: &str = "frames.csv";

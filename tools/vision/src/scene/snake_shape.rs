@@ -1,6 +1,8 @@
 //! The snake as a curve in space: straight base, circular arc, straight tip.
 
-use super::{Camera, Paint, canvas::Rod};
+use super::brightness::Brightness;
+use super::camera::PinholeCamera;
+use super::raster::Rod;
 
 /// Length of the straight pieces that stand for the arc, px. The sagitta of a piece on the tightest
 /// arc (radius 400 px) is 10^2 / (8 * 400) = 0.03 px.
@@ -8,8 +10,8 @@ const PIECE_PX: f64 = 10.0;
 
 /// Shape of the snake and of the fibre that sticks out of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Snake {
-    /// Straight base in front of the bending section; longer than the picture shows.
+pub struct SnakeShape {
+    /// Straight base in front of the bending section; longer than the image shows.
     pub base_mm: f64,
     /// Length of the bending section along its middle.
     pub arc_mm: f64,
@@ -21,7 +23,7 @@ pub struct Snake {
     pub fibre_width_mm: f64,
 }
 
-impl Snake {
+impl SnakeShape {
     /// A bare fibre of one thickness.
     #[must_use]
     pub const fn fibre(width_mm: f64) -> Self {
@@ -48,14 +50,14 @@ impl Snake {
 
     /// Where the fibre ends, mm.
     #[must_use]
-    pub fn tip(&self, pose: &Pose) -> [f64; 3] {
+    pub fn tip(&self, pose: &JointPose) -> [f64; 3] {
         self.at(pose, self.arc_mm + self.tip_mm)
     }
 
     /// The point at `length_mm` along the middle from the start of the bending section; negative on
     /// the base.
     #[must_use]
-    pub fn at(&self, pose: &Pose, length_mm: f64) -> [f64; 3] {
+    pub fn at(&self, pose: &JointPose, length_mm: f64) -> [f64; 3] {
         let (bend, [cx, cy]) = pose.bend();
         let arc = length_mm.clamp(0.0, self.arc_mm);
         let (along, across) = arc_point(bend, arc, self.arc_mm);
@@ -70,7 +72,12 @@ impl Snake {
     }
 
     /// The rods to paint, the farthest first: the fibre, then the body over its root.
-    pub(super) fn rods(&self, pose: &Pose, camera: &Camera, paint: &Paint) -> Vec<Rod> {
+    pub(super) fn rods(
+        &self,
+        pose: &JointPose,
+        camera: &PinholeCamera,
+        paint: &Brightness,
+    ) -> Vec<Rod> {
         let pieces = (self.arc_mm * camera.px_per_mm / PIECE_PX).ceil().max(1.0) as usize;
         let on_arc = |i: usize| self.arc_mm * i as f64 / pieces as f64;
         let one_thickness = self.body_width_mm == self.fibre_width_mm;
@@ -114,14 +121,14 @@ fn arc_point(bend: f64, arc: f64, total: f64) -> (f64, f64) {
 
 /// How the snake is bent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Pose {
+pub struct JointPose {
     /// Angle of the tip in the plane of x and z: its tangent is x over z of the tip's direction.
     pub pitch_rad: f64,
     /// Angle of the tip in the plane of y and z.
     pub yaw_rad: f64,
 }
 
-impl Pose {
+impl JointPose {
     /// The angle that a camera sees whose positive side is turned by `plane_rad` from x towards y.
     #[must_use]
     pub fn view_angle_rad(&self, plane_rad: f64) -> f64 {
@@ -146,15 +153,15 @@ mod tests {
 
     #[test]
     fn the_straight_snake_lies_on_the_axis() {
-        let snake = Snake::robot();
-        assert_eq!(snake.tip(&Pose::default()), [0.0, 0.0, 2.4 + 1.4]);
+        let snake = SnakeShape::robot();
+        assert_eq!(snake.tip(&JointPose::default()), [0.0, 0.0, 2.4 + 1.4]);
     }
 
     #[test]
     fn the_tip_points_where_pitch_and_yaw_say() {
         let (snake, pose) = (
-            Snake::robot(),
-            Pose {
+            SnakeShape::robot(),
+            JointPose {
                 pitch_rad: 0.4,
                 yaw_rad: -0.2,
             },
@@ -171,8 +178,8 @@ mod tests {
     #[test]
     fn the_curve_is_as_long_as_its_parameter_says() {
         let (snake, pose) = (
-            Snake::fibre(0.1),
-            Pose {
+            SnakeShape::fibre(0.1),
+            JointPose {
                 pitch_rad: 0.5,
                 yaw_rad: 0.5,
             },

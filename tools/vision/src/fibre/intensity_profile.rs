@@ -1,7 +1,8 @@
 //! The brightness along a short line across the fibre, and the pairs of edges in it.
 
-use super::{Ground, Px, advance};
-use crate::image::Grey;
+use super::geometry::{Px, advance};
+use super::settings::Background;
+use crate::image::GreyImage;
 
 /// Lines beside each other whose mean is read: at -1, 0 and 1 px.
 const LINES: [f64; 3] = [-1.0, 0.0, 1.0];
@@ -31,7 +32,7 @@ pub struct Candidate {
 
 /// Brightness across the fibre, turned so that the fibre is dark.
 #[derive(Debug, Default)]
-pub struct Profile {
+pub struct IntensityProfile {
     values: Vec<f32>,
     sums: Vec<f32>,
     rise: Vec<f32>,
@@ -39,26 +40,33 @@ pub struct Profile {
     noise: f32,
 }
 
-impl Profile {
+impl IntensityProfile {
     /// Reads the profile from `-half` to `half` px along `unit` through `centre`, mean of three
-    /// lines. What lies outside the picture continues its border.
-    pub fn read(&mut self, picture: &Grey, ground: Ground, centre: Px, unit: Px, half: usize) {
+    /// lines. What lies outside the image continues its border.
+    pub fn read(
+        &mut self,
+        image: &GreyImage,
+        ground: Background,
+        centre: Px,
+        unit: Px,
+        half: usize,
+    ) {
         self.half = half;
         self.values.clear();
         let beside = [unit[1], -unit[0]];
         let (right, bottom) = (
-            (picture.width() as f64 - 1.001).max(0.0),
-            (picture.height() as f64 - 1.001).max(0.0),
+            (image.width() as f64 - 1.001).max(0.0),
+            (image.height() as f64 - 1.001).max(0.0),
         );
         for i in 0..=2 * half {
             let on_line = advance(centre, unit, i as f64 - half as f64);
             let sum: f32 = LINES
                 .iter()
                 .map(|offset| advance(on_line, beside, *offset))
-                .filter_map(|[x, y]| picture.sample(x.clamp(0.0, right), y.clamp(0.0, bottom)))
+                .filter_map(|[x, y]| image.sample(x.clamp(0.0, right), y.clamp(0.0, bottom)))
                 .sum();
             let mean = sum / LINES.len() as f32;
-            self.values.push(if ground == Ground::Bright {
+            self.values.push(if ground == Background::Bright {
                 mean
             } else {
                 255.0 - mean
@@ -222,29 +230,29 @@ fn noise(values: &[f32]) -> f32 {
 mod tests {
     use super::*;
 
-    /// A picture of vertical stripes with the brightness that `f` gives for a column.
-    fn stripes(f: impl Fn(f64) -> f64) -> Grey {
+    /// A image of vertical stripes with the brightness that `f` gives for a column.
+    fn stripes(f: impl Fn(f64) -> f64) -> GreyImage {
         let row: Vec<u8> = (0..200).map(|x| f(f64::from(x)).round() as u8).collect();
-        Grey::new(200, 20, row.repeat(20)).unwrap()
+        GreyImage::new(200, 20, row.repeat(20)).unwrap()
     }
 
     fn soft_step(x: f64) -> f64 {
         1.0 / (1.0 + (-x / 0.8).exp())
     }
 
-    fn candidates(picture: &Grey, ground: Ground, width: f64) -> Vec<Candidate> {
-        let (mut profile, mut found) = (Profile::default(), Vec::new());
-        profile.read(picture, ground, [100.0, 10.0], [1.0, 0.0], 80);
+    fn candidates(image: &GreyImage, ground: Background, width: f64) -> Vec<Candidate> {
+        let (mut profile, mut found) = (IntensityProfile::default(), Vec::new());
+        profile.read(image, ground, [100.0, 10.0], [1.0, 0.0], 80);
         profile.find(width, 20.0, &mut found);
         found
     }
 
     #[test]
     fn finds_the_middle_to_a_fraction_of_a_pixel_in_sloping_light() {
-        let picture = stripes(|x| {
+        let image = stripes(|x| {
             (200.0 - 130.0 * (soft_step(x - 88.3) - soft_step(x - 113.1))) * (0.7 + 0.0015 * x)
         });
-        let found = candidates(&picture, Ground::Bright, 25.0);
+        let found = candidates(&image, Background::Bright, 25.0);
         assert_eq!(found.len(), 1);
         assert!((found[0].offset - 0.7).abs() < 0.1, "{found:?}");
         assert!((found[0].width - 24.8).abs() < 0.4, "{found:?}");
@@ -252,18 +260,18 @@ mod tests {
 
     #[test]
     fn a_bright_fibre_on_dark_ground_is_the_same_in_reverse() {
-        let picture = stripes(|x| 40.0 + 130.0 * (soft_step(x - 90.0) - soft_step(x - 115.0)));
-        let found = candidates(&picture, Ground::Dark, 25.0);
+        let image = stripes(|x| 40.0 + 130.0 * (soft_step(x - 90.0) - soft_step(x - 115.0)));
+        let found = candidates(&image, Background::Dark, 25.0);
         assert_eq!(found.len(), 1);
         assert!((found[0].offset - 2.5).abs() < 0.05);
-        assert!(candidates(&picture, Ground::Bright, 25.0).is_empty());
+        assert!(candidates(&image, Background::Bright, 25.0).is_empty());
     }
 
     #[test]
     fn what_is_too_wide_or_too_narrow_is_left_out() {
-        let picture = stripes(|x| 200.0 - 130.0 * (soft_step(x - 70.0) - soft_step(x - 120.0)));
-        assert!(candidates(&picture, Ground::Bright, 25.0).is_empty());
-        assert_eq!(candidates(&picture, Ground::Bright, 50.0).len(), 1);
-        assert!(candidates(&picture, Ground::Bright, 100.0).is_empty());
+        let image = stripes(|x| 200.0 - 130.0 * (soft_step(x - 70.0) - soft_step(x - 120.0)));
+        assert!(candidates(&image, Background::Bright, 25.0).is_empty());
+        assert_eq!(candidates(&image, Background::Bright, 50.0).len(), 1);
+        assert!(candidates(&image, Background::Bright, 100.0).is_empty());
     }
 }
