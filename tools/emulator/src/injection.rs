@@ -2,12 +2,11 @@
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
 
 /// A fault of an axis, its line or its wire. Offsets count from the first byte of a frame, in
 /// bytes or bits, and wrap at its end.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Serialize, Deserialize, strum::IntoStaticStr, strum::VariantNames,
-)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(
     tag = "kind",
     rename_all = "kebab-case",
@@ -70,7 +69,7 @@ pub enum Injection {
 
 impl Injection {
     /// The names of all kinds, as in files.
-    pub const NAMES: &'static [&'static str] = <Self as strum::VariantNames>::VARIANTS;
+    pub const NAMES: &'static [&'static str] = <Self as VariantNames>::VARIANTS;
 
     /// Every kind, with random values.
     pub fn all(random: &mut impl Rng) -> Vec<Self> {

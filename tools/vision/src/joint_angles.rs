@@ -23,7 +23,7 @@ use crate::setup::{JointAxis, View, VisionSetup};
 
 /// Part by which the fibre may seem longer or shorter than it should.
 const LENGTH_TOLERANCE: f64 = 0.03;
-/// With one view nothing tells how far the fibre is bent towards the camera: it may be up to this,
+/// With one view it is unknown how far the fibre is bent towards the camera: it may be up to this,
 /// rad (45 deg).
 const UNSEEN_BEND: f64 = std::f64::consts::FRAC_PI_4;
 /// Rounds in which both views correct each other. Each makes the error about fifty times smaller.

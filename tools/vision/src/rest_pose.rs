@@ -113,7 +113,7 @@ impl RestPoseEstimator {
 }
 
 impl RestPose {
-    /// All of it are numbers.
+    /// Whether all values are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let [x, y] = self.tip_px;

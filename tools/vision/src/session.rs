@@ -1,8 +1,7 @@
-//! The whole way of the frames, without any input or output: looks of one or two views in, rows
-//! out.
+//! Frames to angles without any input or output: results of one or two views in, rows out.
 //!
-//! The first seconds are the rest reference: their rows are held back until it is known, then told
-//! like all others.
+//! The first seconds are the rest reference: their rows are held back until it is known, then
+//! reported like all others.
 
 use std::collections::BTreeMap;
 

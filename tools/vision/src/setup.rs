@@ -1,4 +1,4 @@
-//! What a person tells about the views: a small TOML file.
+//! Description of the views: a small TOML file written by a person.
 //!
 //! `i2ris vision calibrate` finds axis, direction, turn and rest by itself; thicknesses, lengths
 //! and scale are measured once by a person. Lengths are millimetres, so a change of the
@@ -25,7 +25,7 @@ pub enum JointAxis {
     Yaw,
 }
 
-/// The whole file.
+/// The description of all views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -245,7 +245,7 @@ impl View {
         Ok(())
     }
 
-    /// What the detector is told.
+    /// Parameters of the detector.
     #[must_use]
     pub fn settings(&self) -> DetectorSettings {
         let k = self.px_per_mm;

@@ -1,4 +1,4 @@
-//! One view's eye: a shot in, a reading or the reason for none out.
+//! One view: a frame in, a reading or the reason for none out.
 
 use i2ris::units::Nanos;
 
@@ -24,7 +24,7 @@ impl std::fmt::Display for Rejection {
     }
 }
 
-/// What one shot showed.
+/// The result of one frame.
 #[derive(Debug, Clone)]
 pub struct ViewResult {
     /// When it was or should have been taken.
@@ -59,7 +59,7 @@ impl ViewResult {
     }
 }
 
-/// Looks at the shots of one view, one after the other.
+/// Measures the frames of one view, one after the other.
 #[derive(Debug)]
 pub struct ViewDetector {
     guard: StreamCheck,
@@ -67,7 +67,7 @@ pub struct ViewDetector {
 }
 
 impl ViewDetector {
-    /// An eye that is told what to expect.
+    /// A detector with these parameters.
     #[must_use]
     pub fn new(settings: DetectorSettings) -> Self {
         Self {
@@ -76,7 +76,7 @@ impl ViewDetector {
         }
     }
 
-    /// Looks.
+    /// Measures a frame.
     pub fn detect(&mut self, item: SourceItem) -> ViewResult {
         match self.guard.check(item) {
             SourceItem::Missing { stamp, name, cause } => ViewResult {

@@ -82,7 +82,7 @@ pub fn conditions() -> Vec<TestCondition> {
     cases.map(condition).into()
 }
 
-/// What the detector is told about scenes of a condition.
+/// Parameters of the detector for a scene.
 #[must_use]
 pub fn settings(scene: &Scene) -> DetectorSettings {
     let k = scene.camera.px_per_mm;

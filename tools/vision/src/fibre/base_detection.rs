@@ -5,7 +5,7 @@ use super::intensity_profile::{Candidate, IntensityProfile};
 use super::settings::DetectorSettings;
 use crate::image::GreyImage;
 
-/// Places behind the border where the base is looked for.
+/// Sections behind the border in which the base is searched.
 const SECTIONS: usize = 9;
 /// The base must show at this many of them.
 const MIN_COUNT: usize = 5;

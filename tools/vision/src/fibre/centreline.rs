@@ -63,7 +63,7 @@ pub enum TraceEnd {
     Border,
 }
 
-/// The way of the fibre.
+/// The centreline of the fibre.
 #[derive(Debug, Clone)]
 pub struct Centreline {
     /// The readings, in order; at least one.

@@ -10,7 +10,7 @@ const LINES: [f64; 3] = [-1.0, 0.0, 1.0];
 const EDGE_TO_NOISE: f32 = 4.5;
 /// From the median absolute difference of neighbours to the standard deviation of one value.
 const DIFFERENCE_TO_SIGMA: f32 = 1.4826 / std::f32::consts::SQRT_2;
-/// An edge is looked at this many times as far to both sides as it takes at its steepest to get
+/// An edge is evaluated this many times as far to both sides as it takes at its steepest to get
 /// over its height. Blurred by a normal distribution it is then seen to 4.3 standard deviations;
 /// farther inside lie glints, farther outside specks.
 const EDGE_REACH: f64 = 1.7;
@@ -156,7 +156,7 @@ impl IntensityProfile {
         })
     }
 
-    /// How far to both sides an edge at index `at` has to be looked at.
+    /// How far to both sides an edge at index `at` has to be evaluated.
     fn edge_reach(&self, at: usize, width: f64) -> f64 {
         let most = (width / 3.0).clamp(3.0, 10.0);
         let (start, end) = (at.saturating_sub(most as usize).max(1), at + most as usize);

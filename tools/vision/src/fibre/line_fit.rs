@@ -1,4 +1,4 @@
-//! Straight lines through points, blind to outliers.
+//! Straight lines through points, robust against outliers.
 //!
 //! Start: median of slopes between points half the stretch apart (after Theil and Sen). Then least
 //! squares with Tukey's biweight, its scale from the median absolute deviation (Huber and

@@ -62,7 +62,7 @@ pub enum QualityIssue {
     OutOfPicture,
     /// It is shorter or longer than at rest.
     Length,
-    /// Too much scatter to tell the angle.
+    /// Too much scatter for the angle.
     Noise,
 }
 
@@ -82,7 +82,7 @@ impl QualityIssue {
         Self::Noise,
     ];
 
-    /// What people read.
+    /// Its text in messages.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
@@ -132,7 +132,7 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// The values may be used.
+    /// Whether the values may be used.
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.quality >= GOOD

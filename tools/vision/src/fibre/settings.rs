@@ -1,8 +1,8 @@
-//! What the detector is told about the image.
+//! Parameters of the detector.
 
 use serde::{Deserialize, Serialize};
 
-/// What the fibre lies on.
+/// The background of the fibre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -28,10 +28,10 @@ pub enum EntrySide {
     Bottom,
 }
 
-/// What the detector is told about the image. Lengths in pixels.
+/// Parameters of the detector. Lengths in pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectorSettings {
-    /// What the fibre lies on.
+    /// The background of the fibre.
     pub ground: Background,
     /// Where the base comes in.
     pub side: EntrySide,

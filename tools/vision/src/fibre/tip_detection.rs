@@ -8,7 +8,7 @@ use crate::image::GreyImage;
 
 /// Ground differs from what it should be by less than this part of the contrast.
 const GROUND_LIKE: f32 = 0.4;
-/// Places around the end that are looked at.
+/// Number of samples around the end.
 const SAMPLES: i32 = 5 * 15;
 /// This part of the places around the end must be ground.
 pub const FREE: f64 = 0.9;
@@ -141,7 +141,7 @@ impl TipWindow<'_> {
     }
 }
 
-/// Pixels before and beyond the last reading that are looked at.
+/// Evaluated pixels before and beyond the last reading.
 fn reach(width: f64) -> (i32, i32) {
     let span = width.max(10.0);
     ((2.0 * span) as i32, (2.5 * span) as i32)

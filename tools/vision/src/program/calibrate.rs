@@ -18,7 +18,7 @@ use i2ris_terminal::Failure;
 /// Arguments of `i2ris vision calibrate`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// What is known about the views so far; axis, reversed and turn_deg may be anything that is
+    /// Description of the views so far; axis, reversed and turn_deg may be anything that is
     /// allowed
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
     setup: PathBuf,

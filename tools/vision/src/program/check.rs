@@ -19,7 +19,7 @@ pub struct Arguments {
     /// Images of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
     #[arg(value_name = "IMAGES", num_args = 1..=2, required = true)]
     images: Vec<PathBuf>,
-    /// What is known about the views
+    /// Description of the views
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
     setup: PathBuf,
     #[command(flatten)]
@@ -30,11 +30,11 @@ pub struct Arguments {
     /// Folder for one image per image
     #[arg(long, value_name = "DIR")]
     overlays: Option<PathBuf>,
-    /// Show every so manieth image
+    /// Show only every Nth image
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Show at most so many of each view
+    /// Maximum number of images of each view
     #[arg(long, value_name = "N", default_value_t = 48)]
     most: usize,
     /// Small images per row of the page

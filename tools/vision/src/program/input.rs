@@ -10,7 +10,7 @@ use i2ris_vision::source::{
     FrameClock, FrameSource, ImageFolder, ImageSize, RawStream, SourceError, Y4mStream,
 };
 
-/// Frames per second of a numbered folder, unless told.
+/// Frames per second of a numbered folder, by default.
 const FOLDER_FPS: f64 = 30.0;
 /// Enough to take a stream in large pieces.
 const BUFFER: usize = 1 << 18;

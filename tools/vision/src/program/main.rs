@@ -42,11 +42,11 @@ struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    /// Draw what is measured over the images, for a person to look at
+    /// Draw the measurements over the images
     Check(check::Arguments),
     /// Find which view shows which axis, and the straight pose, and write them into a setup
     Calibrate(calibrate::Arguments),
-    /// Tell the scale from two images between which a stage moved by a known way
+    /// Find the scale from two images between which a stage moved by a known distance
     Scale(scale::Arguments),
     /// Draw synthetic images of given angles
     Render(render::Arguments),

@@ -21,9 +21,9 @@ use super::report::report;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, until_closed};
 
-/// A camera that delivers nothing for this long has stalled.
+/// A camera without a frame for this long has stalled.
 const STALL_TIMEOUT: Duration = Duration::from_secs(1);
-/// How often it is looked whether to end.
+/// Poll period for the end.
 const POLL: Duration = Duration::from_millis(100);
 /// Looks of one view that wait for the other: a second and more of a camera, little memory of a
 /// recording.
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Frames of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
     #[arg(value_name = "IMAGES", num_args = 1..=2, required = true)]
     images: Vec<PathBuf>,
-    /// What is known about the views
+    /// Description of the views
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
     setup: PathBuf,
     #[command(flatten)]
@@ -65,7 +65,7 @@ pub fn span(text: &str) -> Result<Nanos, String> {
         .ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
 }
 
-/// What a view's thread tells.
+/// A message of a view's thread.
 type ViewMessage = Result<ViewResult, SourceError>;
 
 /// Runs it.

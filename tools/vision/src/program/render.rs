@@ -51,7 +51,7 @@ pub struct Arguments {
     /// What the images look like
     #[command(flatten)]
     result: LookArguments,
-    /// Draw every so manieth row
+    /// Draw only every Nth row
     #[arg(long, value_name = "N", default_value_t = 1)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,

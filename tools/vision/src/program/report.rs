@@ -1,4 +1,4 @@
-//! What `i2ris vision` says at the end.
+//! The report of `i2ris vision` at the end.
 
 use std::fmt::Write as _;
 

@@ -17,7 +17,7 @@ pub struct Arguments {
     /// How far the stage moved, across the line of sight
     #[arg(long, value_name = "MM")]
     moved_mm: f64,
-    /// What is known about the views; its scale has to be right to a fifth
+    /// Description of the views; its scale has to be right to a fifth
     #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
     setup: PathBuf,
     /// Name of the view in the setup [default: the first]

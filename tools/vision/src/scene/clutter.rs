@@ -2,7 +2,7 @@
 
 use super::raster::{Raster, Rod};
 
-/// A thing in front of the snake, in pixels.
+/// An object in front of the snake, in pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Clutter {
     /// A straight instrument that tapers from `from` to its free end `to`.

@@ -50,7 +50,7 @@ impl FrameFault {
         Self::NoPicture,
     ];
 
-    /// What people read.
+    /// Its text in messages.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {

@@ -58,7 +58,7 @@ impl StreamCheck {
     }
 }
 
-/// Tells when both views show the same camera.
+/// Detects that both views show the same camera.
 ///
 /// Two programs that read one camera need not get the same frames of it, so one identical frame
 /// puts all under suspicion for a while.

@@ -1,7 +1,7 @@
 //! Frames of the emulated snake as it moves.
 //!
-//! The emulator tells its camera's angles to whoever serves the domain that it is given. This
-//! program serves a domain of its own, draws what it is told, and feeds the frames with their
+//! The emulator publishes its camera's angles to the server of its domain. This
+//! program serves a domain of its own, draws the angles, and feeds the frames with their
 //! stamps to a camera process, which measures them and publishes to the real controller: angles
 //! reach the controller through frames only.
 
@@ -18,7 +18,7 @@ use super::fifo::Fifos;
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
-/// How often it is looked for new angles.
+/// Poll period for new angles.
 const POLL: Nanos = Nanos::from_millis(2);
 
 /// Draws until interrupted, or until nobody reads.
