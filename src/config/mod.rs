@@ -12,6 +12,8 @@
 
 mod key_hint;
 mod ports;
+#[cfg(test)]
+mod schema_file;
 mod sections;
 mod validation;
 
@@ -31,7 +33,7 @@ pub use validation::Finding;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     /// Name of the robot. A model that was calibrated on another robot is refused.

@@ -8,7 +8,7 @@ use crate::units::Counts;
 
 /// A serial port and the axes behind it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PortConfig {
     /// The device file.
@@ -64,7 +64,7 @@ impl PortConfig {
 
 /// Polling of slow values. A round is a setpoint and a position: two exchanges on the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Polling {
     /// Rounds between two reads of the statusword, 1 to 1000.
@@ -84,7 +84,7 @@ impl Default for Polling {
 
 /// Families of drives. They differ in their requests and in the numbers of their objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Family {
     /// maxon EPOS4.
@@ -96,7 +96,7 @@ pub enum Family {
 
 /// The framing of bytes on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Framing {
     /// With sync bytes and stuffing: EPOS4 on RS232 and USB, EPOS2 on USB.
@@ -108,7 +108,7 @@ pub enum Framing {
 
 /// The way in which setpoints act in the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Streaming {
     /// Every setpoint acts at once: cyclic synchronous position (EPOS4), position mode (EPOS2).
@@ -122,7 +122,7 @@ pub enum Streaming {
 
 /// The homing methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum HomingMethod {
     /// The present position becomes zero (homing method 37). Nothing moves.
@@ -148,7 +148,7 @@ fn default_deadman_ms() -> u64 {
 
 /// One drive and its motor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
     /// Which motor of the model this drive turns, 0 or 1.

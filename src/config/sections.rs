@@ -8,7 +8,7 @@ use crate::units::Nanos;
 
 /// The control loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
     /// Ticks per second, 100 to 4000.
@@ -51,7 +51,7 @@ impl ControlConfig {
 
 /// Shared memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct IpcConfig {
     /// Name of the domain: controllers and clients meet only inside one. Letters, digits and `-`,
@@ -69,7 +69,7 @@ impl Default for IpcConfig {
 
 /// Requirements on commands from other processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CommandConfig {
     /// Age at which a servo command that names no deadline is stale and the robot stops, in
@@ -106,7 +106,7 @@ impl Default for CommandConfig {
 /// Limits on the motion of every motor. The reference is the previous setpoint, not the
 /// measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitConfig {
     /// Velocity of the setpoint, counts per second.
@@ -167,7 +167,7 @@ impl LimitConfig {
 
 /// Compensation of backlash and friction by a model with memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CompensationConfig {
     /// Share of backlash and friction that is compensated, 0 to 1. Too much moves the tip at a
@@ -195,7 +195,7 @@ impl Default for CompensationConfig {
 
 /// The conditioning cycle: a decaying oscillation after which the hysteresis memory is known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ConditioningConfig {
     /// Amplitude of the first turn, counts of every motor, around the start. The range that the
@@ -220,7 +220,7 @@ impl Default for ConditioningConfig {
 
 /// The change from one model to another while the robot is enabled.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSwapConfig {
     /// Time in which the motors go to the setpoints of the new model, in milliseconds, 0 to 10000.
@@ -237,7 +237,7 @@ impl Default for ModelSwapConfig {
 /// Limits on the angles before the inverse. An absent limit is off. A model of the tip position
 /// has none.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct JointLimitConfig {
     /// Lowest angles, degrees, one per output.
@@ -273,7 +273,7 @@ impl JointLimitConfig {
 
 /// The trajectory of `move_jp`: from rest to rest on a straight line in joint space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct MoveConfig {
     /// Velocity along the line, degrees per second.
@@ -297,7 +297,7 @@ impl Default for MoveConfig {
 /// The plausibility check: `external/measured_jp` of a camera against the estimate from the
 /// encoders at the same instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlausibilityConfig {
     /// Distance between the two that leads to FAULT after `debounce_ms`, in degrees. 0: off, for
@@ -318,7 +318,7 @@ impl Default for PlausibilityConfig {
 
 /// Black box and run log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RecordConfig {
     /// Folder of black boxes and run log, relative to the folder of this file.

@@ -129,15 +129,15 @@ impl Random {
         let bit = self.between(0, 192) as usize;
         match self.between(0, 40) {
             0 | 1 => Injection::LoseRequest,
-            2 | 3 => Injection::DropRequest { place },
-            4 | 5 => Injection::FlipRequest { place: bit },
-            6 | 7 => Injection::DoubleRequest { place },
-            8 | 9 => Injection::CutRequest { place },
+            2 | 3 => Injection::DropRequest { offset: place },
+            4 | 5 => Injection::FlipRequest { offset: bit },
+            6 | 7 => Injection::DoubleRequest { offset: place },
+            8 | 9 => Injection::CutRequest { offset: place },
             10 | 11 => Injection::LoseReply,
-            12 | 13 => Injection::DropReply { place },
-            14..=16 => Injection::FlipReply { place: bit },
-            17 | 18 => Injection::DoubleReply { place },
-            19 | 20 => Injection::CutReply { place },
+            12 | 13 => Injection::DropReply { offset: place },
+            14..=16 => Injection::FlipReply { offset: bit },
+            17 | 18 => Injection::DoubleReply { offset: place },
+            19 | 20 => Injection::CutReply { offset: place },
             21 | 22 => Injection::CutReplyInPair,
             23..=26 => Injection::LateReply {
                 delay_ms: self.between(1, 300),

@@ -1,4 +1,4 @@
-//! The camera: angles of the snake at a steady rate, with noise, some time after the exposure.
+//! The camera: angles of the snake at a fixed rate, with noise and latency.
 
 use std::collections::VecDeque;
 
@@ -7,13 +7,11 @@ use i2ris::units::Nanos;
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
-use serde::{Deserialize, Serialize};
 
 /// A camera.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct CameraConfig {
-    /// Pictures per second.
+    /// Frames per second.
     pub rate_hz: f64,
     /// Standard deviation of a measured angle, degrees.
     pub noise_deg: f64,
@@ -31,7 +29,7 @@ impl Default for CameraConfig {
     }
 }
 
-/// A camera at work. Time is an argument; what it needs of the world is asked for at the exposure.
+/// A running camera. Time is an argument; the caller measures the angles at each exposure.
 #[derive(Debug)]
 pub struct Camera {
     config: CameraConfig,
@@ -39,15 +37,16 @@ pub struct Camera {
     period: Nanos,
     next_exposure: Nanos,
     sequence: u64,
-    /// Taken, but not delivered yet.
+    /// Captured, but not delivered yet.
     pending: VecDeque<ExternalPosition>,
 }
 
 impl Camera {
-    /// A camera that takes its first picture at `now`. `seed` determines the noise.
+    /// A camera whose first exposure is at `now`. `seed` determines the noise.
     #[must_use]
     pub fn new(config: &CameraConfig, seed: u64, now: Nanos) -> Self {
-        let rate_hz = if config.rate_hz > 0.0 {
+        let is_valid = config.rate_hz > 0.0;
+        let rate_hz = if is_valid {
             config.rate_hz.min(1000.0)
         } else {
             1.0
@@ -62,36 +61,34 @@ impl Camera {
         }
     }
 
-    /// When there is something to do next: a picture to take or one to deliver.
+    /// The instant of the next exposure or delivery.
     #[must_use]
-    pub fn next(&self) -> Nanos {
-        let delivery = self.pending.front().map(|picture| self.delivery(picture));
-        delivery.map_or(self.next_exposure, |delivery| {
-            delivery.min(self.next_exposure)
-        })
+    pub fn next_due(&self) -> Nanos {
+        let delivery = self.pending.front().map(|frame| self.delivery(frame));
+        self.next_exposure
+            .min(delivery.unwrap_or(self.next_exposure))
     }
 
-    /// Whether it is time for a picture.
+    /// Whether an exposure is due.
     #[must_use]
-    pub fn wants_picture(&self, now: Nanos) -> bool {
+    pub fn is_exposure_due(&self, now: Nanos) -> bool {
         now >= self.next_exposure
     }
 
-    /// Takes a picture of these angles (pitch and yaw, degrees) that are true at `stamp`. Exposures
-    /// that were missed meanwhile are left out.
-    pub fn take_picture(&mut self, stamp: Nanos, angles_deg: [f64; 2]) {
-        let noise = self.config.noise_deg.to_radians();
+    /// Captures the true angles (pitch and yaw, degrees) at `stamp`. Missed exposures are skipped.
+    pub fn capture(&mut self, stamp: Nanos, angles_deg: [f64; 2]) {
+        let deviation = self.config.noise_deg.to_radians();
         let mut position = [0.0; 3];
         for (position, angle) in position.iter_mut().zip(angles_deg) {
-            let kick: f64 = StandardNormal.sample(&mut self.random);
-            *position = angle.to_radians() + noise * kick;
+            let noise: f64 = StandardNormal.sample(&mut self.random);
+            *position = angle.to_radians() + deviation * noise;
         }
         self.sequence += 1;
         self.pending.push_back(ExternalPosition {
             sequence: self.sequence,
             stamp_ns: stamp.0,
             position,
-            deviation: [noise, noise, 0.0],
+            deviation: [deviation, deviation, 0.0],
             quality: 1.0,
             count: 2,
             flags: ExternalPosition::VALID,
@@ -100,17 +97,18 @@ impl Camera {
         self.next_exposure = self.next_exposure + Nanos(self.period.0 * (missed + 1));
     }
 
-    /// The next picture whose time of delivery has come.
+    /// The next frame whose delivery is due.
     pub fn deliver(&mut self, now: Nanos) -> Option<ExternalPosition> {
-        let due = self
-            .pending
-            .front()
-            .is_some_and(|picture| self.delivery(picture) <= now);
-        if due { self.pending.pop_front() } else { None }
+        let next = self.pending.front()?;
+        if self.delivery(next) <= now {
+            self.pending.pop_front()
+        } else {
+            None
+        }
     }
 
-    fn delivery(&self, picture: &ExternalPosition) -> Nanos {
-        Nanos(picture.stamp_ns) + Nanos::from_millis(self.config.latency_ms)
+    fn delivery(&self, frame: &ExternalPosition) -> Nanos {
+        Nanos(frame.stamp_ns) + Nanos::from_millis(self.config.latency_ms)
     }
 }
 
@@ -118,58 +116,56 @@ impl Camera {
 mod tests {
     use super::*;
 
-    fn run(config: &CameraConfig, until_ms: u64) -> Vec<(Nanos, ExternalPosition)> {
-        let mut camera = Camera::new(config, 1, Nanos::ZERO);
+    fn run(until_ms: u64) -> Vec<(Nanos, ExternalPosition)> {
+        let mut camera = Camera::new(&CameraConfig::default(), 1, Nanos::ZERO);
         let mut delivered = Vec::new();
         loop {
-            let now = camera.next();
+            let now = camera.next_due();
             if now > Nanos::from_millis(until_ms) {
                 return delivered;
             }
-            if camera.wants_picture(now) {
-                camera.take_picture(now, [10.0, -20.0]);
+            if camera.is_exposure_due(now) {
+                camera.capture(now, [10.0, -20.0]);
             }
-            delivered.extend(camera.deliver(now).map(|picture| (now, picture)));
+            delivered.extend(camera.deliver(now).map(|frame| (now, frame)));
         }
     }
 
     #[test]
-    fn pictures_come_at_the_rate_and_after_the_latency() {
-        let delivered = run(&CameraConfig::default(), 10_000);
+    fn frames_come_at_the_rate_and_after_the_latency() {
+        let delivered = run(10_000);
         assert!(
             (298..=300).contains(&delivered.len()),
             "{}",
             delivered.len()
         );
-        for (number, (now, picture)) in delivered.iter().enumerate() {
-            assert_eq!(picture.sequence, number as u64 + 1);
-            assert_eq!(now.0 - picture.stamp_ns, 40_000_000);
+        for (number, (now, frame)) in delivered.iter().enumerate() {
+            assert_eq!(frame.sequence, number as u64 + 1);
+            assert_eq!(now.0 - frame.stamp_ns, 40_000_000);
         }
     }
 
     #[test]
     fn the_noise_is_the_configured_one() {
-        let delivered = run(&CameraConfig::default(), 60_000);
+        let delivered = run(60_000);
+        let error = |frame: &ExternalPosition| frame.position[1].to_degrees() + 20.0;
         let squares: f64 = delivered
             .iter()
-            .map(|(_, picture)| (picture.position[1].to_degrees() + 20.0).powi(2))
+            .map(|(_, frame)| error(frame).powi(2))
             .sum();
         let spread = (squares / delivered.len() as f64).sqrt();
         assert!((0.045..0.055).contains(&spread), "{spread}");
     }
 
     #[test]
-    fn a_stall_leaves_pictures_out_and_causes_no_burst() {
-        let mut camera = Camera::new(
-            &CameraConfig {
-                rate_hz: 10.0,
-                ..CameraConfig::default()
-            },
-            1,
-            Nanos::ZERO,
-        );
-        camera.take_picture(Nanos::from_millis(550), [0.0; 2]);
-        assert!(!camera.wants_picture(Nanos::from_millis(599)));
-        assert!(camera.wants_picture(Nanos::from_millis(600)));
+    fn a_stall_skips_frames_and_causes_no_burst() {
+        let config = CameraConfig {
+            rate_hz: 10.0,
+            ..CameraConfig::default()
+        };
+        let mut camera = Camera::new(&config, 1, Nanos::ZERO);
+        camera.capture(Nanos::from_millis(550), [0.0; 2]);
+        assert!(!camera.is_exposure_due(Nanos::from_millis(599)));
+        assert!(camera.is_exposure_due(Nanos::from_millis(600)));
     }
 }

@@ -1,10 +1,9 @@
-//! The running emulator: its threads, what they share, and what tests can ask of it and do to it.
+//! The running emulator: its threads, and the handle for tests and the command line.
 
-use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
@@ -13,78 +12,28 @@ use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
 use nix::sys::prctl;
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
 
-use crate::camera::{Camera, CameraConfig};
-use crate::control;
-use crate::drive::{Drive, DriveConfig, DriveSnapshot, Fault};
-use crate::log::{Event, EventKind, Log, LogError};
-use crate::port::{FolderError, LineConfig, Port, PortFolder};
-use crate::scenario::{Injection, Scenario};
-use crate::snake::{Snake, SnakeConfig};
-use crate::wire::Wire;
-use crate::world::World;
+use crate::camera::Camera;
+use crate::config::EmulatorConfig;
+use crate::control_socket;
+use crate::drive::{Drive, DriveSnapshot, Fault};
+use crate::injection::Injection;
+use crate::log::{Event, Log, LogError};
+use crate::plant::Plant;
+use crate::port::{FolderError, Port, PortFolder};
+use crate::scenario::Scenario;
+use crate::scenario_player;
+use crate::shared::Shared;
+use crate::snake::Snake;
 
-/// Where the ports appear if no one says otherwise.
-pub const DEFAULT_FOLDER: &str = "/tmp/i2ris-emulator";
-
-/// How often the plant is brought forward when no request does it.
+/// How often the plant advances when no request advances it.
 const PLANT_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// How often it is looked whether something of a scenario is due.
-const SCENARIO_NAP: Nanos = Nanos::from_millis(1);
-
-/// How often the log goes to its file.
+/// How often the log is written to its file.
 const LOG_PERIOD: Nanos = Nanos::from_millis(50);
 
-/// Everything about one emulator.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EmulatorConfig {
-    /// The snake.
-    pub snake: SnakeConfig,
-    /// Folder for the links to the ports, `axis0` and `axis1`.
-    pub folder: PathBuf,
-    /// Determines everything random.
-    pub seed: u64,
-    /// The serial lines.
-    pub line: LineConfig,
-    /// One port: the first drive passes requests on to the second over CAN, which takes so many
-    /// microseconds there and back. Absent: a port for every drive.
-    pub gateway_us: Option<u64>,
-    /// What is done to drives, lines and wires, and when.
-    pub scenario: Scenario,
-    /// The drives.
-    pub drives: [DriveConfig; 2],
-    /// The camera.
-    pub camera: CameraConfig,
-    /// A file that takes the log, CSV.
-    pub log: Option<PathBuf>,
-}
-
-impl EmulatorConfig {
-    /// Two drives with their defaults in front of this snake. Their serial numbers are 62000001 and
-    /// 62000002.
-    #[must_use]
-    pub fn new(snake: SnakeConfig, folder: &Path) -> Self {
-        let first = DriveConfig::default();
-        let second = DriveConfig {
-            serial_number: first.serial_number + 1,
-            ..DriveConfig::default()
-        };
-        Self {
-            snake,
-            folder: folder.to_owned(),
-            seed: 1,
-            line: LineConfig::default(),
-            gateway_us: None,
-            scenario: Scenario::default(),
-            drives: [first, second],
-            camera: CameraConfig::default(),
-            log: None,
-        }
-    }
-}
+/// Maximum sleep of the camera thread.
+const CAMERA_PERIOD: Nanos = Nanos::from_millis(50);
 
 /// Why an emulator does not start.
 #[derive(Debug, thiserror::Error)]
@@ -95,146 +44,15 @@ pub enum EmulatorError {
     /// The log.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// The system has no pseudo-terminal or no thread to give.
+    /// The system has no pseudo-terminal or thread left.
     #[error("cannot start the emulator: {0}; the system is out of pseudo-terminals or threads")]
     System(#[from] io::Error),
-}
-
-/// What the threads share.
-pub(crate) struct Shared {
-    world: Mutex<World>,
-    log: Arc<Log>,
-    stop: AtomicBool,
-    pub(crate) lines: [Line; 2],
-    gateway: bool,
-    /// Encoders that count again at an instant.
-    thaws: Mutex<Vec<(Nanos, usize)>>,
-}
-
-/// One line, as counted.
-#[derive(Debug, Default)]
-pub(crate) struct Line {
-    pub(crate) requests: AtomicU64,
-    pub(crate) replies: AtomicU64,
-    muted: AtomicBool,
-    trouble: Mutex<Trouble>,
-}
-
-/// What is going to befall a line.
-#[derive(Debug, Default)]
-struct Trouble {
-    exchanges: VecDeque<Injection>,
-    hang_up: Option<Nanos>,
-    muted_until: Nanos,
-}
-
-impl Line {
-    fn trouble(&self) -> MutexGuard<'_, Trouble> {
-        self.trouble.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// What befalls the next exchange.
-    pub(crate) fn take_mischief(&self) -> Option<Injection> {
-        self.trouble().exchanges.pop_front()
-    }
-
-    /// For how long the port goes away now.
-    pub(crate) fn take_hang_up(&self) -> Option<Nanos> {
-        self.trouble().hang_up.take()
-    }
-
-    /// Nothing is answered.
-    pub(crate) fn is_muted(&self, now: Nanos) -> bool {
-        self.muted.load(Ordering::Relaxed) || now < self.trouble().muted_until
-    }
-}
-
-impl Shared {
-    pub(crate) fn world(&self) -> MutexGuard<'_, World> {
-        self.world.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The line of an axis.
-    fn line(&self, axis: usize) -> &Line {
-        &self.lines[if self.gateway { 0 } else { axis }]
-    }
-
-    /// Does something to an axis, its line or its wire.
-    pub(crate) fn inject(&self, axis: usize, what: Injection) {
-        let now = clock::now();
-        self.world()
-            .note(axis, now, EventKind::Injected(what.name()));
-        if what.is_of_the_line() {
-            self.line(axis).trouble().exchanges.push_back(what);
-            return;
-        }
-        match what {
-            Injection::HangUp { for_ms } => {
-                self.line(axis).trouble().hang_up = Some(Nanos::from_millis(for_ms))
-            }
-            Injection::Mute { for_ms } => {
-                self.line(axis).trouble().muted_until = now + Nanos::from_millis(for_ms);
-            }
-            Injection::Reset => self.world().disturb(axis, now, Drive::power_cycle),
-            Injection::Fault { code } => self
-                .world()
-                .disturb(axis, now, |drive| drive.raise(Fault(code), false)),
-            Injection::FreezeEncoder { for_ms } => {
-                self.world()
-                    .disturb(axis, now, |drive| drive.freeze_encoder(true));
-                let thaw = (now + Nanos::from_millis(for_ms), axis);
-                self.thaws
-                    .lock()
-                    .unwrap_or_else(PoisonError::into_inner)
-                    .push(thaw);
-            }
-            Injection::SlipEncoder { counts } => {
-                self.world()
-                    .disturb(axis, now, |drive| drive.slip_encoder(counts));
-            }
-            Injection::SlackWire { counts } => self.change_wire(axis, now, |wire, motor| {
-                wire.slacken(motor, f64::from(counts));
-            }),
-            Injection::BreakWire => self.change_wire(axis, now, Wire::tear),
-            Injection::MendWire => self.change_wire(axis, now, |wire, _| *wire = Wire::Sound),
-            _ => {}
-        }
-    }
-
-    fn change_wire(&self, axis: usize, now: Nanos, change: impl FnOnce(&mut Wire, f64)) {
-        let mut world = self.world();
-        world.advance_to(now);
-        let motor = world.drives[axis].motor_counts();
-        change(&mut world.wires[axis], motor);
-    }
-
-    /// Lets the plant go on, and encoders count again whose time has come.
-    fn advance(&self, now: Nanos) {
-        let due: Vec<usize> = {
-            let mut thaws = self.thaws.lock().unwrap_or_else(PoisonError::into_inner);
-            let due = thaws
-                .iter()
-                .filter(|(at, _)| *at <= now)
-                .map(|(_, axis)| *axis)
-                .collect();
-            thaws.retain(|(at, _)| *at > now);
-            due
-        };
-        let mut world = self.world();
-        world.advance_to(now);
-        due.into_iter()
-            .for_each(|axis| world.disturb(axis, now, |drive| drive.freeze_encoder(false)));
-    }
-
-    pub(crate) fn stops(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
 }
 
 /// The state of everything at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Snapshot {
-    /// When.
+    /// The instant.
     pub stamp: Nanos,
     /// True pitch and yaw, degrees.
     pub angles_deg: [f64; 2],
@@ -247,9 +65,9 @@ pub struct Snapshot {
 pub struct AxisSnapshot {
     /// The drive.
     pub drive: DriveSnapshot,
-    /// Requests that were understood or had a wrong CRC.
+    /// Decoded requests and frames with a wrong CRC.
     pub requests: u64,
-    /// Replies that were sent.
+    /// Sent replies.
     pub replies: u64,
 }
 
@@ -259,7 +77,7 @@ pub struct Emulator {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
     devices: Vec<PathBuf>,
-    /// Last, so that the links are there as long as something serves them.
+    /// Dropped last, so that the links exist as long as the ports are served.
     _folder: PortFolder,
 }
 
@@ -268,48 +86,25 @@ impl Emulator {
     ///
     /// # Errors
     ///
-    /// When folder, log, pseudo-terminals or threads cannot be had.
+    /// When folder, log, pseudo-terminals or threads cannot be created.
     pub fn start(config: EmulatorConfig) -> Result<Self, EmulatorError> {
         let mut folder = PortFolder::claim(&config.folder)?;
-        let log = Arc::new(
-            config
-                .log
-                .as_deref()
-                .map_or_else(|| Ok(Log::default()), Log::to_file)?,
-        );
-        let drives = [
-            Drive::new(&config.drives[0], 0.0),
-            Drive::new(&config.drives[1], 0.0),
-        ];
-        let mut world = World::new(
-            drives,
-            Snake::new(&config.snake, config.seed),
-            Arc::clone(&log),
-            clock::now(),
-        );
-        if let Some(round_trip_us) = config.gateway_us {
-            world = world.with_gateway(Nanos::from_micros(round_trip_us));
-        }
-        let gateway = config.gateway_us.is_some();
-        let shared = Arc::new(Shared {
-            world: Mutex::new(world),
-            log,
-            stop: AtomicBool::new(false),
-            lines: Default::default(),
-            gateway,
-            thaws: Mutex::default(),
-        });
-        let mut ports = Vec::new();
-        let mut devices = Vec::new();
-        for axis in 0..if gateway { 1 } else { 2 } {
-            let mut port = Port::open(
-                axis,
-                &config.line,
-                config.seed + 10 + axis as u64,
-                Arc::clone(&shared),
-            )?;
+        let log = config.log.as_deref().map(Log::to_file).transpose()?;
+        let log = Arc::new(log.unwrap_or_default());
+        let drives = config
+            .drives
+            .each_ref()
+            .map(|config| Drive::new(config, 0.0));
+        let snake = Snake::new(&config.snake, config.seed);
+        let gateway = config.gateway_us.map(Nanos::from_micros);
+        let plant = Plant::new(drives, snake, gateway, Arc::clone(&log), clock::now());
+        let shared = Arc::new(Shared::new(plant, log, gateway.is_some()));
+        let (mut ports, mut devices) = (Vec::new(), Vec::new());
+        for axis in 0..if gateway.is_some() { 1 } else { 2 } {
+            let seed = config.seed + 10 + axis as u64;
+            let mut port = Port::open(axis, &config.line, seed, Arc::clone(&shared))?;
             devices.push(folder.link(&format!("axis{axis}"), port.path())?);
-            port.known_as(&devices[axis]);
+            port.set_link(&devices[axis]);
             ports.push(port);
         }
         let mut emulator = Self {
@@ -323,29 +118,32 @@ impl Emulator {
             emulator.spawn(&format!("axis{axis}"), move |_| port.run())?;
         }
         emulator.spawn("plant", |shared| {
-            every(PLANT_PERIOD, &shared, |shared| shared.advance(clock::now()))
+            repeat(PLANT_PERIOD, &shared, |shared| shared.advance(clock::now()));
         })?;
-        // A full disk must not stop a drive: the log in memory goes on.
+        // A full disk must not stop a drive: the log in memory continues.
         emulator.spawn("log", |shared| {
-            every(LOG_PERIOD, &shared, |shared| drop(shared.log.flush()))
+            repeat(LOG_PERIOD, &shared, |shared| drop(shared.log.flush()));
         })?;
-        if emulator.config.scenario != Scenario::default() {
-            let (scenario, seed) = (emulator.config.scenario.clone(), emulator.config.seed);
-            emulator.spawn("scenario", move |shared| play(&shared, &scenario, seed))?;
+        let (scenario, seed) = (emulator.config.scenario.clone(), emulator.config.seed);
+        if scenario != Scenario::default() {
+            emulator.spawn("scenario", move |shared| {
+                scenario_player::play(&shared, &scenario, seed);
+            })?;
         }
-        let socket = emulator.config.folder.join(control::SOCKET);
-        let listener = control::listen(&socket)?;
+        let socket = emulator.config.folder.join(control_socket::SOCKET);
+        let listener = control_socket::listen(&socket)?;
         emulator.spawn("control", move |shared| {
-            control::serve(&listener, &socket, &shared)
+            control_socket::serve(&listener, &socket, &shared);
         })?;
         Ok(emulator)
     }
 
-    /// Starts the camera. `connect` runs in the camera's thread and gives what takes the pictures.
+    /// Starts the camera. `connect` runs in the camera's thread and returns the receiver of the
+    /// frames.
     ///
     /// # Errors
     ///
-    /// When there is no thread to be had.
+    /// When no thread can be created.
     pub fn start_camera<S>(
         &mut self,
         connect: impl FnOnce() -> S + Send + 'static,
@@ -355,46 +153,45 @@ impl Emulator {
     {
         let mut camera = Camera::new(&self.config.camera, self.config.seed + 1, clock::now());
         self.spawn("camera", move |shared| {
-            let mut sink = connect();
-            while !shared.stops() {
+            let mut receiver = connect();
+            while !shared.is_stopping() {
                 let now = clock::now();
-                if camera.wants_picture(now) {
-                    let (stamp, angles_deg) = shared.look(now);
-                    camera.take_picture(stamp, angles_deg);
+                if camera.is_exposure_due(now) {
+                    let (stamp, angles_deg) = shared.true_angles(now);
+                    camera.capture(stamp, angles_deg);
                 }
-                while let Some(picture) = camera.deliver(clock::now()) {
-                    sink(picture);
+                while let Some(frame) = camera.deliver(clock::now()) {
+                    receiver(frame);
                 }
-                clock::sleep_until(camera.next().min(clock::now() + Nanos::from_millis(50)));
+                clock::sleep_until(camera.next_due().min(clock::now() + CAMERA_PERIOD));
             }
         })
     }
 
-    /// Starts the camera and publishes its pictures to the controller of a domain, whenever there
-    /// is one: a controller may come later, go, and come back.
+    /// Starts the camera and publishes its frames to the controller of a domain. The controller may
+    /// start later, stop and start again.
     ///
     /// # Errors
     ///
-    /// When there is no thread to be had.
+    /// When no thread can be created.
     pub fn publish_camera(&mut self, domain: &Domain) -> Result<(), EmulatorError> {
         let mut publisher = ExternalPublisher::new(domain);
         self.start_camera(move || {
-            move |picture: ExternalPosition| {
-                let (stamp, count) = (Nanos(picture.stamp_ns), picture.count as usize);
-                let (position, deviation) =
-                    (&picture.position[..count], &picture.deviation[..count]);
-                // Without a controller a picture is lost, as it is when no one watches a camera.
-                let _ = publisher.publish_judged(stamp, position, deviation, picture.quality);
+            move |frame: ExternalPosition| {
+                let (stamp, count) = (Nanos(frame.stamp_ns), frame.count as usize);
+                let (position, deviation) = (&frame.position[..count], &frame.deviation[..count]);
+                // Without a controller the frame is lost.
+                let _ = publisher.publish_judged(stamp, position, deviation, frame.quality);
             }
         })
     }
 
-    /// Does something to an axis, its line or its wire.
-    pub fn inject(&self, axis: usize, what: Injection) {
-        self.shared.inject(axis, what);
+    /// Injects a fault into an axis, its line or its wire.
+    pub fn inject(&self, axis: usize, injection: Injection) {
+        self.shared.inject(axis, injection);
     }
 
-    /// The device file of an axis: a link of a stable name. Behind a gateway both have the same.
+    /// The device file of an axis: a link of a stable name. With a gateway both axes have the same.
     ///
     /// # Panics
     ///
@@ -404,59 +201,57 @@ impl Emulator {
         &self.devices[if self.shared.gateway { 0 } else { axis }]
     }
 
-    /// The state of everything, now.
+    /// The present state of everything.
     #[must_use]
     pub fn snapshot(&self) -> Snapshot {
-        let mut world = self.shared.world();
-        world.advance_to(clock::now());
+        let mut plant = self.shared.plant();
+        plant.advance_to(clock::now());
         let axis = |axis: usize| AxisSnapshot {
-            drive: world.drives[axis].snapshot(),
+            drive: plant.drives[axis].snapshot(),
             requests: self.shared.line(axis).requests.load(Ordering::Relaxed),
             replies: self.shared.line(axis).replies.load(Ordering::Relaxed),
         };
         Snapshot {
-            stamp: world.time(),
-            angles_deg: world.snake.angles_deg(),
+            stamp: plant.time(),
+            angles_deg: plant.snake.angles_deg(),
             axes: [axis(0), axis(1)],
         }
     }
 
-    /// Everything that happened, oldest first.
+    /// All events, oldest first.
     #[must_use]
     pub fn log(&self) -> Vec<Event> {
         self.shared.log.events()
     }
 
-    /// How often a host broke a rule since the start.
+    /// Number of rule violations of the host since the start.
     #[must_use]
     pub fn host_bugs(&self) -> u64 {
         self.shared.log.host_bugs()
     }
 
-    /// Makes an axis carry out requests without ever answering, or ends that.
+    /// Stops the replies of an axis, or starts them again. It executes requests all the time.
     pub fn mute(&self, axis: usize, mute: bool) {
         self.shared.line(axis).muted.store(mute, Ordering::Relaxed);
     }
 
     /// Raises a fault on an axis. While it `persists`, it cannot be reset.
     pub fn raise_fault(&self, axis: usize, code: u16, persists: bool) {
-        self.shared.world().disturb(axis, clock::now(), |drive| {
-            drive.raise(Fault(code), persists)
-        });
+        self.disturb(axis, |drive| drive.raise(Fault(code), persists));
     }
 
     /// Removes the cause of a persistent fault, so that it can be reset.
     pub fn remove_cause(&self, axis: usize) {
-        self.shared
-            .world()
-            .disturb(axis, clock::now(), Drive::remove_cause);
+        self.disturb(axis, Drive::remove_cause);
     }
 
-    /// Takes the power off an axis and gives it back.
+    /// Switches the power of an axis off and on again.
     pub fn power_cycle(&self, axis: usize) {
-        self.shared
-            .world()
-            .disturb(axis, clock::now(), Drive::power_cycle);
+        self.disturb(axis, Drive::power_cycle);
+    }
+
+    fn disturb(&self, axis: usize, change: impl FnOnce(&mut Drive)) {
+        self.shared.plant().disturb(axis, clock::now(), change);
     }
 
     fn spawn(
@@ -465,22 +260,20 @@ impl Emulator {
         work: impl FnOnce(Arc<Shared>) + Send + 'static,
     ) -> Result<(), EmulatorError> {
         let shared = Arc::clone(&self.shared);
-        let thread = thread::Builder::new()
-            .name(format!("emulator-{name}"))
-            .spawn(move || {
-                // Timers of normal threads are late by 50 microseconds unless asked not to be; it is no
-                // harm if refused.
-                let _ = prctl::set_timerslack(1);
-                work(shared);
-            })?;
-        self.threads.push(thread);
+        let builder = thread::Builder::new().name(format!("emulator-{name}"));
+        self.threads.push(builder.spawn(move || {
+            // Timers of normal threads are late by 50 microseconds by default. A refusal is
+            // harmless.
+            let _ = prctl::set_timerslack(1);
+            work(shared);
+        })?);
         Ok(())
     }
 }
 
 impl Drop for Emulator {
     fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Relaxed);
+        self.shared.stop();
         for thread in self.threads.drain(..) {
             let _ = thread.join();
         }
@@ -488,46 +281,10 @@ impl Drop for Emulator {
     }
 }
 
-impl Shared {
-    /// What a camera sees now, and the instant for which that is true.
-    fn look(&self, now: Nanos) -> (Nanos, [f64; 2]) {
-        let mut world = self.world();
-        world.advance_to(now);
-        (world.time(), world.snake.angles_deg())
-    }
-}
-
-/// Plays a scenario until it or the emulator ends.
-fn play(shared: &Shared, scenario: &Scenario, seed: u64) {
-    let start = clock::now();
-    let mut random = Pcg64Mcg::seed_from_u64(scenario.seed.unwrap_or(seed));
-    let mut fixed = scenario.at.iter().peekable();
-    let mut next_drawn = scenario
-        .random
-        .as_ref()
-        .map(|drawn| start + Nanos::from_millis(drawn.every_ms));
-    while !shared.stops() {
-        let now = clock::now();
-        while let Some(timed) = fixed.next_if(|timed| start + Nanos::from_millis(timed.ms) <= now) {
-            shared.inject(timed.axis, timed.what);
-        }
-        if let (Some(drawn), Some(next)) = (&scenario.random, next_drawn)
-            && next <= now
-        {
-            let (what, wait_ms) = drawn.draw(&mut random);
-            if let Some(what) = what {
-                shared.inject(random.random_range(0..2), what);
-            }
-            next_drawn = Some(next + Nanos::from_millis(wait_ms));
-        }
-        clock::sleep(SCENARIO_NAP);
-    }
-}
-
-/// Does something again and again until the emulator ends. What was missed is left out.
-fn every(period: Nanos, shared: &Shared, mut work: impl FnMut(&Shared)) {
+/// Repeats work until the emulator ends. Missed periods are skipped.
+fn repeat(period: Nanos, shared: &Shared, mut work: impl FnMut(&Shared)) {
     let mut next = clock::now();
-    while !shared.stops() {
+    while !shared.is_stopping() {
         work(shared);
         next = (next + period).max(clock::now());
         clock::sleep_until(next);

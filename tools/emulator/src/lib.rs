@@ -1,42 +1,49 @@
 //! Two emulated maxon drives on pseudo-terminals with a hysteretic snake behind them.
 //!
-//! It exists to be a strict examiner of the controller, so it shares no model code and no frame
-//! codec with it: both sides are written from the reference on their own. Where the reference
-//! leaves something open, the emulator does what hurts a careless host most.
+//! The emulator is a strict test bench for the controller. It shares no model code and no frame
+//! codec with it: both sides are written from the reference independently. Where the reference
+//! leaves something open, the emulator does what a careless host handles worst.
 //!
 //! ```text
-//! host == pseudo-terminal == port (baud pacing) == drive --motor--+
-//!                                                                 +-- snake -- camera
-//! host == pseudo-terminal == port (baud pacing) == drive --motor--+
+//! host == pseudo-terminal == port (line timing) == drive --wire--+
+//!                                                                +-- snake -- camera
+//! host == pseudo-terminal == port (line timing) == drive --wire--+
 //! ```
 //!
-//! | module | holds |
+//! | module | content |
 //! |---|---|
-//! | [`snake`] | the snake: motor positions to angles; pure |
-//! | [`frame`] | frames of the serial line; pure |
+//! | [`snake`] | motor positions to angles, with hysteresis; pure |
+//! | [`frame`] | V2 frames of the serial line; pure |
 //! | [`drive`] | an EPOS4 or EPOS2: objects, states, modes, motor; pure |
-//! | [`camera`] | pictures of the snake; pure |
-//! | [`log`] | what happened, in memory and in a file |
-//! | [`scenario`] | what can be done to drives, lines and wires, and files that say when |
-//! | [`emulator`] | the threads, and the handle that tests and the command line hold |
+//! | [`camera`] | measured angles of the snake; pure |
+//! | `wire`, `plant` | the wires; drives, wires and snake in time steps; pure |
+//! | [`injection`], [`scenario`] | fault injection, and files with injection times |
+//! | [`log`] | events in memory and in a file |
+//! | `port` | pseudo-terminals, line timing, V1 handshake, damaged bytes |
+//! | `shared`, `scenario_player`, `control_socket` | state and work of the threads |
+//! | [`config`], [`emulator`] | configuration; the threads and the public handle |
 //!
-//! Everything pure takes time as an argument; the threads read the clock of [`i2ris::clock`].
+//! Pure modules take time as an argument. The threads read [`i2ris::clock`].
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod camera;
-mod control;
+pub mod config;
+mod control_socket;
 pub mod drive;
 pub mod emulator;
 pub mod frame;
+pub mod injection;
 pub mod log;
+mod plant;
 mod port;
 pub mod scenario;
+mod scenario_player;
+mod shared;
 pub mod snake;
 mod wire;
-mod world;
 
-pub use emulator::{
-    AxisSnapshot, DEFAULT_FOLDER, Emulator, EmulatorConfig, EmulatorError, Snapshot,
-};
+pub use config::{DEFAULT_FOLDER, EmulatorConfig};
+pub use emulator::{AxisSnapshot, Emulator, EmulatorError, Snapshot};
+pub use injection::Injection;
 pub use port::{FolderError, Framing, LineConfig};
-pub use scenario::{Injection, Scenario, ScenarioError};
+pub use scenario::{Scenario, ScenarioError};

@@ -1,58 +1,47 @@
-//! The wires between the motors and the snake, sound or not.
+//! The wires between the motors and the snake, intact or damaged.
 
-/// A wire.
+/// A wire. Positions are counts of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) enum Wire {
-    /// It pulls as it should.
+    /// It follows the motor.
     #[default]
-    Sound,
-    /// It pulls only after so many counts of play.
+    Intact,
+    /// It follows the motor with play.
     Slack {
-        /// The play, counts, both ways together.
+        /// Total play of both directions, counts.
         counts: f64,
-        /// Where it last pulled to.
-        pulled: f64,
+        /// Its position.
+        position: f64,
     },
-    /// It pulls nothing any more.
-    Broken {
-        /// Where it last pulled to.
-        pulled: f64,
-    },
+    /// It stays at this position.
+    Broken(f64),
 }
 
 impl Wire {
-    /// Becomes slack by so many counts, where it is.
+    /// Adds play at the present position.
     pub(crate) fn slacken(&mut self, motor: f64, counts: f64) {
-        *self = Self::Slack {
-            counts,
-            pulled: self.pulled(motor),
-        };
+        let position = self.position(motor);
+        *self = Self::Slack { counts, position };
     }
 
-    /// Breaks, where it is.
-    pub(crate) fn tear(&mut self, motor: f64) {
-        *self = Self::Broken {
-            pulled: self.pulled(motor),
-        };
+    /// Breaks it at the present position.
+    pub(crate) fn break_at(&mut self, motor: f64) {
+        *self = Self::Broken(self.position(motor));
     }
 
-    fn pulled(self, motor: f64) -> f64 {
+    fn position(self, motor: f64) -> f64 {
         match self {
-            Self::Sound => motor,
-            Self::Slack { pulled, .. } | Self::Broken { pulled } => pulled,
+            Self::Intact => motor,
+            Self::Slack { position, .. } | Self::Broken(position) => position,
         }
     }
 
-    /// The motor goes to `motor`; what the snake sees of it.
+    /// Moves the motor to `motor`. Returns the motor position that the snake experiences.
     pub(crate) fn pull(&mut self, motor: f64) -> f64 {
-        match self {
-            Self::Sound => motor,
-            Self::Slack { counts, pulled } => {
-                *pulled = pulled.clamp(motor - *counts / 2.0, motor + *counts / 2.0);
-                *pulled
-            }
-            Self::Broken { pulled } => *pulled,
+        if let Self::Slack { counts, position } = self {
+            *position = position.clamp(motor - *counts / 2.0, motor + *counts / 2.0);
         }
+        self.position(motor)
     }
 }
 
@@ -61,15 +50,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_slack_wire_pulls_after_its_play_and_a_broken_one_never() {
+    fn a_slack_wire_follows_after_its_play_and_a_broken_one_never() {
         let mut wire = Wire::default();
         assert_eq!(wire.pull(100.0), 100.0);
         wire.slacken(100.0, 40.0);
-        assert_eq!(
-            [110.0, 120.0, 150.0, 140.0].map(|motor| wire.pull(motor)),
-            [100.0, 100.0, 130.0, 130.0]
-        );
-        wire.tear(140.0);
+        let pulled = [110.0, 120.0, 150.0, 140.0].map(|motor| wire.pull(motor));
+        assert_eq!(pulled, [100.0, 100.0, 130.0, 130.0]);
+        wire.break_at(140.0);
         assert_eq!(wire.pull(900.0), 130.0);
     }
 }

@@ -1,4 +1,4 @@
-//! The camera and a controller that comes, goes and comes back.
+//! The camera and a controller that starts, stops and starts again.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -9,24 +9,24 @@ use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 
-/// Waits until the controller has received a picture.
-fn next_picture(server: &mut Server) -> ExternalPosition {
+/// Waits until the controller has received a frame.
+fn next_frame(server: &mut Server) -> ExternalPosition {
     let start = Instant::now();
     loop {
         server.maintain(clock::now());
-        if let Some(picture) = server.poll_external() {
-            return picture;
+        if let Some(frame) = server.poll_external() {
+            return frame;
         }
         assert!(
             start.elapsed() < Duration::from_secs(10),
-            "no picture arrives"
+            "no frame arrives"
         );
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
 #[test]
-fn pictures_reach_every_controller_that_serves_the_domain() {
+fn frames_reach_every_controller_of_the_domain() {
     let folder = tempfile::tempdir().unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/brass.toml");
     let config = EmulatorConfig::new(
@@ -40,11 +40,11 @@ fn pictures_reach_every_controller_that_serves_the_domain() {
     for _ in 0..2 {
         let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
         for _ in 0..3 {
-            let picture = next_picture(&mut server);
-            assert_eq!((picture.count, picture.flags), (2, ExternalPosition::VALID));
-            assert!(picture.stamp_ns > last && picture.stamp_ns < clock::now().0);
-            assert!(picture.deviation[0] > 0.0 && picture.position[2] == 0.0);
-            last = picture.stamp_ns;
+            let frame = next_frame(&mut server);
+            assert_eq!((frame.count, frame.flags), (2, ExternalPosition::VALID));
+            assert!(frame.stamp_ns > last && frame.stamp_ns < clock::now().0);
+            assert!(frame.deviation[0] > 0.0 && frame.position[2] == 0.0);
+            last = frame.stamp_ns;
         }
     }
 }

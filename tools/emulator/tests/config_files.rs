@@ -14,7 +14,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_controller_finds_the_emulated_drives() {
+fn the_configuration_of_the_controller_matches_the_emulated_drives() {
     let controller = Config::load(&file("emulator.toml")).unwrap();
     let snake = SnakeConfig::load(&file("snakes/steel.toml")).unwrap();
     let emulator = EmulatorConfig::new(snake, Path::new(DEFAULT_FOLDER));
@@ -25,21 +25,17 @@ fn the_controller_finds_the_emulated_drives() {
         assert_eq!(port.axes.len(), 1);
         assert_eq!(port.axes[0].motor, axis);
         assert_eq!(port.axes[0].node_id, emulator.drives[axis].node_id);
-        assert_eq!(
-            port.axes[0].serial_number,
-            emulator.drives[axis].serial_number
-        );
+        let drive = &emulator.drives[axis];
+        assert_eq!(port.axes[0].serial_number, drive.serial_number);
     }
 }
 
 #[test]
-fn the_limits_leave_the_emulated_snakes_their_range() {
+fn the_limits_allow_the_full_bend_of_the_snakes() {
     let controller = Config::load(&file("emulator.toml")).unwrap();
     for name in ["steel", "brass", "multi"] {
-        let mut snake = Snake::new(
-            &SnakeConfig::load(&file(&format!("snakes/{name}.toml"))).unwrap(),
-            1,
-        );
+        let snake = SnakeConfig::load(&file(&format!("snakes/{name}.toml"))).unwrap();
+        let mut snake = Snake::new(&snake, 1);
         let axis = controller.axis(0).unwrap();
         for limit in [axis.position_min_counts, axis.position_max_counts] {
             snake.step(10.0, [limit.as_f64(), 0.0]);
@@ -50,7 +46,7 @@ fn the_limits_leave_the_emulated_snakes_their_range() {
 }
 
 #[test]
-fn the_template_for_a_robot_is_valid_and_more_cautious() {
+fn the_robot_template_is_valid_and_has_tighter_limits() {
     let (robot, emulator) = (
         Config::load(&file("robot.toml")).unwrap(),
         Config::load(&file("emulator.toml")).unwrap(),

@@ -1,4 +1,4 @@
-//! The emulator through real serial ports: what a host sees.
+//! The emulator through its serial ports, as a host sees it.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
 use std::io::{Read, Write};
@@ -9,14 +9,14 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::frame::{Incoming, Parser, encode};
-use i2ris_emulator::log::{EventKind, HostBug, LineTrouble};
+use i2ris_emulator::log::{Event, EventKind, HostBug, LineTrouble};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig, EmulatorError, FolderError};
 use serialport::{SerialPort, TTYPort};
 use tempfile::TempDir;
 
-/// Long enough for any stall of the machine.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longer than any stall of the machine.
+const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// "Write 0x6040 = 0x000F to node 1", from the reference.
 const WRITE_CONTROLWORD: [u8; 14] = [
@@ -32,8 +32,14 @@ fn config(folder: &Path) -> EmulatorConfig {
 }
 
 fn start() -> (Emulator, TempDir) {
+    start_with(|_| {})
+}
+
+fn start_with(change: impl FnOnce(&mut EmulatorConfig)) -> (Emulator, TempDir) {
     let folder = tempfile::tempdir().unwrap();
-    (Emulator::start(config(folder.path())).unwrap(), folder)
+    let mut config = config(folder.path());
+    change(&mut config);
+    (Emulator::start(config).unwrap(), folder)
 }
 
 /// The controller's end of a line.
@@ -43,13 +49,9 @@ struct Host {
 
 impl Host {
     fn open(emulator: &Emulator, axis: usize) -> Self {
-        let path = emulator.device(axis).to_string_lossy();
-        Self {
-            port: serialport::new(path, 115_200)
-                .timeout(PATIENCE)
-                .open_native()
-                .unwrap(),
-        }
+        let builder = serialport::new(emulator.device(axis).to_string_lossy(), 115_200);
+        let port = builder.timeout(TIMEOUT).open_native().unwrap();
+        Self { port }
     }
 
     fn send(&mut self, bytes: &[u8]) {
@@ -69,11 +71,11 @@ impl Host {
         }
     }
 
-    /// How many replies arrive until nothing does for a while.
+    /// The number of replies until the line is silent.
     fn replies(&mut self) -> usize {
         self.port.set_timeout(Duration::from_millis(300)).unwrap();
         let count = std::iter::from_fn(|| self.reply()).count();
-        self.port.set_timeout(PATIENCE).unwrap();
+        self.port.set_timeout(TIMEOUT).unwrap();
         count
     }
 
@@ -104,25 +106,25 @@ impl Host {
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     let start = Instant::now();
     while !done() {
-        assert!(start.elapsed() < PATIENCE, "{what}");
+        assert!(start.elapsed() < TIMEOUT, "{what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
 
-fn host_bugs(emulator: &Emulator) -> Vec<HostBug> {
-    let bugs = emulator.log().into_iter();
-    bugs.filter_map(|event| {
-        if let EventKind::HostBug(bug) = event.kind {
-            Some(bug)
-        } else {
-            None
-        }
-    })
-    .collect()
+fn events(emulator: &Emulator) -> Vec<EventKind> {
+    emulator.log().iter().map(|event| event.kind).collect()
 }
 
+fn host_bugs(emulator: &Emulator) -> Vec<EventKind> {
+    let mut events = events(emulator);
+    events.retain(|event| matches!(event, EventKind::HostBug(_)));
+    events
+}
+
+const PIPELINED: EventKind = EventKind::HostBug(HostBug::Pipelined);
+
 #[test]
-fn frames_of_the_reference_go_round() {
+fn frames_of_the_reference_are_answered() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
     host.send(&READ_STATUSWORD);
@@ -140,16 +142,15 @@ fn both_axes_bend_the_snake() {
     let mut hosts = [Host::open(&emulator, 0), Host::open(&emulator, 1)];
     assert_eq!(hosts[0].read(0x1018, 4), 62_000_001);
     assert_eq!(hosts[1].read(0x1018, 4), 62_000_002);
-    hosts.iter_mut().for_each(Host::enable_cyclic_position);
+    for host in &mut hosts {
+        host.enable_cyclic_position();
+    }
     for target in (0..=1000).step_by(100) {
         hosts[0].write(0x607A, 0, target);
         hosts[1].write(0x607A, 0, target);
     }
-    wait_for("motors arrive", || {
-        hosts
-            .iter_mut()
-            .all(|host| (host.read(0x6064, 0) - 1000).abs() <= 1)
-    });
+    let mut has_arrived = |axis: usize| (hosts[axis].read(0x6064, 0) - 1000).abs() <= 1;
+    wait_for("motors arrive", || has_arrived(0) && has_arrived(1));
     let snapshot = emulator.snapshot();
     assert!(
         snapshot
@@ -157,63 +158,53 @@ fn both_axes_bend_the_snake() {
             .iter()
             .all(|axis| axis.drive.state == State::OperationEnabled)
     );
+    // Equal counts bend in yaw.
     let [pitch, yaw] = snapshot.angles_deg;
     assert!(
         pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw),
-        "equal counts bend in yaw: {pitch} {yaw}"
+        "{pitch} {yaw}"
     );
-    let setpoints: Vec<i32> = emulator
-        .log()
-        .iter()
-        .filter(|event| event.axis == 1)
-        .filter_map(|event| {
-            if let EventKind::Setpoint(counts) = event.kind {
-                Some(counts)
-            } else {
-                None
-            }
-        })
-        .collect();
-    assert_eq!(
-        setpoints,
-        [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000]
+    let mut setpoints = emulator.log();
+    setpoints.retain(|event| event.axis == 1 && matches!(event.kind, EventKind::Setpoint(_)));
+    let expected = [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000];
+    assert!(
+        setpoints
+            .iter()
+            .map(|event| event.kind)
+            .eq(expected.map(EventKind::Setpoint))
     );
 }
 
 #[test]
-fn a_host_that_does_not_wait_is_found_out() {
+fn a_host_that_does_not_wait_is_detected() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
-    // When the machine stalls, the host gets the benefit of the doubt; it does not stall every
-    // time.
-    wait_for("the host is found out", || {
+    // After a stall of the machine the emulator does not report the host.
+    wait_for("the host is detected", || {
         host.send(&[READ_STATUSWORD, READ_STATUSWORD].concat());
         let replies = host.replies();
         assert!(replies == 1 || replies == 2);
-        replies == 1 && host_bugs(&emulator) == [HostBug::Pipelined]
+        replies == 1 && host_bugs(&emulator) == [PIPELINED]
     });
     assert_eq!(host.read(0x1018, 1), 0xFB, "the line recovers");
 }
 
 #[test]
-fn bytes_during_the_processing_are_found_out() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut config = config(folder.path());
-    config.line.processing_us = 400_000;
-    let emulator = Emulator::start(config).unwrap();
+fn bytes_during_the_processing_are_detected() {
+    let (emulator, _folder) = start_with(|config| config.line.processing_us = 400_000);
     let mut host = Host::open(&emulator, 0);
     host.send(&READ_STATUSWORD);
-    wait_for("request is taken", || {
+    wait_for("request is received", || {
         emulator.snapshot().axes[0].requests == 1
     });
     host.send(&READ_STATUSWORD);
     assert!(host.reply().is_some());
     assert_eq!(host.replies(), 0);
-    assert_eq!(host_bugs(&emulator), [HostBug::Pipelined]);
+    assert_eq!(host_bugs(&emulator), [PIPELINED]);
 }
 
 #[test]
-fn damaged_and_cut_frames() {
+fn damaged_and_truncated_frames_have_no_effect() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
     host.write(0x2005, 0, 50);
@@ -223,39 +214,34 @@ fn damaged_and_cut_frames() {
     assert_eq!(host.reply().unwrap(), [0x04, 0x00, 0x04, 0x05]);
     host.send(&WRITE_CONTROLWORD[..9]);
     assert_eq!(host.replies(), 0);
-    wait_for("the cut frame is dropped", || {
-        emulator
-            .log()
-            .iter()
-            .any(|event| event.kind == EventKind::Line(LineTrouble::FrameTimeout))
+    let timeout = EventKind::Line(LineTrouble::FrameTimeout);
+    wait_for("the truncated frame is dropped", || {
+        events(&emulator).contains(&timeout)
     });
     assert_eq!(host.read(0x1018, 1), 0xFB);
     host.send(&WRITE_CONTROLWORD[..9]);
     assert_eq!(
         host.read(0x1018, 1),
         0xFB,
-        "a new frame replaces one that was cut"
+        "a new frame replaces a truncated one"
     );
     assert_eq!(
         host.read(0x6040, 0) & 0xFFFF,
         0,
-        "no half frame was carried out"
+        "no truncated frame was executed"
     );
 }
 
 #[test]
 fn set_points_follow_each_other_no_faster_than_the_line() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut config = config(folder.path());
-    config.line.baud = 9_600;
-    let emulator = Emulator::start(config).unwrap();
+    let (emulator, _folder) = start_with(|config| config.line.baud = 9_600);
     let mut host = Host::open(&emulator, 0);
     let before = clock::now();
-    (0..6).for_each(|counts| host.write(0x607A, 0, counts));
-    let stamps = emulator
-        .log()
-        .into_iter()
-        .filter_map(|event| matches!(event.kind, EventKind::Setpoint(_)).then_some(event.stamp));
+    for counts in 0..6 {
+        host.write(0x607A, 0, counts);
+    }
+    let mut setpoints = emulator.log();
+    setpoints.retain(|event| matches!(event.kind, EventKind::Setpoint(_)));
     // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little
     // before it was read.
     let (exchange, slack) = (
@@ -263,7 +249,7 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
         Nanos::from_millis(1),
     );
     let mut earliest = before;
-    for stamp in stamps {
+    for Event { stamp, .. } in setpoints {
         assert!(stamp + slack > earliest, "{stamp:?} is before {earliest:?}");
         earliest = earliest + exchange;
     }
@@ -282,7 +268,7 @@ fn a_port_is_for_one_host_and_can_be_opened_again() {
 }
 
 #[test]
-fn faults_mutes_and_power_cycles_can_be_made() {
+fn faults_mutes_and_power_cycles_affect_one_axis() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 1);
     host.enable_cyclic_position();
@@ -295,48 +281,40 @@ fn faults_mutes_and_power_cycles_can_be_made() {
     emulator.mute(1, false);
     assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
     emulator.power_cycle(1);
-    wait_for("the drive boots", || {
-        emulator.snapshot().axes[1].drive.state == State::SwitchOnDisabled
-    });
+    let state = || emulator.snapshot().axes[1].drive.state;
+    wait_for("the drive boots", || state() == State::SwitchOnDisabled);
     assert_eq!(host.read(0x6041, 0) & 0xFFFF, 0x0040);
     assert_eq!(
         emulator.snapshot().axes[0].drive.error_code,
         0,
-        "the other axis knows nothing of it"
+        "the other axis"
     );
 }
 
 #[test]
-fn the_camera_sees_the_snake() {
+fn the_camera_delivers_frames_in_order() {
     let (mut emulator, _folder) = start();
     let (sender, receiver) = std::sync::mpsc::channel();
-    emulator
-        .start_camera(move || {
-            move |picture| {
-                let _ = sender.send(picture);
-            }
-        })
-        .unwrap();
-    let pictures: Vec<_> = (0..5)
-        .map(|_| receiver.recv_timeout(PATIENCE).unwrap())
+    let send = move |frame| {
+        let _ = sender.send(frame);
+    };
+    emulator.start_camera(move || send).unwrap();
+    let frames: Vec<_> = (0..5)
+        .map(|_| receiver.recv_timeout(TIMEOUT).unwrap())
         .collect();
-    assert!(
-        pictures
-            .windows(2)
-            .all(|pair| pair[0].stamp_ns < pair[1].stamp_ns)
-    );
-    for picture in pictures {
+    assert!(frames.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns));
+    for frame in frames {
         assert!(
-            picture.position[..2]
+            frame.position[..2]
                 .iter()
                 .all(|angle| angle.to_degrees().abs() < 1.0)
         );
-        assert_eq!((picture.count, picture.flags), (2, 1));
+        assert_eq!((frame.count, frame.flags), (2, 1));
     }
 }
 
 #[test]
-fn links_and_log_file_come_and_go() {
+fn links_and_log_file_live_as_long_as_the_emulator() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = config(folder.path());
     let log: PathBuf = folder.path().join("log.csv");
@@ -344,12 +322,10 @@ fn links_and_log_file_come_and_go() {
     let emulator = Emulator::start(config.clone()).unwrap();
     let device = emulator.device(1).to_owned();
     assert!(device.exists() && device.is_symlink());
-    let second = Emulator::start(EmulatorConfig {
-        log: None,
-        ..config
-    });
+    config.log = None;
+    let second = Emulator::start(config).err();
     assert!(matches!(
-        second.err(),
+        second,
         Some(EmulatorError::Folder(FolderError::InUse { .. }))
     ));
     Host::open(&emulator, 1).write(0x607A, 0, -7);
@@ -363,59 +339,49 @@ fn links_and_log_file_come_and_go() {
 }
 
 #[test]
-fn the_control_socket_does_what_it_is_told() {
+fn the_control_socket_injects_faults_and_reports_the_state() {
     use std::io::{BufRead, BufReader};
     use std::os::unix::net::UnixStream;
 
     let (emulator, folder) = start();
     let mut host = Host::open(&emulator, 0);
     let socket = UnixStream::connect(folder.path().join("ports/control")).unwrap();
-    socket.set_read_timeout(Some(PATIENCE)).unwrap();
+    socket.set_read_timeout(Some(TIMEOUT)).unwrap();
     let (mut answers, mut commands) = (BufReader::new(socket.try_clone().unwrap()), socket);
-    let mut tell = |line: &str| {
+    let mut send = |line: &str| {
         writeln!(commands, "{line}").unwrap();
         let mut answer = String::new();
         answers.read_line(&mut answer).unwrap();
         answer.trim().to_owned()
     };
-    assert!(tell("state").starts_with("switch-on-disabled position 0 error 0x0000 homed false; "));
-    assert_eq!(tell("{axis = 0, kind = \"fault\", code = 0x2310}"), "ok");
+    assert!(send("state").starts_with("switch-on-disabled position 0 error 0x0000 homed false; "));
+    assert_eq!(send("{axis = 0, kind = \"fault\", code = 0x2310}"), "ok");
     assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
-    assert_eq!(tell("{kind = \"cut-reply-in-pair\"}"), "ok");
+    assert_eq!(send("{kind = \"cut-reply-in-pair\"}"), "ok");
     host.send(&READ_STATUSWORD);
     assert_eq!(host.replies(), 0, "the reply was cut");
     assert_eq!(host.read(0x1018, 1), 0xFB);
-    assert!(tell("{kind = \"explode\"}").starts_with("error: "));
-    assert!(
-        emulator
-            .log()
-            .iter()
-            .any(|event| event.kind == EventKind::Injected("cut-reply-in-pair"))
-    );
+    assert!(send("{kind = \"explode\"}").starts_with("error: "));
+    assert!(events(&emulator).contains(&EventKind::Injected("cut-reply-in-pair")));
 }
 
 #[test]
-fn a_scenario_plays_by_itself() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut config = config(folder.path());
-    config.scenario = i2ris_emulator::Scenario::parse(
-        "[[at]]\nms = 50\naxis = 1\nkind = \"fault\"\ncode = 0x3210",
-    )
-    .unwrap();
-    let emulator = Emulator::start(config).unwrap();
-    wait_for("the fault", || {
-        emulator.snapshot().axes[1].drive.error_code == 0x3210
-    });
-    assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0);
+fn a_scenario_is_played() {
+    let text = "[[at]]\nms = 50\naxis = 1\nkind = \"fault\"\ncode = 0x3210";
+    let scenario = i2ris_emulator::Scenario::parse(text).unwrap();
+    let (emulator, _folder) = start_with(|config| config.scenario = scenario);
+    let error_code = |axis: usize| emulator.snapshot().axes[axis].drive.error_code;
+    wait_for("the fault", || error_code(1) == 0x3210);
+    assert_eq!(error_code(0), 0);
 }
 
 #[test]
-fn a_port_hangs_up_and_comes_back_under_its_name() {
+fn a_port_disappears_and_comes_back_under_its_name() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 0);
     assert_eq!(host.read(0x1018, 1), 0xFB);
     emulator.inject(0, i2ris_emulator::Injection::HangUp { for_ms: 100 });
-    wait_for("the host notices", || {
+    wait_for("the host fails", || {
         host.port.write_all(&READ_STATUSWORD).is_err()
     });
     drop(host);

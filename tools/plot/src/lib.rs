@@ -26,6 +26,7 @@
 //! | [`thin`](mod@thin) | leaving out what cannot be seen |
 //! | [`mark`] | what can be drawn: lines, dots, bands, ellipses, boxes, cells |
 //! | [`axis`], [`panel`], [`figure`], [`legend`] | putting it together |
+//! | [`series`] | values over time, brought to common instants |
 //! | [`page`] | headings, tables and figures on one page |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
@@ -38,6 +39,7 @@ pub mod page;
 pub mod panel;
 pub mod path;
 pub mod scale;
+pub mod series;
 pub mod style;
 pub mod text;
 pub mod thin;

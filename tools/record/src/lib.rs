@@ -12,7 +12,6 @@
 //! | `read` | records of a file, whole or cut off |
 //! | `recover` | a whole file from one that was cut off |
 //! | `export` | tables as CSV and Parquet |
-//! | `series` | values over time, brought to common instants |
 //! | `report` | what a trial shows: errors, loops, latencies, events; as numbers and as a page |
 //!
 //! A topic `i2ris/NAME` holds the controller's own payloads, bit by bit; `NAME` beside it holds the
@@ -30,5 +29,4 @@ pub mod recorder;
 pub mod recover;
 pub mod report;
 pub mod schema;
-pub mod series;
 pub mod topic;

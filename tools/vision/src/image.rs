@@ -1,19 +1,19 @@
-//! A grey picture.
+//! A grey image.
 
 use std::hash::{DefaultHasher, Hasher};
 
-/// A picture with one byte of brightness per pixel, rows from top to bottom.
+/// A image with one byte of brightness per pixel, rows from top to bottom.
 ///
 /// Coordinates are in pixels: `x` to the right, `y` down, the centre of the first pixel is (0, 0).
 #[derive(Clone, PartialEq, Eq)]
-pub struct Grey {
+pub struct GreyImage {
     width: usize,
     height: usize,
     data: Vec<u8>,
 }
 
-impl Grey {
-    /// A picture from its bytes, row by row. `None` if there are not exactly `width * height` of
+impl GreyImage {
+    /// A image from its bytes, row by row. `None` if there are not exactly `width * height` of
     /// them, or none at all.
     #[must_use]
     pub fn new(width: usize, height: usize, data: Vec<u8>) -> Option<Self> {
@@ -24,7 +24,7 @@ impl Grey {
         })
     }
 
-    /// The smallest picture: one black pixel.
+    /// The smallest image: one black pixel.
     pub(crate) fn black() -> Self {
         Self {
             width: 1,
@@ -52,7 +52,7 @@ impl Grey {
     }
 
     /// Brightness at (x, y), interpolated between the four pixels around it. `None` outside the
-    /// picture.
+    /// image.
     #[must_use]
     pub fn sample(&self, x: f64, y: f64) -> Option<f32> {
         // A comparison with NaN is false, so a NaN leaves here as well.
@@ -72,7 +72,7 @@ impl Grey {
         Some(top + fy * (bottom - top))
     }
 
-    /// A number that differs between different pictures, for telling a frozen camera. Not stable
+    /// A number that differs between different images, for telling a frozen camera. Not stable
     /// between releases.
     #[must_use]
     pub fn digest(&self) -> u64 {
@@ -83,7 +83,7 @@ impl Grey {
     }
 }
 
-impl std::fmt::Debug for Grey {
+impl std::fmt::Debug for GreyImage {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Grey({}x{})", self.width, self.height)
     }
@@ -95,22 +95,22 @@ mod tests {
 
     #[test]
     fn interpolates_between_pixels_and_knows_its_borders() {
-        let picture = Grey::new(2, 2, vec![0, 100, 50, 150]).unwrap();
-        assert_eq!(picture.sample(0.5, 0.0), Some(50.0));
-        assert_eq!(picture.sample(0.5, 0.5), Some(75.0));
-        assert_eq!(picture.sample(-0.1, 0.0), None);
+        let image = GreyImage::new(2, 2, vec![0, 100, 50, 150]).unwrap();
+        assert_eq!(image.sample(0.5, 0.0), Some(50.0));
+        assert_eq!(image.sample(0.5, 0.5), Some(75.0));
+        assert_eq!(image.sample(-0.1, 0.0), None);
         assert_eq!(
-            picture.sample(1.0, 0.0),
+            image.sample(1.0, 0.0),
             None,
             "no pixel to the right of it to interpolate with"
         );
-        assert_eq!(picture.sample(f64::NAN, 0.0), None);
+        assert_eq!(image.sample(f64::NAN, 0.0), None);
     }
 
     #[test]
-    fn refuses_bytes_that_do_not_fill_the_picture() {
-        assert!(Grey::new(2, 2, vec![0; 3]).is_none());
-        assert!(Grey::new(0, 0, Vec::new()).is_none());
-        assert!(Grey::new(usize::MAX, 2, vec![0; 4]).is_none());
+    fn refuses_bytes_that_do_not_fill_the_image() {
+        assert!(GreyImage::new(2, 2, vec![0; 3]).is_none());
+        assert!(GreyImage::new(0, 0, Vec::new()).is_none());
+        assert!(GreyImage::new(usize::MAX, 2, vec![0; 4]).is_none());
     }
 }

@@ -1,52 +1,52 @@
-//! Bending angle and tip position of the snake, seen through a microscope.
+//! Bending angle and tip position of the snake, measured in microscope images.
 //!
 //! An optical fibre runs through the snake and sticks out of its tip. The angle between the
-//! straight base and the straight tip of it, in the plane of the picture, is the bending angle of
+//! straight base and the straight tip of the fibre, in the image plane, is the bending angle of
 //! that view.
 //!
 //! # Principles
 //!
-//! 1. **Never a confident wrong value.** Every reading is checked from several sides (is the tip
-//!    straight, does it end where it should, does ground lie beyond it, is it as long as it was)
-//!    and says what it doubts.
-//! 2. **A gap is a gap.** No picture, a frozen picture, a covered tip: the value is missing and the
-//!    cause is counted. An old value is never repeated.
-//! 3. **Each picture for itself.** A reading depends on its picture only, so one bad picture cannot
-//!    spoil the next.
-//! 4. **The proof is not the inverse.** [`scene`] draws pictures the way a camera makes them and
-//!    shares nothing with the detector but the picture type.
+//! 1. **No confident wrong value.** Several checks look at every reading: is the tip straight, is
+//!    its end where it should be, is background beyond it, has the fibre its length. A failed check
+//!    is reported with the reading.
+//! 2. **A missing value stays missing.** No image, a frozen image, a covered tip: the value is
+//!    missing and the cause is counted. An old value is never repeated.
+//! 3. **Images are independent.** A reading depends on its image only, so one bad image cannot
+//!    affect the next.
+//! 4. **The test is independent.** [`scene`] renders images as a camera makes them and shares
+//!    nothing with the detector but the image type.
 //!
-//! # Map
+//! # Modules
 //!
-//! | module | holds |
+//! | module | content |
 //! |---|---|
-//! | [`accuracy`] | how exact readings are, and how often wrong without saying so |
-//! | [`align`] | which view shows which axis, from motions of one axis |
-//! | [`image`] | a grey picture |
-//! | [`fibre`] | base line, tip line, tip position, quality, from one picture |
-//! | [`joint`] | one or two views to pitch, yaw and tip position |
-//! | [`look`] | one view: a shot in, a reading or a cause out |
-//! | [`pair`] | which pictures of two views belong together |
-//! | [`record`] | angles over time as CSV |
-//! | [`rest`] | the straight pose that angles count from |
-//! | [`scene`] | synthetic pictures at known angles |
-//! | [`session`] | the whole way of the pictures, rows out |
-//! | [`setup`] | what a person tells about the views, TOML |
-//! | [`source`] | pictures from folders and streams, with their stamps |
-//! | [`show`] | overlays and contact sheets |
+//! | [`image`] | a grey image |
+//! | [`fibre`] | base line, tip line, tip position, quality, from one image |
+//! | [`source`] | frames from folders and streams, with their timestamps |
+//! | [`setup`] | description of the views, TOML |
+//! | [`rest_pose`] | the straight pose that is angle 0 |
+//! | [`view_detector`] | one view: a frame in, a reading or a cause out |
+//! | [`frame_pairing`] | pairs of frames of two views |
+//! | [`view_alignment`] | which view shows which axis, from motions of one axis |
+//! | [`joint_angles`] | one or two views to pitch, yaw and tip position |
+//! | [`angle_csv`] | angles over time as CSV |
+//! | [`session`] | frames in, rows out |
+//! | [`drawing`] | overlays and contact sheets |
+//! | [`scene`] | synthetic images at known angles |
+//! | [`accuracy`] | accuracy of readings on synthetic images |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod accuracy;
-pub mod align;
+pub mod angle_csv;
+pub mod drawing;
 pub mod fibre;
+pub mod frame_pairing;
 pub mod image;
-pub mod joint;
-pub mod look;
-pub mod pair;
-pub mod record;
-pub mod rest;
+pub mod joint_angles;
+pub mod rest_pose;
 pub mod scene;
 pub mod session;
 pub mod setup;
-pub mod show;
 pub mod source;
+pub mod view_alignment;
+pub mod view_detector;

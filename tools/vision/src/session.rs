@@ -1,25 +1,24 @@
-//! The whole way of the pictures, without any input or output: looks of one or two views in, rows
-//! out.
+//! Frames to angles without any input or output: results of one or two views in, rows out.
 //!
-//! The first seconds are the rest reference: their rows are held back until it is known, then told
-//! like all others.
+//! The first seconds are the rest reference: their rows are held back until it is known, then
+//! reported like all others.
 
 use std::collections::BTreeMap;
 
 use i2ris::units::Nanos;
 
-use crate::joint::Stereo;
-use crate::look::{Cause, Look};
-use crate::pair::{Pairer, Together};
-use crate::record::Row;
-use crate::rest::{Rest, RestError, Resting};
-use crate::setup::{Axis, Setup};
-use crate::source::{Gap, Twins};
+use crate::angle_csv::AngleRow;
+use crate::frame_pairing::{FramePairer, PairResult};
+use crate::joint_angles::Stereo;
+use crate::rest_pose::{RestPose, RestPoseError, RestPoseEstimator};
+use crate::setup::{JointAxis, VisionSetup};
+use crate::source::{DuplicateCameraMonitor, FrameFault};
+use crate::view_detector::{Rejection, ViewResult};
 
 /// What angles count from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reference {
-    /// The straight pose that the first pictures show, for this long.
+    /// The straight pose that the first frames show, for this long.
     First(Nanos),
     /// What the setup says.
     Setup,
@@ -28,25 +27,26 @@ pub enum Reference {
 /// Why a session cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// No reference from the pictures.
+    /// No reference from the frames.
     #[error(transparent)]
-    Rest(#[from] RestError),
+    RestPose(#[from] RestPoseError),
     /// No reference in the setup.
     #[error(
-        "the setup has no rest for view {view}: begin the pictures at rest and give --rest-s, or calibrate"
+        "the setup has no rest for view {view}: begin the frames at rest and give --rest-s, \
+         or calibrate"
     )]
     NoRest {
         /// Name of the view.
         view: String,
     },
     /// Nothing to measure.
-    #[error("no picture came")]
+    #[error("no frame came")]
     NoPicture,
 }
 
 /// What happened so far.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Tally {
+pub struct SessionStatistics {
     /// Rows.
     pub rows: usize,
     /// Rows with angles.
@@ -58,19 +58,19 @@ pub struct Tally {
     pub skew: Nanos,
 }
 
-/// One run over pictures.
+/// One run over frames.
 #[derive(Debug)]
 pub struct Session {
-    setup: Setup,
+    setup: VisionSetup,
     reference: Reference,
-    twins: Twins,
-    pairer: Pairer<Look>,
+    duplicates: DuplicateCameraMonitor,
+    pairer: FramePairer<ViewResult>,
     first: Option<Nanos>,
-    resting: Vec<Resting>,
-    held: Vec<Together<Look>>,
-    stereo: Option<(Stereo, Vec<Rest>)>,
+    estimator: Vec<RestPoseEstimator>,
+    held: Vec<PairResult<ViewResult>>,
+    stereo: Option<(Stereo, Vec<RestPose>)>,
     ended: bool,
-    tally: Tally,
+    statistics: SessionStatistics,
 }
 
 impl Session {
@@ -79,18 +79,18 @@ impl Session {
     /// # Errors
     ///
     /// [`SessionError::NoRest`].
-    pub fn new(setup: &Setup, reference: Reference) -> Result<Self, SessionError> {
+    pub fn new(setup: &VisionSetup, reference: Reference) -> Result<Self, SessionError> {
         let mut session = Self {
             setup: setup.clone(),
             reference,
-            twins: Twins::default(),
-            pairer: Pairer::new(Nanos((setup.pair_within_ms * 1e6) as u64)),
+            duplicates: DuplicateCameraMonitor::default(),
+            pairer: FramePairer::new(Nanos((setup.pair_within_ms * 1e6) as u64)),
             first: None,
-            resting: vec![Resting::default(); setup.views.len()],
+            estimator: vec![RestPoseEstimator::default(); setup.views.len()],
             held: Vec::new(),
             stereo: None,
             ended: false,
-            tally: Tally::default(),
+            statistics: SessionStatistics::default(),
         };
         if setup.views.len() == 1 {
             session.pairer.end(1);
@@ -99,12 +99,12 @@ impl Session {
             let missing = |view: &crate::setup::View| SessionError::NoRest {
                 view: view.name.clone(),
             };
-            let rests: Result<Vec<Rest>, _> = setup
+            let rests: Result<Vec<RestPose>, _> = setup
                 .views
                 .iter()
                 .map(|v| v.rest.ok_or_else(|| missing(v)))
                 .collect();
-            session.refer_to(rests?);
+            session.set_reference(rests?);
         }
         Ok(session)
     }
@@ -116,18 +116,18 @@ impl Session {
     }
 
     /// Takes what a view saw.
-    pub fn take(&mut self, view: usize, mut look: Look) {
-        if let Some(digest) = look.digest
-            && self.twins.are_one(view, digest)
+    pub fn take(&mut self, view: usize, mut result: ViewResult) {
+        if let Some(digest) = result.digest
+            && self.duplicates.is_same_camera(view, digest)
         {
-            look.seen = Err(Cause::Gap(Gap::SameCamera));
+            result.seen = Err(Rejection::Frame(FrameFault::SameCamera));
         }
-        // Pictures and traces are for looking at, not for waiting with.
-        look.picture = None;
-        if let Ok(reading) = &mut look.seen {
+        // Frames and traces are for looking at, not for waiting with.
+        result.image = None;
+        if let Ok(reading) = &mut result.seen {
             reading.trace = Vec::new();
         }
-        self.pairer.push(view, look.stamp, look);
+        self.pairer.push(view, result.stamp, result);
     }
 
     /// Nothing more comes from this view.
@@ -137,12 +137,12 @@ impl Session {
     }
 
     /// A camera has delivered nothing for a while: what waits for it waits no more.
-    pub fn stalled(&mut self, view: usize, now: Nanos) -> Result<Vec<Row>, SessionError> {
+    pub fn stalled(&mut self, view: usize, now: Nanos) -> Result<Vec<AngleRow>, SessionError> {
         let mut rows = Vec::new();
-        while let Some(together) = self.pairer.give_up() {
-            rows.extend(self.settle(together)?);
+        while let Some(pair) = self.pairer.give_up() {
+            rows.extend(self.process(pair)?);
         }
-        rows.push(self.row(now, vec![(view, Cause::Gap(Gap::NoPicture))]));
+        rows.push(self.row(now, vec![(view, Rejection::Frame(FrameFault::NoPicture))]));
         Ok(rows)
     }
 
@@ -150,12 +150,12 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// [`SessionError::Rest`] when the first pictures give no reference,
+    /// [`SessionError::Rest`] when the first frames give no reference,
     /// [`SessionError::NoPicture`] at an end without any.
-    pub fn rows(&mut self) -> Result<Vec<Row>, SessionError> {
+    pub fn rows(&mut self) -> Result<Vec<AngleRow>, SessionError> {
         let mut rows = Vec::new();
-        while let Some(together) = self.pairer.pop() {
-            rows.extend(self.settle(together)?);
+        while let Some(pair) = self.pairer.pop() {
+            rows.extend(self.process(pair)?);
         }
         if self.ended && self.stereo.is_none() {
             rows.extend(self.finish_rest()?);
@@ -165,103 +165,103 @@ impl Session {
 
     /// The straight poses in use, in the order of the views; empty while they are not known.
     #[must_use]
-    pub fn rests(&self) -> &[Rest] {
+    pub fn rests(&self) -> &[RestPose] {
         self.stereo.as_ref().map_or(&[], |(_, rests)| rests)
     }
 
     /// What happened so far.
     #[must_use]
-    pub fn tally(&self) -> &Tally {
-        &self.tally
+    pub fn statistics(&self) -> &SessionStatistics {
+        &self.statistics
     }
 
     /// Whether pitch and yaw are seen.
     #[must_use]
     pub fn axes(&self) -> [bool; 2] {
         match self.setup.views.as_slice() {
-            [view] => [view.axis == Axis::Pitch, view.axis == Axis::Yaw],
+            [view] => [view.axis == JointAxis::Pitch, view.axis == JointAxis::Yaw],
             _ => [true; 2],
         }
     }
 
-    fn refer_to(&mut self, rests: Vec<Rest>) {
+    fn set_reference(&mut self, rests: Vec<RestPose>) {
         self.stereo = Some((Stereo::new(&self.setup, &rests), rests));
     }
 
-    fn settle(&mut self, together: Together<Look>) -> Result<Vec<Row>, SessionError> {
+    fn process(&mut self, pair: PairResult<ViewResult>) -> Result<Vec<AngleRow>, SessionError> {
         if self.stereo.is_some() {
-            return Ok(vec![self.judge(&together)]);
+            return Ok(vec![self.evaluate(&pair)]);
         }
-        let (stamp, looks) = parts(&together);
+        let (stamp, results) = parts(&pair);
         let first = *self.first.get_or_insert(stamp);
         let Reference::First(span) = self.reference else {
             return Ok(Vec::new());
         };
         if stamp.since(first) < span {
-            for (view, look) in looks {
-                self.resting[view].add(look.seen.as_ref().ok());
+            for (view, result) in results {
+                self.estimator[view].add(result.seen.as_ref().ok());
             }
-            self.held.push(together);
+            self.held.push(pair);
             return Ok(Vec::new());
         }
         let mut rows = self.finish_rest()?;
-        rows.push(self.judge(&together));
+        rows.push(self.evaluate(&pair));
         Ok(rows)
     }
 
-    fn finish_rest(&mut self) -> Result<Vec<Row>, SessionError> {
+    fn finish_rest(&mut self) -> Result<Vec<AngleRow>, SessionError> {
         if self.first.is_none() {
             return Err(SessionError::NoPicture);
         }
-        let named = self.resting.iter().zip(&self.setup.views);
-        let rests: Result<Vec<Rest>, RestError> = named
-            .map(|(resting, view)| resting.finish(&view.name))
+        let named = self.estimator.iter().zip(&self.setup.views);
+        let rests: Result<Vec<RestPose>, RestPoseError> = named
+            .map(|(estimator, view)| estimator.finish(&view.name))
             .collect();
-        self.refer_to(rests?);
+        self.set_reference(rests?);
         let held = std::mem::take(&mut self.held);
-        Ok(held.iter().map(|together| self.judge(together)).collect())
+        Ok(held.iter().map(|pair| self.evaluate(pair)).collect())
     }
 
     /// The row of what came together, once the reference is known.
-    fn judge(&mut self, together: &Together<Look>) -> Row {
-        let (stamp, looks) = parts(together);
-        let mut causes: Vec<(usize, Cause)> = looks
+    fn evaluate(&mut self, pair: &PairResult<ViewResult>) -> AngleRow {
+        let (stamp, results) = parts(pair);
+        let mut causes: Vec<(usize, Rejection)> = results
             .iter()
-            .filter_map(|(view, look)| look.good().err().map(|cause| (*view, cause)))
+            .filter_map(|(view, result)| result.good().err().map(|cause| (*view, cause)))
             .collect();
-        if looks.len() < self.setup.views.len() && causes.is_empty() {
-            let missing = 1 - looks.first().map_or(0, |(view, _)| *view);
-            causes.push((missing, Cause::Gap(Gap::NoPartner)));
+        if results.len() < self.setup.views.len() && causes.is_empty() {
+            let missing = 1 - results.first().map_or(0, |(view, _)| *view);
+            causes.push((missing, Rejection::Frame(FrameFault::NoPartner)));
         }
-        if let [(_, a), (_, b)] = looks.as_slice() {
-            self.tally.skew = self
-                .tally
+        if let [(_, a), (_, b)] = results.as_slice() {
+            self.statistics.skew = self
+                .statistics
                 .skew
                 .max(a.stamp.since(b.stamp).max(b.stamp.since(a.stamp)));
         }
-        let sized: Option<Vec<_>> = looks
+        let sized: Option<Vec<_>> = results
             .iter()
-            .map(|(_, look)| look.good().ok().map(|reading| (reading, look.size)))
+            .map(|(_, result)| result.good().ok().map(|reading| (reading, result.size)))
             .collect();
         match (&self.stereo, sized, causes.is_empty()) {
             (Some((stereo, _)), Some(sized), true) => match stereo.solve(&sized) {
-                Ok(joints) => {
-                    self.tally.rows += 1;
-                    self.tally.good += 1;
-                    Row {
+                Ok(angles) => {
+                    self.statistics.rows += 1;
+                    self.statistics.good += 1;
+                    AngleRow {
                         stamp,
-                        seen: Ok(joints),
+                        seen: Ok(angles),
                     }
                 }
-                Err((view, doubt)) => self.row(stamp, vec![(view, Cause::Doubt(doubt))]),
+                Err((view, issue)) => self.row(stamp, vec![(view, Rejection::Quality(issue))]),
             },
             _ => self.row(stamp, causes),
         }
     }
 
     /// A row without angles.
-    fn row(&mut self, stamp: Nanos, causes: Vec<(usize, Cause)>) -> Row {
-        self.tally.rows += 1;
+    fn row(&mut self, stamp: Nanos, causes: Vec<(usize, Rejection)>) -> AngleRow {
+        self.statistics.rows += 1;
         let mut texts = Vec::new();
         for (view, cause) in causes {
             let name = self
@@ -271,21 +271,21 @@ impl Session {
                 .map_or_else(String::new, |view| view.name.clone());
             texts.push(format!("{name}: {cause}"));
             *self
-                .tally
+                .statistics
                 .causes
                 .entry((name, cause.to_string()))
                 .or_default() += 1;
         }
-        Row {
+        AngleRow {
             stamp,
             seen: Err(texts.join("; ")),
         }
     }
 }
 
-fn parts(together: &Together<Look>) -> (Nanos, Vec<(usize, &Look)>) {
-    match together {
-        Together::Both(stamp, [a, b]) => (*stamp, vec![(0, a), (1, b)]),
-        Together::Alone(view, stamp, look) => (*stamp, vec![(*view, look)]),
+fn parts(pair: &PairResult<ViewResult>) -> (Nanos, Vec<(usize, &ViewResult)>) {
+    match pair {
+        PairResult::Matched(stamp, [a, b]) => (*stamp, vec![(0, a), (1, b)]),
+        PairResult::Unmatched(view, stamp, result) => (*stamp, vec![(*view, result)]),
     }
 }

@@ -1,34 +1,37 @@
-//! What a person tells about the views: a small TOML file.
+//! Description of the views: a small TOML file written by a person.
 //!
 //! `i2ris vision calibrate` finds axis, direction, turn and rest by itself; thicknesses, lengths
 //! and scale are measured once by a person. Lengths are millimetres, so a change of the
 //! magnification changes one number.
 
+#[cfg(test)]
+mod schema_file;
+
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::fibre::{Ground, Settings, Side};
-use crate::rest::Rest;
+use crate::fibre::{Background, DetectorSettings, EntrySide};
+use crate::rest_pose::RestPose;
 
 /// The two joint axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
-pub enum Axis {
+pub enum JointAxis {
     /// Pitch.
     Pitch,
     /// Yaw.
     Yaw,
 }
 
-/// The whole file.
+/// The description of all views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
-pub struct Setup {
-    /// Pictures of both views belong together if their stamps differ by no more than this, ms.
-    /// Below half the time between two pictures, so that each has one partner.
+pub struct VisionSetup {
+    /// Images of both views belong together if their stamps differ by no more than this, ms.
+    /// Below half the time between two images, so that each has one partner.
     #[serde(default = "default_pair_within_ms")]
     pub pair_within_ms: f64,
     /// One view or two.
@@ -38,14 +41,14 @@ pub struct Setup {
 
 /// One view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct View {
     /// Its name in messages, and in the file name of overlays.
     pub name: String,
     /// The joint axis that it shows.
-    pub axis: Axis,
-    /// Whether the positive direction of the axis bends clockwise in the picture.
+    pub axis: JointAxis,
+    /// Whether the positive direction of the axis bends clockwise in the image.
     #[serde(default)]
     pub reversed: bool,
     /// Angle from the joint axis to what the view shows, from pitch towards yaw, deg.
@@ -58,9 +61,9 @@ pub struct View {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
     /// `bright`: dark fibre on bright ground; `dark`: bright fibre on dark ground.
-    pub ground: Ground,
-    /// The side of the picture where the base comes in.
-    pub side: Side,
+    pub ground: Background,
+    /// The side of the image where the base comes in.
+    pub side: EntrySide,
     /// Where along that side, from the left or upper corner, and how far from there at most, px.
     /// Anywhere if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -69,20 +72,20 @@ pub struct View {
     pub body_width_mm: f64,
     /// Thickness of the fibre at the tip.
     pub fibre_width_mm: f64,
-    /// Length of the straight base that the picture shows.
+    /// Length of the straight base that the image shows.
     pub base_length_mm: f64,
     /// Length of the bending section.
     pub arc_length_mm: f64,
     /// Length of the straight stretch at the tip.
     pub tip_length_mm: f64,
-    /// The straight pose, for pictures that do not begin at rest.
+    /// The straight pose, for images that do not begin at rest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rest: Option<Rest>,
+    pub rest: Option<RestPose>,
 }
 
 /// Why a setup cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum SetupError {
+pub enum VisionSetupError {
     /// The file cannot be read or written.
     #[error("{path}: {source}")]
     File {
@@ -115,26 +118,28 @@ fn default_pair_within_ms() -> f64 {
     12.0
 }
 
-impl Setup {
+impl VisionSetup {
     /// Reads and checks a file.
     ///
     /// # Errors
     ///
-    /// [`SetupError`] with file, place and reason.
-    pub fn load(path: &Path) -> Result<Self, SetupError> {
-        let text = std::fs::read_to_string(path).map_err(|source| SetupError::File {
+    /// [`VisionSetupError`] with file, place and reason.
+    pub fn load(path: &Path) -> Result<Self, VisionSetupError> {
+        let text = std::fs::read_to_string(path).map_err(|source| VisionSetupError::File {
             path: path.to_owned(),
             source,
         })?;
-        let setup: Self = toml::from_str(&text).map_err(|error| SetupError::Parse {
+        let setup: Self = toml::from_str(&text).map_err(|error| VisionSetupError::Parse {
             path: path.to_owned(),
             reason: error.to_string(),
         })?;
-        setup.check().map_err(|(place, reason)| SetupError::Value {
-            path: path.to_owned(),
-            place,
-            reason,
-        })?;
+        setup
+            .check()
+            .map_err(|(place, reason)| VisionSetupError::Value {
+                path: path.to_owned(),
+                place,
+                reason,
+            })?;
         Ok(setup)
     }
 
@@ -142,14 +147,14 @@ impl Setup {
     ///
     /// # Errors
     ///
-    /// [`SetupError`] with the path.
-    pub fn save(&self, path: &Path) -> Result<(), SetupError> {
-        let text = toml::to_string(self).map_err(|error| SetupError::Parse {
+    /// [`VisionSetupError`] with the path.
+    pub fn save(&self, path: &Path) -> Result<(), VisionSetupError> {
+        let text = toml::to_string(self).map_err(|error| VisionSetupError::Parse {
             path: path.to_owned(),
             reason: error.to_string(),
         })?;
         let text = format!("# Views of the camera process; `i2ris vision --help`.\n{text}");
-        std::fs::write(path, text).map_err(|source| SetupError::File {
+        std::fs::write(path, text).map_err(|source| VisionSetupError::File {
             path: path.to_owned(),
             source,
         })
@@ -169,7 +174,8 @@ impl Setup {
         if let [view] = self.views.as_slice()
             && view.turn_deg.abs() > 0.5
         {
-            let reason = "must be 0 with one view: only a second one tells how much of the other axis it shows";
+            let reason = "must be 0 with one view: only a second one tells how much of the \
+                          other axis it shows";
             return Err((format!("view {}: turn_deg", view.name), reason));
         }
         if let [a, b] = self.views.as_slice() {
@@ -239,11 +245,11 @@ impl View {
         Ok(())
     }
 
-    /// What the detector is told.
+    /// Parameters of the detector.
     #[must_use]
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> DetectorSettings {
         let k = self.px_per_mm;
-        Settings {
+        DetectorSettings {
             ground: self.ground,
             side: self.side,
             near: self.near_px,
@@ -255,11 +261,15 @@ impl View {
         }
     }
 
-    /// The direction that bends counter-clockwise in the picture, turned from positive pitch
+    /// The direction that bends counter-clockwise in the image, turned from positive pitch
     /// towards positive yaw, rad.
     #[must_use]
     pub fn plane_rad(&self) -> f64 {
-        let axis = if self.axis == Axis::Pitch { 0.0 } else { 90.0 };
+        let axis = if self.axis == JointAxis::Pitch {
+            0.0
+        } else {
+            90.0
+        };
         let reversed = if self.reversed { 180.0 } else { 0.0 };
         f64::to_radians(axis + self.turn_deg + reversed)
     }
@@ -270,9 +280,9 @@ impl View {
         let deg = plane_rad.to_degrees().rem_euclid(360.0);
         let quarter = ((deg / 90.0).round() as u8) % 4;
         self.axis = if quarter.is_multiple_of(2) {
-            Axis::Pitch
+            JointAxis::Pitch
         } else {
-            Axis::Yaw
+            JointAxis::Yaw
         };
         self.reversed = quarter >= 2;
         let turn = deg - 90.0 * (deg / 90.0).round();
@@ -301,11 +311,11 @@ mod tests {
         tip_length_mm = 1.4
     ";
 
-    fn load(text: &str) -> Result<Setup, SetupError> {
+    fn load(text: &str) -> Result<VisionSetup, VisionSetupError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("vision.toml");
         std::fs::write(&path, text).unwrap();
-        Setup::load(&path)
+        VisionSetup::load(&path)
     }
 
     #[test]
@@ -315,7 +325,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
         setup.save(&path).unwrap();
-        assert_eq!(Setup::load(&path).unwrap(), setup);
+        assert_eq!(VisionSetup::load(&path).unwrap(), setup);
     }
 
     #[test]

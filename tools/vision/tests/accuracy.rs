@@ -1,10 +1,10 @@
-//! The accuracy that is promised, on a sample of synthetic pictures that is small enough for every
+//! The accuracy that is promised, on a sample of synthetic images that is small enough for every
 //! test run. `i2ris vision accuracy` measures the whole table.
 
-use i2ris_vision::accuracy::{Row, clear, cluttered, conditions, rigs, stereo};
+use i2ris_vision::accuracy::{AccuracyRow, clear, cluttered, conditions, rigs, stereo};
 
-fn rows(which: impl Fn(&str) -> bool) -> Vec<Row> {
-    let rows: Vec<Row> = conditions()
+fn rows(which: impl Fn(&str) -> bool) -> Vec<AccuracyRow> {
+    let rows: Vec<AccuracyRow> = conditions()
         .iter()
         .filter(|c| which(&c.name))
         .map(|c| clear(c, 12, 11))
@@ -64,7 +64,7 @@ fn clutter_never_makes_a_confident_wrong_value() {
     // A detector that never says anything would pass the first check.
     assert!(outcome.good >= 50, "{outcome:?}");
     assert_eq!(
-        outcome.good + outcome.doubts.values().sum::<usize>(),
+        outcome.good + outcome.issues.values().sum::<usize>(),
         outcome.frames
     );
 }

@@ -1,32 +1,34 @@
 //! One reading at a time: what the detector makes of a scene, and what it says when it cannot.
 
 use i2ris_vision::accuracy::settings;
-use i2ris_vision::fibre::{Doubt, Reading, Side, measure};
-use i2ris_vision::image::Grey;
-use i2ris_vision::scene::{Camera, Clutter, Optics, Paint, Pose, Scene, Snake, cover};
+use i2ris_vision::fibre::{EntrySide, QualityIssue, Reading, measure};
+use i2ris_vision::image::GreyImage;
+use i2ris_vision::scene::{
+    Brightness, Clutter, JointPose, Optics, PinholeCamera, Scene, SnakeShape, cover,
+};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 fn scene(pitch_deg: f64) -> Scene {
     Scene {
-        snake: Snake::fibre(0.125),
-        pose: Pose {
+        snake: SnakeShape::fibre(0.125),
+        pose: JointPose {
             pitch_rad: pitch_deg.to_radians(),
             yaw_rad: 0.0,
         },
-        camera: Camera::microscope(640, 480, 100.0),
-        paint: Paint::dark(),
+        camera: PinholeCamera::microscope(640, 480, 100.0),
+        paint: Brightness::dark(),
         clutter: Vec::new(),
         optics: Optics::light(),
     }
 }
 
-fn picture(scene: &Scene) -> Grey {
+fn image(scene: &Scene) -> GreyImage {
     scene.render(&mut Pcg64Mcg::seed_from_u64(5))
 }
 
-fn read(scene: &Scene) -> Result<Reading, Doubt> {
-    measure(&picture(scene), &settings(scene))
+fn read(scene: &Scene) -> Result<Reading, QualityIssue> {
+    measure(&image(scene), &settings(scene))
 }
 
 fn assert_right(reading: &Reading, scene: &Scene) {
@@ -34,20 +36,20 @@ fn assert_right(reading: &Reading, scene: &Scene) {
     assert!(
         reading.is_good() && error.abs() < 0.1,
         "{error} deg, {:?}",
-        reading.doubt
+        reading.issue
     );
 }
 
 /// Not good, for this reason.
-fn assert_doubt(reading: Result<Reading, Doubt>, doubt: Doubt) {
+fn assert_doubt(reading: Result<Reading, QualityIssue>, issue: QualityIssue) {
     match reading {
         Ok(reading) => assert_eq!(
-            (reading.is_good(), reading.doubt),
-            (false, Some(doubt)),
+            (reading.is_good(), reading.issue),
+            (false, Some(issue)),
             "{}",
             reading.quality
         ),
-        Err(found) => assert_eq!(found, doubt),
+        Err(found) => assert_eq!(found, issue),
     }
 }
 
@@ -74,12 +76,12 @@ fn both_signs_and_the_straight_pose() {
 #[test]
 fn bright_on_dark_and_a_body_with_a_fibre() {
     let bright = Scene {
-        paint: Paint::bright(),
+        paint: Brightness::bright(),
         ..scene(30.0)
     };
     assert_right(&read(&bright).unwrap(), &bright);
     let robot = Scene {
-        snake: Snake::robot(),
+        snake: SnakeShape::robot(),
         ..scene(-30.0)
     };
     assert_right(&read(&robot).unwrap(), &robot);
@@ -89,10 +91,10 @@ fn bright_on_dark_and_a_body_with_a_fibre() {
 fn the_base_may_come_in_from_any_side() {
     let upright = scene(20.0);
     let sides = [
-        (Side::Left, 0.0),
-        (Side::Bottom, 90.0),
-        (Side::Right, 180.0),
-        (Side::Top, 270.0),
+        (EntrySide::Left, 0.0),
+        (EntrySide::Bottom, 90.0),
+        (EntrySide::Right, 180.0),
+        (EntrySide::Top, 270.0),
     ];
     for (side, roll) in sides {
         let mut scene = upright.clone();
@@ -104,17 +106,17 @@ fn the_base_may_come_in_from_any_side() {
             scene.camera.height as f64 - 1.0,
         );
         scene.camera.origin_px = match side {
-            Side::Left => [192.0, h / 2.0],
-            Side::Right => [w - 192.0, h / 2.0],
-            Side::Top => [w / 2.0, 192.0],
-            Side::Bottom => [w / 2.0, h - 192.0],
+            EntrySide::Left => [192.0, h / 2.0],
+            EntrySide::Right => [w - 192.0, h / 2.0],
+            EntrySide::Top => [w / 2.0, 192.0],
+            EntrySide::Bottom => [w / 2.0, h - 192.0],
         };
-        let settings = i2ris_vision::fibre::Settings {
+        let settings = i2ris_vision::fibre::DetectorSettings {
             side,
             base_length: 170.0,
             ..settings(&upright)
         };
-        assert_right(&measure(&picture(&scene), &settings).unwrap(), &scene);
+        assert_right(&measure(&image(&scene), &settings).unwrap(), &scene);
     }
 }
 
@@ -154,7 +156,7 @@ fn specks_on_the_fibre_do_not_turn_it() {
 fn a_covered_end_is_doubted() {
     let mut scene = scene(25.0);
     scene.clutter.push(cover(on_fibre(&scene, 3.2), 25.0, 90.0));
-    assert_doubt(read(&scene), Doubt::EndCovered);
+    assert_doubt(read(&scene), QualityIssue::EndCovered);
 }
 
 #[test]
@@ -164,21 +166,21 @@ fn a_tip_hidden_by_something_as_bright_as_the_ground_is_doubted() {
     scene
         .clutter
         .push(cover(on_fibre(&scene, 2.4), 95.0, scene.paint.ground));
-    assert_doubt(read(&scene), Doubt::TipBent);
+    assert_doubt(read(&scene), QualityIssue::TipBent);
 }
 
 #[test]
-fn a_fibre_out_of_the_picture_is_doubted() {
+fn a_fibre_out_of_the_image_is_doubted() {
     let mut scene = scene(30.0);
     scene.camera.origin_px[0] += 250.0;
-    assert_doubt(read(&scene), Doubt::OutOfPicture);
+    assert_doubt(read(&scene), QualityIssue::OutOfPicture);
 }
 
 #[test]
 fn a_covered_base_is_doubted() {
     let mut scene = scene(10.0);
     scene.clutter.push(cover([60.0, 240.0], 130.0, 100.0));
-    assert_doubt(read(&scene), Doubt::NoBase);
+    assert_doubt(read(&scene), QualityIssue::NoBase);
 }
 
 #[test]
@@ -191,22 +193,22 @@ fn two_fibres_on_one_side_are_doubted_unless_the_place_is_told() {
         brightness: scene.paint.fibre,
         rim: scene.paint.rim,
     });
-    assert_doubt(read(&scene), Doubt::TwoBases);
-    let told = i2ris_vision::fibre::Settings {
+    assert_doubt(read(&scene), QualityIssue::TwoBases);
+    let reported = i2ris_vision::fibre::DetectorSettings {
         near: Some([240.0, 40.0]),
         ..settings(&scene)
     };
-    assert_right(&measure(&picture(&scene), &told).unwrap(), &scene);
+    assert_right(&measure(&image(&scene), &reported).unwrap(), &scene);
 }
 
 #[test]
-fn an_empty_picture_and_pure_noise_have_no_base() {
+fn an_empty_image_and_pure_noise_have_no_base() {
     let empty = Scene {
-        snake: Snake {
+        snake: SnakeShape {
             base_mm: -50.0,
             arc_mm: 0.1,
             tip_mm: 0.1,
-            ..Snake::fibre(0.125)
+            ..SnakeShape::fibre(0.125)
         },
         ..scene(0.0)
     };
@@ -214,18 +216,18 @@ fn an_empty_picture_and_pure_noise_have_no_base() {
     empty.camera.origin_px = [-5000.0, -5000.0];
     empty.optics = Optics::strong();
     assert_doubt(
-        measure(&picture(&empty), &settings(&scene(0.0))),
-        Doubt::NoBase,
+        measure(&image(&empty), &settings(&scene(0.0))),
+        QualityIssue::NoBase,
     );
 }
 
 #[test]
-fn pictures_smaller_than_the_settings_expect_are_doubted_not_fatal() {
+fn images_smaller_than_the_settings_expect_are_doubted_not_fatal() {
     for (width, height) in [(1, 1), (2, 40), (40, 2), (30, 30), (640, 20), (20, 480)] {
-        let picture = Grey::new(width, height, vec![100; width * height]).unwrap();
+        let image = GreyImage::new(width, height, vec![100; width * height]).unwrap();
         assert_eq!(
-            measure(&picture, &settings(&scene(0.0))).unwrap_err(),
-            Doubt::NoBase
+            measure(&image, &settings(&scene(0.0))).unwrap_err(),
+            QualityIssue::NoBase
         );
     }
 }

@@ -8,9 +8,9 @@ use i2ris_calibration::metrics::{metrics, predictions};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use serde::Serialize;
 
-use crate::Failure;
 use crate::series::percentile;
-use crate::working::while_working;
+use i2ris_terminal::Failure;
+use i2ris_terminal::while_working;
 
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]

@@ -6,13 +6,13 @@ use std::path::PathBuf;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_OUTPUTS, Nanos};
 use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
-use i2ris_vision::scene::Pose;
+use i2ris_terminal::pose_table::Pose;
 
 use super::collect::GAP_NS;
-use crate::Failure;
-use crate::files::replace;
 use crate::series::Series;
-use crate::vision::table;
+use i2ris_terminal::Failure;
+use i2ris_terminal::files::replace;
+use i2ris_terminal::pose_table as table;
 
 /// Arguments of `i2ris calibrate merge`.
 #[derive(Debug, clap::Args)]

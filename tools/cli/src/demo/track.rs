@@ -12,8 +12,8 @@ use super::bench::{Bench, text};
 use super::motion::RATE_HZ;
 use super::process::Process;
 use super::watch_over;
-use crate::Failure;
 use crate::series::{Series, percentile};
+use i2ris_terminal::Failure;
 
 /// The controller tells the goal every millisecond.
 const GAP_NS: u64 = 60_000_000;

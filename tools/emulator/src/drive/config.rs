@@ -1,35 +1,32 @@
-//! What can be set about a drive.
+//! Parameters of a drive.
 
-use serde::{Deserialize, Serialize};
-
-use super::Family;
+use super::family::Family;
 use super::motor::MotorConfig;
 
 /// One drive.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct DriveConfig {
-    /// Which drive it is.
+    /// Drive family.
     pub family: Family,
-    /// CAN node id (object 0x2000). It also answers to 0.
+    /// CAN node id (object 0x2000). The drive also answers to 0.
     pub node_id: u8,
     /// Serial number (objects 0x1018:04 and 0x2100:01; EPOS2 0x2004).
     pub serial_number: u32,
-    /// The motor.
+    /// Motor.
     pub motor: MotorConfig,
-    /// How long it is deaf after a reset or power-up, milliseconds.
+    /// Time without any reply after a reset or power-up, milliseconds.
     pub boot_ms: u64,
-    /// A fault that is there after every boot, such as 0x8120 when no CAN bus is connected.
+    /// A fault that is present after every boot, such as 0x8120 when no CAN bus is connected.
     pub boot_fault: Option<u16>,
-    /// Data words of an error reply to a read, 2 or 4: maxon does not say which it is.
+    /// Data words of an error reply to a read, 2 or 4. maxon does not document which it is.
     pub error_reply_words: u8,
-    /// Fill the unused upper bytes of short values with rubbish, as first-generation drives do.
-    pub rubbish: bool,
-    /// The most bytes in one segment of a segmented read, 1 to 255.
+    /// Fill the unused upper bytes of short values with garbage, as first-generation drives do.
+    pub fill_unused_bytes: bool,
+    /// Maximum bytes in one segment of a segmented read, 1 to 255.
     pub segment_bytes: u8,
-    /// Time after which a request to another node is given up, milliseconds.
+    /// Timeout of a request to another node, milliseconds.
     pub gateway_timeout_ms: u64,
-    /// Whether interpolation (0x60C2:01 above 0) wants set-points in time over a serial line too:
+    /// Whether interpolation (0x60C2:01 above 0) expects set-points in time over a serial line too:
     /// fault 0x8250.
     pub interpolation_timeout: bool,
 }
@@ -44,7 +41,7 @@ impl Default for DriveConfig {
             boot_ms: 300,
             boot_fault: None,
             error_reply_words: 2,
-            rubbish: true,
+            fill_unused_bytes: true,
             segment_bytes: 255,
             gateway_timeout_ms: 100,
             interpolation_timeout: true,

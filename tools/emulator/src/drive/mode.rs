@@ -1,6 +1,6 @@
 //! Modes of operation.
 
-/// Modes of operation (object 0x6060).
+/// A mode of operation (object 0x6060).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// Profile position.
@@ -15,11 +15,11 @@ pub enum Mode {
     CyclicVelocity = 9,
     /// Cyclic synchronous torque.
     CyclicTorque = 10,
-    /// Position: every set-point acts at once.
+    /// EPOS2 position mode: every set-point acts at once.
     Position = -1,
-    /// Velocity: every set-point acts at once.
+    /// EPOS2 velocity mode: every set-point acts at once.
     Velocity = -2,
-    /// Current.
+    /// EPOS2 current mode.
     Current = -3,
 }
 
@@ -30,7 +30,7 @@ impl Mode {
         self as i8
     }
 
-    /// What maxon calls it.
+    /// Its abbreviation in maxon's documents.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

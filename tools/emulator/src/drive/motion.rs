@@ -1,61 +1,20 @@
-//! The modes of operation, from step to step.
+//! The modes of operation in every time step.
 
-use super::code::Fault;
-use super::control::{HALT, START};
+use super::controlword::{HALT, START};
+use super::device::{Drive, Homing, Setpoints};
+use super::event::EventKind;
+use super::fault::Fault;
+use super::mode::Mode;
 use super::motor::Limits;
-use super::profile::{Demand, Pace};
+use super::profile::{Demand, ProfileLimits};
 use super::state::State;
-use super::{Drive, Homing, Mode, Setpoints};
-use crate::log::EventKind;
+use super::task::Task;
 
-/// For how long the current must be above its threshold to tell a hard stop.
+/// How long the current must be above its threshold to indicate a hard stop, s.
 const PRESSED_S: f64 = 0.01;
 
-/// What the drive does with its motor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Task {
-    /// Power stage off.
-    Off,
-    /// Powered, holding the demand.
-    Hold,
-    /// The demand is object 0x607A.
-    Cyclic,
-    /// A trapezoidal profile to a target, counts of the motor.
-    Profile {
-        /// The target.
-        target: f64,
-    },
-    /// The speed of object 0x60FF, reached by ramps.
-    Velocity,
-    /// The speed of object 0x60FF at once.
-    CyclicVelocity,
-    /// The torque of object 0x6071.
-    Torque,
-    /// Towards a hard stop, until the current has told it for long enough.
-    SearchStop {
-        /// Counts per second, signed.
-        speed: f64,
-        /// For how long the current has been above its threshold.
-        pressed_s: f64,
-    },
-    /// A ramp to a stand; then holding, or the power off and another state.
-    Brake {
-        /// Counts per second squared.
-        deceleration: f64,
-        /// The state that waits at the end.
-        then: Option<State>,
-    },
-}
-
-impl Task {
-    /// Whether the drive is on its way out of the present state.
-    pub(super) const fn is_leaving(self) -> bool {
-        matches!(self, Self::Brake { then: Some(_), .. })
-    }
-}
-
 impl Drive {
-    /// Lets time pass.
+    /// Advances the drive by `dt_s` seconds.
     pub fn advance(&mut self, dt_s: f64) {
         if self.state == State::NotReadyToSwitchOn {
             self.boot_left_s -= dt_s;
@@ -64,11 +23,11 @@ impl Drive {
             }
         }
         self.move_demand(dt_s);
-        self.supervise(dt_s);
+        self.detect_fault(dt_s);
         self.move_motor(dt_s);
     }
 
-    /// Starts what the mode of operation does, unless the controlword says halt.
+    /// Starts the mode of operation, unless the controlword commands a halt.
     pub(super) fn start_mode(&mut self) {
         if self.controlword & HALT != 0 {
             self.brake(self.per_second(0x6084), None);
@@ -85,7 +44,7 @@ impl Drive {
         };
     }
 
-    /// Another mode of operation, at once.
+    /// Changes the mode of operation at once.
     pub(super) fn change_mode(&mut self, mode: Mode) {
         if mode == self.mode {
             return;
@@ -95,26 +54,26 @@ impl Drive {
         self.setpoints = Setpoints::default();
         self.events.push(EventKind::Mode(mode));
         if self.state == State::OperationEnabled && !self.task.is_leaving() {
-            self.demand = Demand {
-                position: self.measured(),
-                velocity: self.motor.velocity,
-            };
+            self.demand = self.actual();
             self.start_mode();
         }
     }
 
-    /// Starts a ramp to a stand.
+    /// Starts a ramp to standstill.
     pub(super) fn brake(&mut self, deceleration: f64, then: Option<State>) {
-        if matches!(
+        let from_motor = matches!(
             self.task,
             Task::Cyclic | Task::CyclicVelocity | Task::Torque | Task::SearchStop { .. }
-        ) {
-            self.demand = Demand {
-                position: self.measured(),
-                velocity: self.motor.velocity,
-            };
+        );
+        if from_motor {
+            self.demand = self.actual();
         }
         self.task = Task::Brake { deceleration, then };
+    }
+
+    /// Position and velocity of the motor as the drive measures them.
+    pub(super) fn actual(&self) -> Demand {
+        Demand::new(self.measured(), self.motor.velocity)
     }
 
     /// An object in rpm (or rpm per second), as counts per second (squared).
@@ -124,109 +83,94 @@ impl Drive {
     }
 
     /// The limit of the motor speed, counts per second.
-    fn top_speed(&self) -> f64 {
-        self.rpm(self.stored(self.config.family.places().top_speed))
+    fn max_motor_speed(&self) -> f64 {
+        self.rpm(self.stored(self.map().max_motor_speed))
     }
 
-    /// The set-point that acts at once, counts of the motor: cut to the limits, where the family
-    /// has no fault for that.
+    fn position_limits(&self) -> (i64, i64) {
+        (
+            self.dictionary.get(0x607D, 1),
+            self.dictionary.get(0x607D, 2),
+        )
+    }
+
+    /// The set-point that acts at once, counts of the motor. It is clamped to the position limits
+    /// where the family has no fault for a set-point beyond them.
     fn direct_target(&self) -> f64 {
-        let places = self.config.family.places();
-        let target = self.stored(places.direct_target) + self.dictionary.get(0x60B0, 0);
-        let (low, high) = (
-            self.dictionary.get(0x607D, 1),
-            self.dictionary.get(0x607D, 2),
-        );
-        let cut = places.beyond_limits.is_none() && low <= high;
-        self.to_motor(if cut { target.clamp(low, high) } else { target })
+        let target = self.stored(self.map().direct_target) + self.dictionary.get(0x60B0, 0);
+        let (low, high) = self.position_limits();
+        let clamps = self.map().position_limit_fault.is_none() && low <= high;
+        self.to_motor(if clamps {
+            target.clamp(low, high)
+        } else {
+            target
+        })
     }
 
-    /// Whether a target, counts of the motor, lies beyond the software position limits. Both 0
-    /// means there are none.
+    /// Whether a target, counts of the motor, is beyond the software position limits. Both 0 means
+    /// no limits.
     pub(super) fn is_beyond_limits(&self, target: f64) -> bool {
-        let (low, high) = (
-            self.dictionary.get(0x607D, 1),
-            self.dictionary.get(0x607D, 2),
-        );
+        let (low, high) = self.position_limits();
         (low, high) != (0, 0) && (target < self.to_motor(low) || target > self.to_motor(high))
     }
 
     pub(super) fn rpm(&self, rpm: i64) -> f64 {
-        let turn = 4.0 * self.stored(self.config.family.places().encoder_pulses) as f64;
+        let turn = 4.0 * self.stored(self.map().encoder_pulses) as f64;
         rpm as f64 / 60.0 * turn
     }
 
-    fn pace(&self) -> Pace {
-        let fastest = self.per_second(0x607F).min(self.top_speed());
-        let most = self.per_second(0x60C5);
-        Pace {
-            speed: self.per_second(0x6081).min(fastest),
-            acceleration: self.per_second(0x6083).min(most),
-            deceleration: self.per_second(0x6084).min(most),
+    fn profile_limits(&self) -> ProfileLimits {
+        let acceleration = self.per_second(0x60C5);
+        ProfileLimits {
+            speed: self.per_second(0x6081).min(self.max_profile_speed()),
+            acceleration: self.per_second(0x6083).min(acceleration),
+            deceleration: self.per_second(0x6084).min(acceleration),
         }
     }
 
+    fn max_profile_speed(&self) -> f64 {
+        self.per_second(0x607F).min(self.max_motor_speed())
+    }
+
     fn move_demand(&mut self, dt_s: f64) {
-        let pace = self.pace();
+        let limits = self.profile_limits();
         match self.task {
-            Task::Off | Task::Torque => {
-                self.demand = Demand {
-                    position: self.measured(),
-                    velocity: self.motor.velocity,
-                };
-            }
+            Task::Off | Task::Torque => self.demand = self.actual(),
             Task::Hold => {}
-            Task::Cyclic => {
-                self.demand = Demand {
-                    position: self.direct_target(),
-                    velocity: 0.0,
-                };
-            }
+            Task::Cyclic => self.demand = Demand::new(self.direct_target(), 0.0),
             Task::Profile { target } => {
-                if self.demand.approach(target, pace, dt_s) {
+                if self.demand.approach(target, limits, dt_s) {
                     self.task = Task::Hold;
-                    self.next_setpoint();
+                    self.start_next_setpoint();
                 }
             }
             Task::Velocity => {
-                let fastest = Pace {
-                    speed: self.per_second(0x607F).min(self.top_speed()),
-                    ..pace
-                };
-                self.demand.run(self.per_second(0x60FF), fastest, dt_s);
+                let speed = self.max_profile_speed();
+                let limits = ProfileLimits { speed, ..limits };
+                self.demand.run(self.per_second(0x60FF), limits, dt_s);
             }
             Task::CyclicVelocity => {
-                let at_once = Pace {
-                    speed: self.top_speed(),
-                    acceleration: f64::MAX,
-                    deceleration: f64::MAX,
-                };
-                let speed = self.rpm(self.stored(self.config.family.places().direct_velocity));
-                self.demand.run(speed, at_once, dt_s);
+                let limits = ProfileLimits::with_ramp(self.max_motor_speed(), f64::MAX);
+                let speed = self.rpm(self.stored(self.map().direct_velocity));
+                self.demand.run(speed, limits, dt_s);
             }
             Task::SearchStop { speed, pressed_s } => self.search_stop(speed, pressed_s, dt_s),
             Task::Brake { deceleration, then } => {
-                let stands = self.demand.brake(deceleration, dt_s) && self.seems_to_stand();
-                if stands && let Some(state) = then {
+                let stopped = self.demand.brake(deceleration, dt_s) && self.is_at_standstill();
+                if stopped && let Some(state) = then {
                     self.finish_stop(state);
                 }
             }
         }
     }
 
-    /// Runs against the stop; the current that the stop causes tells it.
+    /// Moves against the hard stop until the current indicates it.
     fn search_stop(&mut self, speed: f64, pressed_s: f64, dt_s: f64) {
-        let threshold = self.stored(self.config.family.places().homing_current) as f64;
-        let pressed_s = if self.motor.current_ma.abs() >= threshold {
-            pressed_s + dt_s
-        } else {
-            0.0
-        };
+        let threshold = self.stored(self.map().homing_current) as f64;
+        let is_pressed = self.motor.current_ma.abs() >= threshold;
+        let pressed_s = if is_pressed { pressed_s + dt_s } else { 0.0 };
         if pressed_s >= PRESSED_S {
-            self.demand = Demand {
-                position: self.measured(),
-                velocity: 0.0,
-            };
+            self.demand = Demand::new(self.measured(), 0.0);
             self.task = Task::Hold;
             self.end_homing(true);
             return;
@@ -235,7 +179,7 @@ impl Drive {
         self.task = Task::SearchStop { speed, pressed_s };
     }
 
-    fn next_setpoint(&mut self) {
+    fn start_next_setpoint(&mut self) {
         self.setpoints.active = self.setpoints.queued.take();
         self.setpoints.acknowledged &= self.controlword & START != 0;
         if let Some(target) = self.setpoints.active {
@@ -244,65 +188,58 @@ impl Drive {
     }
 
     fn move_motor(&mut self, dt_s: f64) {
-        let current_ma = self.stored(self.config.family.places().current_limit) as f64;
         let limits = Limits {
-            current_ma,
-            speed: self.top_speed(),
+            current_ma: self.stored(self.map().current_limit) as f64,
+            speed: self.max_motor_speed(),
         };
-        // What the position controller sees; the motor may be elsewhere.
+        // The error that the position controller sees. The motor may be elsewhere.
         let error = self.demand.position - self.measured();
-        let wanted_ma = self.torque_ma();
-        let motor = &self.config.motor;
+        let target_ma = self.target_current_ma();
+        let (motor, config) = (&mut self.motor, &self.config.motor);
         match self.task {
-            Task::Off => self.motor.coast(motor, dt_s),
-            Task::Torque => self.motor.push(motor, wanted_ma, limits, dt_s),
-            _ => self
-                .motor
-                .follow(motor, self.motor.position + error, limits, dt_s),
+            Task::Off => motor.coast(config, dt_s),
+            Task::Torque => motor.push(config, target_ma, limits, dt_s),
+            _ => motor.follow(config, motor.position + error, limits, dt_s),
         }
     }
 
-    /// The current that the torque or current mode asks for, mA.
-    fn torque_ma(&self) -> f64 {
+    /// The current set-point of the torque or current mode, mA.
+    fn target_current_ma(&self) -> f64 {
+        let get = |index, sub| self.dictionary.get(index, sub) as f64;
         match self.mode {
-            Mode::Current => self.dictionary.get(0x2030, 0) as f64,
-            _ => {
-                self.dictionary.get(0x6071, 0) as f64 / 1000.0
-                    * self.dictionary.get(0x3001, 1) as f64
-            }
+            Mode::Current => get(0x2030, 0),
+            _ => get(0x6071, 0) / 1000.0 * get(0x3001, 1),
         }
     }
 
-    /// Whether the motor stands, as far as its encoder tells.
-    fn seems_to_stand(&self) -> bool {
-        self.frozen.is_some() || self.motor.stands()
+    /// Whether the motor is at standstill, as far as its encoder shows.
+    fn is_at_standstill(&self) -> bool {
+        self.frozen.is_some() || self.motor.is_at_standstill()
     }
 
-    /// Looks for what ends in a fault.
-    fn supervise(&mut self, dt_s: f64) {
+    /// Raises the faults of position control: limits, following error, set-point timeout.
+    fn detect_fault(&mut self, dt_s: f64) {
         self.since_setpoint_s += dt_s;
-        let watched = matches!(self.task, Task::Hold | Task::Cyclic | Task::Profile { .. });
-        if !watched {
+        let is_cyclic = self.task == Task::Cyclic;
+        if !is_cyclic && !matches!(self.task, Task::Hold | Task::Profile { .. }) {
             return;
         }
         let window = self.dictionary.get(0x6065, 0) as f64;
-        let beyond = self.config.family.places().beyond_limits;
-        if let Some(fault) = beyond
-            .filter(|_| self.task == Task::Cyclic && self.is_beyond_limits(self.demand.position))
-        {
+        let is_outside = is_cyclic && self.is_beyond_limits(self.demand.position);
+        if let Some(fault) = self.map().position_limit_fault.filter(|_| is_outside) {
             self.raise(fault, false);
         } else if (self.demand.position - self.measured()).abs() > window {
             self.raise(Fault::FOLLOWING_ERROR, false);
-        } else if self.task == Task::Cyclic && self.is_setpoint_late() {
+        } else if is_cyclic && self.is_setpoint_late() {
             self.raise(Fault::RPDO_TIMEOUT, false);
         }
     }
 
-    /// With interpolation on, a set-point is expected every period; two periods without one is too
+    /// With interpolation on, a set-point is expected every period. Two periods without one are too
     /// long.
     fn is_setpoint_late(&self) -> bool {
-        let period = self.dictionary.get(0x60C2, 1) as f64
-            * 10f64.powi(self.dictionary.get(0x60C2, 2) as i32);
+        let exponent = self.dictionary.get(0x60C2, 2) as i32;
+        let period = self.dictionary.get(0x60C2, 1) as f64 * 10f64.powi(exponent);
         self.config.interpolation_timeout && period > 0.0 && self.since_setpoint_s > 2.0 * period
     }
 }

@@ -1,10 +1,7 @@
 //! Motor, encoder and position controller of one drive.
 
-use serde::{Deserialize, Serialize};
-
-/// What the motor and its controller can do.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+/// Parameters of the motor and its position controller.
+#[derive(Debug, Clone, PartialEq)]
 pub struct MotorConfig {
     /// Pulses of the encoder per turn; four increments (counts) each.
     pub encoder_pulses: u32,
@@ -15,8 +12,7 @@ pub struct MotorConfig {
     pub acceleration_per_ma: f64,
     /// Current that overcomes friction, mA.
     pub friction_ma: f64,
-    /// Hard stops, counts from where the motor stood at the start of the emulator: it cannot pass
-    /// them.
+    /// Hard stops, counts from the position of the motor at the start of the emulator.
     pub stops: [f64; 2],
 }
 
@@ -34,15 +30,7 @@ impl Default for MotorConfig {
     }
 }
 
-impl MotorConfig {
-    /// Counts per turn of the motor.
-    #[must_use]
-    pub fn counts_per_turn(&self) -> f64 {
-        4.0 * f64::from(self.encoder_pulses)
-    }
-}
-
-/// What the drive allows.
+/// Limits of the drive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Output current, mA (object 0x3001:02).
@@ -51,8 +39,7 @@ pub struct Limits {
     pub speed: f64,
 }
 
-/// The motor. Positions are true ones: fractional, from where the motor stood at the start of the
-/// emulator.
+/// The motor. Positions are true ones: fractional counts since the start of the emulator.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motor {
     /// Counts.
@@ -65,46 +52,43 @@ pub struct Motor {
     pub limited: bool,
 }
 
-/// Speeds below this are standing still, counts per second.
+/// Speeds below this are standstill, counts per second.
 const STANDSTILL: f64 = 20.0;
 
 impl Motor {
-    /// Whether it stands.
+    /// A motor at standstill at this position.
     #[must_use]
-    pub fn stands(&self) -> bool {
+    pub fn at(position: f64) -> Self {
+        Self {
+            position,
+            ..Self::default()
+        }
+    }
+
+    /// Whether it is at standstill.
+    #[must_use]
+    pub fn is_at_standstill(&self) -> bool {
         self.velocity.abs() < STANDSTILL
     }
 
-    /// One step under the position controller (proportional and derivative, critically damped),
-    /// friction by Coulomb.
+    /// One step under the position controller (proportional and derivative, critically damped) with
+    /// Coulomb friction.
     pub fn follow(&mut self, config: &MotorConfig, demand: f64, limits: Limits, dt_s: f64) {
         let rate = std::f64::consts::TAU * config.bandwidth_hz;
-        let wanted = rate * rate * (demand - self.position) - 2.0 * rate * self.velocity;
-        self.push(config, wanted / config.acceleration_per_ma, limits, dt_s);
+        let target = rate * rate * (demand - self.position) - 2.0 * rate * self.velocity;
+        self.push(config, target / config.acceleration_per_ma, limits, dt_s);
     }
 
     /// One step under a given current.
-    pub fn push(&mut self, config: &MotorConfig, wanted_ma: f64, limits: Limits, dt_s: f64) {
-        self.current_ma = wanted_ma.clamp(-limits.current_ma, limits.current_ma);
-        let velocity = self.velocity;
-        self.advance(config, dt_s);
-        self.limited = self.current_ma != wanted_ma || self.velocity.abs() > limits.speed;
-        self.velocity = self.velocity.clamp(-limits.speed, limits.speed);
-        self.position += 0.5 * (velocity + self.velocity) * dt_s;
-        self.meet_stops(config);
-    }
-
-    /// One step without power: friction brakes, the gear does not let the wires pull it back.
-    pub fn coast(&mut self, config: &MotorConfig, dt_s: f64) {
-        self.current_ma = 0.0;
-        self.limited = false;
-        let velocity = self.velocity;
-        self.advance(config, dt_s);
-        self.position += 0.5 * (velocity + self.velocity) * dt_s;
-        self.meet_stops(config);
-    }
-
-    fn meet_stops(&mut self, config: &MotorConfig) {
+    pub fn push(&mut self, config: &MotorConfig, target_ma: f64, limits: Limits, dt_s: f64) {
+        self.current_ma = target_ma.clamp(-limits.current_ma, limits.current_ma);
+        let before = self.velocity;
+        let driven = before + self.current_ma * config.acceleration_per_ma * dt_s;
+        let friction = config.friction_ma * config.acceleration_per_ma * dt_s;
+        let velocity = (driven.abs() - friction).max(0.0).copysign(driven);
+        self.limited = self.current_ma != target_ma || velocity.abs() > limits.speed;
+        self.velocity = velocity.clamp(-limits.speed, limits.speed);
+        self.position += 0.5 * (before + self.velocity) * dt_s;
         let [low, high] = config.stops;
         if self.position < low || self.position > high {
             self.position = self.position.clamp(low, high);
@@ -112,14 +96,13 @@ impl Motor {
         }
     }
 
-    fn advance(&mut self, config: &MotorConfig, dt_s: f64) {
-        let driven = self.velocity + self.current_ma * config.acceleration_per_ma * dt_s;
-        let braked = config.friction_ma * config.acceleration_per_ma * dt_s;
-        self.velocity = if driven.abs() <= braked {
-            0.0
-        } else {
-            driven - braked.copysign(driven)
+    /// One step without power. Friction brakes; the gear is self-locking.
+    pub fn coast(&mut self, config: &MotorConfig, dt_s: f64) {
+        let limits = Limits {
+            current_ma: 0.0,
+            speed: f64::INFINITY,
         };
+        self.push(config, 0.0, limits, dt_s);
     }
 }
 
@@ -127,88 +110,68 @@ impl Motor {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits {
-        current_ma: 300.0,
-        speed: 50_000.0,
-    };
+    const LIMITS: Limits = limits(300.0, 50_000.0);
+    const DT_S: f64 = 0.0005;
 
-    fn run(motor: &mut Motor, limits: Limits, seconds: f64, demand: impl Fn(f64) -> f64) -> f64 {
-        let dt_s = 0.0005;
-        let mut top = 0.0f64;
-        for step in 0..(seconds / dt_s) as usize {
-            motor.follow(
-                &MotorConfig::default(),
-                demand(step as f64 * dt_s),
-                limits,
-                dt_s,
-            );
+    const fn limits(current_ma: f64, speed: f64) -> Limits {
+        Limits { current_ma, speed }
+    }
+
+    /// Follows a demand; returns the motor and its highest speed.
+    fn run(limits: Limits, seconds: f64, demand: impl Fn(f64) -> f64) -> (Motor, f64) {
+        let (config, mut motor, mut top) = (MotorConfig::default(), Motor::default(), 0.0f64);
+        for step in 0..(seconds / DT_S) as usize {
+            motor.follow(&config, demand(step as f64 * DT_S), limits, DT_S);
             top = top.max(motor.velocity.abs());
         }
-        top
+        (motor, top)
     }
 
     #[test]
-    fn settles_within_a_count_and_does_not_overshoot_far() {
-        let mut motor = Motor::default();
-        run(&mut motor, LIMITS, 0.2, |_| 200.0);
+    fn settles_within_a_count() {
+        let (motor, _) = run(LIMITS, 0.2, |_| 200.0);
         assert!(
-            (motor.position - 200.0).abs() < 1.0 && motor.stands(),
+            (motor.position - 200.0).abs() < 1.0 && motor.is_at_standstill(),
             "{motor:?}"
         );
     }
 
     #[test]
-    fn lags_behind_a_ramp_by_the_bandwidth() {
-        let mut motor = Motor::default();
-        run(&mut motor, LIMITS, 0.5, |time| 1000.0 * time);
-        let lag = 500.0 - motor.position;
+    fn the_lag_behind_a_ramp_follows_from_the_bandwidth() {
+        let lag = 500.0 - run(LIMITS, 0.5, |time| 1000.0 * time).0.position;
         assert!((4.0..8.0).contains(&lag), "{lag}");
     }
 
     #[test]
-    fn keeps_to_speed_and_current() {
-        let top = run(
-            &mut Motor::default(),
-            Limits {
-                speed: 1000.0,
-                ..LIMITS
-            },
-            0.1,
-            |_| 5000.0,
-        );
-        assert!(top <= 1000.0);
-        let mut weak = Motor::default();
-        run(
-            &mut weak,
-            Limits {
-                current_ma: 1.0,
-                ..LIMITS
-            },
-            0.2,
-            |_| 500.0,
-        );
+    fn speed_and_current_are_limited() {
+        assert!(run(limits(300.0, 1000.0), 0.1, |_| 5000.0).1 <= 1000.0);
+        let (weak, _) = run(limits(1.0, 50_000.0), 0.2, |_| 500.0);
         assert_eq!(weak.position, 0.0, "1 mA does not overcome the friction");
     }
 
     #[test]
-    fn a_stop_ends_the_way_and_costs_current() {
+    fn a_hard_stop_blocks_the_motor_and_raises_the_current() {
         let config = MotorConfig {
             stops: [-100.0, 100.0],
             ..MotorConfig::default()
         };
         let mut motor = Motor::default();
-        (0..400).for_each(|_| motor.follow(&config, 300.0, LIMITS, 0.0005));
+        for _ in 0..400 {
+            motor.follow(&config, 300.0, LIMITS, DT_S);
+        }
         assert_eq!((motor.position, motor.velocity), (100.0, 0.0));
         assert!(motor.current_ma > 100.0, "{motor:?}");
     }
 
     #[test]
-    fn coasts_to_a_stand() {
+    fn friction_stops_a_motor_without_power() {
         let mut motor = Motor {
             velocity: 2000.0,
             ..Motor::default()
         };
-        (0..400).for_each(|_| motor.coast(&MotorConfig::default(), 0.0005));
+        for _ in 0..400 {
+            motor.coast(&MotorConfig::default(), DT_S);
+        }
         assert!(motor.velocity == 0.0 && motor.position > 5.0);
     }
 }

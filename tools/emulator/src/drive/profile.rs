@@ -1,17 +1,29 @@
-//! The demand that moves: trapezoidal profiles and ramps.
+//! The moving demand: trapezoidal profiles and ramps.
 
-/// Speed and accelerations of a movement, counts and seconds.
+/// Limits of speed and acceleration, counts and seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pace {
-    /// Top speed.
+pub struct ProfileLimits {
+    /// Maximum speed.
     pub speed: f64,
-    /// While getting faster.
+    /// Acceleration.
     pub acceleration: f64,
-    /// While getting slower.
+    /// Deceleration.
     pub deceleration: f64,
 }
 
-/// A demand with a speed.
+impl ProfileLimits {
+    /// The same ramp for acceleration and deceleration.
+    #[must_use]
+    pub fn with_ramp(speed: f64, ramp: f64) -> Self {
+        Self {
+            speed,
+            acceleration: ramp,
+            deceleration: ramp,
+        }
+    }
+}
+
+/// Position and velocity demand.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Demand {
     /// Counts.
@@ -21,51 +33,49 @@ pub struct Demand {
 }
 
 impl Demand {
-    /// One step towards a target at rest; true when there.
-    pub fn approach(&mut self, target: f64, pace: Pace, dt_s: f64) -> bool {
-        let way = target - self.position;
-        let braking = (2.0 * pace.deceleration * way.abs()).sqrt();
-        let wanted = braking.min(pace.speed).copysign(way);
-        self.change_speed(wanted, pace, dt_s);
+    /// A demand.
+    #[must_use]
+    pub fn new(position: f64, velocity: f64) -> Self {
+        Self { position, velocity }
+    }
+
+    /// Moves one step towards a target at rest. Returns true at the target.
+    pub fn approach(&mut self, target: f64, limits: ProfileLimits, dt_s: f64) -> bool {
+        let distance = target - self.position;
+        let braking = (2.0 * limits.deceleration * distance.abs()).sqrt();
+        self.change_speed(braking.min(limits.speed).copysign(distance), limits, dt_s);
         let next = self.position + self.velocity * dt_s;
-        let slow = self.velocity.abs() <= 2.0 * pace.deceleration * dt_s;
-        if (target - next) * way <= 0.0 && slow {
-            *self = Self {
-                position: target,
-                velocity: 0.0,
-            };
+        let slow = self.velocity.abs() <= 2.0 * limits.deceleration * dt_s;
+        if (target - next) * distance <= 0.0 && slow {
+            *self = Self::new(target, 0.0);
             return true;
         }
         self.position = next;
         false
     }
 
-    /// One step at a speed.
-    pub fn run(&mut self, speed: f64, pace: Pace, dt_s: f64) {
-        self.change_speed(speed.clamp(-pace.speed, pace.speed), pace, dt_s);
+    /// Moves one step at a speed.
+    pub fn run(&mut self, speed: f64, limits: ProfileLimits, dt_s: f64) {
+        self.change_speed(speed.clamp(-limits.speed, limits.speed), limits, dt_s);
         self.position += self.velocity * dt_s;
     }
 
-    /// One step of braking; true when standing.
+    /// Brakes for one step. Returns true at standstill.
     pub fn brake(&mut self, deceleration: f64, dt_s: f64) -> bool {
-        let pace = Pace {
-            speed: f64::MAX,
-            acceleration: deceleration,
-            deceleration,
-        };
-        self.run(0.0, pace, dt_s);
+        self.run(0.0, ProfileLimits::with_ramp(f64::MAX, deceleration), dt_s);
         self.velocity == 0.0
     }
 
-    fn change_speed(&mut self, wanted: f64, pace: Pace, dt_s: f64) {
-        let slower = wanted * self.velocity <= 0.0 || wanted.abs() < self.velocity.abs();
-        let most = dt_s
-            * if slower && self.velocity != 0.0 {
-                pace.deceleration
-            } else {
-                pace.acceleration
-            };
-        self.velocity += (wanted - self.velocity).clamp(-most, most);
+    fn change_speed(&mut self, target: f64, limits: ProfileLimits, dt_s: f64) {
+        let slower = target * self.velocity <= 0.0 || target.abs() < self.velocity.abs();
+        let brakes = slower && self.velocity != 0.0;
+        let ramp = if brakes {
+            limits.deceleration
+        } else {
+            limits.acceleration
+        };
+        let most = dt_s * ramp;
+        self.velocity += (target - self.velocity).clamp(-most, most);
     }
 }
 
@@ -77,18 +87,23 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_profile_arrives_within_its_limits(target in -5000.0..5000.0f64, start in -3000.0..3000.0f64) {
-            let pace = Pace { speed: 2000.0, acceleration: 20_000.0, deceleration: 30_000.0 };
-            let mut demand = Demand { position: 0.0, velocity: start.clamp(-2000.0, 2000.0) };
+        fn a_profile_reaches_its_target_within_its_limits(
+            target in -5000.0..5000.0f64,
+            start in -3000.0..3000.0f64,
+        ) {
+            let ramp = 30_000.0;
+            let limits = ProfileLimits::with_ramp(2000.0, ramp);
+            let limits = ProfileLimits { acceleration: 20_000.0, ..limits };
+            let mut demand = Demand::new(0.0, start.clamp(-2000.0, 2000.0));
             let dt_s = 0.0005;
             let mut arrived = false;
             for _ in 0..20_000 {
                 let before = demand;
-                arrived = demand.approach(target, pace, dt_s);
+                arrived = demand.approach(target, limits, dt_s);
                 prop_assert!(demand.velocity.abs() <= 2000.0 + 1e-9);
-                // The very last step ends on the target and may stop from a little more than one
-                // step of braking.
-                prop_assert!((demand.velocity - before.velocity).abs() <= 3.0 * 30_000.0 * dt_s + 1e-9);
+                // The last step ends on the target and may brake by a little more than one step.
+                let change = (demand.velocity - before.velocity).abs();
+                prop_assert!(change <= 3.0 * ramp * dt_s + 1e-9);
                 if arrived {
                     break;
                 }
@@ -98,11 +113,8 @@ mod tests {
     }
 
     #[test]
-    fn braking_takes_the_way_that_physics_says() {
-        let mut demand = Demand {
-            position: 0.0,
-            velocity: 2000.0,
-        };
+    fn the_braking_distance_is_the_physical_one() {
+        let mut demand = Demand::new(0.0, 2000.0);
         while !demand.brake(100_000.0, 1e-5) {}
         assert!((demand.position - 20.0).abs() < 0.1, "{demand:?}");
     }

@@ -1,14 +1,13 @@
-//! The CiA 402 state machine of the EPOS4: controlword commands and where they lead (reference
-//! section 3.2).
+//! The CiA 402 state machine: controlword commands and transitions (reference, section 3.2).
 
 /// States of the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum State {
     /// Booting.
     NotReadyToSwitchOn,
-    /// Booted or disabled; parameters can be set.
+    /// Booted, power stage off; parameters can be set.
     SwitchOnDisabled,
-    /// Shut down: next is switching on.
+    /// Ready for the switch-on command.
     ReadyToSwitchOn,
     /// Switched on, power stage still off.
     SwitchedOn,
@@ -16,14 +15,14 @@ pub enum State {
     OperationEnabled,
     /// Stopped by quick stop; power stage on, holding.
     QuickStopActive,
-    /// A fault is being reacted to.
+    /// The reaction to a fault is in progress.
     FaultReactionActive,
     /// A fault is latched; power stage off.
     Fault,
 }
 
 impl State {
-    /// The bits of the statusword that tell the state, under the mask 0x006F.
+    /// The bits of the statusword for the state, under the mask 0x006F.
     #[must_use]
     pub const fn bits(self) -> u16 {
         match self {
@@ -47,7 +46,7 @@ impl State {
         )
     }
 
-    /// What logs say.
+    /// Its name in the log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -63,14 +62,14 @@ impl State {
     }
 }
 
-/// What the low byte of a controlword commands.
+/// Device control commands, the low byte of a controlword.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Command {
+pub enum DeviceCommand {
     /// 0xxx x110.
     Shutdown,
     /// 0xxx 0111: switch on, or disable operation.
     SwitchOn,
-    /// 0xxx 1111: enable operation, passing switched on if need be.
+    /// 0xxx 1111: enable operation, through switched on if necessary.
     EnableOperation,
     /// 0xxx xx0x.
     DisableVoltage,
@@ -78,11 +77,11 @@ pub enum Command {
     QuickStop,
 }
 
-impl Command {
-    /// The command in a controlword. While bit 7 is set there is none: only its rising edge means
-    /// something.
+impl DeviceCommand {
+    /// The command in a controlword. While bit 7 is set there is none: only its rising edge has an
+    /// effect.
     #[must_use]
-    pub const fn of(controlword: u16) -> Option<Self> {
+    pub const fn from_controlword(controlword: u16) -> Option<Self> {
         if controlword & 0x80 != 0 {
             return None;
         }
@@ -95,9 +94,9 @@ impl Command {
         })
     }
 
-    /// Where the command leads from `state`, or `None` if it means nothing there.
+    /// The state after the command in `state`, or `None` if it has no effect there.
     #[must_use]
-    pub const fn leads(self, state: State) -> Option<State> {
+    pub const fn next_state(self, state: State) -> Option<State> {
         use State::{
             OperationEnabled, QuickStopActive, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn,
         };
@@ -125,34 +124,35 @@ mod tests {
     use super::State::*;
     use super::*;
 
-    const ALL: [State; 8] = [
-        NotReadyToSwitchOn,
-        SwitchOnDisabled,
-        ReadyToSwitchOn,
+    const OFF: [State; 4] = [NotReadyToSwitchOn, SwitchOnDisabled, ReadyToSwitchOn, Fault];
+    const ON: [State; 4] = [
         SwitchedOn,
         OperationEnabled,
         QuickStopActive,
         FaultReactionActive,
-        Fault,
     ];
 
+    fn all() -> impl Iterator<Item = State> {
+        OFF.into_iter().chain(ON)
+    }
+
     #[test]
-    fn patterns_of_the_controlword() {
-        for (controlword, command) in [
-            (0x0000, Some(Command::DisableVoltage)),
-            (0x000D, Some(Command::DisableVoltage)),
-            (0x0002, Some(Command::QuickStop)),
-            (0x000B, Some(Command::QuickStop)),
-            (0x0006, Some(Command::Shutdown)),
-            (0x000E, Some(Command::Shutdown)),
-            (0x0007, Some(Command::SwitchOn)),
-            (0x000F, Some(Command::EnableOperation)),
-            (0x003F, Some(Command::EnableOperation)),
-            (0x010F, Some(Command::EnableOperation)),
-            (0x0080, None),
-            (0x008F, None),
+    fn controlword_patterns_are_commands() {
+        for (command, controlwords) in [
+            (Some(DeviceCommand::DisableVoltage), &[0x0000, 0x000D][..]),
+            (Some(DeviceCommand::QuickStop), &[0x0002, 0x000B]),
+            (Some(DeviceCommand::Shutdown), &[0x0006, 0x000E]),
+            (Some(DeviceCommand::SwitchOn), &[0x0007]),
+            (
+                Some(DeviceCommand::EnableOperation),
+                &[0x000F, 0x003F, 0x010F],
+            ),
+            (None, &[0x0080, 0x008F]),
         ] {
-            assert_eq!(Command::of(controlword), command, "{controlword:04X}");
+            for controlword in controlwords {
+                let found = DeviceCommand::from_controlword(*controlword);
+                assert_eq!(found, command, "{controlword:04X}");
+            }
         }
     }
 
@@ -176,28 +176,28 @@ mod tests {
             (0x02, OperationEnabled, QuickStopActive),
         ];
         for controlword in [0x00u16, 0x02, 0x06, 0x07, 0x0F] {
-            for from in ALL {
-                let expected = table
+            for from in all() {
+                let row = table
                     .iter()
-                    .find(|row| row.0 == controlword && row.1 == from)
-                    .map(|row| row.2);
-                let command = Command::of(controlword).unwrap();
+                    .find(|row| row.0 == controlword && row.1 == from);
+                let command = DeviceCommand::from_controlword(controlword).unwrap();
+                let name = from.name();
+                let expected = row.map(|row| row.2);
                 assert_eq!(
-                    command.leads(from),
+                    command.next_state(from),
                     expected,
-                    "{controlword:02X} in {}",
-                    from.name()
+                    "{controlword:02X} in {name}"
                 );
             }
         }
     }
 
     #[test]
-    fn the_masked_bits_are_the_states() {
-        let mut seen: Vec<u16> = ALL.iter().map(|state| state.bits()).collect();
-        assert!(seen.iter().all(|bits| bits & !0x6F == 0));
-        seen.sort_unstable();
-        seen.dedup();
-        assert_eq!(seen.len(), ALL.len());
+    fn status_bits_identify_the_states() {
+        let mut bits: Vec<u16> = all().map(State::bits).collect();
+        assert!(bits.iter().all(|bits| bits & !0x6F == 0));
+        bits.sort_unstable();
+        bits.dedup();
+        assert_eq!(bits.len(), 8);
     }
 }

@@ -1,4 +1,4 @@
-//! A pseudo-terminal that behaves like a serial port without anything of a terminal.
+//! A pseudo-terminal in raw mode as a serial port.
 
 use std::io;
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
@@ -23,7 +23,7 @@ nix::ioctl_none_bad!(
 #[derive(Debug)]
 struct Ends {
     master: OwnedFd,
-    /// Kept open: while no one has the other end open, reading this one would fail.
+    /// Kept open: without an open slave, reading the master fails.
     slave: OwnedFd,
 }
 
@@ -41,7 +41,7 @@ impl Pty {
         let mut settings = tcgetattr(&pair.slave)?;
         cfmakeraw(&mut settings);
         tcsetattr(&pair.slave, SetArg::TCSANOW, &settings)?;
-        // A drive does not wait for a host that does not listen.
+        // A drive does not wait for a host that does not read.
         fcntl(&pair.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK))?;
         let path = ttyname(&pair.slave)?;
         Ok(Self {
@@ -58,7 +58,7 @@ impl Pty {
         &self.path
     }
 
-    /// The cable is pulled: the host's end fails from now on.
+    /// Closes it as if the cable was pulled: the host's end fails from now on.
     pub(super) fn hang_up(&mut self) {
         self.ends = None;
     }
@@ -74,18 +74,18 @@ impl Pty {
             (span.0 % 1_000_000_000) as i64,
         );
         let mut fds = [PollFd::new(ends.master.as_fd(), PollFlags::POLLIN)];
-        // An interrupting signal counts as no bytes: the caller looks at its own clock.
+        // An interrupting signal counts as no bytes: the caller reads its own clock.
         matches!(ppoll(&mut fds, Some(timeout), None), Ok(ready) if ready > 0)
     }
 
-    /// Reads what is there.
+    /// Reads the available bytes.
     pub(super) fn read(&self, buffer: &mut [u8]) -> usize {
         self.ends
             .as_ref()
             .map_or(0, |ends| read(&ends.master, buffer).unwrap_or(0))
     }
 
-    /// Writes to the host, or to no one if the host has not read for so long that there is no room.
+    /// Writes to the host. Bytes are lost if the buffer is full because the host does not read.
     pub(super) fn write(&self, mut bytes: &[u8]) {
         let Some(ends) = &self.ends else { return };
         while !bytes.is_empty() {
@@ -97,8 +97,8 @@ impl Pty {
         }
     }
 
-    /// The host has set this bit rate.
-    pub(super) fn is_at(&self, baud: u32) -> bool {
+    /// Whether the host has set this bit rate.
+    pub(super) fn has_baud_rate(&self, baud: u32) -> bool {
         let Some(ends) = &self.ends else { return false };
         // SAFETY: an all-zero `termios2` is a valid one, the pointer is to it, and the descriptor
         // is open.
@@ -110,8 +110,8 @@ impl Pty {
         speed == Some(baud)
     }
 
-    /// Lets others open the port again. A host that was killed while it had the port for itself
-    /// would otherwise keep it locked, since this end is never closed.
+    /// Ends the exclusive use of the port. A killed host would otherwise keep it locked, since this
+    /// end is never closed.
     pub(super) fn release(&self) {
         let Some(ends) = &self.ends else { return };
         // SAFETY: the request takes no argument, and the descriptor is open for as long as `ends`

@@ -1,28 +1,32 @@
 //! Parameters of a snake: TOML, units in the key names, unknown keys refused.
 //!
-//! Lengths are degrees of bend: the wire travel that would bend the snake by so much if nothing was
-//! lost. Forces are in degrees of wire stretch: the stiffness of the wire is 1 by definition.
+//! Lengths are degrees of bend: the wire travel that would bend the snake by so much without
+//! losses. Forces are in degrees of wire stretch: the stiffness of the wire is 1 by definition.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::{MAX_BRISTLES, MAX_SEGMENTS};
+/// Maximum number of segments.
+pub(super) const MAX_SEGMENTS: usize = 4;
+
+/// Maximum number of kinds of bristles.
+pub(super) const MAX_BRISTLES: usize = 4;
 
 /// One snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SnakeConfig {
-    /// What people call it.
+    /// Its name.
     pub name: String,
     /// Wire travel per encoder count, degrees.
     pub deg_per_count: f64,
     /// Angle between the plane that motor 0 bends and the pitch axis, degrees. Motor 1 is at right
     /// angles to motor 0.
     pub motor_axes_deg: f64,
-    /// Force per speed of whatever moves, seconds: the weak dependence on speed.
+    /// Viscous drag: force per speed, seconds.
     pub drag_s: f64,
     /// Stiffness of the stops at the ends of the segments.
     pub stop_stiffness: f64,
@@ -34,61 +38,60 @@ pub struct SnakeConfig {
     pub friction: FrictionConfig,
     /// The snake from base to tip, in series: each bends under the same wires.
     pub segments: Vec<SegmentConfig>,
-    /// What wanders with time.
+    /// Slow random changes.
     pub drift: DriftConfig,
 }
 
 /// Gearheads and pulleys, one entry per motor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct GearConfig {
     /// Backlash between motor and pulley, from flank to flank, degrees.
-    pub gap_deg: [f64; 2],
+    pub backlash_deg: [f64; 2],
     /// Stiffness of a flank in contact.
     pub contact_stiffness: f64,
     /// Rounding of the contact, degrees.
     pub softness_deg: f64,
-    /// Friction that holds the pulley inside the gap.
+    /// Friction that holds the pulley inside the backlash.
     pub friction: [f64; 2],
 }
 
 /// Antagonist wires. In pairs: motor, then direction (the wire that pulls to positive angles
 /// first).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct WireConfig {
-    /// How far each wire hangs loose when the snake is straight, degrees.
+    /// Slack of each wire when the snake is straight, degrees.
     pub slack_deg: [[f64; 2]; 2],
-    /// Stiffness that is left while both wires hang loose.
+    /// Stiffness while both wires are slack.
     pub slack_stiffness: f64,
-    /// Rounding of the corner where a wire comes taut, degrees.
+    /// Rounding of the corner where a wire becomes taut, degrees.
     pub softness_deg: f64,
 }
 
 /// Friction of the wires.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FrictionConfig {
     /// Break-away force without any tension.
     pub base: f64,
-    /// Share of the friction that both motors' wires have in common, in the joints of the snake;
-    /// the rest rubs in guides of each motor's own. 0 to 1.
+    /// Share of the friction in the joints of the snake, common to the wires of both motors; the
+    /// rest is in the guides of each motor's own wires. 0 to 1.
     pub shared: f64,
-    /// Coefficient of friction between wire and guide, in the rope formula (Euler-Eytelwein).
+    /// Coefficient of friction between wire and guide, in the capstan equation (Euler-Eytelwein).
     pub coefficient: f64,
-    /// Angle that each wire is wrapped by on its way to the snake, degrees; the bend of the snake
-    /// adds to it.
+    /// Wrap angle of each wire between motor and snake, degrees; the bend of the snake adds to it.
     pub wrap_deg: [[f64; 2]; 2],
-    /// The hairs that break away one after the other.
+    /// The bristles that break away one after the other.
     pub bristles: Vec<BristleConfig>,
 }
 
-/// Hairs of one kind.
+/// Bristles of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct BristleConfig {
     /// Stiffness before it slips.
@@ -97,12 +100,12 @@ pub struct BristleConfig {
     pub share: f64,
 }
 
-/// A stretch of the snake.
+/// A part of the snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SegmentConfig {
-    /// Stiffness that straightens it.
+    /// Bending stiffness.
     pub stiffness: f64,
     /// Growth of that stiffness with the square of the bend, per degree squared.
     pub stiffening: f64,
@@ -112,20 +115,20 @@ pub struct SegmentConfig {
     pub friction: f64,
 }
 
-/// What wanders with time.
+/// Slow random changes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DriftConfig {
-    /// Spread of the zero of pitch and yaw in the long run, degrees.
+    /// Standard deviation of the zero of pitch and yaw in the long run, degrees.
     pub offset_deg: f64,
-    /// Time in which it forgets, seconds.
+    /// Its time constant, seconds.
     pub offset_time_s: f64,
-    /// Spread of the friction in the long run, as a share.
+    /// Relative standard deviation of the friction in the long run.
     pub friction: f64,
-    /// Time in which it forgets, seconds.
+    /// Its time constant, seconds.
     pub friction_time_s: f64,
-    /// Time in which friction under load creeps away, seconds.
+    /// Time constant of creep under load, seconds.
     pub creep_time_s: f64,
 }
 
@@ -134,12 +137,13 @@ pub struct DriftConfig {
 pub enum SnakeConfigError {
     /// The file could not be read.
     #[error(
-        "cannot read the snake {path}: {source}; name an existing file, such as config/snakes/steel.toml"
+        "cannot read the snake {path}: {source}; \
+         name an existing file, such as config/snakes/steel.toml"
     )]
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// Not TOML, a wrong type, or a key that does not exist.
@@ -157,9 +161,9 @@ pub enum SnakeConfigError {
         path: PathBuf,
         /// The key, with the tables that hold it.
         key: &'static str,
-        /// What stands there.
+        /// Its value.
         value: f64,
-        /// What would be right.
+        /// The rule.
         reason: &'static str,
     },
 }
@@ -188,9 +192,9 @@ impl SnakeConfig {
             path: path.to_owned(),
             source: Box::new(source),
         })?;
-        match config.wrong_value() {
-            None => Ok(config),
-            Some((key, value, reason)) => Err(SnakeConfigError::Value {
+        match config.check() {
+            Ok(()) => Ok(config),
+            Err((key, value, reason)) => Err(SnakeConfigError::Value {
                 path: path.to_owned(),
                 key,
                 value,
@@ -199,53 +203,45 @@ impl SnakeConfig {
         }
     }
 
-    fn wrong_value(&self) -> Option<(&'static str, f64, &'static str)> {
-        let count = self.segments.len();
-        if !(1..=MAX_SEGMENTS).contains(&count) {
-            return Some(("segments", count as f64, "a snake has one to four segments"));
+    /// Checks all values. The error is a key, its value and the rule.
+    fn check(&self) -> Result<(), (&'static str, f64, &'static str)> {
+        let count = self.segments.len() as f64;
+        if !(1.0..=MAX_SEGMENTS as f64).contains(&count) {
+            return Err(("segments", count, "a snake has one to four segments"));
         }
-        let kinds = self.friction.bristles.len();
-        if !(1..=MAX_BRISTLES).contains(&kinds) {
-            return Some((
-                "friction.bristles",
-                kinds as f64,
-                "friction has one to four kinds of bristles",
-            ));
+        let (friction, kinds) = (&self.friction, self.friction.bristles.len() as f64);
+        if !(1.0..=MAX_BRISTLES as f64).contains(&kinds) {
+            let reason = "friction has one to four kinds of bristles";
+            return Err(("friction.bristles", kinds, reason));
         }
-        let total: f64 = self
-            .friction
-            .bristles
-            .iter()
-            .map(|bristle| bristle.share)
-            .sum();
+        let total: f64 = friction.bristles.iter().map(|bristle| bristle.share).sum();
         if (total - 1.0).abs() > 1e-9 {
-            return Some(("friction.bristles.share", total, "the shares must sum to 1"));
+            return Err(("friction.bristles.share", total, "the shares must sum to 1"));
         }
-        if !(0.0..=1.0).contains(&self.friction.shared) {
-            return Some(("friction.shared", self.friction.shared, "must be 0 to 1"));
+        if !(0.0..=1.0).contains(&friction.shared) {
+            return Err(("friction.shared", friction.shared, "must be 0 to 1"));
         }
         if !self.motor_axes_deg.is_finite() {
-            return Some((
+            return Err((
                 "motor_axes_deg",
                 self.motor_axes_deg,
                 "must be a finite number",
             ));
         }
-        let positive = self
-            .positive()
-            .into_iter()
-            .find(|(_, value)| !(value.is_finite() && *value > 0.0));
-        let positive = positive.map(|(key, value)| (key, value, "must be a finite number above 0"));
-        let not_negative = self
-            .not_negative()
-            .into_iter()
-            .find(|(_, value)| !(value.is_finite() && *value >= 0.0));
-        positive
-            .or(not_negative
-                .map(|(key, value)| (key, value, "must be a finite number, 0 or above")))
+        for (key, value) in self.positive() {
+            if !(value.is_finite() && value > 0.0) {
+                return Err((key, value, "must be a finite number above 0"));
+            }
+        }
+        for (key, value) in self.not_negative() {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err((key, value, "must be a finite number, 0 or above"));
+            }
+        }
+        Ok(())
     }
 
-    /// Values that something is divided by, or that make the balance of forces solvable.
+    /// Divisors, and values that make the balance of forces solvable.
     fn positive(&self) -> Vec<(&'static str, f64)> {
         let mut values = vec![
             ("deg_per_count", self.deg_per_count),
@@ -258,17 +254,12 @@ impl SnakeConfig {
             ("drift.friction_time_s", self.drift.friction_time_s),
             ("drift.creep_time_s", self.drift.creep_time_s),
         ];
-        values.extend(
-            self.friction
-                .bristles
-                .iter()
-                .map(|bristle| ("friction.bristles.stiffness", bristle.stiffness)),
-        );
-        values.extend(
-            self.segments
-                .iter()
-                .map(|segment| ("segments.limit_deg", segment.limit_deg)),
-        );
+        for bristle in &self.friction.bristles {
+            values.push(("friction.bristles.stiffness", bristle.stiffness));
+        }
+        for segment in &self.segments {
+            values.push(("segments.limit_deg", segment.limit_deg));
+        }
         values
     }
 
@@ -280,28 +271,27 @@ impl SnakeConfig {
             ("drift.offset_deg", self.drift.offset_deg),
             ("drift.friction", self.drift.friction),
         ];
-        values.extend(self.gear.gap_deg.map(|value| ("gear.gap_deg", value)));
+        let (slack, wrap) = (self.wire.slack_deg, self.friction.wrap_deg);
+        values.extend(
+            self.gear
+                .backlash_deg
+                .map(|value| ("gear.backlash_deg", value)),
+        );
         values.extend(self.gear.friction.map(|value| ("gear.friction", value)));
         values.extend(
-            self.wire
-                .slack_deg
+            slack
                 .as_flattened()
                 .iter()
                 .map(|value| ("wire.slack_deg", *value)),
         );
         values.extend(
-            self.friction
-                .wrap_deg
-                .as_flattened()
+            wrap.as_flattened()
                 .iter()
                 .map(|value| ("friction.wrap_deg", *value)),
         );
-        values.extend(
-            self.friction
-                .bristles
-                .iter()
-                .map(|bristle| ("friction.bristles.share", bristle.share)),
-        );
+        for bristle in &self.friction.bristles {
+            values.push(("friction.bristles.share", bristle.share));
+        }
         for segment in &self.segments {
             values.push(("segments.stiffness", segment.stiffness));
             values.push(("segments.stiffening", segment.stiffening));

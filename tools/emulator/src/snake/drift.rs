@@ -1,8 +1,7 @@
-//! What wanders while the snake works: the zero of the picture and the strength of the friction.
+//! Slow random changes of the zero of the angles and of the friction.
 //!
-//! Both are Ornstein-Uhlenbeck processes: random walks on a soft leash, with a known spread in the
-//! long run. They advance on a fixed grid of time, so that the path does not depend on how time is
-//! cut into steps.
+//! Both are Ornstein-Uhlenbeck processes with a known standard deviation in the long run. They
+//! advance on a fixed time grid, so the path does not depend on the time steps of the caller.
 
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -10,13 +9,13 @@ use rand_pcg::Pcg64Mcg;
 
 use super::config::DriftConfig;
 
-/// The grid, seconds; a power of two, so that adding steps up is exact.
+/// The grid, seconds; a power of two, so that sums of steps are exact.
 const GRID_S: f64 = 0.125;
 
-/// After a pause longer than this the leash has forgotten everything: no use in walking through it.
-const LONGEST_PAUSE_S: f64 = 36_000.0;
+/// Longest simulated pause: after it the process is independent of its past.
+const MAX_PAUSE_S: f64 = 36_000.0;
 
-/// The wandering of one snake.
+/// The drift of one snake.
 #[derive(Debug, Clone)]
 pub(super) struct Drift {
     config: DriftConfig,
@@ -25,12 +24,12 @@ pub(super) struct Drift {
     pending_s: f64,
     /// Zero of pitch and yaw, degrees.
     offset_deg: [f64; 2],
-    /// Friction above normal, as a share.
+    /// Relative change of the friction.
     friction: f64,
 }
 
 impl Drift {
-    /// Starts at the middle, so that a fresh snake is at zero.
+    /// Starts at 0.
     pub(super) fn new(config: &DriftConfig, seed: u64) -> Self {
         Self {
             config: config.clone(),
@@ -41,22 +40,20 @@ impl Drift {
         }
     }
 
-    /// Lets time pass.
+    /// Advances by `dt_s` seconds.
     pub(super) fn step(&mut self, dt_s: f64) {
-        self.pending_s = (self.pending_s + dt_s).min(LONGEST_PAUSE_S);
+        self.pending_s = (self.pending_s + dt_s).min(MAX_PAUSE_S);
         while self.pending_s >= GRID_S {
             self.pending_s -= GRID_S;
-            for axis in 0..2 {
-                let kick = self.kick();
-                let (spread, time) = (self.config.offset_deg, self.config.offset_time_s);
-                self.offset_deg[axis] = wander(self.offset_deg[axis], spread, time, kick);
+            let (config, random) = (&self.config, &mut self.random);
+            for offset in &mut self.offset_deg {
+                advance(offset, config.offset_deg, config.offset_time_s, random);
             }
-            let kick = self.kick();
-            self.friction = wander(
-                self.friction,
-                self.config.friction,
-                self.config.friction_time_s,
-                kick,
+            advance(
+                &mut self.friction,
+                config.friction,
+                config.friction_time_s,
+                random,
             );
         }
     }
@@ -70,17 +67,14 @@ impl Drift {
     pub(super) fn friction_factor(&self) -> f64 {
         (1.0 + self.friction).max(0.1)
     }
-
-    fn kick(&mut self) -> f64 {
-        StandardNormal.sample(&mut self.random)
-    }
 }
 
-/// One step of the grid, exact for the process: `x <- a x + spread sqrt(1 - a^2) kick`,
+/// One step of the grid, exact for the process: `x <- a x + deviation sqrt(1 - a^2) noise`,
 /// `a = exp(-dt / time)`.
-fn wander(value: f64, spread: f64, time_s: f64, kick: f64) -> f64 {
+fn advance(value: &mut f64, deviation: f64, time_s: f64, random: &mut Pcg64Mcg) {
+    let noise: f64 = StandardNormal.sample(random);
     let keep = (-GRID_S / time_s).exp();
-    keep * value + spread * (1.0 - keep * keep).sqrt() * kick
+    *value = keep * *value + deviation * (1.0 - keep * keep).sqrt() * noise;
 }
 
 #[cfg(test)]
@@ -98,7 +92,7 @@ mod tests {
     }
 
     #[test]
-    fn the_spread_is_the_configured_one() {
+    fn the_deviation_is_the_configured_one() {
         let mut drift = Drift::new(&config(), 3);
         let mut sum = 0.0;
         for _ in 0..20_000 {
@@ -113,7 +107,9 @@ mod tests {
     fn the_path_does_not_depend_on_the_steps() {
         let (mut coarse, mut fine) = (Drift::new(&config(), 7), Drift::new(&config(), 7));
         coarse.step(64.0);
-        (0..64 * 64).for_each(|_| fine.step(1.0 / 64.0));
+        for _ in 0..64 * 64 {
+            fine.step(1.0 / 64.0);
+        }
         assert_eq!(coarse.offset_deg(), fine.offset_deg());
         assert!(coarse.offset_deg()[0] != 0.0);
     }

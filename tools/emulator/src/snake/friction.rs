@@ -1,41 +1,40 @@
-//! Friction of one segment: how much it can hold under the tension of the wires, and how it holds.
+//! Friction of one segment: its limits under the tension of the wires, and its bristles.
 
-use super::config::FrictionConfig;
-use super::law::{Force, slip};
-use super::{MAX_BRISTLES, Pair, dot};
+use super::config::{FrictionConfig, MAX_BRISTLES};
+use super::force_law::{Force, return_mapping};
+use super::plane::{Pair, add, dot};
 
-/// The snake cannot bend further than its stops, radians; without a bound a wild input would
-/// overflow the rope formula.
-const LARGEST_BEND_RAD: f64 = 2.0;
+/// Largest bend, radians. It prevents an overflow of the capstan equation.
+const MAX_BEND_RAD: f64 = 2.0;
 
 /// Break-away forces, each as if all friction was of that kind.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Load {
-    /// Of the joints that all wires press on.
+pub(super) struct BreakAway {
+    /// In the joints, which all wires press on.
     shared: f64,
-    /// Of the guides of each motor's own wires.
+    /// In the guides of each motor's own wires.
     own: Pair,
 }
 
-impl Load {
-    /// By the rope formula: `base + sum over wires of tension * (exp(coefficient * wrap) - 1)`.
-    /// `pulls` are the tensions, by motor and direction. The two wire pairs press at right angles,
-    /// so their loads add like legs of a triangle.
+impl BreakAway {
+    /// By the capstan equation: `base + sum over wires of tension * (exp(coefficient * wrap) - 1)`.
+    /// `tensions` are by motor and direction. The two pairs of wires press at right angles, so
+    /// their loads add as vectors.
     pub(super) fn new(
         config: &FrictionConfig,
-        pulls: [[Force; 2]; 2],
+        tensions: [[Force; 2]; 2],
         bend: Pair,
         factor: f64,
     ) -> Self {
-        let bent_rad = bend[0].hypot(bend[1]).to_radians().min(LARGEST_BEND_RAD);
-        let rope = |pull: Force, wrap_deg: f64| {
-            pull.value * (config.coefficient * (wrap_deg.to_radians() + bent_rad)).exp_m1()
+        let bend_rad = bend[0].hypot(bend[1]).to_radians().min(MAX_BEND_RAD);
+        let capstan = |tension: Force, wrap_deg: f64| {
+            let wrap_rad = wrap_deg.to_radians() + bend_rad;
+            tension.value * (config.coefficient * wrap_rad).exp_m1()
         };
         let load = [0, 1].map(|motor: usize| {
-            pulls[motor]
-                .iter()
-                .zip(config.wrap_deg[motor])
-                .map(|(pull, wrap)| rope(*pull, wrap))
+            let wires = tensions[motor].iter().zip(config.wrap_deg[motor]);
+            wires
+                .map(|(tension, wrap)| capstan(*tension, wrap))
                 .sum::<f64>()
         });
         Self {
@@ -45,7 +44,7 @@ impl Load {
     }
 }
 
-/// The bristles of one segment, degrees of bend.
+/// Deflections of the bristles of one segment, degrees of bend.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Bristles {
     /// In the joints, by kind: pitch and yaw, limited by a circle.
@@ -54,79 +53,69 @@ pub(super) struct Bristles {
     own: [Pair; MAX_BRISTLES],
 }
 
-/// What the bristles do after a movement.
+/// The friction of a segment after a movement.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Hold {
+pub(super) struct FrictionForce {
     /// The bristles after slipping.
     pub bristles: Bristles,
-    /// Their force, pitch and yaw.
+    /// Pitch and yaw.
     pub force: Pair,
-    /// The slope of that force, symmetric.
+    /// The slope of the force, symmetric.
     pub slope: [Pair; 2],
 }
 
 impl Bristles {
     /// Moves the segment by `moved`. `share` scales the break-away forces for this segment; `axes`
     /// are the directions of the motors in pitch and yaw.
-    pub(super) fn hold(
+    pub(super) fn slide(
         &self,
         config: &FrictionConfig,
-        load: &Load,
+        break_away: &BreakAway,
         share: f64,
         axes: [Pair; 2],
         moved: Pair,
-    ) -> Hold {
-        let mut hold = Hold {
+    ) -> FrictionForce {
+        let mut friction = FrictionForce {
             bristles: *self,
             force: [0.0; 2],
             slope: [[0.0; 2]; 2],
         };
         for (kind, law) in config.bristles.iter().enumerate() {
-            let reach = |breakaway: f64| share * breakaway * law.share / law.stiffness;
-            let held = self.shared[kind];
-            let joint = slip([held[0] + moved[0], held[1] + moved[1]], reach(load.shared));
-            hold.bristles.shared[kind] = joint.bend;
-            hold.add(law.stiffness * config.shared, joint.bend, joint.slope);
+            let limit = |break_away: f64| share * break_away * law.share / law.stiffness;
+            let joint = return_mapping(add(self.shared[kind], moved), limit(break_away.shared));
+            friction.bristles.shared[kind] = joint.bend;
+            friction.add(law.stiffness * config.shared, joint.bend, joint.slope);
             for (motor, axis) in axes.into_iter().enumerate() {
-                let guide = slip(
-                    [self.own[kind][motor] + dot(axis, moved), 0.0],
-                    reach(load.own[motor]),
-                );
-                hold.bristles.own[kind][motor] = guide.bend[0];
+                let trial = [self.own[kind][motor] + dot(axis, moved), 0.0];
+                let guide = return_mapping(trial, limit(break_away.own[motor]));
                 let (bend, slope) = (guide.bend[0], guide.slope[0][0]);
-                hold.add(
+                friction.bristles.own[kind][motor] = bend;
+                friction.add(
                     law.stiffness * (1.0 - config.shared),
                     axis.map(|along| bend * along),
                     axis.map(|along| axis.map(|across| slope * along * across)),
                 );
             }
         }
-        hold
+        friction
     }
 
-    /// All bristles keep the share `left` of their bend.
+    /// Reduces all deflections to the share `left`.
     pub(super) fn creep(&mut self, left: f64) {
-        let bends = self
-            .shared
-            .as_flattened_mut()
-            .iter_mut()
-            .chain(self.own.as_flattened_mut());
-        bends.for_each(|bend| *bend *= left);
+        for bend in self.shared.as_flattened_mut() {
+            *bend *= left;
+        }
+        for bend in self.own.as_flattened_mut() {
+            *bend *= left;
+        }
     }
 }
 
-impl Hold {
+impl FrictionForce {
     fn add(&mut self, stiffness: f64, bend: Pair, slope: [Pair; 2]) {
-        self.force
-            .iter_mut()
-            .zip(bend)
-            .for_each(|(force, bend)| *force += stiffness * bend);
-        let slopes = self
-            .slope
-            .as_flattened_mut()
-            .iter_mut()
-            .zip(slope.as_flattened());
-        slopes.for_each(|(sum, slope)| *sum += stiffness * slope);
+        self.force = add(self.force, bend.map(|bend| stiffness * bend));
+        let scaled = slope.map(|row| row.map(|slope| stiffness * slope));
+        self.slope = [add(self.slope[0], scaled[0]), add(self.slope[1], scaled[1])];
     }
 }
 
@@ -143,36 +132,30 @@ mod tests {
         }
     }
 
-    fn pulls(tension: f64) -> [[Force; 2]; 2] {
-        [
-            [
-                Force {
-                    value: tension,
-                    slope: 1.0,
-                },
-                Force::default(),
-            ],
-            [Force::default(); 2],
-        ]
+    fn tensions(tension: f64) -> [[Force; 2]; 2] {
+        let mut tensions = [[Force::default(); 2]; 2];
+        tensions[0][0] = Force::new(tension, 1.0);
+        tensions
     }
 
     #[test]
     fn the_break_away_force_grows_with_tension_and_bend() {
-        let load = |tension: f64, bend: f64| {
-            Load::new(&config(0.0), pulls(tension), [bend, 0.0], 1.0).own[0]
+        let force = |tension: f64, bend: f64| {
+            BreakAway::new(&config(0.0), tensions(tension), [bend, 0.0], 1.0).own[0]
         };
-        assert!(load(5.0, 0.0) > 1.1 * load(0.0, 0.0));
-        assert!(load(5.0, 40.0) > 1.1 * load(5.0, 0.0));
-        assert_eq!(load(0.0, 40.0), load(0.0, 0.0));
+        assert!(force(5.0, 0.0) > 1.1 * force(0.0, 0.0));
+        assert!(force(5.0, 40.0) > 1.1 * force(5.0, 0.0));
+        assert_eq!(force(0.0, 40.0), force(0.0, 0.0));
     }
 
     #[test]
-    fn a_motor_that_moves_frees_the_other_only_where_friction_is_shared() {
+    fn sliding_in_one_axis_frees_the_other_only_where_friction_is_shared() {
         for (shared, frees) in [(1.0, true), (0.0, false)] {
             let config = config(shared);
-            let load = Load::new(&config, pulls(0.0), [0.0; 2], 1.0);
-            let first = Bristles::default().hold(&config, &load, 1.0, AXES, [5.0, 0.0]);
-            let second = first.bristles.hold(&config, &load, 1.0, AXES, [0.0, 5.0]);
+            let break_away = BreakAway::new(&config, tensions(0.0), [0.0; 2], 1.0);
+            let slide = |from: Bristles, moved| from.slide(&config, &break_away, 1.0, AXES, moved);
+            let first = slide(Bristles::default(), [5.0, 0.0]);
+            let second = slide(first.bristles, [0.0, 5.0]);
             assert_eq!(
                 second.force[0] < 0.5 * first.force[0],
                 frees,

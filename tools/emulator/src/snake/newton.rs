@@ -1,11 +1,13 @@
-//! Newton's method for a balance of forces that is the slope of a strictly convex potential.
+//! Newton's method for a balance of forces, the gradient of a strictly convex potential.
 //!
-//! The laws have kinks in their slopes, so a full step can overshoot. Along the direction of a step
-//! the force of a convex potential rises steadily, and the step is cut back by regula falsi until
-//! it does not overshoot much.
+//! The slopes of the laws have kinks, so a full step can overshoot. Along the direction of a step
+//! the force of a convex potential is monotonic: the step is shortened by regula falsi until it
+//! overshoots little.
 
-/// The most unknowns: two pulleys and [`super::MAX_SEGMENTS`] segments that bend in two directions.
-pub(super) const SIZE: usize = 2 + 2 * super::MAX_SEGMENTS;
+use super::config::MAX_SEGMENTS;
+
+/// Maximum number of unknowns: two pulleys, and segments that bend in two directions.
+pub(super) const SIZE: usize = 2 + 2 * MAX_SEGMENTS;
 
 /// One value per unknown.
 pub(super) type Vector = [f64; SIZE];
@@ -13,27 +15,27 @@ pub(super) type Vector = [f64; SIZE];
 /// Slopes of the forces: symmetric, positive definite in its first rows and columns.
 pub(super) type Matrix = [[f64; SIZE]; SIZE];
 
-/// Forces that have to vanish, and their slopes.
-pub(super) trait Balance {
-    /// How many unknowns there are, at most [`SIZE`].
+/// Forces whose sum must be 0, and their slopes.
+pub(super) trait ForceBalance {
+    /// Number of unknowns, at most [`SIZE`].
     fn unknowns(&self) -> usize;
 
-    /// The forces left over at `at`, and their slopes.
+    /// The residual forces at `at`, and their slopes.
     fn evaluate(&self, at: &Vector) -> (Vector, Matrix);
 }
 
-/// Enough for the worst start that the tests could find, and a bound on the time.
+/// Sufficient for the worst start in the tests, and a bound on the time.
 const ITERATIONS: usize = 60;
 
-/// Forces below this share of the largest force at the start count as none.
+/// Forces below this share of the largest force at the start count as 0.
 const RELATIVE_TOLERANCE: f64 = 1e-12;
 
-/// Forces below this (degrees of wire stretch) count as none: a millionth of an encoder count.
+/// Forces below this (degrees of wire stretch) count as 0: a millionth of an encoder count.
 const TOLERANCE: f64 = 1e-8;
 
-/// Solves the balance from the guess `start`. Returns the best point found; it is always finite if
-/// `start` was.
-pub(super) fn solve(balance: &impl Balance, start: Vector) -> Vector {
+/// Solves the balance from the guess `start`. Returns the best point found; it is finite if `start`
+/// is.
+pub(super) fn solve(balance: &impl ForceBalance, start: Vector) -> Vector {
     let size = balance.unknowns();
     let mut at = start;
     let (mut force, mut slope) = balance.evaluate(&at);
@@ -42,10 +44,10 @@ pub(super) fn solve(balance: &impl Balance, start: Vector) -> Vector {
         if largest(&force, size) <= tolerance {
             break;
         }
-        let Some(step) = downhill(slope, &force, size) else {
+        let Some(step) = newton_step(slope, &force, size) else {
             break;
         };
-        let next = walk(balance, &at, &step, dot(&force, &step, size), size);
+        let next = line_search(balance, &at, &step, dot(&force, &step, size), size);
         if !next.force.iter().all(|value| value.is_finite()) {
             break;
         }
@@ -60,15 +62,20 @@ struct Point {
     slope: Matrix,
 }
 
-/// Walks along `step` until the force along it is nearly spent. `before` is that force at the
-/// start, below 0.
-fn walk(balance: &impl Balance, from: &Vector, step: &Vector, before: f64, size: usize) -> Point {
+/// Shortens `step` until the force along it is small. `before` is that force at the start, below 0.
+fn line_search(
+    balance: &impl ForceBalance,
+    from: &Vector,
+    step: &Vector,
+    before: f64,
+    size: usize,
+) -> Point {
     let mut share = 1.0;
     loop {
         let mut at = *from;
-        at.iter_mut()
-            .zip(step)
-            .for_each(|(value, step)| *value += share * step);
+        for (value, step) in at.iter_mut().zip(step) {
+            *value += share * step;
+        }
         let (force, slope) = balance.evaluate(&at);
         let after = dot(&force, step, size);
         if after <= -0.5 * before || share < 1e-6 {
@@ -79,7 +86,7 @@ fn walk(balance: &impl Balance, from: &Vector, step: &Vector, before: f64, size:
 }
 
 /// `-slope^-1 force` by Cholesky's factorisation, or `None` if the matrix is not positive definite.
-fn downhill(mut slope: Matrix, force: &Vector, size: usize) -> Option<Vector> {
+fn newton_step(mut slope: Matrix, force: &Vector, size: usize) -> Option<Vector> {
     for column in 0..size {
         for row in column..size {
             let done: f64 = (0..column).map(|k| slope[row][k] * slope[column][k]).sum();
@@ -110,9 +117,8 @@ fn dot(a: &Vector, b: &Vector, size: usize) -> f64 {
 }
 
 fn largest(values: &Vector, size: usize) -> f64 {
-    values
+    values[..size]
         .iter()
-        .take(size)
         .fold(0.0, |most, value| most.max(value.abs()))
 }
 
@@ -124,7 +130,7 @@ mod tests {
     /// step jumps over.
     struct Stop;
 
-    impl Balance for Stop {
+    impl ForceBalance for Stop {
         fn unknowns(&self) -> usize {
             2
         }
@@ -141,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_balance_across_a_kink() {
+    fn the_solution_across_a_kink_is_found() {
         for start in [-1e6, 0.0, 3.0, 1e6] {
             let at = solve(&Stop, [start; SIZE]);
             let (force, _) = Stop.evaluate(&at);
@@ -151,9 +157,9 @@ mod tests {
     }
 
     #[test]
-    fn a_matrix_that_is_not_positive_definite_ends_the_search() {
+    fn a_matrix_that_is_not_positive_definite_has_no_step() {
         let mut slope = [[0.0; SIZE]; SIZE];
         slope[0][0] = -1.0;
-        assert_eq!(downhill(slope, &[1.0; SIZE], 1), None);
+        assert_eq!(newton_step(slope, &[1.0; SIZE], 1), None);
     }
 }

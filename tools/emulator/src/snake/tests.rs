@@ -1,10 +1,11 @@
-//! What every snake must show, whatever its parameters.
+//! Properties that every snake has.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 
 use proptest::prelude::*;
 
+use super::plane::dot;
 use super::*;
 
 const SNAKES: [&str; 3] = ["steel", "brass", "multi"];
@@ -14,7 +15,7 @@ pub(crate) fn config(name: &str) -> SnakeConfig {
     SnakeConfig::load(&folder.join(format!("{name}.toml"))).unwrap()
 }
 
-/// The same snake without what wanders, so that two runs at different speeds can be compared.
+/// The same snake without drift, so that two runs at different speeds can be compared.
 fn steady(name: &str) -> Snake {
     let mut config = config(name);
     config.drift.offset_deg = 0.0;
@@ -23,12 +24,12 @@ fn steady(name: &str) -> Snake {
     Snake::new(&config, 1)
 }
 
-/// Motor positions that bend in pitch alone, were there no losses.
+/// Motor positions that bend in pitch alone, without losses.
 fn pitch(counts: f64) -> [f64; 2] {
     [FRAC_1_SQRT_2 * counts, -FRAC_1_SQRT_2 * counts]
 }
 
-/// Moves in pitch at a steady rate and returns the pitch at the end.
+/// Moves in pitch at a constant rate and returns the pitch at the end.
 fn go(snake: &mut Snake, from: f64, to: f64, counts_s: f64) -> f64 {
     let dt_s = 0.01;
     let steps = ((to - from).abs() / (counts_s * dt_s)).ceil().max(1.0) as usize;
@@ -38,7 +39,7 @@ fn go(snake: &mut Snake, from: f64, to: f64, counts_s: f64) -> f64 {
     snake.angles_deg()[0]
 }
 
-/// The pitch on the way up and on the way down at `counts`, on full strokes.
+/// The pitch while rising and while falling at `counts`, in full cycles.
 fn loop_at(snake: &mut Snake, counts: f64, counts_s: f64) -> [f64; 2] {
     const FULL: f64 = 2150.0;
     go(snake, 0.0, FULL, counts_s);
@@ -50,8 +51,8 @@ fn loop_at(snake: &mut Snake, counts: f64, counts_s: f64) -> [f64; 2] {
     [up, down]
 }
 
-/// Eight full strokes in pitch: pairs of counts and pitch.
-fn strokes(snake: &mut Snake) -> Vec<(f64, f64)> {
+/// Eight full cycles in pitch: pairs of counts and pitch.
+fn cycles(snake: &mut Snake) -> Vec<(f64, f64)> {
     let (dt_s, period_s) = (0.02, 20.0);
     (0..(8.0 * period_s / dt_s) as usize)
         .map(|step| {
@@ -62,7 +63,7 @@ fn strokes(snake: &mut Snake) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// The best that a function of the counts alone can do: the mean in narrow bins. R2 and RMSD.
+/// R2 and RMSD of the best function of the counts alone: the mean in narrow bins.
 fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
     let bin = |counts: f64| (counts / 50.0).floor() as i64;
     let mut bins = std::collections::BTreeMap::<i64, (f64, f64)>::new();
@@ -71,28 +72,25 @@ fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
         *entry = (entry.0 + 1.0, entry.1 + angle);
     }
     let mean = samples.iter().map(|(_, angle)| angle).sum::<f64>() / samples.len() as f64;
-    let error: f64 = samples
-        .iter()
-        .map(|(counts, angle)| {
-            let (count, sum) = bins[&bin(*counts)];
-            (angle - sum / count).powi(2)
-        })
-        .sum();
-    let spread: f64 = samples
-        .iter()
-        .map(|(_, angle)| (angle - mean).powi(2))
-        .sum();
+    let squares = |expected: &dyn Fn(f64) -> f64| -> f64 {
+        samples
+            .iter()
+            .map(|(counts, angle)| (angle - expected(*counts)).powi(2))
+            .sum()
+    };
+    let error = squares(&|counts| bins[&bin(counts)].1 / bins[&bin(counts)].0);
+    let spread = squares(&|_| mean);
     (1.0 - error / spread, (error / samples.len() as f64).sqrt())
 }
 
 #[test]
-fn a_function_without_memory_misses_by_as_much_as_on_the_robot() {
+fn the_error_of_a_memoryless_function_is_that_of_the_robot() {
     for (name, rmsd_band) in [
         ("steel", 1.5..2.1),
         ("brass", 2.3..3.1),
         ("multi", 1.9..2.7),
     ] {
-        let samples = strokes(&mut Snake::new(&config(name), 1));
+        let samples = cycles(&mut Snake::new(&config(name), 1));
         let (r2, rmsd) = memoryless_fit(&samples);
         let top = samples
             .iter()
@@ -104,7 +102,7 @@ fn a_function_without_memory_misses_by_as_much_as_on_the_robot() {
 }
 
 #[test]
-fn loops_are_degrees_wide_and_lag_behind_the_motors() {
+fn the_hysteresis_loop_is_some_degrees_wide_and_lags() {
     for (name, band) in [
         ("steel", 2.5..5.5),
         ("brass", 3.5..10.0),
@@ -143,7 +141,7 @@ fn brass_is_asymmetric_and_multi_has_several_slopes() {
 }
 
 #[test]
-fn the_snake_hardly_follows_where_its_wires_are_slack() {
+fn slack_wires_reduce_the_gain() {
     let mut config = config("brass");
     config.friction.base = 0.0;
     config.friction.coefficient = 0.0;
@@ -157,7 +155,7 @@ fn the_snake_hardly_follows_where_its_wires_are_slack() {
 }
 
 #[test]
-fn speed_matters_little() {
+fn the_angle_hardly_depends_on_speed() {
     for name in SNAKES {
         for counts in [-900.0, 300.0] {
             let slow = loop_at(&mut steady(name), counts, 200.0);
@@ -173,7 +171,7 @@ fn speed_matters_little() {
 }
 
 #[test]
-fn a_minor_loop_lies_inside_and_leads_back_to_the_outer_branch() {
+fn a_minor_loop_is_inside_and_returns_to_the_outer_branch() {
     for name in SNAKES {
         let mut snake = steady(name);
         go(&mut snake, 0.0, 2000.0, 1000.0);
@@ -182,10 +180,8 @@ fn a_minor_loop_lies_inside_and_leads_back_to_the_outer_branch() {
         let inside = go(&mut snake, 600.0, 420.0, 1000.0);
         let half_way = go(&mut snake, 420.0, 500.0, 1000.0);
         let after = go(&mut snake, 500.0, 600.0, 1000.0);
-        assert!(
-            before - inside < 0.8 * 180.0 * 0.0215,
-            "{name}: a reversal has to cross the gap first"
-        );
+        // A reversal has to cross the backlash first.
+        assert!(before - inside < 0.8 * 180.0 * 0.0215, "{name}");
         assert!(half_way >= inside, "{name}");
         assert!((after - before).abs() < 0.35, "{name}: {before} {after}");
         let outer = go(&mut snake, 600.0, 1500.0, 1000.0);
@@ -198,28 +194,26 @@ fn a_minor_loop_lies_inside_and_leads_back_to_the_outer_branch() {
 }
 
 #[test]
-fn one_motor_drags_the_other_axis() {
+fn one_motor_moves_the_other_axis_a_little() {
     let mut snake = steady("brass");
     let hold = 900.0;
     for step in 0..=300 {
-        snake.step(
-            0.01,
-            [hold * f64::from(step) / 200.0, 0.0].map(|counts| counts.min(hold)),
-        );
+        let counts = hold * f64::from(step) / 200.0;
+        snake.step(0.01, [counts.min(hold), 0.0]);
     }
-    let along = |snake: &Snake| dot(snake.angles_deg(), [FRAC_1_SQRT_2, FRAC_1_SQRT_2]);
+    let along = |snake: &Snake| dot(snake.angles_deg(), [FRAC_1_SQRT_2; 2]);
     let before = along(&snake);
     for step in 0..=200 {
         snake.step(0.01, [hold, 4.0 * f64::from(step)]);
     }
     assert!(
         (along(&snake) - before).abs() > 0.1,
-        "motor 1 alone moved, and the plane of motor 0 must notice"
+        "motor 1 moves the plane of motor 0"
     );
 }
 
 #[test]
-fn the_seed_decides_and_nothing_else() {
+fn equal_seeds_give_equal_angles() {
     let end = |seed: u64| {
         let mut snake = Snake::new(&config("steel"), seed);
         go(&mut snake, 0.0, 800.0, 100.0);
@@ -230,7 +224,7 @@ fn the_seed_decides_and_nothing_else() {
 }
 
 #[test]
-fn it_comes_back_from_a_wild_input() {
+fn it_recovers_from_invalid_input() {
     let mut snake = steady("brass");
     snake.step(0.01, [1e300, -1e300]);
     snake.step(f64::NAN, [f64::NAN, f64::INFINITY]);
@@ -242,11 +236,9 @@ fn it_comes_back_from_a_wild_input() {
 }
 
 #[test]
-fn a_bad_file_is_refused_with_its_key() {
-    let text = std::fs::read_to_string(
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml"),
-    )
-    .unwrap();
+fn invalid_files_are_refused_with_their_key() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes");
+    let text = std::fs::read_to_string(folder.join("steel.toml")).unwrap();
     for (from, to, key) in [
         (
             "stiffness = 8.0",
@@ -256,11 +248,12 @@ fn a_bad_file_is_refused_with_its_key() {
         ("share = 0.5", "share = 0.6", "friction.bristles.share"),
         ("shared = 0.2", "shared = 1.2", "friction.shared"),
         ("drag_s", "drag", "drag"),
+        // The former key: the message names the new one.
+        ("backlash_deg", "gap_deg", "expected one of `backlash_deg`"),
     ] {
         assert!(text.contains(from));
-        let message = SnakeConfig::parse(&text.replace(from, to), Path::new("x.toml"))
-            .unwrap_err()
-            .to_string();
+        let result = SnakeConfig::parse(&text.replace(from, to), Path::new("x.toml"));
+        let message = result.unwrap_err().to_string();
         assert!(
             message.contains(key) && message.contains("x.toml"),
             "{message}"
@@ -272,7 +265,9 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
-    fn angles_stay_finite(moves in prop::collection::vec((0.0..2.0f64, -5e4..5e4f64, -5e4..5e4f64), 1..20)) {
+    fn angles_stay_finite(
+            moves in prop::collection::vec((0.0..2.0f64, -5e4..5e4f64, -5e4..5e4f64), 1..20),
+        ) {
         let mut snake = steady("multi");
         for (dt_s, first, second) in moves {
             snake.step(dt_s, [first, second]);

@@ -1,21 +1,21 @@
-//! How many pictures a second one processor measures.
+//! How many frames a second one processor measures.
 
 use i2ris::clock;
 use i2ris::units::Nanos;
 
-use super::setup;
-use crate::look::Eye;
-use crate::scene::{Pose, Rig};
-use crate::source::{Clock, FrameSource, SourceError, Y4m};
+use super::stereo::setup;
+use crate::scene::{JointPose, Rig};
+use crate::source::{FrameClock, FrameSource, SourceError, Y4mStream};
+use crate::view_detector::ViewDetector;
 
-/// Poses of the experiment: enough to be typical, few enough to keep their pictures in memory.
+/// Poses of the experiment: enough to be typical, few enough to keep their frames in memory.
 const POSES: u64 = 32;
-/// Times that the pictures are measured; the median counts, for other programs take the processor
+/// Times that the frames are measured; the median counts, for other programs take the processor
 /// now and then.
 const ROUNDS: usize = 5;
 
-/// Pictures of 1280x960 that one view measures per second in one thread: the stream is read, every
-/// picture is checked against the one before, and measured.
+/// Frames of 1280x960 that one view measures per second in one thread: the stream is read, every
+/// frame is checked against the one before, and measured.
 ///
 /// # Errors
 ///
@@ -32,11 +32,11 @@ pub fn speed(seed: u64) -> Result<f64, SourceError> {
     let stream = stream(&rig);
     let mut rates = Vec::new();
     for _ in 0..ROUNDS {
-        let mut source = Y4m::open(stream.as_slice(), Clock::Rate(30.0))?;
-        let mut eye = Eye::new(settings.clone());
+        let mut source = Y4mStream::open(stream.as_slice(), FrameClock::Rate(30.0))?;
+        let mut detector = ViewDetector::new(settings.clone());
         let (start, mut measured) = (clock::now(), 0);
-        while let Some(shot) = source.next()? {
-            measured += u64::from(eye.look(shot).good().is_ok());
+        while let Some(item) = source.next()? {
+            measured += u64::from(detector.detect(item).good().is_ok());
         }
         let Nanos(elapsed) = clock::now().since(start);
         rates.push(measured as f64 / (elapsed.max(1) as f64 * 1e-9));
@@ -51,25 +51,25 @@ fn stream(rig: &Rig) -> Vec<u8> {
     for number in 0..POSES {
         let turn = number as f64 * 2.4;
         let bend = 0.7 * ((number as f64 + 0.5) / POSES as f64).sqrt();
-        let pose = Pose {
+        let pose = JointPose {
             pitch_rad: bend * turn.cos(),
             yaw_rad: bend * turn.sin(),
         };
-        let Some(picture) = rig.shoot(pose, number).into_iter().next() else {
+        let Some(image) = rig.render_views(pose, number).into_iter().next() else {
             continue;
         };
         if bytes.is_empty() {
             bytes.extend(
                 format!(
                     "YUV4MPEG2 W{} H{} F30:1 Cmono\n",
-                    picture.width(),
-                    picture.height()
+                    image.width(),
+                    image.height()
                 )
                 .bytes(),
             );
         }
         bytes.extend(b"FRAME\n");
-        bytes.extend(picture.data());
+        bytes.extend(image.data());
     }
     bytes
 }

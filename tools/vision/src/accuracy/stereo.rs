@@ -4,15 +4,17 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::{AWAY_DEG, Outcome, Row};
-use crate::fibre::{Ground, Reading, Side, measure};
-use crate::joint::Stereo;
-use crate::rest::{Rest, RestError, Resting};
-use crate::scene::{Optics, Paint, Pose, Rig};
-use crate::setup::{Axis, Setup, View};
+use super::table::{AccuracyRow, ErrorSample};
+use crate::fibre::{Background, EntrySide, Reading, measure};
+use crate::joint_angles::Stereo;
+use crate::rest_pose::{RestPose, RestPoseError, RestPoseEstimator};
+use crate::scene::{Brightness, JointPose, Optics, Rig};
+use crate::setup::{JointAxis, View, VisionSetup};
 
-/// Pictures of the straight pose.
-const AT_REST: u64 = 8;
+/// Largest bend away from the plane of the view in the experiments that bend both ways, deg.
+pub const AWAY_DEG: f64 = 40.0;
+/// Images of the straight pose.
+const REST_FRAMES: u64 = 8;
 
 /// Rigs with their names: light and strong blur and noise, dark and bright, cameras turned and out
 /// of square.
@@ -24,7 +26,7 @@ pub fn rigs() -> Vec<(String, Rig)> {
         ..light.clone()
     };
     let bright = Rig {
-        paint: Paint::bright(),
+        paint: Brightness::bright(),
         ..light.clone()
     };
     let mut turned = light.clone();
@@ -49,21 +51,21 @@ pub fn rigs() -> Vec<(String, Rig)> {
 
 /// What a person who built the rig would write into its setup.
 #[must_use]
-pub fn setup(rig: &Rig) -> Setup {
-    let view = |(number, camera): (usize, &crate::scene::Camera)| {
+pub fn setup(rig: &Rig) -> VisionSetup {
+    let view = |(number, camera): (usize, &crate::scene::PinholeCamera)| {
         let mut view = View {
             name: format!("view{number}"),
-            axis: Axis::Pitch,
+            axis: JointAxis::Pitch,
             reversed: false,
             turn_deg: 0.0,
             px_per_mm: camera.px_per_mm,
             distance_mm: Some(camera.distance_mm),
             ground: if rig.paint.ground > rig.paint.fibre {
-                Ground::Bright
+                Background::Bright
             } else {
-                Ground::Dark
+                Background::Dark
             },
-            side: Side::Left,
+            side: EntrySide::Left,
             near_px: None,
             body_width_mm: rig.snake.body_width_mm,
             fibre_width_mm: rig.snake.fibre_width_mm,
@@ -75,7 +77,7 @@ pub fn setup(rig: &Rig) -> Setup {
         view.set_plane(camera.plane_rad);
         view
     };
-    Setup {
+    VisionSetup {
         pair_within_ms: 12.0,
         views: rig.cameras.iter().enumerate().map(view).collect(),
     }
@@ -86,52 +88,58 @@ pub fn setup(rig: &Rig) -> Setup {
 /// # Errors
 ///
 /// When the straight pose cannot be measured.
-pub fn stereo(name: &str, rig: &Rig, frames: u64, seed: u64) -> Result<Row, RestError> {
+pub fn stereo(name: &str, rig: &Rig, frames: u64, seed: u64) -> Result<AccuracyRow, RestPoseError> {
     let setup = setup(rig);
     let rests = rests(rig, &setup)?;
     let stereo = Stereo::new(&setup, &rests);
-    let outcomes: Vec<Outcome> = (0..frames)
+    let outcomes: Vec<ErrorSample> = (0..frames)
         .into_par_iter()
         .filter_map(|number| pose(rig, &setup, &stereo, seed, number))
         .flatten()
         .collect();
-    Ok(Row {
+    Ok(AccuracyRow {
         frames: frames as usize,
         good: outcomes.len() / 2,
-        ..Row::of(name, &outcomes)
+        ..AccuracyRow::of(name, &outcomes)
     })
 }
 
-fn rests(rig: &Rig, setup: &Setup) -> Result<Vec<Rest>, RestError> {
-    let mut resting = vec![Resting::default(); setup.views.len()];
-    for number in 0..AT_REST {
-        for (reading, resting) in readings(rig, setup, Pose::default(), u64::MAX - number)
+fn rests(rig: &Rig, setup: &VisionSetup) -> Result<Vec<RestPose>, RestPoseError> {
+    let mut estimator = vec![RestPoseEstimator::default(); setup.views.len()];
+    for number in 0..REST_FRAMES {
+        for (reading, estimator) in readings(rig, setup, JointPose::default(), u64::MAX - number)
             .iter()
-            .zip(&mut resting)
+            .zip(&mut estimator)
         {
-            resting.add(reading.as_ref());
+            estimator.add(reading.as_ref());
         }
     }
-    resting
+    estimator
         .iter()
         .zip(&setup.views)
-        .map(|(resting, view)| resting.finish(&view.name))
+        .map(|(estimator, view)| estimator.finish(&view.name))
         .collect()
 }
 
-fn readings(rig: &Rig, setup: &Setup, pose: Pose, number: u64) -> Vec<Option<Reading>> {
-    let pictures = rig.shoot(pose, number);
-    pictures
+fn readings(rig: &Rig, setup: &VisionSetup, pose: JointPose, number: u64) -> Vec<Option<Reading>> {
+    let images = rig.render_views(pose, number);
+    images
         .iter()
         .zip(&setup.views)
-        .map(|(picture, view)| measure(picture, &view.settings()).ok())
+        .map(|(image, view)| measure(image, &view.settings()).ok())
         .collect()
 }
 
-fn pose(rig: &Rig, setup: &Setup, stereo: &Stereo, seed: u64, number: u64) -> Option<[Outcome; 2]> {
+fn pose(
+    rig: &Rig,
+    setup: &VisionSetup,
+    stereo: &Stereo,
+    seed: u64,
+    number: u64,
+) -> Option<[ErrorSample; 2]> {
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ number.wrapping_mul(0x9E37_79B9_7F4A_7C15));
     let most = AWAY_DEG.to_radians();
-    let pose = Pose {
+    let pose = JointPose {
         pitch_rad: random.random_range(-most..=most),
         yaw_rad: random.random_range(-most..=most),
     };
@@ -145,20 +153,20 @@ fn pose(rig: &Rig, setup: &Setup, stereo: &Stereo, seed: u64, number: u64) -> Op
         .zip(&rig.cameras)
         .map(|(reading, camera)| (reading, [camera.width, camera.height]))
         .collect();
-    let joints = stereo.solve(&sized).ok()?;
-    let [tip, rest] = [pose, Pose::default()].map(|pose| rig.snake.tip(&pose));
+    let angles = stereo.solve(&sized).ok()?;
+    let [tip, rest] = [pose, JointPose::default()].map(|pose| rig.snake.tip(&pose));
     let truth = [tip[2] - rest[2], tip[0], tip[1]];
-    let off = joints
+    let off = angles
         .tip_mm
         .iter()
         .zip(truth)
         .map(|(seen, truth)| (seen.unwrap_or(f64::NAN) - truth).powi(2));
     let tip_um = off.sum::<f64>().sqrt() * 1000.0;
     let outcome = |axis: usize, truth: f64| {
-        Some(Outcome {
+        Some(ErrorSample {
             truth_deg: truth.to_degrees(),
-            error_deg: (joints.angle_rad[axis]? - truth).to_degrees(),
-            claimed_deg: joints.std_rad[axis]?.to_degrees(),
+            error_deg: (angles.angle_rad[axis]? - truth).to_degrees(),
+            claimed_deg: angles.std_rad[axis]?.to_degrees(),
             tip_um,
         })
     };

@@ -1,10 +1,12 @@
 //! The angle between base and tip, and how far it can be trusted.
 
-use super::{
-    Line, Px, Settings, end, entry, line,
-    trace::{self, Stop, Trace},
-};
-use crate::image::Grey;
+use super::base_detection;
+use super::centreline::{self, Centreline, TraceEnd};
+use super::geometry::Px;
+use super::line_fit::{FittedLine, median};
+use super::settings::DetectorSettings;
+use super::tip_detection;
+use crate::image::GreyImage;
 
 /// A reading of this quality or better is good.
 pub const GOOD: f64 = 0.5;
@@ -12,7 +14,7 @@ pub const GOOD: f64 = 0.5;
 /// Blur and an oblique cut spoil this much of the tip, px, for the direction.
 const CUT: f64 = 3.0;
 /// Part of the straight stretch at the tip that is used. Where it begins is known only roughly, and
-/// a bend of 40 deg towards the camera or away from it shortens the stretch in the picture to cos
+/// a bend of 40 deg towards the camera or away from it shortens the stretch in the image to cos
 /// 40 deg = 0.77.
 const USED: f64 = 0.7;
 
@@ -39,7 +41,7 @@ mod limit {
 
 /// Why a reading is missing or not good.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Doubt {
+pub enum QualityIssue {
     /// No base of the given thickness comes in on the given side.
     NoBase,
     /// Two things come in that could be the base.
@@ -56,15 +58,15 @@ pub enum Doubt {
     NoEnd,
     /// Something lies at the end of the tip.
     EndCovered,
-    /// The fibre leaves the picture.
+    /// The fibre leaves the image.
     OutOfPicture,
     /// It is shorter or longer than at rest.
     Length,
-    /// Too much scatter to tell the angle.
+    /// Too much scatter for the angle.
     Noise,
 }
 
-impl Doubt {
+impl QualityIssue {
     /// Every doubt.
     pub const ALL: [Self; 11] = [
         Self::NoBase,
@@ -80,7 +82,7 @@ impl Doubt {
         Self::Noise,
     ];
 
-    /// What people read.
+    /// Its text in messages.
     #[must_use]
     pub const fn text(self) -> &'static str {
         match self {
@@ -92,20 +94,20 @@ impl Doubt {
             Self::TipBent => "tip not straight",
             Self::NoEnd => "no clear end",
             Self::EndCovered => "something at the end",
-            Self::OutOfPicture => "out of the picture",
+            Self::OutOfPicture => "out of the image",
             Self::Length => "not as long as at rest",
             Self::Noise => "too noisy",
         }
     }
 }
 
-impl std::fmt::Display for Doubt {
+impl std::fmt::Display for QualityIssue {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.text())
     }
 }
 
-/// What one picture says. Where the quality is below [`GOOD`] the values are for looking at, not
+/// What one image says. Where the quality is below [`GOOD`] the values are for looking at, not
 /// for using.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
@@ -116,59 +118,65 @@ pub struct Reading {
     /// Middle of the fibre's end, px.
     pub tip_px: [f64; 2],
     /// The line of the base.
-    pub base: Line,
+    pub base: FittedLine,
     /// The line of the tip.
-    pub tip: Line,
-    /// From the border of the picture along the fibre to its end, px.
+    pub tip: FittedLine,
+    /// From the border of the image along the fibre to its end, px.
     pub length_px: f64,
     /// 0 to 1; [`GOOD`] or more can be used.
     pub quality: f64,
     /// What limits the quality, if it is not good.
-    pub doubt: Option<Doubt>,
+    pub issue: Option<QualityIssue>,
     /// The middle of the fibre as traced, px; for showing.
     pub trace: Vec<[f64; 2]>,
 }
 
 impl Reading {
-    /// The values may be used.
+    /// Whether the values may be used.
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.quality >= GOOD
     }
 
     /// Adds what another check found: `size` of the trouble, `limit` at which it is too much.
-    pub fn doubt_if(&mut self, doubt: Doubt, size: f64, limit: f64) {
+    pub fn limit_quality(&mut self, issue: QualityIssue, size: f64, limit: f64) {
         let quality = score(size, limit);
         if quality < self.quality {
             self.quality = quality;
-            self.doubt = (quality < GOOD).then_some(doubt);
+            self.issue = (quality < GOOD).then_some(issue);
         }
     }
 }
 
-/// Reads a picture.
+/// Reads a image.
 ///
 /// # Errors
 ///
 /// The doubt that leaves nothing to report: no base, two bases, or too little of base or tip for a
 /// line.
-pub fn measure(picture: &Grey, settings: &Settings) -> Result<Reading, Doubt> {
-    let entry = entry::find(picture, settings).map_err(|none| match none {
-        entry::NoEntry::Nothing => Doubt::NoBase,
-        entry::NoEntry::Two => Doubt::TwoBases,
+pub fn measure(image: &GreyImage, settings: &DetectorSettings) -> Result<Reading, QualityIssue> {
+    let entry = base_detection::find(image, settings).map_err(|none| match none {
+        base_detection::BaseNotFound::Nothing => QualityIssue::NoBase,
+        base_detection::BaseNotFound::Two => QualityIssue::TwoBases,
     })?;
-    let trace = trace::follow(picture, settings, entry).ok_or(Doubt::BaseCovered)?;
+    let trace = centreline::follow(image, settings, entry).ok_or(QualityIssue::BaseCovered)?;
     let base = stretch(&trace, 0.0, settings.base_length);
-    let base = Line::fit(&base, entry.direction_rad).ok_or(Doubt::BaseCovered)?;
-    let last = trace.points.last().ok_or(Doubt::BaseCovered)?.along;
+    let base = FittedLine::fit(&base, entry.direction_rad).ok_or(QualityIssue::BaseCovered)?;
+    let last = trace.points.last().ok_or(QualityIssue::BaseCovered)?.along;
     let points = stretch(&trace, tip_from(settings, last), last - CUT);
-    let rough = direction(&points).ok_or(Doubt::TipCovered)?;
-    let tip = Line::fit(&points, rough).ok_or(Doubt::TipCovered)?;
-    Ok(judge(picture, settings, &trace, base, tip))
+    let rough = direction(&points).ok_or(QualityIssue::TipCovered)?;
+    let tip = FittedLine::fit(&points, rough).ok_or(QualityIssue::TipCovered)?;
+    Ok(evaluate(image, settings, &trace, base, tip))
 }
 
-fn judge(picture: &Grey, settings: &Settings, trace: &Trace, base: Line, tip: Line) -> Reading {
-    let end = end::find(picture, settings, trace, &tip);
+fn evaluate(
+    image: &GreyImage,
+    settings: &DetectorSettings,
+    trace: &Centreline,
+    base: FittedLine,
+    tip: FittedLine,
+) -> Reading {
+    let end = tip_detection::find(image, settings, trace, &tip);
     let last = trace.points.last().map_or(0.0, |p| p.along);
     let mut reading = Reading {
         angle_rad: wrap(tip.direction_rad - base.direction_rad),
@@ -177,76 +185,85 @@ fn judge(picture: &Grey, settings: &Settings, trace: &Trace, base: Line, tip: Li
             || trace.points.last().map_or([0.0; 2], |p| p.at),
             |end| end.at,
         ),
-        length_px: entry::before_start() + last + end.map_or(0.0, |end| end.beyond),
+        length_px: base_detection::before_start() + last + end.map_or(0.0, |end| end.beyond),
         base,
         tip,
         quality: 1.0,
-        doubt: None,
+        issue: None,
         trace: trace.points.iter().map(|p| p.at).collect(),
     };
-    let missing = |line: &Line, length: f64| 1.0 - line.followed * trace::STRIDE / length;
-    reading.doubt_if(
-        Doubt::BaseCovered,
+    let missing =
+        |line: &FittedLine, length: f64| 1.0 - line.followed * centreline::STRIDE / length;
+    reading.limit_quality(
+        QualityIssue::BaseCovered,
         missing(&base, settings.base_length - CUT),
         limit::BASE_MISSING,
     );
-    reading.doubt_if(
-        Doubt::TipCovered,
+    reading.limit_quality(
+        QualityIssue::TipCovered,
         missing(&tip, USED * settings.tip_length - CUT),
         limit::TIP_MISSING,
     );
-    reading.doubt_if(
-        Doubt::BaseBent,
-        surely(base.bend_rad, base.bend_std_rad),
+    reading.limit_quality(
+        QualityIssue::BaseBent,
+        significant(base.bend_rad, base.bend_std_rad),
         limit::BASE_BEND,
     );
-    reading.doubt_if(
-        Doubt::TipBent,
-        surely(tip.bend_rad, tip.bend_std_rad),
+    reading.limit_quality(
+        QualityIssue::TipBent,
+        significant(tip.bend_rad, tip.bend_std_rad),
         limit::TIP_BEND,
     );
     let ends = [
-        (Doubt::BaseCovered, 0.0, settings.base_length),
-        (Doubt::TipCovered, tip_from(settings, last), last - CUT),
+        (QualityIssue::BaseCovered, 0.0, settings.base_length),
+        (
+            QualityIssue::TipCovered,
+            tip_from(settings, last),
+            last - CUT,
+        ),
     ];
-    for (doubt, from, to) in ends {
-        reading.doubt_if(doubt, taper(trace, from, to), limit::TAPER);
+    for (issue, from, to) in ends {
+        reading.limit_quality(issue, taper(trace, from, to), limit::TAPER);
     }
-    reading.doubt_if(Doubt::Noise, reading.std_rad, limit::STD);
-    reading.doubt_if(
-        Doubt::Noise,
+    reading.limit_quality(QualityIssue::Noise, reading.std_rad, limit::STD);
+    reading.limit_quality(
+        QualityIssue::Noise,
         base.sigma_px.max(tip.sigma_px),
         limit::SCATTER,
     );
     match (trace.stop, end) {
-        (Stop::Border, _) => reading.doubt_if(Doubt::OutOfPicture, 1.0, 0.0),
-        (Stop::Covered, _) => reading.doubt_if(Doubt::EndCovered, 1.0, 0.0),
-        (Stop::Ground, None) => reading.doubt_if(Doubt::NoEnd, 1.0, 0.0),
-        (Stop::Ground, Some(end)) => {
-            reading.doubt_if(Doubt::EndCovered, 1.0 - end.free, 1.0 - end::FREE);
-            reading.doubt_if(Doubt::EndCovered, end.cut_rad.abs(), limit::CUT);
+        (TraceEnd::Border, _) => reading.limit_quality(QualityIssue::OutOfPicture, 1.0, 0.0),
+        (TraceEnd::Covered, _) => reading.limit_quality(QualityIssue::EndCovered, 1.0, 0.0),
+        (TraceEnd::Background, None) => reading.limit_quality(QualityIssue::NoEnd, 1.0, 0.0),
+        (TraceEnd::Background, Some(end)) => {
+            reading.limit_quality(
+                QualityIssue::EndCovered,
+                1.0 - end.free,
+                1.0 - tip_detection::FREE,
+            );
+            reading.limit_quality(QualityIssue::EndCovered, end.cut_rad.abs(), limit::CUT);
         }
     }
     reading
 }
 
 /// Where the straight tip surely has begun, along the trace.
-fn tip_from(settings: &Settings, last: f64) -> f64 {
+fn tip_from(settings: &DetectorSettings, last: f64) -> f64 {
     last - USED * settings.tip_length
 }
 
 /// The angle between both edges of a stretch, as far as scatter does not explain it, rad.
-fn taper(trace: &Trace, from: f64, to: f64) -> f64 {
+fn taper(trace: &Centreline, from: f64, to: f64) -> f64 {
     let readings = trace
         .points
         .iter()
         .filter(|p| (from..=to).contains(&p.along));
     let widths: Vec<Px> = readings.map(|p| [p.along, -p.width]).collect();
-    Line::fit(&widths, 0.0).map_or(0.0, |line| surely(line.direction_rad, line.std_rad))
+    FittedLine::fit(&widths, 0.0).map_or(0.0, |line| significant(line.direction_rad, line.std_rad))
 }
 
 /// The readings between two lengths along the trace.
-fn stretch(trace: &Trace, from: f64, to: f64) -> Vec<Px> {
+fn stretch(trace: &Centreline, from: f64, to: f64) -> Vec<Px> {
     trace
         .points
         .iter()
@@ -258,9 +275,8 @@ fn stretch(trace: &Trace, from: f64, to: f64) -> Vec<Px> {
 /// Rough direction of a stretch: from the middle of its first to the middle of its last quarter.
 fn direction(points: &[Px]) -> Option<f64> {
     let quarter = (points.len() / 4).max(1);
-    let middle = |part: &[Px], axis: usize| {
-        line::median(&mut part.iter().map(|p| p[axis]).collect::<Vec<_>>())
-    };
+    let middle =
+        |part: &[Px], axis: usize| median(&mut part.iter().map(|p| p[axis]).collect::<Vec<_>>());
     let (first, last) = (
         points.get(..quarter)?,
         points.get(points.len() - quarter..)?,
@@ -272,7 +288,7 @@ fn direction(points: &[Px]) -> Option<f64> {
 }
 
 /// The part of a size that its uncertainty does not explain.
-fn surely(size: f64, std: f64) -> f64 {
+fn significant(size: f64, std: f64) -> f64 {
     (size.abs() - 2.0 * std).max(0.0)
 }
 

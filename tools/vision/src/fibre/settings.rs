@@ -1,23 +1,23 @@
-//! What the detector is told about the picture.
+//! Parameters of the detector.
 
 use serde::{Deserialize, Serialize};
 
-/// What the fibre lies on.
+/// The background of the fibre.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
-pub enum Ground {
+pub enum Background {
     /// Dark fibre on bright ground.
     Bright,
     /// Bright fibre on dark ground.
     Dark,
 }
 
-/// The side of the picture where the base comes in.
+/// The side of the image where the base comes in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
-pub enum Side {
+pub enum EntrySide {
     /// It comes in from the left and points to the right.
     Left,
     /// It comes in from the right.
@@ -28,20 +28,20 @@ pub enum Side {
     Bottom,
 }
 
-/// What the detector is told about the picture. Lengths in pixels.
+/// Parameters of the detector. Lengths in pixels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// What the fibre lies on.
-    pub ground: Ground,
+pub struct DetectorSettings {
+    /// The background of the fibre.
+    pub ground: Background,
     /// Where the base comes in.
-    pub side: Side,
+    pub side: EntrySide,
     /// Where along that side, and how far from there at most, px. `None`: anywhere.
     pub near: Option<[f64; 2]>,
     /// Thickness of the base and of the bending section.
     pub body_width: f64,
     /// Thickness of the fibre at the tip; at most that of the body.
     pub fibre_width: f64,
-    /// Length of the straight base that the picture shows.
+    /// Length of the straight base that the image shows.
     pub base_length: f64,
     /// Length of the bending section.
     pub arc_length: f64,
@@ -49,20 +49,20 @@ pub struct Settings {
     pub tip_length: f64,
 }
 
-impl Settings {
+impl DetectorSettings {
     /// The tightest bend that the trace follows, 1/px: 75 deg over the bending section.
     pub(super) fn max_curvature(&self) -> f64 {
         75_f64.to_radians() / self.arc_length
     }
 
-    /// The direction into the picture.
+    /// The direction into the image.
     pub(super) fn inward_rad(&self) -> f64 {
         use std::f64::consts::{FRAC_PI_2, PI};
         match self.side {
-            Side::Left => 0.0,
-            Side::Right => PI,
-            Side::Top => -FRAC_PI_2,
-            Side::Bottom => FRAC_PI_2,
+            EntrySide::Left => 0.0,
+            EntrySide::Right => PI,
+            EntrySide::Top => -FRAC_PI_2,
+            EntrySide::Bottom => FRAC_PI_2,
         }
     }
 }

@@ -2,27 +2,27 @@
 
 /// Where the camera stands and what it resolves.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Camera {
-    /// Columns of the picture.
+pub struct PinholeCamera {
+    /// Columns of the image.
     pub width: usize,
-    /// Rows of the picture.
+    /// Rows of the image.
     pub height: usize,
     /// Scale where the base lies, px/mm.
     pub px_per_mm: f64,
     /// From the base to the pinhole, mm. What comes nearer by a hundredth of it is drawn one per
     /// cent larger.
     pub distance_mm: f64,
-    /// Where the bending section begins in the picture, px.
+    /// Where the bending section begins in the image, px.
     pub origin_px: [f64; 2],
     /// Direction that the view calls positive, turned from x (pitch) towards y (yaw).
     pub plane_rad: f64,
-    /// Turn of the picture, counter-clockwise.
+    /// Turn of the image, counter-clockwise.
     pub roll_rad: f64,
     /// How far the base leans towards the camera.
     pub tilt_rad: f64,
 }
 
-impl Camera {
+impl PinholeCamera {
     /// A microscope that looks straight at the plane of pitch, 85 mm away, base from the left at
     /// half height.
     #[must_use]
@@ -47,7 +47,7 @@ impl Camera {
         (z, cos * x + sin * y, -sin * x + cos * y)
     }
 
-    /// A point in the picture, px, and its scale relative to `px_per_mm`.
+    /// A point in the image, px, and its scale relative to `px_per_mm`.
     #[must_use]
     pub fn project(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let (along, across, near) = self.in_view(point);
@@ -61,7 +61,7 @@ impl Camera {
             ox + k * (cos * along - sin * across),
             oy - k * (sin * along + cos * across),
         );
-        // The camera looks along its axis, through the middle of the picture: things grow away from
+        // The camera looks along its axis, through the middle of the image: things grow away from
         // there.
         let [cx, cy] = [self.width, self.height].map(|size| 0.5 * (size as f64 - 1.0));
         ([cx + scale * (x - cx), cy + scale * (y - cy)], scale)
@@ -73,10 +73,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_turned_by_the_roll_shows_the_base_at_that_angle() {
-        let camera = Camera {
+    fn a_image_turned_by_the_roll_shows_the_base_at_that_angle() {
+        let camera = PinholeCamera {
             roll_rad: 0.2,
-            ..Camera::microscope(640, 480, 100.0)
+            ..PinholeCamera::microscope(640, 480, 100.0)
         };
         let ([x0, y0], _) = camera.project([0.0; 3]);
         let ([x1, y1], scale) = camera.project([0.0, 0.0, 1.0]);
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn what_is_nearer_is_larger() {
-        let camera = Camera::microscope(640, 480, 100.0);
+        let camera = PinholeCamera::microscope(640, 480, 100.0);
         assert!(camera.project([0.0, 1.0, 0.0]).1 > 1.01);
     }
 }

@@ -1,13 +1,13 @@
 //! What lies between camera and snake.
 
-use super::canvas::{Canvas, Rod};
+use super::raster::{Raster, Rod};
 
-/// A thing in front of the snake, in pixels.
+/// An object in front of the snake, in pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Clutter {
     /// A straight instrument that tapers from `from` to its free end `to`.
     Instrument {
-        /// Where it comes from, usually outside the picture.
+        /// Where it comes from, usually outside the image.
         from: [f64; 2],
         /// Its free end.
         to: [f64; 2],
@@ -42,7 +42,7 @@ pub enum Clutter {
 
 impl Clutter {
     /// Paints it over what is there.
-    pub(super) fn paint(&self, canvas: &mut Canvas) {
+    pub(super) fn paint(&self, canvas: &mut Raster) {
         match self {
             Self::Instrument {
                 from,

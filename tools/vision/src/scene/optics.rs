@@ -2,8 +2,8 @@
 
 use rand::Rng;
 
-use super::canvas::Canvas;
-use crate::image::Grey;
+use super::raster::Raster;
+use crate::image::GreyImage;
 
 /// Blur, light and noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +53,7 @@ impl Optics {
     }
 
     /// Exposes a painted scene.
-    pub(super) fn expose(&self, mut canvas: Canvas, random: &mut impl Rng) -> Grey {
+    pub(super) fn expose(&self, mut canvas: Raster, random: &mut impl Rng) -> GreyImage {
         blur(&mut canvas, self.blur_px);
         let (width, height) = (canvas.width, canvas.height);
         let mut noise = Noise {
@@ -73,9 +73,9 @@ impl Optics {
                 data.push((value * light + self.noise * noise.next() + 0.5) as u8);
             }
         }
-        // A canvas has exactly as many values as pixels; an empty one gives the smallest picture
+        // A canvas has exactly as many values as pixels; an empty one gives the smallest image
         // there is.
-        Grey::new(width, height, data).unwrap_or_else(Grey::black)
+        GreyImage::new(width, height, data).unwrap_or_else(GreyImage::black)
     }
 }
 
@@ -100,7 +100,7 @@ impl<R: Rng> Noise<'_, R> {
 }
 
 /// Gaussian blur, rows then columns; beyond the border the border goes on.
-fn blur(canvas: &mut Canvas, sigma: f64) {
+fn blur(canvas: &mut Raster, sigma: f64) {
     if sigma <= 0.0 {
         return;
     }
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn blur_keeps_light_and_spreads_it_by_its_deviation() {
-        let mut canvas = Canvas::new(61, 61, 0.0);
+        let mut canvas = Raster::new(61, 61, 0.0);
         canvas.data[30 * 61 + 30] = 1000.0;
         blur(&mut canvas, 2.0);
         let sum: f32 = canvas.data.iter().sum();

@@ -3,20 +3,25 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Camera, Clutter, Optics, Paint, Pose, Scene, Snake, cover};
+use super::brightness::Brightness;
+use super::camera::PinholeCamera;
+use super::clutter::{Clutter, cover};
+use super::optics::Optics;
+use super::snake_shape::{JointPose, SnakeShape};
+use super::synthetic_scene::Scene;
 
 /// A scene without clutter: any angle in the plane of the view and away from it up to `max_rad`,
 /// any position of the base within a few degrees and pixels.
 #[must_use]
 pub fn clear(
     random: &mut impl Rng,
-    camera: Camera,
-    snake: Snake,
-    paint: Paint,
+    camera: PinholeCamera,
+    snake: SnakeShape,
+    paint: Brightness,
     optics: Optics,
     [pitch, yaw]: [f64; 2],
 ) -> Scene {
-    let pose = Pose {
+    let pose = JointPose {
         pitch_rad: random.random_range(-pitch..=pitch),
         yaw_rad: random.random_range(-yaw..=yaw),
     };
@@ -35,7 +40,7 @@ pub fn clear(
 }
 
 /// Puts instruments, covers, specks and hairs before a scene, most of them near the fibre;
-/// sometimes the camera has been pushed so that part of the fibre is out of the picture.
+/// sometimes the camera has been pushed so that part of the fibre is out of the image.
 #[must_use]
 pub fn clutter(random: &mut impl Rng, mut scene: Scene) -> Scene {
     if random.random_bool(0.08) {

@@ -1,4 +1,4 @@
-//! PNG and JPEG files to grey pictures.
+//! PNG and JPEG files to grey images.
 
 use std::io::Cursor;
 
@@ -6,12 +6,12 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use crate::image::Grey;
+use crate::image::GreyImage;
 
-/// The most pixels that a picture may have: a file that claims more is not a microscope's.
-const MOST_PIXELS: usize = 64 << 20;
+/// The most pixels that a image may have: a file that claims more is not a microscope's.
+const MAX_PIXELS: usize = 64 << 20;
 
-/// Why a file is not a picture.
+/// Why a file is not a image.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DecodeError {
     /// Neither PNG nor JPEG.
@@ -20,7 +20,7 @@ pub enum DecodeError {
     /// Broken or truncated.
     #[error("{0}")]
     Broken(String),
-    /// A kind of picture that microscopes do not write.
+    /// A kind of image that microscopes do not write.
     #[error("{0} pixels are not supported")]
     Pixels(String),
 }
@@ -30,8 +30,8 @@ pub enum DecodeError {
 ///
 /// # Errors
 ///
-/// [`DecodeError`]; a truncated file is an error, not a picture with a grey rest.
-pub fn decode(bytes: &[u8]) -> Result<Grey, DecodeError> {
+/// [`DecodeError`]; a truncated file is an error, not a image with a grey rest.
+pub fn decode(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => decode_png(bytes),
         [0xFF, 0xD8, ..] => decode_jpeg(bytes),
@@ -43,14 +43,14 @@ fn broken(error: impl std::fmt::Display) -> DecodeError {
     DecodeError::Broken(error.to_string())
 }
 
-fn decode_png(bytes: &[u8]) -> Result<Grey, DecodeError> {
+fn decode_png(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
     let mut decoder = png::Decoder::new(Cursor::new(bytes));
     // Palettes and 1, 2, 4 bit become 8 bit; 16 bit lose their lower half.
     decoder.set_transformations(png::Transformations::EXPAND | png::Transformations::STRIP_16);
     let mut reader = decoder.read_info().map_err(broken)?;
     let size = reader
         .output_buffer_size()
-        .filter(|size| *size <= 4 * MOST_PIXELS)
+        .filter(|size| *size <= 4 * MAX_PIXELS)
         .ok_or_else(|| broken("too large"))?;
     let mut data = vec![0; size];
     let info = reader.next_frame(&mut data).map_err(broken)?;
@@ -62,7 +62,7 @@ fn decode_png(bytes: &[u8]) -> Result<Grey, DecodeError> {
         png::ColorType::Rgba => data.chunks_exact(4).map(brightness).collect(),
         png::ColorType::Indexed => return Err(DecodeError::Pixels("indexed".into())),
     };
-    Grey::new(info.width as usize, info.height as usize, grey)
+    GreyImage::new(info.width as usize, info.height as usize, grey)
         .ok_or_else(|| broken("size and data differ"))
 }
 
@@ -71,7 +71,7 @@ fn brightness(pixel: &[u8]) -> u8 {
     ((299 * red + 587 * green + 114 * blue + 500) / 1000) as u8
 }
 
-fn decode_jpeg(bytes: &[u8]) -> Result<Grey, DecodeError> {
+fn decode_jpeg(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
     // Decoders fill what is missing with grey, so an end that is missing has to be noticed here.
     let whole = bytes
         .iter()
@@ -88,7 +88,7 @@ fn decode_jpeg(bytes: &[u8]) -> Result<Grey, DecodeError> {
     let mut decoder = zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     let data = decoder.decode().map_err(broken)?;
     let (width, height) = decoder.dimensions().ok_or_else(|| broken("no size"))?;
-    Grey::new(width, height, data).ok_or_else(|| broken("size and data differ"))
+    GreyImage::new(width, height, data).ok_or_else(|| broken("size and data differ"))
 }
 
 #[cfg(test)]

@@ -5,31 +5,35 @@ use std::path::{Path, PathBuf};
 
 use i2ris::units::Nanos;
 
-use super::{Frame, FrameSource, Gap, Shot, SourceError, decode, stamps};
+use super::decode::decode;
+use super::error::SourceError;
+use super::frame::{Frame, FrameFault, SourceItem};
+use super::frame_source::FrameSource;
+use super::timestamps;
 
 /// More missing numbers in a row than this are reported as one gap each no more: the numbering
 /// jumped.
-const LONGEST_HOLE: u64 = 10_000;
+const MAX_GAP: u64 = 10_000;
 
-/// A folder of pictures, in the order of their stamps.
+/// A folder of frames, in the order of their stamps.
 #[derive(Debug)]
-pub struct Folder {
+pub struct ImageFolder {
     path: PathBuf,
-    rest: VecDeque<(Nanos, Entry)>,
+    rest: VecDeque<(Nanos, BaseDetection)>,
 }
 
 #[derive(Debug)]
-enum Entry {
+enum BaseDetection {
     File(String),
     Missing(u64),
 }
 
-impl Folder {
+impl ImageFolder {
     /// Opens a folder. `fps` gives the stamps where only numbers in the file names do.
     ///
     /// # Errors
     ///
-    /// The folder cannot be read, holds no picture, or its files cannot be put in order.
+    /// The folder cannot be read, holds no frame, or its files cannot be put in order.
     pub fn open(path: &Path, fps: f64) -> Result<Self, SourceError> {
         let read = |source| SourceError::Read {
             path: path.to_owned(),
@@ -42,7 +46,7 @@ impl Folder {
                 .file_name()
                 .to_string_lossy()
                 .into_owned();
-            if is_picture(&name) {
+            if is_image(&name) {
                 names.push(name);
             }
         }
@@ -52,16 +56,16 @@ impl Folder {
             });
         }
         names.sort_unstable();
-        let list = path.join(stamps::LIST);
+        let list = path.join(timestamps::LIST);
         let rest = if list.exists() {
-            stamps::read_list(&list)?
+            timestamps::read_list(&list)?
                 .into_iter()
-                .map(|(name, stamp)| (stamp, Entry::File(name)))
+                .map(|(name, stamp)| (stamp, BaseDetection::File(name)))
                 .collect()
         } else if let Some(timed) = timed(&names) {
             timed
         } else {
-            numbered(&stamps::by_number(path, names)?, fps)
+            numbered(&timestamps::by_number(path, names)?, fps)
         };
         Ok(Self {
             path: path.to_owned(),
@@ -69,47 +73,43 @@ impl Folder {
         })
     }
 
-    /// How many pictures and gaps are still to come.
+    /// How many frames and gaps are still to come.
     #[must_use]
     pub fn remaining(&self) -> usize {
         self.rest.len()
     }
 
-    fn load(&self, stamp: Nanos, name: String) -> Result<Shot, SourceError> {
+    fn load(&self, stamp: Nanos, name: String) -> Result<SourceItem, SourceError> {
         let path = self.path.join(&name);
-        let gap = |cause, name| Ok(Shot::Gap { stamp, name, cause });
+        let gap = |cause, name| Ok(SourceItem::Missing { stamp, name, cause });
         match std::fs::read(&path) {
             Ok(bytes) => match decode(&bytes) {
-                Ok(picture) => Ok(Shot::Frame(Frame {
-                    stamp,
-                    name,
-                    picture,
-                })),
-                Err(error) => gap(Gap::Undecodable, format!("{name} ({error})")),
+                Ok(image) => Ok(SourceItem::Frame(Frame { stamp, name, image })),
+                Err(error) => gap(FrameFault::Undecodable, format!("{name} ({error})")),
             },
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                gap(Gap::MissingFile, name)
+                gap(FrameFault::MissingFile, name)
             }
             Err(source) => Err(SourceError::Read { path, source }),
         }
     }
 }
 
-impl FrameSource for Folder {
-    fn next(&mut self) -> Result<Option<Shot>, SourceError> {
+impl FrameSource for ImageFolder {
+    fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
         match self.rest.pop_front() {
             None => Ok(None),
-            Some((stamp, Entry::File(name))) => self.load(stamp, name).map(Some),
-            Some((stamp, Entry::Missing(number))) => Ok(Some(Shot::Gap {
+            Some((stamp, BaseDetection::File(name))) => self.load(stamp, name).map(Some),
+            Some((stamp, BaseDetection::Missing(number))) => Ok(Some(SourceItem::Missing {
                 stamp,
                 name: format!("number {number}"),
-                cause: Gap::MissingFile,
+                cause: FrameFault::MissingFile,
             })),
         }
     }
 }
 
-fn is_picture(name: &str) -> bool {
+fn is_image(name: &str) -> bool {
     let ending = name
         .rsplit_once('.')
         .map_or("", |(_, ending)| ending)
@@ -118,17 +118,22 @@ fn is_picture(name: &str) -> bool {
 }
 
 /// Stamps from names, if all names carry one.
-fn timed(names: &[String]) -> Option<VecDeque<(Nanos, Entry)>> {
-    let mut all: Vec<(Nanos, Entry)> = names
+fn timed(names: &[String]) -> Option<VecDeque<(Nanos, BaseDetection)>> {
+    let mut all: Vec<(Nanos, BaseDetection)> = names
         .iter()
-        .map(|name| Some((stamps::time_in(name)?, Entry::File(name.clone()))))
+        .map(|name| {
+            Some((
+                timestamps::time_in(name)?,
+                BaseDetection::File(name.clone()),
+            ))
+        })
         .collect::<Option<_>>()?;
     all.sort_by_key(|(stamp, _)| *stamp);
     Some(all.into())
 }
 
 /// Stamps from numbers; every missing number is an entry of its own.
-fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, Entry)> {
+fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, BaseDetection)> {
     let Some(first) = files.keys().next().copied() else {
         return VecDeque::new();
     };
@@ -136,10 +141,10 @@ fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, Entry)>
     let mut all = VecDeque::new();
     let mut expected = first;
     for (number, name) in files {
-        if number - expected <= LONGEST_HOLE {
-            all.extend((expected..*number).map(|n| (stamp(n), Entry::Missing(n))));
+        if number - expected <= MAX_GAP {
+            all.extend((expected..*number).map(|n| (stamp(n), BaseDetection::Missing(n))));
         }
-        all.push_back((stamp(*number), Entry::File(name.clone())));
+        all.push_back((stamp(*number), BaseDetection::File(name.clone())));
         expected = number + 1;
     }
     all

@@ -10,10 +10,10 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
-use crate::Failure;
 use crate::command::watch::Watch;
 use crate::demo::{process::Process, watch_over};
 use crate::series::Series;
+use i2ris_terminal::Failure;
 
 /// How long a motion rests at its beginning, s.
 pub const REST_S: f64 = 2.0;

@@ -3,11 +3,14 @@
 use super::*;
 
 #[test]
-fn a_wrong_crc_and_an_unknown_opcode_are_answered() {
+fn a_wrong_crc_and_an_unknown_opcode_have_an_error_reply() {
     let mut bench = Bench::fresh();
-    let answer = bench.drive.answer(&Incoming::WrongCrc).unwrap();
+    let wrong_crc = bench
+        .drive
+        .reply_at_port(&Incoming::WrongCrc, None)
+        .unwrap();
     assert_eq!(
-        crate::frame::reply(&answer.data),
+        reply(&wrong_crc.data),
         [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]
     );
     assert_eq!(bench.error(0x20, &[0; 12]), 0x0F00_FFBF);
@@ -22,7 +25,7 @@ fn a_wrong_crc_and_an_unknown_opcode_are_answered() {
 }
 
 #[test]
-fn accesses_that_are_wrong_are_refused_by_their_own_code() {
+fn each_wrong_access_has_its_own_abort_code() {
     let mut bench = Bench::fresh();
     assert_eq!(bench.try_read(0x5000, 0), Err(0x0602_0000));
     assert_eq!(bench.try_read(0x607D, 9), Err(0x0609_0011));
@@ -47,24 +50,20 @@ fn an_error_reply_to_a_read_is_as_long_as_configured() {
             ..DriveConfig::default()
         });
         assert_eq!(
-            bench.ask(0x60, &[1, 0, 0x50, 0]).len(),
+            bench.request(0x60, &[1, 0, 0x50, 0]).len(),
             2 * usize::from(words)
         );
     }
 }
 
 #[test]
-fn short_values_come_with_rubbish_above() {
+fn the_unused_bytes_of_short_values_are_garbage() {
     let mut bench = Bench::fresh();
     let value = bench.read(0x6041, 0);
     assert_eq!(value & 0xFFFF, 0x0040);
-    assert_ne!(
-        value >> 16,
-        0,
-        "a host that does not mask must not get away with it"
-    );
+    assert_ne!(value >> 16, 0, "a host has to mask the value");
     let mut clean = Bench::new(DriveConfig {
-        rubbish: false,
+        fill_unused_bytes: false,
         ..DriveConfig::default()
     });
     assert_eq!(clean.read(0x6041, 0), 0x0040);
@@ -76,12 +75,8 @@ fn other_nodes_time_out_late() {
     for node in [0, 1] {
         assert_eq!(bench.error(0x60, &[node, 0x41, 0x60, 0]), 0);
     }
-    let request = Incoming::Request(Request {
-        opcode: 0x60,
-        data: vec![2, 0x41, 0x60, 0],
-    });
-    let answer = bench.drive.answer(&request).unwrap();
-    assert!(answer.delay > Nanos::ZERO);
+    let reply = bench.reply(0x60, &[2, 0x41, 0x60, 0]).unwrap();
+    assert!(reply.delay > Nanos::ZERO);
     assert_eq!(bench.error(0x60, &[2, 0x41, 0x60, 0]), 0x0504_0000);
 }
 
@@ -94,11 +89,11 @@ fn identity_is_read_in_segments() {
     });
     assert_eq!(bench.read(0x1018, 1), 0xFB);
     assert_eq!(bench.read(0x1018, 4), 77);
-    let first = bench.ask(0x81, &[1, 0x00, 0x21, 1]);
+    let first = bench.request(0x81, &[1, 0x00, 0x21, 1]);
     assert_eq!(first[4..9], [8, 0, 0, 0, 3]);
-    let second = bench.ask(0x62, &[0, 0]);
+    let second = bench.request(0x62, &[0, 0]);
     assert_eq!(second[4..6], [3, 0], "toggle 0, more to come");
-    let third = bench.ask(0x62, &[1, 0]);
+    let third = bench.request(0x62, &[1, 0]);
     assert_eq!(third[4..6], [2, 3], "toggle 1, last");
     let serial = [&first[9..12], &second[6..9], &third[6..8]].concat();
     assert_eq!(
@@ -106,7 +101,10 @@ fn identity_is_read_in_segments() {
         0x1_0000_0000 + 77
     );
     assert_eq!(bench.error(0x62, &[0, 0]), 0x0503_0000, "nothing left");
-    assert_eq!(bench.ask(0x81, &[1, 0x08, 0x10, 0])[4..9], [5, 0, 0, 0, 3]);
+    assert_eq!(
+        bench.request(0x81, &[1, 0x08, 0x10, 0])[4..9],
+        [5, 0, 0, 0, 3]
+    );
     assert_eq!(bench.error(0x62, &[1, 0]), 0x0503_0000, "wrong toggle");
 }
 
@@ -114,8 +112,8 @@ fn identity_is_read_in_segments() {
 fn values_are_written_in_segments() {
     let mut bench = Bench::fresh();
     assert_eq!(bench.error(0x69, &[1, 0x7A, 0x60, 0, 4, 0, 0, 0]), 0);
-    assert_eq!(bench.ask(0x6A, &[2, 0, 0x39, 0x30])[4..6], [2, 0]);
-    assert_eq!(bench.ask(0x6A, &[2, 3, 0, 0])[..4], [0; 4]);
+    assert_eq!(bench.request(0x6A, &[2, 0, 0x39, 0x30])[4..6], [2, 0]);
+    assert_eq!(bench.request(0x6A, &[2, 3, 0, 0])[..4], [0; 4]);
     assert_eq!(bench.read(0x607A, 0), 12345);
 }
 

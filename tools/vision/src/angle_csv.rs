@@ -1,0 +1,131 @@
+//! Angles over time as a CSV file, in the style of recordings.
+//!
+//! `t_s`, then for every axis that is seen `NAME_deg` and `NAME_std_deg`, then `quality`, the tip
+//! in mm from where it is at rest (`tip_along_mm`, `tip_NAME_mm`), and `cause`. Where nothing was
+//! measured the cells are empty and `cause` says why; an old value is never repeated.
+
+use std::io::{self, Write};
+
+use i2ris::units::Nanos;
+
+use crate::joint_angles::JointAngles;
+
+/// Names of the axes in the columns.
+const NAMES: [&str; 2] = ["pitch", "yaw"];
+
+/// One row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AngleRow {
+    /// When the frames were taken.
+    pub stamp: Nanos,
+    /// What they showed, or why nothing.
+    pub seen: Result<JointAngles, String>,
+}
+
+/// Writes rows one by one.
+#[derive(Debug)]
+pub struct Recorder<W: Write> {
+    to: W,
+    axes: [bool; 2],
+}
+
+impl<W: Write> Recorder<W> {
+    /// Writes the header. `axes`: whether pitch and yaw are seen.
+    ///
+    /// # Errors
+    ///
+    /// When the writer fails.
+    pub fn new(to: W, axes: [bool; 2]) -> io::Result<Self> {
+        let mut recorder = Self { to, axes };
+        let names = |ending: &str| NAMES.map(|name| format!("{name}_{ending}"));
+        let tips = NAMES.map(|name| format!("tip_{name}_mm"));
+        let (quality, along) = ("quality".into(), "tip_along_mm".into());
+        let angles = [names("deg"), names("std_deg"), tips];
+        recorder.line("t_s".into(), angles, [quality, along], "cause")?;
+        Ok(recorder)
+    }
+
+    /// Writes a row and flushes it: an interrupted recording keeps its rows.
+    ///
+    /// # Errors
+    ///
+    /// When the writer fails.
+    pub fn row(&mut self, row: &AngleRow) -> io::Result<()> {
+        let Nanos(stamp) = row.stamp;
+        let time = format!("{}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000);
+        let angles = row.seen.as_ref().ok();
+        let degrees = |rad: [Option<f64>; 2]| rad.map(|rad| cell(rad.map(f64::to_degrees), 5));
+        let [along, pitch, yaw] = angles.map_or([None; 3], |angles| angles.tip_mm);
+        let cells = [
+            degrees(angles.map_or([None; 2], |angles| angles.angle_rad)),
+            degrees(angles.map_or([None; 2], |angles| angles.std_rad)),
+            [cell(pitch, 5), cell(yaw, 5)],
+        ];
+        let quality = cell(angles.map(|angles| angles.quality), 3);
+        // Causes have neither quotes nor commas, with which a cell would need quotes.
+        let cause = row.seen.as_ref().err().map_or("", String::as_str);
+        let cause = cause.replace([',', '"', '\n'], " ");
+        self.line(time, cells, [quality, cell(along, 5)], &cause)?;
+        self.to.flush()
+    }
+
+    /// Writes the cells of a line in the order of the header, without the axes that are not seen.
+    fn line(
+        &mut self,
+        time: String,
+        [angles, deviations, tips]: [[String; 2]; 3],
+        middle: [String; 2],
+        cause: &str,
+    ) -> io::Result<()> {
+        let axes = self.axes;
+        let of_axes = |cells: [String; 2]| cells.into_iter().zip(axes).filter(|(_, seen)| *seen);
+        let cells = |cells| of_axes(cells).map(|(cell, _)| cell);
+        let mut line = vec![time];
+        line.extend(cells(angles));
+        line.extend(cells(deviations));
+        line.extend(middle);
+        line.extend(cells(tips));
+        writeln!(self.to, "{},{cause}", line.join(","))
+    }
+}
+
+fn cell(value: Option<f64>, digits: usize) -> String {
+    let value = value.filter(|value| value.is_finite());
+    value.map_or_else(String::new, |value| format!("{value:.digits$}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_and_causes_are_in_the_columns_of_the_header() {
+        let mut bytes = Vec::new();
+        let mut recorder = Recorder::new(&mut bytes, [true, true]).unwrap();
+        let angles = JointAngles {
+            angle_rad: [Some(0.1), Some(-0.2)],
+            std_rad: [Some(0.001), Some(0.002)],
+            quality: 0.9,
+            tip_mm: [Some(-0.1), Some(0.25), Some(-0.5)],
+        };
+        let failed = Err("top: wrong size, sorry".into());
+        for (stamp, seen) in [(12_003_000_004, Ok(angles)), (12_036_000_000, failed)] {
+            let stamp = Nanos(stamp);
+            recorder.row(&AngleRow { stamp, seen }).unwrap();
+        }
+        let expected = "t_s,pitch_deg,yaw_deg,pitch_std_deg,yaw_std_deg,quality,\
+                        tip_along_mm,tip_pitch_mm,tip_yaw_mm,cause\n\
+                        12.003000004,5.72958,-11.45916,0.05730,0.11459,0.900,\
+                        -0.10000,0.25000,-0.50000,\n\
+                        12.036000000,,,,,,,,,top: wrong size  sorry\n";
+        assert_eq!(String::from_utf8(bytes).unwrap(), expected);
+    }
+
+    #[test]
+    fn one_view_has_the_columns_of_its_axis_only() {
+        let mut bytes = Vec::new();
+        Recorder::new(&mut bytes, [false, true]).unwrap();
+        let header = "t_s,yaw_deg,yaw_std_deg,quality,tip_along_mm,tip_yaw_mm,cause\n";
+        assert_eq!(String::from_utf8(bytes).unwrap(), header);
+    }
+}

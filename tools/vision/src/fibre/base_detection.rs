@@ -1,0 +1,233 @@
+//! Where the base comes into the image.
+
+use super::geometry::{Px, across, advance, step};
+use super::intensity_profile::{Candidate, IntensityProfile};
+use super::settings::DetectorSettings;
+use crate::image::GreyImage;
+
+/// Sections behind the border in which the base is searched.
+const SECTIONS: usize = 9;
+/// The base must show at this many of them.
+const MIN_COUNT: usize = 5;
+/// Distance of the first station from the border, px.
+const MARGIN: f64 = 8.0;
+/// The base comes in within this angle of the inward direction: its tangent.
+const MAX_SLOPE: f64 = 0.47;
+/// The weakest contrast that counts, grey levels.
+pub(super) const MIN_CONTRAST: f32 = 14.0;
+/// The base may be this many px off the straight line through two of its stations.
+const OFF_LINE: f64 = 2.0;
+
+/// Where the base comes in.
+#[derive(Debug, Clone, Copy)]
+pub struct BaseDetection {
+    /// On the base, `MARGIN` px behind the border.
+    pub start: Px,
+    /// Direction of the base.
+    pub direction_rad: f64,
+    /// Contrast there, grey levels.
+    pub contrast: f32,
+    /// Ground there.
+    pub ground: f32,
+}
+
+/// Why no base was taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BaseNotFound {
+    /// Nothing of the right thickness comes in there.
+    Nothing,
+    /// Two things do.
+    Two,
+}
+
+/// One candidate at one station: distance from the border, place along it.
+#[derive(Clone, Copy)]
+struct EdgePair {
+    depth: f64,
+    place: f64,
+    candidate: Candidate,
+}
+
+/// Looks for the base.
+pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetection, BaseNotFound> {
+    let frame = BorderFrame::new(image, settings);
+    let seen = frame.detect(image, settings);
+    let mut best: Option<(usize, f32, Vec<EdgePair>)> = None;
+    let mut rival = 0;
+    let mut fits: Vec<(usize, f32, Vec<EdgePair>)> = hypotheses(&seen).collect();
+    fits.sort_by(|a, b| {
+        (b.0, b.1)
+            .partial_cmp(&(a.0, a.1))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
+    for fit in fits {
+        match &best {
+            None => best = Some(fit),
+            Some((_, _, on_it)) if differs(on_it, &fit.2, settings.body_width) => {
+                rival = rival.max(fit.0)
+            }
+            Some(_) => {}
+        }
+    }
+    let (support, _, on_it) = best
+        .filter(|(support, ..)| *support >= MIN_COUNT)
+        .ok_or(BaseNotFound::Nothing)?;
+    if rival + 1 >= support && rival >= MIN_COUNT {
+        return Err(BaseNotFound::Two);
+    }
+    frame.entry(&on_it).ok_or(BaseNotFound::Nothing)
+}
+
+/// Lines through two candidates of different stations, with all candidates that lie on them.
+fn hypotheses(seen: &[Vec<EdgePair>]) -> impl Iterator<Item = (usize, f32, Vec<EdgePair>)> + '_ {
+    let pairs = (0..SECTIONS - MIN_COUNT + 1)
+        .flat_map(|i| (i + MIN_COUNT - 1..SECTIONS).map(move |j| (i, j)));
+    pairs
+        .flat_map(move |(i, j)| {
+            seen[i]
+                .iter()
+                .flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))
+        })
+        .filter_map(move |(a, b)| {
+            let slope = (b.place - a.place) / (b.depth - a.depth);
+            (slope.abs() <= MAX_SLOPE).then(|| {
+                let on_it: Vec<EdgePair> = seen
+                    .iter()
+                    .filter_map(|station| {
+                        nearest(station, |s| a.place + slope * (s.depth - a.depth))
+                    })
+                    .collect();
+                let contrast = on_it.iter().map(|s| s.candidate.contrast).sum::<f32>();
+                (on_it.len(), contrast, on_it)
+            })
+        })
+}
+
+fn nearest(station: &[EdgePair], expected: impl Fn(&EdgePair) -> f64) -> Option<EdgePair> {
+    let off = |s: &EdgePair| (s.place - expected(s)).abs();
+    station
+        .iter()
+        .min_by(|a, b| off(a).total_cmp(&off(b)))
+        .filter(|s| off(s) <= OFF_LINE)
+        .copied()
+}
+
+fn differs(a: &[EdgePair], b: &[EdgePair], width: f64) -> bool {
+    let common = a.iter().filter(|s| {
+        b.iter()
+            .any(|t| t.depth == s.depth && (t.place - s.place).abs() < 0.5 * width)
+    });
+    2 * common.count() < a.len()
+}
+
+/// The image as seen from the side of entry.
+struct BorderFrame {
+    corner: Px,
+    inward: Px,
+    along: Px,
+    inward_rad: f64,
+    width: f64,
+    depths: [f64; SECTIONS],
+}
+
+impl BorderFrame {
+    fn new(image: &GreyImage, settings: &DetectorSettings) -> Self {
+        let inward_rad = settings.inward_rad();
+        // Clean unit vectors: a cosine of a right angle is not quite 0.
+        let inward = step(inward_rad).map(f64::round);
+        let along = across(inward_rad).map(f64::round);
+        let (right, bottom) = (image.width() as f64 - 1.0, image.height() as f64 - 1.0);
+        // The corner from which `along` runs into the image.
+        let corner = [
+            if inward[0] + along[0] > 0.0 {
+                0.0
+            } else {
+                right
+            },
+            if inward[1] + along[1] > 0.0 {
+                0.0
+            } else {
+                bottom
+            },
+        ];
+        let width = along[0].abs() * right + along[1].abs() * bottom;
+        let spacing = (settings.base_length - MARGIN) / SECTIONS as f64;
+        let depths = std::array::from_fn(|i| MARGIN + spacing * i as f64);
+        Self {
+            corner,
+            inward,
+            along,
+            inward_rad,
+            width,
+            depths,
+        }
+    }
+
+    /// All candidates of all stations.
+    fn detect(&self, image: &GreyImage, settings: &DetectorSettings) -> Vec<Vec<EdgePair>> {
+        let (mut profile, mut found) = (IntensityProfile::default(), Vec::new());
+        let half = (0.5 * self.width) as usize;
+        self.depths
+            .iter()
+            .map(|depth| {
+                let centre = advance(
+                    advance(self.corner, self.inward, *depth),
+                    self.along,
+                    half as f64,
+                );
+                profile.read(image, settings.ground, centre, self.along, half);
+                profile.find(settings.body_width, MIN_CONTRAST, &mut found);
+                found
+                    .iter()
+                    .map(|candidate| EdgePair {
+                        depth: *depth,
+                        place: half as f64 + candidate.offset,
+                        candidate: *candidate,
+                    })
+                    .filter(|seen| self.is_near(settings, seen.place))
+                    .collect()
+            })
+            .collect()
+    }
+
+    fn is_near(&self, settings: &DetectorSettings, place: f64) -> bool {
+        // `near` counts from the image's left or upper corner; `along` may run the other way.
+        let from_zero = if self.along[0] + self.along[1] > 0.0 {
+            place
+        } else {
+            self.width - place
+        };
+        settings
+            .near
+            .is_none_or(|[at, within]| (from_zero - at).abs() <= within)
+    }
+
+    fn entry(&self, on_it: &[EdgePair]) -> Option<BaseDetection> {
+        let count = on_it.len() as f64;
+        let mean = |f: &dyn Fn(&EdgePair) -> f64| on_it.iter().map(f).sum::<f64>() / count;
+        let (depth, place) = (mean(&|s| s.depth), mean(&|s| s.place));
+        let slope = on_it
+            .iter()
+            .map(|s| (s.depth - depth) * (s.place - place))
+            .sum::<f64>()
+            / on_it.iter().map(|s| (s.depth - depth).powi(2)).sum::<f64>();
+        let start = advance(
+            advance(self.corner, self.inward, MARGIN),
+            self.along,
+            place + slope * (MARGIN - depth),
+        );
+        slope.is_finite().then(|| BaseDetection {
+            start,
+            // `along` is to the left of `inward`.
+            direction_rad: self.inward_rad + slope.atan(),
+            contrast: mean(&|s| f64::from(s.candidate.contrast)) as f32,
+            ground: mean(&|s| f64::from(s.candidate.ground)) as f32,
+        })
+    }
+}
+
+/// How far the base reaches behind the border where `line` crosses it: the length of the trace
+/// before its first point.
+pub fn before_start() -> f64 {
+    MARGIN
+}

@@ -1,0 +1,135 @@
+//! Which frames of two views belong together.
+
+use std::collections::VecDeque;
+
+use i2ris::units::Nanos;
+
+/// Pairs what two views deliver by their stamps, each view in the order of its stamps.
+#[derive(Debug)]
+pub struct FramePairer<T> {
+    within: Nanos,
+    waiting: [VecDeque<(Nanos, T)>; 2],
+    ended: [bool; 2],
+}
+
+/// What came together.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PairResult<T> {
+    /// One of each view, and the instant half-way between their stamps.
+    Matched(Nanos, [T; 2]),
+    /// One without a partner: its view, its stamp.
+    Unmatched(usize, Nanos, T),
+}
+
+impl<T> FramePairer<T> {
+    /// Pairs what lies at most `within` apart.
+    #[must_use]
+    pub fn new(within: Nanos) -> Self {
+        Self {
+            within,
+            waiting: [VecDeque::new(), VecDeque::new()],
+            ended: [false; 2],
+        }
+    }
+
+    /// Takes one of `view`, 0 or 1.
+    pub fn push(&mut self, view: usize, stamp: Nanos, item: T) {
+        self.waiting[view & 1].push_back((stamp, item));
+    }
+
+    /// Nothing more comes from this view.
+    pub fn end(&mut self, view: usize) {
+        self.ended[view & 1] = true;
+    }
+
+    /// The view that has to deliver before anything can be said; `None`: both have ended.
+    #[must_use]
+    pub fn wanted(&self) -> Option<usize> {
+        (0..2)
+            .filter(|view| !self.ended[*view])
+            .min_by_key(|view| self.waiting[*view].len())
+    }
+
+    /// What is certain by now.
+    pub fn pop(&mut self) -> Option<PairResult<T>> {
+        match [0, 1].map(|view| self.waiting[view].front().map(|(stamp, _)| *stamp)) {
+            [Some(a), Some(b)] if a.since(b).max(b.since(a)) <= self.within => {
+                let (_, first) = self.waiting[0].pop_front()?;
+                let (_, second) = self.waiting[1].pop_front()?;
+                Some(PairResult::Matched(
+                    Nanos(a.0 / 2 + b.0 / 2 + (a.0 & b.0 & 1)),
+                    [first, second],
+                ))
+            }
+            [Some(a), Some(b)] => self.alone(usize::from(b < a)),
+            [Some(_), None] if self.ended[1] => self.alone(0),
+            [None, Some(_)] if self.ended[0] => self.alone(1),
+            _ => None,
+        }
+    }
+
+    /// Gives up waiting for a partner: the oldest one of a view that has any.
+    pub fn give_up(&mut self) -> Option<PairResult<T>> {
+        self.alone(0).or_else(|| self.alone(1))
+    }
+
+    fn alone(&mut self, view: usize) -> Option<PairResult<T>> {
+        self.waiting[view]
+            .pop_front()
+            .map(|(stamp, item)| PairResult::Unmatched(view, stamp, item))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(first: &[u64], second: &[u64]) -> Vec<PairResult<u64>> {
+        let mut pairer = FramePairer::new(Nanos(10));
+        let mut sources = [first.iter(), second.iter()];
+        let mut out = Vec::new();
+        while let Some(view) = pairer.wanted() {
+            match sources[view].next() {
+                Some(stamp) => pairer.push(view, Nanos(*stamp), *stamp),
+                None => pairer.end(view),
+            }
+            while let Some(pair) = pairer.pop() {
+                out.push(pair);
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn near_stamps_pair_and_the_pair_lies_half_way() {
+        let both = |stamp, a, b| PairResult::Matched(Nanos(stamp), [a, b]);
+        assert_eq!(
+            run(&[100, 133], &[104, 131]),
+            [both(102, 100, 104), both(132, 133, 131)]
+        );
+    }
+
+    #[test]
+    fn a_missing_frame_leaves_its_partner_alone_and_the_others_paired() {
+        let found = run(&[100, 133, 166], &[101, 167]);
+        assert_eq!(found[1], PairResult::Unmatched(0, Nanos(133), 133));
+        assert!(matches!(found[2], PairResult::Matched(_, [166, 167])));
+        assert_eq!(found.len(), 3);
+    }
+
+    #[test]
+    fn what_a_view_delivers_after_the_end_of_the_other_is_alone() {
+        assert_eq!(run(&[100, 133], &[]).len(), 2);
+        assert!(
+            run(&[], &[5])
+                .iter()
+                .all(|t| *t == PairResult::Unmatched(1, Nanos(5), 5))
+        );
+    }
+
+    #[test]
+    fn views_that_never_meet_do_not_pair() {
+        let found = run(&[100, 200, 300], &[150, 250, 350]);
+        assert!(found.iter().all(|t| matches!(t, PairResult::Unmatched(..))) && found.len() == 6);
+    }
+}

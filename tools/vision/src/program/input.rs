@@ -1,0 +1,91 @@
+//! Where the frames of `i2ris vision` come from.
+
+use std::fs::File;
+use std::io::{BufReader, Read, stdin};
+use std::path::{Path, PathBuf};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_vision::source::{
+    FrameClock, FrameSource, ImageFolder, ImageSize, RawStream, SourceError, Y4mStream,
+};
+
+/// Frames per second of a numbered folder, by default.
+const FOLDER_FPS: f64 = 30.0;
+/// Enough to take a stream in large pieces.
+const BUFFER: usize = 1 << 18;
+
+/// How frames are read.
+#[derive(Debug, Clone, clap::Args)]
+pub struct Format {
+    /// Streams hold grey bytes without any header, frames of this size [default: Y4M]
+    #[arg(long, value_name = "WxH")]
+    raw: Option<ImageSize>,
+    /// Frames were taken at this rate: stamps by number. Streams are otherwise stamped as they
+    /// arrive
+    #[arg(long, value_name = "PER-SECOND", value_parser = positive)]
+    fps: Option<f64>,
+    /// Frames arrive this long after they were taken
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
+    latency_ms: f64,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value = text
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v > 0.0);
+    value.ok_or_else(|| "must be a number above 0".to_owned())
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    let value = text
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v >= 0.0);
+    value.ok_or_else(|| "must be a number, 0 or more".to_owned())
+}
+
+impl Format {
+    /// Opens the frames of one view. Waits for the other end of a FIFO.
+    pub fn open(&self, path: &Path) -> Result<Box<dyn FrameSource>, SourceError> {
+        if path == Path::new("-") {
+            return self.stream(stdin());
+        }
+        if path.is_dir() {
+            return Ok(Box::new(ImageFolder::open(
+                path,
+                self.fps.unwrap_or(FOLDER_FPS),
+            )?));
+        }
+        let file = File::open(path).map_err(|source| SourceError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        self.stream(file)
+    }
+
+    fn stream<R: Read + Send + 'static>(
+        &self,
+        from: R,
+    ) -> Result<Box<dyn FrameSource>, SourceError> {
+        let reader = BufReader::with_capacity(BUFFER, from);
+        Ok(match self.raw {
+            Some(size) => Box::new(RawStream::new(reader, size, self.clock())),
+            None => Box::new(Y4mStream::open(reader, self.clock())?),
+        })
+    }
+
+    fn clock(&self) -> FrameClock {
+        let latency = Nanos((self.latency_ms * 1e6) as u64);
+        match self.fps {
+            Some(fps) => FrameClock::Rate(fps),
+            None => FrameClock::Arrival(Box::new(move || clock::now().since(latency))),
+        }
+    }
+
+    /// Whether frames of these paths come from a camera now, and not from a recording.
+    pub fn is_live(&self, paths: &[PathBuf]) -> bool {
+        self.fps.is_none() && !paths.iter().any(|path| path.is_dir())
+    }
+}

@@ -1,0 +1,217 @@
+//! The straight pose: what the angles count from.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fibre::Reading;
+
+/// The fewest good frames at rest.
+const MIN_COUNT: usize = 5;
+/// More spread than this, deg, means that it moved or cannot be measured.
+const MAX_SPREAD_DEG: f64 = 0.3;
+/// From the median absolute deviation to the standard deviation of a normal distribution.
+const MAD: f64 = 1.4826;
+
+/// What one view shows of the straight pose: medians over some frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct RestPose {
+    /// Angle between base and tip, deg: how far fibre and joint zero are off.
+    pub angle_deg: f64,
+    /// Standard deviation of a single frame, deg.
+    pub spread_deg: f64,
+    /// From the border of the frame along the fibre to its end, px.
+    pub length_px: f64,
+    /// Where the fibre ends, px.
+    pub tip_px: [f64; 2],
+}
+
+/// Why there is no rest reference.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RestPoseError {
+    /// Not enough good frames.
+    #[error(
+        "view {view}: only {good} of {frames} frames at rest can be measured, \
+         {MIN_COUNT} are needed; look at them with `i2ris vision check`"
+    )]
+    TooFew {
+        /// Name of the view.
+        view: String,
+        /// Good readings.
+        good: usize,
+        /// Frames.
+        frames: usize,
+    },
+    /// It did not rest.
+    #[error(
+        "view {view}: the angle spreads by {spread_deg:.2} deg at rest, \
+         more than {MAX_SPREAD_DEG}: hold the snake straight and still, or shorten --rest-s"
+    )]
+    Moving {
+        /// Name of the view.
+        view: String,
+        /// Standard deviation, deg.
+        spread_deg: f64,
+    },
+}
+
+/// Collects frames at rest.
+#[derive(Debug, Clone, Default)]
+pub struct RestPoseEstimator {
+    frames: usize,
+    angles: Vec<f64>,
+    lengths: Vec<f64>,
+    tips: [Vec<f64>; 2],
+}
+
+impl RestPoseEstimator {
+    /// Takes one frame's reading; `None` or one of low quality counts as a frame only.
+    pub fn add(&mut self, reading: Option<&Reading>) {
+        self.frames += 1;
+        if let Some(reading) = reading.filter(|reading| reading.is_good()) {
+            self.angles.push(reading.angle_rad.to_degrees());
+            self.lengths.push(reading.length_px);
+            self.tips[0].push(reading.tip_px[0]);
+            self.tips[1].push(reading.tip_px[1]);
+        }
+    }
+
+    /// The reference.
+    ///
+    /// # Errors
+    ///
+    /// [`RestPoseError`], naming `view`.
+    pub fn finish(&self, view: &str) -> Result<RestPose, RestPoseError> {
+        let good = self.angles.len();
+        if good < MIN_COUNT {
+            return Err(RestPoseError::TooFew {
+                view: view.to_owned(),
+                good,
+                frames: self.frames,
+            });
+        }
+        let angle_deg = median(&self.angles);
+        let deviations: Vec<f64> = self.angles.iter().map(|a| (a - angle_deg).abs()).collect();
+        // A slow drift over the whole time hides from the median deviation, not from this.
+        let half = good / 2;
+        let drift = (median(&self.angles[..half]) - median(&self.angles[half..])).abs();
+        let spread_deg = (MAD * median(&deviations)).max(drift);
+        if spread_deg > MAX_SPREAD_DEG {
+            return Err(RestPoseError::Moving {
+                view: view.to_owned(),
+                spread_deg,
+            });
+        }
+        let tip_px = [median(&self.tips[0]), median(&self.tips[1])];
+        Ok(RestPose {
+            angle_deg,
+            spread_deg,
+            length_px: median(&self.lengths),
+            tip_px,
+        })
+    }
+}
+
+impl RestPose {
+    /// Whether all values are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let [x, y] = self.tip_px;
+        [self.angle_deg, self.spread_deg, self.length_px, x, y]
+            .iter()
+            .all(|v| v.is_finite())
+    }
+}
+
+/// The middle value of at least one.
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted[sorted.len() / 2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fibre::FittedLine;
+
+    fn reading(angle_deg: f64, quality: f64) -> Reading {
+        let line = FittedLine {
+            middle: [0.0; 2],
+            direction_rad: 0.0,
+            std_rad: 0.0,
+            sigma_px: 0.0,
+            length_px: 1.0,
+            bend_rad: 0.0,
+            bend_std_rad: 0.0,
+            followed: 1.0,
+        };
+        Reading {
+            angle_rad: angle_deg.to_radians(),
+            std_rad: 0.001,
+            tip_px: [600.0, 300.0 + angle_deg],
+            base: line,
+            tip: line,
+            length_px: 900.0,
+            quality,
+            issue: None,
+            trace: Vec::new(),
+        }
+    }
+
+    fn estimator(angles: impl IntoIterator<Item = f64>) -> RestPoseEstimator {
+        let mut estimator = RestPoseEstimator::default();
+        angles
+            .into_iter()
+            .for_each(|angle| estimator.add(Some(&reading(angle, 0.9))));
+        estimator
+    }
+
+    #[test]
+    fn the_reference_is_blind_to_a_few_wild_readings_and_reports_its_spread() {
+        let rest = estimator((0..40).map(|i| {
+            if i % 10 == 0 {
+                20.0
+            } else {
+                1.5 + 0.02 * f64::from(i % 3 - 1)
+            }
+        }));
+        let rest = rest.finish("top").unwrap();
+        assert!(
+            (rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05,
+            "{rest:?}"
+        );
+        assert!((rest.length_px, rest.tip_px[0]) == (900.0, 600.0));
+    }
+
+    #[test]
+    fn a_moving_snake_is_no_reference() {
+        let error = estimator((0..60).map(|i| 0.02 * f64::from(i)))
+            .finish("top")
+            .unwrap_err();
+        assert!(
+            matches!(error, RestPoseError::Moving { .. }) && error.to_string().contains("view top"),
+            "{error}"
+        );
+        assert!(matches!(
+            estimator((0..60).map(|i| f64::from(i % 7))).finish("top"),
+            Err(RestPoseError::Moving { .. })
+        ));
+    }
+
+    #[test]
+    fn doubtful_frames_do_not_count() {
+        let mut estimator = estimator([0.0; 4]);
+        (0..20).for_each(|_| estimator.add(Some(&reading(0.0, 0.4))));
+        estimator.add(None);
+        let error = estimator.finish("side").unwrap_err();
+        assert_eq!(
+            error,
+            RestPoseError::TooFew {
+                view: "side".into(),
+                good: 4,
+                frames: 25
+            }
+        );
+    }
+}

@@ -1,0 +1,194 @@
+//! What a camera must not do: change its size, freeze, go back in time, be the other camera.
+
+use std::collections::VecDeque;
+
+use i2ris::units::Nanos;
+
+use super::frame::{Frame, FrameFault, SourceItem};
+use super::size::ImageSize;
+
+/// Looks at the frames of one view one after the other and turns those that cannot be trusted
+/// into gaps.
+#[derive(Debug, Default)]
+pub struct StreamCheck {
+    size: Option<ImageSize>,
+    last_stamp: Option<Nanos>,
+    last_digest: Option<u64>,
+}
+
+impl StreamCheck {
+    /// Digest of the newest frame of the right size; `None` before the first.
+    #[must_use]
+    pub fn digest(&self) -> Option<u64> {
+        self.last_digest
+    }
+
+    /// A frame whose size differs from the first one's, that was not taken after the one before,
+    /// or that is identical to it becomes a gap. A sensor has noise: two identical frames are one
+    /// frame twice.
+    pub fn check(&mut self, item: SourceItem) -> SourceItem {
+        match item {
+            SourceItem::Frame(frame) => match self.fault(&frame) {
+                Some(cause) => SourceItem::Missing {
+                    stamp: frame.stamp,
+                    name: frame.name,
+                    cause,
+                },
+                None => SourceItem::Frame(frame),
+            },
+            gap @ SourceItem::Missing { .. } => gap,
+        }
+    }
+
+    fn fault(&mut self, frame: &Frame) -> Option<FrameFault> {
+        let size = ImageSize {
+            width: frame.image.width(),
+            height: frame.image.height(),
+        };
+        if *self.size.get_or_insert(size) != size {
+            return Some(FrameFault::WrongSize);
+        }
+        let digest = frame.image.digest();
+        let is_frozen = self.last_digest.replace(digest) == Some(digest);
+        if self.last_stamp.is_some_and(|last| frame.stamp <= last) {
+            return Some(FrameFault::OutOfOrder);
+        }
+        self.last_stamp = Some(frame.stamp);
+        is_frozen.then_some(FrameFault::Frozen)
+    }
+}
+
+/// Detects that both views show the same camera.
+///
+/// Two programs that read one camera need not get the same frames of it, so one identical frame
+/// puts all under suspicion for a while.
+#[derive(Debug, Default)]
+pub struct DuplicateCameraMonitor {
+    recent: [VecDeque<u64>; 2],
+    suspicion: u32,
+}
+
+/// Frames of each view that are remembered.
+const REMEMBERED: usize = 16;
+/// Frames without another match until the suspicion ends.
+const SUSPICION: u32 = 128;
+
+impl DuplicateCameraMonitor {
+    /// Notes a frame of `view` (0 or 1) and says whether both views are under suspicion.
+    pub fn is_same_camera(&mut self, view: usize, digest: u64) -> bool {
+        let [first, second] = &mut self.recent;
+        let (own, other) = if view == 0 {
+            (first, second)
+        } else {
+            (second, first)
+        };
+        self.suspicion = if other.contains(&digest) {
+            SUSPICION
+        } else {
+            self.suspicion.saturating_sub(1)
+        };
+        own.push_back(digest);
+        if own.len() > REMEMBERED {
+            own.pop_front();
+        }
+        self.suspicion > 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::GreyImage;
+
+    fn item(stamp: u64, size: usize, value: u8) -> SourceItem {
+        let image = GreyImage::new(size, size, vec![value; size * size]).unwrap();
+        SourceItem::Frame(Frame {
+            stamp: Nanos(stamp),
+            name: "x".into(),
+            image,
+        })
+    }
+
+    fn causes(items: impl IntoIterator<Item = SourceItem>) -> Vec<Option<FrameFault>> {
+        let mut guard = StreamCheck::default();
+        let cause = |item| match item {
+            SourceItem::Frame(_) => None,
+            SourceItem::Missing { cause, .. } => Some(cause),
+        };
+        items
+            .into_iter()
+            .map(|item| cause(guard.check(item)))
+            .collect()
+    }
+
+    #[test]
+    fn good_frames_pass() {
+        assert_eq!(
+            causes([item(1, 8, 1), item(2, 8, 2), item(3, 8, 1)]),
+            [None; 3]
+        );
+    }
+
+    #[test]
+    fn a_frozen_camera_is_named_until_it_moves_again() {
+        let found = causes([item(1, 8, 1), item(2, 8, 1), item(3, 8, 1), item(4, 8, 2)]);
+        assert_eq!(
+            found,
+            [
+                None,
+                Some(FrameFault::Frozen),
+                Some(FrameFault::Frozen),
+                None
+            ]
+        );
+    }
+
+    #[test]
+    fn another_size_is_named_and_the_first_one_stays_the_right_one() {
+        assert_eq!(
+            causes([item(1, 8, 1), item(2, 9, 2), item(3, 8, 3)]),
+            [None, Some(FrameFault::WrongSize), None]
+        );
+    }
+
+    #[test]
+    fn stamps_must_rise() {
+        let found = causes([item(5, 8, 1), item(5, 8, 2), item(4, 8, 3), item(6, 8, 4)]);
+        assert_eq!(
+            found,
+            [
+                None,
+                Some(FrameFault::OutOfOrder),
+                Some(FrameFault::OutOfOrder),
+                None
+            ]
+        );
+    }
+
+    #[test]
+    fn one_camera_in_both_views_is_noticed_though_each_view_misses_every_other_frame() {
+        let mut duplicates = DuplicateCameraMonitor::default();
+        let mut suspected = 0;
+        for image in 0..200_u64 {
+            // Each view gets two of three frames.
+            for view in 0..2 {
+                suspected += usize::from(
+                    (image + view) % 3 != 0 && duplicates.is_same_camera(view as usize, image),
+                );
+            }
+        }
+        assert!(suspected > 250, "{suspected}");
+    }
+
+    #[test]
+    fn two_cameras_are_two_and_a_single_match_is_forgotten() {
+        let mut duplicates = DuplicateCameraMonitor::default();
+        assert!((0..100).all(|i| !duplicates.is_same_camera((i % 2) as usize, i)));
+        assert!(duplicates.is_same_camera(1, 98) && duplicates.is_same_camera(0, 1000));
+        assert!(
+            (0..200)
+                .map(|i| duplicates.is_same_camera((i % 2) as usize, 2000 + i))
+                .any(|one| !one)
+        );
+    }
+}

@@ -1,0 +1,125 @@
+//! When the frames of a folder were taken.
+//!
+//! In this order: a list `frames.csv` in the folder (columns `file` and `t_s`); a time in the file
+//! names; the number in the file name and the rate.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use i2ris::units::Nanos;
+
+use super::error::SourceError;
+
+/// Name of the list.
+pub const LIST: &str = "frames.csv";
+
+/// Reads the list of a folder: file name to stamp, in the order of the list.
+pub fn read_list(path: &Path) -> Result<Vec<(String, Nanos)>, SourceError> {
+    let bad = |line: u64, what: String| SourceError::BadList {
+        path: path.to_owned(),
+        line,
+        what,
+    };
+    let mut reader = csv::Reader::from_path(path).map_err(|error| bad(1, error.to_string()))?;
+    let headers = reader
+        .headers()
+        .map_err(|error| bad(1, error.to_string()))?
+        .clone();
+    let column = |name: &str| {
+        headers
+            .iter()
+            .position(|h| h.trim() == name)
+            .ok_or_else(|| bad(1, format!("no column {name}; expected file,t_s")))
+    };
+    let (file, time) = (column("file")?, column("t_s")?);
+    let mut list = Vec::new();
+    for (i, record) in reader.records().enumerate() {
+        let line = i as u64 + 2;
+        let record = record.map_err(|error| bad(line, error.to_string()))?;
+        let cell = |column: usize| record.get(column).unwrap_or("").trim();
+        let stamp = seconds(cell(time))
+            .ok_or_else(|| bad(line, format!("t_s is no time: {:?}", cell(time))))?;
+        list.push((cell(file).to_owned(), stamp));
+    }
+    Ok(list)
+}
+
+/// A number of seconds, 0 or more, as a stamp. Exact to the nanosecond as long as the number is.
+pub fn seconds(text: &str) -> Option<Nanos> {
+    let (whole, part) = text.split_once('.').unwrap_or((text, ""));
+    let digits = |s: &str| s.bytes().all(|b| b.is_ascii_digit());
+    if whole.is_empty() || whole.len() > 10 || !digits(whole) || !digits(part) {
+        return None;
+    }
+    let nanos: u64 = format!("{part:0<9}").get(..9)?.parse().ok()?;
+    Some(Nanos(whole.parse::<u64>().ok()? * 1_000_000_000 + nanos))
+}
+
+/// The last number in a file name without its ending: `Image_0175.jpg` is 175.
+pub fn number(name: &str) -> Option<u64> {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
+    let start = stem[..end]
+        .rfind(|c: char| !c.is_ascii_digit())
+        .map_or(0, |i| i + 1);
+    stem[start..end].parse().ok()
+}
+
+/// The time in a file name, in seconds behind `t`: `top_t12.345678.png` is 12.345678 s.
+pub fn time_in(name: &str) -> Option<Nanos> {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let (before, time) = stem.rsplit_once('t')?;
+    let stands_alone = before
+        .chars()
+        .last()
+        .is_none_or(|c| !c.is_ascii_alphanumeric());
+    (stands_alone && time.contains('.'))
+        .then(|| seconds(time))
+        .flatten()
+}
+
+/// Files by their numbers. Errors name a file without a number and two with the same.
+pub fn by_number(path: &Path, names: Vec<String>) -> Result<BTreeMap<u64, String>, SourceError> {
+    let mut numbered = BTreeMap::new();
+    for name in names {
+        let number = number(&name).ok_or_else(|| SourceError::NoNumber {
+            path: path.to_owned(),
+            file: name.clone(),
+        })?;
+        if let Some(first) = numbered.insert(number, name.clone()) {
+            return Err(SourceError::SameNumber {
+                path: path.to_owned(),
+                first,
+                second: name,
+            });
+        }
+    }
+    Ok(numbered)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_and_times_in_names() {
+        assert_eq!(number("Image_0175.jpg"), Some(175));
+        assert_eq!(number("cam2_17_top.png"), Some(17));
+        assert_eq!(number("top.png"), None);
+        assert_eq!(time_in("top_t12.3456789.png"), Some(Nanos(12_345_678_900)));
+        assert_eq!(time_in("shot12.5.png"), None, "the t must stand alone");
+        assert_eq!(time_in("top_t12.png"), None, "a number, not a time");
+    }
+
+    #[test]
+    fn seconds_are_exact() {
+        assert_eq!(
+            seconds("1746051712.540556"),
+            Some(Nanos(1_746_051_712_540_556_000))
+        );
+        assert_eq!(seconds("3"), Some(Nanos(3_000_000_000)));
+        for bad in ["", ".", "-1", "1e3", "nan", "1.2.3", "99999999999"] {
+            assert_eq!(seconds(bad), None, "{bad}");
+        }
+    }
+}
