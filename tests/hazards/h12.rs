@@ -1,6 +1,6 @@
 //! H12: an axis that is stuck, a wire that is slack, a motor that runs away.
 
-use i2ris::core::External;
+use i2ris::core::ExternalPose;
 use i2ris::drive::Demand;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
@@ -59,7 +59,7 @@ fn watched(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
             if k > 2000 {
                 position[0] += slack_deg.to_radians();
             }
-            bench.external = Some(External {
+            bench.external = Some(ExternalPose {
                 stamp,
                 position,
                 outputs: 2,
