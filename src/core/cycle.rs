@@ -42,7 +42,6 @@ use crate::core::motion::conditioning_plan::ConditioningPlan;
 use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
 use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
-use crate::core::snapshot::CycleSnapshot;
 use crate::core::states::automatic_transitions::next_transition;
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
 use crate::core::states::control_state::{ControlState, EnabledActivity};
@@ -50,7 +49,7 @@ use crate::core::states::fault_transitions::enter_fault;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
-use crate::model::{Model, ModelId};
+use crate::model::Model;
 use crate::robot::{Fault, Refusal};
 use crate::units::Nanos;
 
@@ -65,18 +64,18 @@ pub struct ControlCycle {
     range_check: RangeCheck,
     conditioning_plan: ConditioningPlan,
     trajectory_limits: TrajectoryLimits,
-    axes: AxisGroup,
-    history: PositionHistory,
-    models: LoadedModels,
-    overruns: OverrunMonitor,
-    plausibility: PlausibilityMonitor,
-    machine: StateMachine,
-    admission: CommandAdmission,
-    clutch: Clutch,
-    ticks: u64,
-    stale_stops: u64,
-    lost_events: u64,
-    shutdown: Shutdown,
+    pub(super) axes: AxisGroup,
+    pub(super) history: PositionHistory,
+    pub(super) models: LoadedModels,
+    pub(super) overruns: OverrunMonitor,
+    pub(super) plausibility: PlausibilityMonitor,
+    pub(super) machine: StateMachine,
+    pub(super) admission: CommandAdmission,
+    pub(super) clutch: Clutch,
+    pub(super) ticks: u64,
+    pub(super) stale_stops: u64,
+    pub(super) lost_events: u64,
+    pub(super) shutdown: Shutdown,
 }
 
 impl ControlCycle {
@@ -114,54 +113,6 @@ impl ControlCycle {
     #[must_use]
     pub fn lost_events(&self) -> u64 {
         self.lost_events
-    }
-
-    /// All values that change from tick to tick. `None` while a model waits to be taken by
-    /// [`ControlCycle::take_retired`].
-    #[must_use]
-    pub fn snapshot(&self) -> Option<CycleSnapshot> {
-        Some(CycleSnapshot {
-            axes: self.axes.to_snapshot(),
-            history: self.history,
-            models: self.models.states()?,
-            overruns: self.overruns,
-            plausibility: self.plausibility,
-            machine: self.machine,
-            admission: self.admission,
-            clutch: self.clutch,
-            ticks: self.ticks,
-            stale_stops: self.stale_stops,
-            lost_events: self.lost_events,
-            shutdown: self.shutdown,
-        })
-    }
-
-    /// A cycle that goes on from a snapshot of a cycle with the same configuration. Not for the
-    /// control loop.
-    ///
-    /// # Errors
-    ///
-    /// The id of a model that `find` does not know.
-    pub fn restored(
-        config: &Config,
-        snapshot: &CycleSnapshot,
-        find: impl Fn(ModelId) -> Option<Arc<Model>>,
-    ) -> Result<Self, ModelId> {
-        Ok(Self {
-            axes: AxisGroup::from_snapshot(&snapshot.axes),
-            history: snapshot.history,
-            models: LoadedModels::from_states(&snapshot.models, config, find)?,
-            overruns: snapshot.overruns,
-            plausibility: snapshot.plausibility,
-            machine: snapshot.machine,
-            admission: snapshot.admission,
-            clutch: snapshot.clutch,
-            ticks: snapshot.ticks,
-            stale_stops: snapshot.stale_stops,
-            lost_events: snapshot.lost_events,
-            shutdown: snapshot.shutdown,
-            ..Self::new(config, None)
-        })
     }
 
     /// Whether [`ControlCycle::stage_model`] can take a model now.

@@ -4,10 +4,12 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::core::cycle::Cycle;
+use i2ris::core::CycleSnapshot;
+use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    Candidate, Event, EventKind, External, Goal, Inputs, JointReport, Mark, ModelChange,
-    ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest,
+    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
+    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
+    ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -17,7 +19,7 @@ use i2ris::model::file::{
 };
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{History, Model};
-use i2ris::process::black_box::{OfferRecord, Snapshot, TickRecord};
+use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
 use i2ris::units::{Counts, Nanos, OutputVec};
 
@@ -168,21 +170,21 @@ pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
 }
 
 pub struct Bench {
-    pub cycle: Cycle,
+    pub cycle: ControlCycle,
     pub config: Config,
     pub now: Nanos,
     pub drives: [Drive; 2],
-    pub out: Outputs,
-    pub events: Vec<EventKind>,
+    pub out: CycleOutputs,
+    pub events: Vec<CycleEventKind>,
     pub shutdown: bool,
     /// Asked for in the next tick.
-    pub model_request: Option<ModelRequest>,
+    pub model_request: Option<ModelSwapRequest>,
     /// The clutch is open in servo commands from now on.
     pub clutched: bool,
     /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
     /// Seen by a camera, in the next tick.
-    pub external: Option<External>,
+    pub external: Option<ExternalPose>,
     /// How many ticks late every tick is from now on.
     pub missed: u32,
     /// Something that counts, read before and after every step, and the sum of the differences.
@@ -190,7 +192,7 @@ pub struct Bench {
     pub probed: u64,
     /// Where the motors have been, and how far that is, as the thread that stages models knows it.
     pub history: History,
-    pub mark: Mark,
+    pub mark: HistoryCursor,
     /// Fills while there is one.
     pub recording: Option<Recording>,
     client_sequence: u64,
@@ -202,14 +204,20 @@ pub struct Bench {
 #[derive(Default)]
 pub struct Recording {
     pub ticks: Vec<TickRecord>,
-    pub snapshots: Vec<Snapshot>,
+    pub snapshots: Vec<CycleSnapshot>,
     pub offers: Vec<OfferRecord>,
     pub models: Vec<Vec<u8>>,
     offered: Option<u64>,
 }
 
 impl Recording {
-    fn push(&mut self, now: Nanos, inputs: &Inputs, outputs: &Outputs, snapshot: Option<Snapshot>) {
+    fn push(
+        &mut self,
+        now: Nanos,
+        inputs: &CycleInputs,
+        outputs: &CycleOutputs,
+        snapshot: Option<CycleSnapshot>,
+    ) {
         let tick = Tick {
             planned: now,
             started: now,
@@ -231,12 +239,12 @@ impl Recording {
         self.models.push(model.file().canonical_form().unwrap());
     }
 
-    fn offer(&mut self, candidate: &Candidate) {
+    fn offer(&mut self, candidate: &ModelCandidate) {
         let number = self.offers.len() as u64 + 1;
         self.offers.push(OfferRecord {
             number,
             model: candidate.model().id(),
-            carried: candidate.carried(),
+            carried: candidate.state(),
         });
         self.keep(candidate.model());
         self.offered = Some(number);
@@ -249,12 +257,13 @@ pub const CLIENT: u64 = 7;
 impl Bench {
     pub fn new(config: Config, model: Option<Arc<Model>>) -> Self {
         let mut bench = Self {
-            cycle: Cycle::new(&config, model),
+            cycle: ControlCycle::new(&config, model),
             watch: Watch::new(&config),
             config,
             now: Nanos::from_millis(10_000),
             drives: [Drive::new(0), Drive::new(0)],
-            out: Cycle::new(&self::config(""), None).step(Nanos::ZERO, &Inputs::default()),
+            out: ControlCycle::new(&self::config(""), None)
+                .step(Nanos::ZERO, &CycleInputs::default()),
             events: Vec::with_capacity(1000),
             shutdown: false,
             model_request: None,
@@ -265,7 +274,7 @@ impl Bench {
             probe: || 0,
             probed: 0,
             history: History::default(),
-            mark: Mark::default(),
+            mark: HistoryCursor::default(),
             recording: None,
             client_sequence: 0,
             request_id: 0,
@@ -293,7 +302,7 @@ impl Bench {
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
         let (model, external, missed) =
             (self.model_request.take(), self.external.take(), self.missed);
-        let inputs = Inputs {
+        let inputs = CycleInputs {
             servo,
             request,
             model,
@@ -304,7 +313,7 @@ impl Bench {
         };
         let before = (self.probe)();
         self.out = self.cycle.step(self.now, &inputs);
-        let retired = self.cycle.retired();
+        let retired = self.cycle.take_retired();
         let snapshot = self.cycle.snapshot();
         self.probed += (self.probe)() - before;
         drop(retired);
@@ -333,25 +342,25 @@ impl Bench {
     }
 
     /// A model that has seen what the motors did so far.
-    pub fn candidate(&self, model: &Arc<Model>) -> Candidate {
-        Candidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
+    pub fn candidate(&self, model: &Arc<Model>) -> ModelCandidate {
+        ModelCandidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
     }
 
     /// Stages a model.
-    pub fn offer(&mut self, candidate: Candidate) {
+    pub fn offer(&mut self, candidate: ModelCandidate) {
         self.recording
             .iter_mut()
             .for_each(|recording| recording.offer(&candidate));
         let before = (self.probe)();
-        assert!(self.cycle.takes_candidates());
-        self.cycle.offer(candidate);
+        assert!(self.cycle.can_stage_model());
+        self.cycle.stage_model(candidate);
         self.probed += (self.probe)() - before;
     }
 
     /// One tick with a change of the model in use.
     pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
         self.request_id += 1;
-        self.model_request = Some(ModelRequest {
+        self.model_request = Some(ModelSwapRequest {
             id: self.request_id,
             change,
             forced,
@@ -373,7 +382,7 @@ impl Bench {
     }
 
     fn note_events(&mut self) {
-        for Event { stamp, kind } in self.out.events.iter().flatten() {
+        for CycleEvent { stamp, kind } in self.out.events.iter().flatten() {
             assert_eq!(*stamp, self.now);
             if self.events.len() < self.events.capacity() {
                 self.events.push(*kind);
@@ -422,7 +431,7 @@ impl Bench {
     }
 
     /// A servo command of the usual client, sent now.
-    pub fn servo(&mut self, goal: Goal) -> ServoCommand {
+    pub fn servo(&mut self, goal: ServoGoal) -> ServoCommand {
         self.client_sequence += 1;
         let stamp = self.now + self.config.control.period();
         ServoCommand {
@@ -450,16 +459,16 @@ impl Bench {
     }
 
     pub fn joint(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
-        let command = self.servo(Goal::Joint(rad(pitch_deg, yaw_deg), 2));
+        let command = self.servo(ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2));
         self.send(command)
     }
 
     pub fn actuator(&mut self, counts: [i32; 2]) -> Refusal {
-        let command = self.servo(Goal::Actuator(counts.map(Counts), 2));
+        let command = self.servo(ServoGoal::Actuator(counts.map(Counts), 2));
         self.send(command)
     }
 
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &CycleReport {
         &self.out.report
     }
 

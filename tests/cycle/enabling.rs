@@ -1,6 +1,6 @@
 //! DISABLED: homing and enabling.
 
-use i2ris::core::EventKind;
+use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
@@ -180,7 +180,7 @@ fn enabled_is_claimed_only_when_every_drive_is() {
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NotEnabled);
     bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
     assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
-    let enabled = EventKind::State {
+    let enabled = CycleEventKind::State {
         from: OperatingState::Disabled,
         to: OperatingState::Enabled,
         command: Some(StateCommand::Enable),

@@ -1,6 +1,6 @@
 //! FAULT: what leads to it, what the drives are told, and the way out.
 
-use i2ris::core::EventKind;
+use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
@@ -38,7 +38,7 @@ fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
         let told = bench.events.iter().any(|event| {
             matches!(
                 event,
-                EventKind::Axis {
+                CycleEventKind::Axis {
                     motor: 1,
                     to: AxisPhase::Faulted,
                     error_code: 0x8611,

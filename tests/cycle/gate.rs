@@ -1,16 +1,16 @@
 //! Servo commands: what is refused, in which order, and who may command.
 
-use i2ris::core::{EventKind, Goal, ServoCommand};
+use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 
 use crate::bench::{Bench, CLIENT, config, model, rad};
 
-const HERE: Goal = Goal::Joint([0.0; 3], 2);
+const HERE: ServoGoal = ServoGoal::Joint([0.0; 3], 2);
 
-fn counts(motors: [i32; 2]) -> Goal {
-    Goal::Actuator(motors.map(Counts), 2)
+fn counts(motors: [i32; 2]) -> ServoGoal {
+    ServoGoal::Actuator(motors.map(Counts), 2)
 }
 
 /// A command that would be accepted, changed.
@@ -35,13 +35,13 @@ fn a_command_of_the_wrong_shape_is_malformed() {
     let mut bench = Bench::enabled();
     for entries in [0, 1, 3, 4, u32::MAX] {
         assert_eq!(
-            refusal(&mut bench, |c| c.goal = Goal::Joint([0.0; 3], entries)),
+            refusal(&mut bench, |c| c.goal = ServoGoal::Joint([0.0; 3], entries)),
             Refusal::Malformed,
             "{entries}"
         );
         assert_eq!(
             refusal(&mut bench, |c| c.goal =
-                Goal::Actuator([Counts(0); 2], entries)),
+                ServoGoal::Actuator([Counts(0); 2], entries)),
             Refusal::Malformed
         );
     }
@@ -53,13 +53,14 @@ fn what_is_not_finite_is_refused_and_what_is_not_sent_is_not_looked_at() {
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(
-            refusal(&mut bench, |c| c.goal = Goal::Joint([0.0, value, 0.0], 2)),
+            refusal(&mut bench, |c| c.goal =
+                ServoGoal::Joint([0.0, value, 0.0], 2)),
             Refusal::NotFinite
         );
     }
     assert_eq!(
         refusal(&mut bench, |c| c.goal =
-            Goal::Joint([0.0, 0.0, f64::NAN], 2)),
+            ServoGoal::Joint([0.0, 0.0, f64::NAN], 2)),
         Refusal::None
     );
     bench.run(10);
@@ -138,7 +139,7 @@ fn a_refused_command_uses_up_no_sequence_number() {
     let mut bench = Bench::enabled();
     assert_eq!(
         refusal(&mut bench, |c| (c.sequence, c.goal) =
-            (900, Goal::Joint(rad(20.0, 0.0), 2))),
+            (900, ServoGoal::Joint(rad(20.0, 0.0), 2))),
         Refusal::Step
     );
     assert_eq!(refusal(&mut bench, |c| c.sequence = 900), Refusal::None);
@@ -169,7 +170,7 @@ fn one_client_commands_at_a_time() {
         .events
         .iter()
         .filter_map(|event| {
-            if let EventKind::Lease { client_id } = event {
+            if let CycleEventKind::Lease { client_id } = event {
                 Some(*client_id)
             } else {
                 None
@@ -185,7 +186,7 @@ fn refused_commands_do_not_renew_the_lease() {
     assert_eq!(refusal(&mut bench, |_| {}), Refusal::None);
     for _ in 0..50 {
         bench.run(9);
-        let _ = refusal(&mut bench, |c| c.goal = Goal::Joint([f64::NAN; 3], 2));
+        let _ = refusal(&mut bench, |c| c.goal = ServoGoal::Joint([f64::NAN; 3], 2));
     }
     assert_eq!(bench.report().lease_client_id, 0);
 }
@@ -257,7 +258,7 @@ fn the_next_step_counts_from_the_goal_before() {
 #[test]
 fn the_first_thing_that_is_wrong_is_named() {
     let bad = |bench: &mut Bench| {
-        let mut command = bench.servo(Goal::Joint([f64::NAN; 3], 2));
+        let mut command = bench.servo(ServoGoal::Joint([f64::NAN; 3], 2));
         command.stamp = Nanos::ZERO;
         command
     };
@@ -267,7 +268,7 @@ fn the_first_thing_that_is_wrong_is_named() {
     assert_eq!(bench.send(command), Refusal::Malformed);
     command.client_id = CLIENT;
     assert_eq!(bench.send(command), Refusal::NotFinite);
-    command.goal = Goal::Joint(rad(50.0, 0.0), 2);
+    command.goal = ServoGoal::Joint(rad(50.0, 0.0), 2);
     command.deadline = Nanos::from_millis(2000);
     assert_eq!(bench.send(command), Refusal::Stamp);
     command.deadline = Nanos::ZERO;
@@ -296,7 +297,7 @@ fn repeated_refusals_are_counted_but_told_once() {
         bench
             .events
             .iter()
-            .filter(|e| matches!(e, EventKind::Refused { .. }))
+            .filter(|e| matches!(e, CycleEventKind::Refused { .. }))
             .count()
     };
     for _ in 0..20 {
@@ -322,6 +323,6 @@ fn the_number_of_entries_is_that_of_the_model() {
     let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
     bench.home();
     bench.enable();
-    let command = bench.servo(Goal::Joint([0.0; 3], 3));
+    let command = bench.servo(ServoGoal::Joint([0.0; 3], 3));
     assert_eq!(bench.send(command), Refusal::Malformed);
 }

@@ -1,7 +1,7 @@
 //! What must hold in every tick, whatever happens.
 
 use i2ris::config::Config;
-use i2ris::core::{Event, EventKind, Inputs, Outputs};
+use i2ris::core::{CycleEvent, CycleEventKind, CycleInputs, CycleOutputs};
 use i2ris::drive::{AxisPhase, AxisRequest, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 
@@ -17,7 +17,7 @@ pub struct Watch {
     limits: Vec<(i32, i32)>,
     axes: [AxisWatch; 2],
     state: OperatingState,
-    last: Option<Outputs>,
+    last: Option<CycleOutputs>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -55,7 +55,7 @@ impl Watch {
         }
     }
 
-    pub fn check(&mut self, inputs: &Inputs, outputs: &Outputs) {
+    pub fn check(&mut self, inputs: &CycleInputs, outputs: &CycleOutputs) {
         self.check_states(outputs);
         self.check_counters(inputs, outputs);
         check_numbers(outputs);
@@ -69,10 +69,10 @@ impl Watch {
     }
 
     /// Every change of state is an event, and the chain of events has no gap.
-    fn check_states(&mut self, outputs: &Outputs) {
+    fn check_states(&mut self, outputs: &CycleOutputs) {
         let report = &outputs.report;
-        for Event { kind, .. } in outputs.events.iter().flatten() {
-            if let EventKind::State { from, to, .. } = kind {
+        for CycleEvent { kind, .. } in outputs.events.iter().flatten() {
+            if let CycleEventKind::State { from, to, .. } = kind {
                 assert_eq!(*from, self.state);
                 self.state = *to;
             }
@@ -93,7 +93,7 @@ impl Watch {
         assert!(!outputs.finished || report.state != OperatingState::Enabled);
     }
 
-    fn check_counters(&self, inputs: &Inputs, outputs: &Outputs) {
+    fn check_counters(&self, inputs: &CycleInputs, outputs: &CycleOutputs) {
         assert_eq!(
             outputs.reply.map(|reply| reply.id),
             inputs.request.map(|request| request.id)
@@ -135,7 +135,13 @@ impl Watch {
         }
     }
 
-    fn check_axis(&mut self, motor: usize, phase: AxisPhase, inputs: &Inputs, outputs: &Outputs) {
+    fn check_axis(
+        &mut self,
+        motor: usize,
+        phase: AxisPhase,
+        inputs: &CycleInputs,
+        outputs: &CycleOutputs,
+    ) {
         let (request, axis) = (&outputs.requests[motor], &mut self.axes[motor]);
         assert_eq!(request.target, outputs.report.setpoints[motor]);
         let firm = request.demand == Demand::Enabled && phase == AxisPhase::Enabled;
@@ -193,7 +199,7 @@ fn check_motion(
     );
 }
 
-fn check_numbers(outputs: &Outputs) {
+fn check_numbers(outputs: &CycleOutputs) {
     let Some(joint) = &outputs.report.joint else {
         return;
     };

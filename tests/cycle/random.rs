@@ -1,7 +1,7 @@
 //! Whatever clients, drives and clocks do, the invariants of `invariant` hold in every tick, and
 //! the robot can be brought back to work.
 
-use i2ris::core::{Goal, ServoCommand};
+use i2ris::core::{ServoCommand, ServoGoal};
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
@@ -16,7 +16,7 @@ enum Act {
     Skip(u64),
     Ask(u64, StateCommand),
     /// Client, change of the sequence, age in ms (negative: future), deadline in ms, goal.
-    Servo(u64, i64, i64, u64, Goal),
+    Servo(u64, i64, i64, u64, ServoGoal),
     /// A stream of small steps, as a working client sends them: motors, steps, ticks between them.
     Stream([i32; 2], usize, usize),
     Phase(usize, AxisPhase),
@@ -58,16 +58,16 @@ fn angle() -> impl Strategy<Value = f64> {
     ]
 }
 
-fn goal() -> impl Strategy<Value = Goal> {
+fn goal() -> impl Strategy<Value = ServoGoal> {
     let entries = prop_oneof![9 => Just(2_u32), 1 => 0..5_u32];
     prop_oneof![
         (prop::array::uniform3(angle()), entries.clone())
-            .prop_map(|(angles, entries)| Goal::Joint(angles, entries)),
+            .prop_map(|(angles, entries)| ServoGoal::Joint(angles, entries)),
         (
             prop::array::uniform2(prop_oneof![9 => -1100..1100_i32, 1 => any::<i32>()]),
             entries
         )
-            .prop_map(|(counts, entries)| Goal::Actuator(counts.map(Counts), entries)),
+            .prop_map(|(counts, entries)| ServoGoal::Actuator(counts.map(Counts), entries)),
     ]
 }
 

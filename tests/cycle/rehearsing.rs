@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::core::Goal;
-use i2ris::core::rehearsal::{Rehearsal, RehearsalError, beginning, without_limits};
+use i2ris::core::ServoGoal;
+use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
@@ -12,8 +12,8 @@ use i2ris::units::Counts;
 
 use crate::bench::{Bench, config, counts_at, model, play_model, rad};
 
-fn goal(pitch_deg: f64, yaw_deg: f64) -> Goal {
-    Goal::Joint(rad(pitch_deg, yaw_deg), 2)
+fn goal(pitch_deg: f64, yaw_deg: f64) -> ServoGoal {
+    ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2)
 }
 
 fn rehearsal(config: &Config, model: &Arc<Model>, history: &[[f64; 2]]) -> Rehearsal {
@@ -58,7 +58,7 @@ fn what_the_gate_refuses_is_refused_here() {
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     assert_eq!(
         rehearsal.follow(goal(6.0, 0.0)),
-        Err(RehearsalError::Goal(Refusal::Step))
+        Err(RehearsalError::ServoGoal(Refusal::Step))
     );
     assert!(
         rehearsal.follow(goal(4.0, 0.0)).is_ok(),
@@ -87,7 +87,7 @@ fn the_history_sets_the_memory() {
         pitch(&from_below) < pitch(&from_above) - 0.01,
         "100 counts of gap on two motors are 1.5 deg a side"
     );
-    let start = beginning(&model, &rad(5.0, 0.0));
+    let start = start_position(&model, &rad(5.0, 0.0));
     let unknown = rehearsal(&free, &model, &[start]);
     assert!(!unknown.report().joint.unwrap().memory_known);
 }

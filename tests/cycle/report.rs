@@ -1,7 +1,7 @@
 //! What the world sees.
 
-use i2ris::core::cycle::Cycle;
-use i2ris::core::{EventKind, Inputs};
+use i2ris::core::cycle::ControlCycle;
+use i2ris::core::{CycleEventKind, CycleInputs};
 use i2ris::drive::{AxisFeedback, AxisPhase};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
@@ -32,10 +32,10 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 
 #[test]
 fn before_every_drive_has_reported_there_is_no_estimate() {
-    let mut cycle = Cycle::new(&config(""), Some(model(OutputUnit::Deg)));
-    let mut inputs = Inputs {
+    let mut cycle = ControlCycle::new(&config(""), Some(model(OutputUnit::Deg)));
+    let mut inputs = CycleInputs {
         feedback: [Drive::new(3).feedback; 2],
-        ..Inputs::default()
+        ..CycleInputs::default()
     };
     inputs.feedback[1] = AxisFeedback::default();
     assert_eq!(cycle.step(Nanos(100), &inputs).report.joint, None);
@@ -129,7 +129,7 @@ fn every_change_of_phase_is_an_event() {
         .events
         .iter()
         .filter_map(|event| {
-            if let EventKind::Axis { motor: 1, to, .. } = event {
+            if let CycleEventKind::Axis { motor: 1, to, .. } = event {
                 Some(*to)
             } else {
                 None
@@ -155,7 +155,7 @@ fn the_way_through_the_states_is_written_down() {
         .events
         .iter()
         .filter_map(|event| match event {
-            EventKind::State {
+            CycleEventKind::State {
                 to, command, fault, ..
             } => Some((*to, *command, *fault)),
             _ => None,

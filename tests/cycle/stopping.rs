@@ -1,6 +1,6 @@
 //! Everything that ends in a hold: silence, pause, release, disable, old feedback.
 
-use i2ris::core::EventKind;
+use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
@@ -45,7 +45,7 @@ fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
     );
     assert_eq!(bench.report().stale_stops, 1);
     assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
-    let stop = EventKind::StaleStop {
+    let stop = CycleEventKind::StaleStop {
         client_id: CLIENT,
         age: Nanos::from_millis(50),
     };
@@ -55,7 +55,7 @@ fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
 #[test]
 fn a_command_may_set_its_own_deadline() {
     let mut bench = Bench::enabled();
-    let mut command = bench.servo(i2ris::core::Goal::Actuator(
+    let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
         [i2ris::units::Counts(250); 2],
         2,
     ));
@@ -73,7 +73,7 @@ fn no_command_outlives_the_lease() {
     let mut bench = Bench::new(config("[command]\nlease_ms = 60"), None);
     bench.home();
     bench.enable();
-    let mut command = bench.servo(i2ris::core::Goal::Actuator(
+    let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
         [i2ris::units::Counts(250); 2],
         2,
     ));

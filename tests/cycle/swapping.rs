@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use i2ris::core::{EventKind, Goal, ModelChange};
+use i2ris::core::{CycleEventKind, ModelChange, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
@@ -74,7 +74,7 @@ fn the_motors_stay_the_angles_are_computed_anew_and_then_the_motors_go_where_the
         "{joints:?}"
     );
     assert!(bench.targets()[0] < half_way[0] - 5);
-    assert!(bench.events.contains(&EventKind::Model {
+    assert!(bench.events.contains(&CycleEventKind::Model {
         from: Some(first.id()),
         to: second.id()
     }));
@@ -93,7 +93,7 @@ fn a_model_that_comes_back_finds_its_place_again() {
         Refusal::None
     );
     assert_eq!(bench.report().models.active, Some(first.id()));
-    assert_eq!(bench.report().models.former, Some(second.id()));
+    assert_eq!(bench.report().models.previous, Some(second.id()));
     hold(&mut bench, 3.0, -2.0, 150);
     // It went to and fro by some counts in between, which plays forget only as far as the goal
     // asks.
@@ -309,7 +309,7 @@ proptest! {
 fn counts_that_are_followed_do_not_change() {
     let mut bench = Bench::enabled();
     for _ in 0..50 {
-        let command = bench.servo(Goal::Actuator(
+        let command = bench.servo(ServoGoal::Actuator(
             [i2ris::units::Counts(100), i2ris::units::Counts(-50)],
             2,
         ));

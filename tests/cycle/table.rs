@@ -1,6 +1,6 @@
 //! Every state command in every state: the table in the documentation of `i2ris::core`.
 
-use i2ris::core::Report;
+use i2ris::core::CycleReport;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 
@@ -255,8 +255,8 @@ fn resetting() -> Bench {
 }
 
 /// What a refused command may leave behind.
-fn without_refusal(report: &Report) -> Report {
-    Report {
+fn without_refusal(report: &CycleReport) -> CycleReport {
+    CycleReport {
         last_refusal: Refusal::None,
         ..*report
     }

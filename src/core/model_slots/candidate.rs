@@ -19,6 +19,10 @@ pub struct ModelCandidate(pub(super) Box<JointModel>);
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CandidateState(JointModelState);
 
+#[allow(
+    clippy::disallowed_methods,
+    reason = "candidates are built by a slower thread"
+)]
 impl ModelCandidate {
     /// A model whose memory is rebuilt from a history that ends at a cursor of the cycle's position
     /// history. Takes thousands of steps: for a slower thread.

@@ -34,6 +34,10 @@ impl LoadedModelStates {
 
 impl LoadedModels {
     /// One active model, or none.
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "a constructor, called before the loop"
+    )]
     pub fn new(active: Option<JointModel>) -> Self {
         Self {
             active: active.map(Box::new),
@@ -42,6 +46,7 @@ impl LoadedModels {
     }
 
     /// Models with saved states. The error names a model that `find` does not know.
+    #[allow(clippy::disallowed_methods, reason = "for a replay, not for the loop")]
     pub fn from_states(
         states: &LoadedModelStates,
         config: &Config,

@@ -15,11 +15,16 @@ pub(crate) struct AxisGroup(Vec<AxisControl>);
 
 impl AxisGroup {
     /// Axes whose drives have not reported yet.
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "a constructor, called before the loop"
+    )]
     pub fn new(config: &Config) -> Self {
         let axes = (0..config.motors().min(MAX_MOTORS)).filter_map(|motor| config.axis(motor));
         Self(axes.map(|axis| AxisControl::new(axis, config)).collect())
     }
 
+    #[allow(clippy::disallowed_methods, reason = "for a replay, not for the loop")]
     pub fn from_snapshot(axes: &[Option<AxisControl>; MAX_MOTORS]) -> Self {
         Self(axes.iter().flatten().copied().collect())
     }

@@ -1,11 +1,11 @@
 //! Jerk limit: a moving average over the last ticks.
 //!
 //! The input has a limited acceleration. In the average over `n` ticks of length `T`, the
-//! acceleration changes per tick by the difference of two accelerations over `n`. With accelerations
-//! between `-A` and `A`, the jerk is at most `2 A / (n T)` (L. Biagiotti and C. Melchiorri,
-//! Trajectory Planning for Automatic Machines and Robots, 2008: trajectories by filters). The average
-//! keeps the limits on position, velocity and acceleration of its input. It lags by `(n - 1) / 2`
-//! ticks and comes to rest `n - 1` ticks after its input.
+//! acceleration changes per tick by the difference of two accelerations over `n`. With
+//! accelerations between `-A` and `A`, the jerk is at most `2 A / (n T)` (L. Biagiotti and
+//! C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008: trajectories by
+//! filters). The average keeps the limits on position, velocity and acceleration of its input. It
+//! lags by `(n - 1) / 2` ticks and comes to rest `n - 1` ticks after its input.
 
 use serde::{Deserialize, Serialize};
 

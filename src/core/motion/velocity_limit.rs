@@ -17,7 +17,7 @@
 //! - a fixed target is reached without overshoot if the limits allow it. A setpoint that moves too
 //!   fast towards a target that has just changed slows down with D and comes back.
 //!
-//! The reference is the previous setpoint, not the measurement: there is no feedback from the drive.
+//! The reference is the previous setpoint, not the measurement: the drive gives no feedback here.
 //!
 //! # Method
 //!

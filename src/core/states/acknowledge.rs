@@ -1,8 +1,8 @@
 //! Acknowledge: the way out of FAULT.
 //!
-//! The command is accepted once the cause can be cleared: every drive answers and is where the fault
-//! sent it, and the model gives finite values. Drives at fault are reset first. FAULT ends when they
-//! have left their fault; then all drives are switched off.
+//! The command is accepted once the cause can be cleared: every drive answers and is where the
+//! fault sent it, and the model gives finite values. Drives at fault are reset first. FAULT ends
+//! when they have left their fault; then all drives are switched off.
 
 use crate::core::drive_status::{DriveSummary, is_off};
 use crate::core::states::control_state::{

@@ -8,9 +8,9 @@ use crate::drive::{AxisPhase, Demand};
 use crate::robot::Fault;
 use crate::units::{MAX_MOTORS, Nanos};
 
-/// Longest time for a drive to be enabled, switched off or brought to a quick stop. Each takes about
-/// ten exchanges (25 ms at 115200 baud, a quarter of a second at 9600) and a ramp of the drive. 3 s
-/// leaves room for repeats.
+/// Longest time for a drive to be enabled, switched off or brought to a quick stop. Each takes
+/// about ten exchanges (25 ms at 115200 baud, a quarter of a second at 9600) and a ramp of the
+/// drive. 3 s leaves room for repeats.
 pub(super) const DRIVE_TIMEOUT: Nanos = Nanos::from_millis(3000);
 
 /// The transition into FAULT. The reaction of the drives depends on the state that is left.
@@ -31,8 +31,8 @@ pub(crate) fn enter_fault(
 }
 
 /// Updates the demands of a latched fault. A drive that is off stays off. A drive that does not
-/// reach its quick stop in time is switched off. A drive that cannot be reached keeps its demand: if
-/// the line comes back while it still has power, it must hold.
+/// reach its quick stop in time is switched off. A drive that cannot be reached keeps its demand:
+/// if the line comes back while it still has power, it must hold.
 pub(super) fn update_latched(
     cause: Fault,
     since: Nanos,

@@ -48,7 +48,9 @@ fn periods() -> impl Strategy<Value = Nanos> {
 fn wild() -> impl Strategy<Value = f64> {
     prop_oneof![
         8 => -4000.0..4000.0_f64,
-        1 => prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 0.0, -0.0]),
+        1 => prop::sample::select(
+            vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 0.0, -0.0]
+        ),
     ]
 }
 
@@ -111,7 +113,8 @@ proptest! {
                 prop_assert!((step - limiter.velocity()).abs() <= ROUNDING);
                 prop_assert!(step.abs() <= limits.velocity * tick + ROUNDING);
                 let (a, d) = (limits.acceleration * tick * tick, limits.deceleration * tick * tick);
-                prop_assert!(allowed(before.velocity(), limiter.velocity(), a, d), "{before:?} {limiter:?}");
+                let is_allowed = allowed(before.velocity(), limiter.velocity(), a, d);
+                prop_assert!(is_allowed, "{before:?} {limiter:?}");
                 prop_assert!(limiter.position() >= limits.lowest - ROUNDING);
                 prop_assert!(limiter.position() <= limits.highest + ROUNDING);
             }
@@ -135,7 +138,8 @@ proptest! {
             let before = limiter.position();
             limiter.track(MotorTarget::fixed(goal));
             let (low, high) = if start < goal { (before, goal) } else { (goal, before) };
-            prop_assert!(limiter.position() >= low - ROUNDING && limiter.position() <= high + ROUNDING);
+            let range = low - ROUNDING..=high + ROUNDING;
+            prop_assert!(range.contains(&limiter.position()));
         }
         prop_assert!((limiter.position() - goal).abs() <= ROUNDING, "{limiter:?} short of {goal}");
     }
@@ -173,11 +177,14 @@ proptest! {
             limiter.track(MotorTarget { position: increment * k as f64, increment });
         }
         let target = increment * ticks as f64;
-        prop_assert!((limiter.position() - target).abs() <= 1e-6 * target.abs() + ROUNDING, "{limiter:?} {target}");
+        let error = (limiter.position() - target).abs();
+        prop_assert!(error <= 1e-6 * target.abs() + ROUNDING, "{limiter:?} {target}");
     }
 
     #[test]
-    fn a_stop_ends_as_soon_as_the_deceleration_allows(limits in limits(), period in periods(), script in script()) {
+    fn a_stop_ends_as_soon_as_the_deceleration_allows(
+        limits in limits(), period in periods(), script in script()
+    ) {
         let mut limiter = VelocityLimiter::new(&limits, period);
         limiter.restart((limits.lowest + limits.highest) / 2.0);
         for (action, ticks) in script {
