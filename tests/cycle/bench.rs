@@ -279,10 +279,9 @@ impl Bench {
             client_sequence: 0,
             request_id: 0,
         };
-        bench
-            .drives
-            .iter_mut()
-            .for_each(|drive| drive.feedback.stamp = bench.now);
+        for drive in &mut bench.drives {
+            drive.feedback.stamp = bench.now;
+        }
         bench.step(None, None);
         bench
     }
@@ -295,10 +294,9 @@ impl Bench {
     pub fn step(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
         let requests = self.out.requests;
         self.now = self.now + self.config.control.period();
-        self.drives
-            .iter_mut()
-            .zip(&requests)
-            .for_each(|(drive, request)| drive.tick(self.now, request));
+        for (drive, request) in self.drives.iter_mut().zip(&requests) {
+            drive.tick(self.now, request);
+        }
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
         let (model, external, missed) =
             (self.model_request.take(), self.external.take(), self.missed);
@@ -317,15 +315,15 @@ impl Bench {
         let snapshot = self.cycle.snapshot();
         self.probed += (self.probe)() - before;
         drop(retired);
-        self.recording
-            .iter_mut()
-            .for_each(|recording| recording.push(self.now, &inputs, &self.out, snapshot));
+        if let Some(recording) = &mut self.recording {
+            recording.push(self.now, &inputs, &self.out, snapshot);
+        }
         self.watch.check(&inputs, &self.out);
         self.note_events();
-        self.note_way();
+        self.record_motion();
     }
 
-    fn note_way(&mut self) {
+    fn record_motion(&mut self) {
         let mark = self.out.report.mark;
         if mark.epoch != self.mark.epoch {
             self.history.forget();
@@ -348,9 +346,9 @@ impl Bench {
 
     /// Stages a model.
     pub fn offer(&mut self, candidate: ModelCandidate) {
-        self.recording
-            .iter_mut()
-            .for_each(|recording| recording.offer(&candidate));
+        if let Some(recording) = &mut self.recording {
+            recording.offer(&candidate);
+        }
         let before = (self.probe)();
         assert!(self.cycle.can_stage_model());
         self.cycle.stage_model(candidate);
@@ -395,7 +393,9 @@ impl Bench {
     }
 
     pub fn run(&mut self, ticks: usize) {
-        (0..ticks).for_each(|_| self.tick());
+        for _ in 0..ticks {
+            self.tick();
+        }
     }
 
     /// Time passes and nobody ticks.
@@ -526,7 +526,12 @@ impl Bench {
     }
 
     pub fn enabled() -> Self {
-        let mut bench = Self::homed();
+        Self::enabled_with(config(""), Some(model(OutputUnit::Deg)))
+    }
+
+    pub fn enabled_with(config: Config, model: Option<Arc<Model>>) -> Self {
+        let mut bench = Self::new(config, model);
+        bench.home();
         bench.enable();
         bench
     }

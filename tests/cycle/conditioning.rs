@@ -12,9 +12,7 @@ use i2ris::model::file::OutputUnit;
 
 /// Enabled, at some place that is not the middle.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
-    let mut bench = Bench::new(config, model);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config, model);
     for _ in 0..40 {
         assert_eq!(bench.actuator([120, -80]), Refusal::None);
         bench.run(4);
@@ -122,9 +120,7 @@ fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
 fn one_motor_is_conditioned_too() {
     let mut one = config("");
     one.ports[0].axes.truncate(1);
-    let mut bench = Bench::new(one, None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(one, None);
     let places = stroke(&mut bench);
     assert_eq!(
         (range(&places, 0), range(&places, 1)),
@@ -137,9 +133,7 @@ fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
     let mut narrow = config("");
     narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-90);
     narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(90);
-    let mut bench = Bench::new(narrow, Some(play_model()));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(narrow, Some(play_model()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     assert!(!bench.report().busy);
 }

@@ -178,9 +178,7 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
 #[test]
 fn a_set_point_that_waits_for_the_wire_is_no_following_error() {
     let config = crate::bench::config("[limits]\nfollowing_error_counts = 10");
-    let mut bench = Bench::new(config, None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config, None);
     bench.drives[0].slot = 20;
     assert_eq!(bench.actuator([250, 250]), Refusal::None);
     let mut ahead = 0;

@@ -42,9 +42,7 @@ fn angles_end_at_the_counts_that_the_model_says() {
 
 #[test]
 fn counts_need_no_model() {
-    let mut bench = Bench::new(config(""), None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), None);
     hold_goal(
         &mut bench,
         ServoGoal::Actuator([Counts(120), Counts(-77)], 2),
@@ -55,9 +53,7 @@ fn counts_need_no_model() {
 
 #[test]
 fn a_tip_position_is_followed_like_an_angle() {
-    let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     let goal = [0.003, -0.0015, 0.0];
     hold_goal(&mut bench, ServoGoal::Joint(goal, 2));
     let wanted = counts_at(3.0, -1.5);
@@ -281,9 +277,7 @@ fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
 #[test]
 fn one_motor_alone_can_be_commanded() {
     let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
-    let mut bench = Bench::new(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
     let command = bench.servo(ServoGoal::Actuator([Counts(30), Counts(30)], 2));
     assert_eq!(bench.send(command), Refusal::Malformed);
     hold_goal(&mut bench, ServoGoal::Actuator([Counts(30), Counts(0)], 1));

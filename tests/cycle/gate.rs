@@ -202,9 +202,7 @@ fn a_lease_that_was_given_back_is_free_at_once() {
 
 #[test]
 fn angles_need_a_model() {
-    let mut bench = Bench::new(config(""), None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
     assert_eq!(bench.actuator([0, 0]), Refusal::None);
 }
@@ -320,9 +318,7 @@ fn repeated_refusals_are_counted_but_told_once() {
 
 #[test]
 fn the_number_of_entries_is_that_of_the_model() {
-    let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     let command = bench.servo(ServoGoal::Joint([0.0; 3], 3));
     assert_eq!(bench.send(command), Refusal::Malformed);
 }

@@ -8,10 +8,7 @@ use i2ris::model::file::OutputUnit;
 use crate::bench::{Bench, CLIENT, GAIN_DEG, HULL, config, model, play_model, rad};
 
 fn enabled(tables: &str) -> Bench {
-    let mut bench = Bench::new(config(tables), Some(model(OutputUnit::Deg)));
-    bench.home();
-    bench.enable();
-    bench
+    Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)))
 }
 
 fn go(bench: &mut Bench, pitch: f64, yaw: f64) -> Refusal {
@@ -91,13 +88,9 @@ fn a_pose_that_cannot_be_is_refused_and_one_outside_the_hull_is_clipped() {
         "{}",
         pitch(&bench)
     );
-    let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     assert_eq!(go(&mut bench, 0.001, 0.0), Refusal::Unsupported);
-    let mut bench = Bench::new(config(""), None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(go(&mut bench, 1.0, 0.0), Refusal::NoModel);
 }
 

@@ -208,9 +208,7 @@ proptest! {
              acceleration_counts_s2 = {acceleration}\nstop_deceleration_counts_s2 = {deceleration}\n\
              jerk_counts_s3 = {jerk}"
         );
-        let mut bench = Bench::new(config(&tables), Some(model(i2ris::model::file::OutputUnit::Deg)));
-        bench.home();
-        bench.enable();
+        let mut bench = Bench::enabled_with(config(&tables), Some(model(i2ris::model::file::OutputUnit::Deg)));
         survive(bench, acts);
     }
 }

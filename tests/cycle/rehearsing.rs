@@ -58,7 +58,7 @@ fn what_the_gate_refuses_is_refused_here() {
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     assert_eq!(
         rehearsal.follow(goal(6.0, 0.0)),
-        Err(RehearsalError::ServoGoal(Refusal::Step))
+        Err(RehearsalError::Goal(Refusal::Step))
     );
     assert!(
         rehearsal.follow(goal(4.0, 0.0)).is_ok(),

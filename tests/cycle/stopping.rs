@@ -70,9 +70,7 @@ fn a_command_may_set_its_own_deadline() {
 /// A deadline beyond the lease would leave a robot that follows nobody.
 #[test]
 fn no_command_outlives_the_lease() {
-    let mut bench = Bench::new(config("[command]\nlease_ms = 60"), None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config("[command]\nlease_ms = 60"), None);
     let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
         [i2ris::units::Counts(250); 2],
         2,
@@ -171,14 +169,12 @@ fn disable_slows_down_settles_and_only_then_takes_the_power() {
 #[test]
 fn a_stop_that_takes_too_long_ends_with_the_power_off() {
     let limits = "[limits]\nacceleration_counts_s2 = 200.0\nstop_deceleration_counts_s2 = 200.0";
-    let mut bench = Bench::new(
+    let mut bench = Bench::enabled_with(
         config(&format!(
             "{limits}\n[command]\ndeadline_ms = 1000\nlease_ms = 1000"
         )),
         None,
     );
-    bench.home();
-    bench.enable();
     for goal in [240, 480, 720, 960] {
         assert_eq!(bench.actuator([goal, goal]), Refusal::None);
         bench.run(400);

@@ -12,9 +12,7 @@ use crate::bench::{Bench, config, counts_at, model, play_model, rad, scaled_play
 
 /// Enabled with a model with memory that has seen enough motion to know where it is.
 fn conditioned(model: &Arc<Model>) -> Bench {
-    let mut bench = Bench::new(config(""), Some(Arc::clone(model)));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), Some(Arc::clone(model)));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.idle();
     assert!(bench.joints().memory_known);
@@ -173,9 +171,7 @@ fn homing_makes_every_memory_unknown() {
 
 #[test]
 fn a_first_model_can_come_while_the_robot_is_on() {
-    let mut bench = Bench::new(config(""), None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
     let first = model(OutputUnit::Deg);
     assert_eq!(bench.swap(&first), Refusal::None);

@@ -7,181 +7,83 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use crate::bench::{Bench, CLIENT, rad};
 use crate::drive::Quirk;
 
-use OperatingState::{Disabled as D, Enabled as E, Fault as F, Paused as P};
+/// How a state is reached, and the answers to all commands in the order of `StateCommand::ALL`:
+/// enable, disable, pause, resume, home, unhome, condition, acknowledge, release, hold, move. A
+/// state means that the command is accepted and leads to it; a refusal leaves the state unchanged.
+type Row = (&'static str, fn() -> Bench, [Answer; 11]);
 
-/// Accepted, with the state after it.
-const fn to(state: OperatingState) -> (Refusal, OperatingState) {
-    (Refusal::None, state)
+#[derive(Clone, Copy)]
+enum Answer {
+    To(OperatingState),
+    No(Refusal),
 }
 
-/// Refused, with the state after it.
-const fn no(refusal: Refusal, state: OperatingState) -> (Refusal, OperatingState) {
-    (refusal, state)
-}
+const D: Answer = Answer::To(OperatingState::Disabled);
+const E: Answer = Answer::To(OperatingState::Enabled);
+const P: Answer = Answer::To(OperatingState::Paused);
+const F: Answer = Answer::To(OperatingState::Fault);
+const NO: Answer = Answer::No(Refusal::State);
+const BUSY: Answer = Answer::No(Refusal::Busy);
+const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 
-/// How a state is reached, and what is answered to every command, in the order of
-/// `StateCommand::ALL`: enable, disable, pause, resume, home, unhome, condition, acknowledge,
-/// release, hold, move.
-type Row = (&'static str, fn() -> Bench, [(Refusal, OperatingState); 11]);
-
-const BUSY: [(Refusal, OperatingState); 11] = [
-    no(Refusal::Busy, D),
-    to(D),
-    no(Refusal::Busy, D),
-    no(Refusal::Busy, D),
-    no(Refusal::Busy, D),
-    no(Refusal::Busy, D),
-    no(Refusal::Busy, D),
-    no(Refusal::State, D),
-    to(D),
-    no(Refusal::Busy, D),
-    no(Refusal::Busy, D),
-];
-
-const ENABLED: [(Refusal, OperatingState); 11] = [
-    no(Refusal::State, E),
-    to(D),
-    to(P),
-    no(Refusal::State, E),
-    no(Refusal::State, E),
-    no(Refusal::State, E),
-    to(E),
-    no(Refusal::State, E),
-    to(E),
-    to(E),
-    to(E),
-];
-
-const CONDITIONING: [(Refusal, OperatingState); 11] = {
-    let mut row = ENABLED;
-    row[6] = no(Refusal::Busy, E);
-    row[10] = no(Refusal::Busy, E);
-    row
-};
-
-/// A way begins at rest.
-const FOLLOWING: [(Refusal, OperatingState); 11] = {
-    let mut row = ENABLED;
-    row[10] = no(Refusal::Busy, E);
-    row
-};
+const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
+const OCCUPIED: [Answer; 11] = [NO, D, P, NO, NO, NO, BUSY, NO, E, E, BUSY];
 
 const TABLE: &[Row] = &[
     (
         "idle",
         Bench::homed,
-        [
-            to(D),
-            to(D),
-            no(Refusal::State, D),
-            no(Refusal::State, D),
-            to(D),
-            to(D),
-            no(Refusal::State, D),
-            no(Refusal::State, D),
-            to(D),
-            no(Refusal::State, D),
-            no(Refusal::State, D),
-        ],
+        [D, D, NO, NO, D, D, NO, NO, D, NO, NO],
     ),
-    ("enabling", enabling, BUSY),
-    ("homing", homing, BUSY),
-    ("stopping", stopping, BUSY),
-    ("settling", settling, BUSY),
-    ("powering off", powering_off, BUSY),
-    ("holding", Bench::enabled, ENABLED),
-    ("following", Bench::moving, FOLLOWING),
-    ("on its way", on_its_way, CONDITIONING),
-    ("conditioning", conditioning, CONDITIONING),
+    ("enabling", enabling, CHANGING),
+    ("homing", homing, CHANGING),
+    ("stopping", stopping, CHANGING),
+    ("settling", settling, CHANGING),
+    ("powering off", powering_off, CHANGING),
+    (
+        "holding",
+        Bench::enabled,
+        [NO, D, P, NO, NO, NO, E, NO, E, E, E],
+    ),
+    // A trajectory starts at rest.
+    (
+        "following",
+        Bench::moving,
+        [NO, D, P, NO, NO, NO, E, NO, E, E, BUSY],
+    ),
+    ("moving", moving_to_pose, OCCUPIED),
+    ("conditioning", conditioning, OCCUPIED),
     (
         "paused",
         Bench::paused,
-        [
-            no(Refusal::State, P),
-            to(D),
-            to(P),
-            to(E),
-            no(Refusal::State, P),
-            no(Refusal::State, P),
-            no(Refusal::State, P),
-            no(Refusal::State, P),
-            to(P),
-            to(P),
-            no(Refusal::State, P),
-        ],
+        [NO, D, P, E, NO, NO, NO, NO, P, P, NO],
     ),
     (
-        "fault of a drive",
+        "drive fault",
         Bench::faulted,
-        [
-            no(Refusal::State, F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            to(F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-        ],
+        [NO, F, NO, NO, NO, NO, NO, F, F, NO, NO],
     ),
     (
         "fault that is over",
         fault_over,
-        [
-            no(Refusal::State, F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            to(D),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-        ],
+        [NO, F, NO, NO, NO, NO, NO, D, F, NO, NO],
     ),
     (
-        "fault with its cause",
+        "fault that persists",
         fault_persists,
-        [
-            no(Refusal::State, F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::CausePersists, F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-        ],
+        [NO, F, NO, NO, NO, NO, NO, PERSISTS, F, NO, NO],
     ),
     (
         "resetting",
         resetting,
-        [
-            no(Refusal::State, F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-            no(Refusal::Busy, F),
-            to(F),
-            no(Refusal::State, F),
-            no(Refusal::State, F),
-        ],
+        [NO, F, NO, NO, NO, NO, NO, BUSY, F, NO, NO],
     ),
 ];
 
 fn slow(mut bench: Bench) -> Bench {
-    bench.drives.iter_mut().for_each(|drive| drive.delay = 500);
+    for drive in &mut bench.drives {
+        drive.delay = 500;
+    }
     bench
 }
 
@@ -210,7 +112,7 @@ fn conditioning() -> Bench {
     bench
 }
 
-fn on_its_way() -> Bench {
+fn moving_to_pose() -> Bench {
     let mut bench = Bench::enabled();
     bench.pose = Some((rad(5.0, 0.0), 2));
     assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
@@ -254,7 +156,7 @@ fn resetting() -> Bench {
     bench
 }
 
-/// What a refused command may leave behind.
+/// The last refusal is the only trace of a refused command.
 fn without_refusal(report: &CycleReport) -> CycleReport {
     CycleReport {
         last_refusal: Refusal::None,
@@ -265,41 +167,33 @@ fn without_refusal(report: &CycleReport) -> CycleReport {
 #[test]
 fn every_command_in_every_state_does_what_the_table_says() {
     for (name, build, row) in TABLE {
-        for (command, (refusal, state)) in StateCommand::ALL.iter().zip(row) {
+        for (command, answer) in StateCommand::ALL.iter().zip(row) {
+            let case = format!("{command} when {name}");
             let (mut bench, mut twin) = (build(), build());
             bench.pose = (*command == StateCommand::Move).then(|| (rad(1.0, 0.0), 2));
             let reply = bench.ask_as(CLIENT, *command);
-            assert_eq!(
-                (reply.refusal, reply.state),
-                (*refusal, *state),
-                "{command} when {name}"
-            );
             twin.tick();
-            if *refusal != Refusal::None {
-                assert_eq!(
-                    bench.out.requests, twin.out.requests,
-                    "{command} when {name} is refused and does something"
-                );
-                assert_eq!(
-                    without_refusal(bench.report()),
-                    without_refusal(twin.report()),
-                    "{command} when {name}"
-                );
-                assert_eq!(bench.events, twin.events, "{command} when {name}");
+            let (refusal, state) = match answer {
+                Answer::To(state) => (Refusal::None, *state),
+                Answer::No(refusal) => (*refusal, twin.state()),
+            };
+            assert_eq!((reply.refusal, reply.state), (refusal, state), "{case}");
+            if refusal != Refusal::None {
+                let (found, expected) = (bench.report(), twin.report());
+                assert_eq!(bench.out.requests, twin.out.requests, "{case}");
+                assert_eq!(without_refusal(found), without_refusal(expected), "{case}");
+                assert_eq!(bench.events, twin.events, "{case}");
             }
         }
     }
 }
 
 #[test]
-fn a_command_of_nobody_is_malformed_in_every_state() {
+fn a_command_without_client_is_malformed_in_every_state() {
     for (name, build, _) in TABLE {
         for command in StateCommand::ALL {
-            assert_eq!(
-                build().ask_as(0, *command).refusal,
-                Refusal::Malformed,
-                "{command} when {name}"
-            );
+            let reply = build().ask_as(0, *command);
+            assert_eq!(reply.refusal, Refusal::Malformed, "{command} when {name}");
         }
     }
 }

@@ -269,7 +269,7 @@ fn play(
 
 fn told(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Failure {
     let remedy = match error {
-        RehearsalError::ServoGoal(Refusal::Step) => {
+        RehearsalError::Goal(Refusal::Step) => {
             format!(
                 "; more than {} deg in one tick: smooth it, or lift the limits with --no-limits",
                 config.command.step_deg
