@@ -39,7 +39,7 @@
 //! ```
 //!
 //! A state in parentheses is reported as DISABLED and busy. ENABLED is reported only while every
-//! drive is on and none has been told to switch off.
+//! drive is on and none has the demand to switch off.
 //!
 //! | command | DISABLED | DISABLED, busy | ENABLED | PAUSED | FAULT | FAULT, busy |
 //! |---|---|---|---|---|---|---|
@@ -114,7 +114,7 @@
 //!   serial line is not known to have a watchdog. It gets a quick stop in case it still receives.
 //! - Without power (enabling, homing) it stays off. A drive that does not reach its quick stop
 //!   within 3 s is switched off. `disable` and `acknowledge` switch all drives off: after a fault
-//!   no drive is told to move.
+//!   no drive gets a demand to move.
 //!
 //! Milder than FAULT: with a position older than `feedback_stale_ms`, or an axis that has lost its
 //! zero, the robot slows down and holds. Servo commands are refused. The robot moves again with the
@@ -128,7 +128,7 @@
 //! command moves on from there.
 //!
 //! Angles are inverted in every tick, clamped to the position limits of the axes, limited per motor
-//! and rounded. `goal_extrapolation` tells what happens between commands, `velocity_limit` what the
+//! and rounded. `goal_extrapolation` defines what happens between commands, `velocity_limit` what the
 //! limits guarantee. Together: motion within the limits is followed without lag behind the
 //! commands, at every command rate above 50 Hz. The path of the limiter towards a *step* is not
 //! checked against the calibrated hull, only its end is: motors with unequal distances do not move

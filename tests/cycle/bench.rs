@@ -23,8 +23,8 @@ use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
 use i2ris::units::{Counts, Nanos, OutputVec};
 
-use crate::drive::{Drive, Quirk};
-use crate::invariant::Watch;
+use crate::invariants::InvariantCheck;
+use crate::simulated_drive::{Quirk, SimulatedDrive};
 
 /// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
 pub const GAIN_DEG: f64 = 0.015_556;
@@ -173,7 +173,7 @@ pub struct Bench {
     pub cycle: ControlCycle,
     pub config: Config,
     pub now: Nanos,
-    pub drives: [Drive; 2],
+    pub drives: [SimulatedDrive; 2],
     pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
     pub shutdown: bool,
@@ -197,7 +197,7 @@ pub struct Bench {
     pub recording: Option<Recording>,
     client_sequence: u64,
     request_id: u64,
-    watch: Watch,
+    watch: InvariantCheck,
 }
 
 /// What a black box would be filled with.
@@ -258,10 +258,10 @@ impl Bench {
     pub fn new(config: Config, model: Option<Arc<Model>>) -> Self {
         let mut bench = Self {
             cycle: ControlCycle::new(&config, model),
-            watch: Watch::new(&config),
+            watch: InvariantCheck::new(&config),
             config,
             now: Nanos::from_millis(10_000),
-            drives: [Drive::new(0), Drive::new(0)],
+            drives: [SimulatedDrive::new(0), SimulatedDrive::new(0)],
             out: ControlCycle::new(&self::config(""), None)
                 .step(Nanos::ZERO, &CycleInputs::default()),
             events: Vec::with_capacity(1000),
@@ -398,7 +398,7 @@ impl Bench {
         }
     }
 
-    /// Time passes and nobody ticks.
+    /// Time passes without ticks.
     pub fn skip(&mut self, span: Nanos) {
         self.now = self.now + span;
     }
@@ -491,7 +491,7 @@ impl Bench {
         [self.drives[0].feedback.phase, self.drives[1].feedback.phase]
     }
 
-    /// Runs until something holds, at most 40 seconds: longer than any time-out.
+    /// Runs until something holds, at most 40 seconds: longer than any timeout.
     pub fn until(&mut self, what: &str, holds: impl Fn(&Self) -> bool) {
         for _ in 0..40_000_000_000 / self.config.control.period().0 {
             if holds(self) {
@@ -536,7 +536,7 @@ impl Bench {
         bench
     }
 
-    /// Enabled and on the way to a far goal, at full speed, with a command that has just been
+    /// Enabled and moving to a far goal, at full speed, with a command that has just been
     /// accepted.
     pub fn moving() -> Self {
         let mut bench = Self::enabled();

@@ -1,4 +1,4 @@
-//! ENABLED: what servo commands make of the set-points.
+//! ENABLED: what servo commands make of the setpoints.
 
 use i2ris::config::Config;
 use i2ris::core::ServoGoal;
@@ -11,7 +11,7 @@ use crate::bench::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;
 
-/// Sends a goal every few ticks until the set-points have stood for a while.
+/// Sends a goal every few ticks until the setpoints have stood for a while.
 fn hold_goal(bench: &mut Bench, goal: ServoGoal) {
     for _ in 0..200 {
         let command = bench.servo(goal);
@@ -118,7 +118,7 @@ fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
 }
 
 #[test]
-fn the_next_set_point_carries_stamp_and_sequence_of_its_command() {
+fn the_next_setpoint_carries_stamp_and_sequence_of_its_command() {
     let mut bench = Bench::enabled();
     let command = bench.servo(ServoGoal::Joint(rad(0.1, 0.0), 2));
     bench.send(command);
@@ -152,8 +152,8 @@ fn what_is_reported_is_what_was_asked_and_not_where_it_is_heading() {
     }
 }
 
-/// A client that asks for `goal(time)` at a rate, judged by how far the set-point is from what is
-/// asked for at every tick.
+/// A client that asks for `goal(time)` at a rate, measured by the distance of the setpoint from the
+/// goal at every tick.
 struct Stream {
     rate_hz: f64,
     /// Time between sending and the tick that reads it, seconds.

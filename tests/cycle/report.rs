@@ -8,7 +8,7 @@ use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 
 use crate::bench::{Bench, GAIN_DEG, config, model};
-use crate::drive::{Drive, Quirk};
+use crate::simulated_drive::{Quirk, SimulatedDrive};
 
 #[test]
 fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
@@ -34,7 +34,7 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 fn before_every_drive_has_reported_there_is_no_estimate() {
     let mut cycle = ControlCycle::new(&config(""), Some(model(OutputUnit::Deg)));
     let mut inputs = CycleInputs {
-        feedback: [Drive::new(3).feedback; 2],
+        feedback: [SimulatedDrive::new(3).feedback; 2],
         ..CycleInputs::default()
     };
     inputs.feedback[1] = AxisFeedback::default();
@@ -85,7 +85,7 @@ fn velocities_are_those_of_the_motion() {
 }
 
 #[test]
-fn a_drive_that_takes_its_set_point_over_shows_no_velocity() {
+fn a_drive_that_takes_its_setpoint_over_shows_no_velocity() {
     let mut bench = Bench::homed();
     bench.quirk(1, Quirk::Blocked);
     bench.ask(StateCommand::Enable);

@@ -6,7 +6,7 @@ use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
 
 use crate::bench::{Bench, config, model};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 #[test]
 fn h12_a_blocked_motor_is_a_following_error_and_loses_its_power() {

@@ -1,4 +1,4 @@
-//! Fault detection: which fault the drives and monitors show, and what the drives are told then.
+//! Fault detection: which fault the drives and monitors show, and the demands to the drives then.
 
 use crate::core::drive_status::{DriveStatus, DriveSummary, ExpectedPower};
 use crate::drive::{AxisPhase, Demand};

@@ -1,4 +1,4 @@
-//! A model on its way into the cycle or out of it.
+//! Model candidate: a model that enters or leaves the cycle.
 
 use std::sync::Arc;
 

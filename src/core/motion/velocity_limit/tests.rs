@@ -208,7 +208,7 @@ fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
     assert!(limiter.is_at_rest());
     assert!(
         (limiter.position() - from - 1.0).abs() < ROUNDING,
-        "one more count on the way"
+        "it stops within one count"
     );
 }
 

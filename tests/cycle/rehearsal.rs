@@ -1,4 +1,4 @@
-//! The cycle without a robot: `i2ris::core::rehearsal`.
+//! Rehearsal: the cycle without a robot.
 
 use std::sync::Arc;
 
@@ -37,7 +37,7 @@ fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
 }
 
 #[test]
-fn with_limits_it_is_the_loop_tick_by_tick() {
+fn with_limits_every_tick_is_that_of_the_loop() {
     let model = model(OutputUnit::Deg);
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     let mut bench = Bench::enabled();
@@ -53,7 +53,7 @@ fn with_limits_it_is_the_loop_tick_by_tick() {
 }
 
 #[test]
-fn what_the_gate_refuses_is_refused_here() {
+fn what_command_admission_refuses_is_refused_here() {
     let model = model(OutputUnit::Deg);
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     assert_eq!(

@@ -5,7 +5,7 @@ use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 
 use crate::bench::{Bench, CLIENT, rad};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 /// How a state is reached, and the answers to all commands in the order of `StateCommand::ALL`:
 /// enable, disable, pause, resume, home, unhome, condition, acknowledge, release, hold, move. A

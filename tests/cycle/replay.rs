@@ -1,5 +1,5 @@
-//! What was recorded comes out again to the bit: with swaps, faults, homings, and from any
-//! snapshot.
+//! Replay: a recorded session gives the same outputs to the bit, with swaps, faults, homings, and
+//! from any snapshot.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,8 +13,8 @@ use i2ris::units::Nanos;
 
 use crate::bench::{Bench, Recording, config, play_model, scaled_play_model};
 
-/// A day of work: motion, swaps, a stroke, a fault and the way out of it, on a model with memory.
-fn work(bench: &mut Bench, second: &Arc<Model>) {
+/// A session: motion, swaps, conditioning, a fault and its acknowledgement, on a model with memory.
+fn run_session(bench: &mut Bench, second: &Arc<Model>) {
     bench.home();
     bench.enable();
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
@@ -49,12 +49,12 @@ fn work(bench: &mut Bench, second: &Arc<Model>) {
     });
 }
 
-/// A recorded day, with the snapshots that `keep` asks for.
+/// A recorded session, with the snapshots that `keep` asks for.
 fn recorded(keep: impl Fn(usize) -> bool) -> Content {
     let (first, second) = (play_model(), scaled_play_model(1.2));
     let mut bench = Bench::new(config("[swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
-    work(&mut bench, &second);
+    run_session(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();
     recording.keep(&first);
     let snapshots = recording
@@ -79,7 +79,7 @@ fn recorded(keep: impl Fn(usize) -> bool) -> Content {
 fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
     let content = recorded(|number| number == 0);
     let bytes = content.to_bytes().unwrap();
-    let content = Content::from_bytes(&bytes, Path::new("day.box")).unwrap();
+    let content = Content::from_bytes(&bytes, Path::new("session.box")).unwrap();
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.
@@ -92,7 +92,7 @@ fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
 }
 
 #[test]
-fn it_can_begin_anywhere_and_go_on_after_a_gap() {
+fn replay_can_start_anywhere_and_go_on_after_a_gap() {
     let mut content = recorded(|number| number % 250 == 137);
     content.ticks.drain(1000..1010);
     let replayed = replay(&content).unwrap();
@@ -127,7 +127,7 @@ fn the_first_difference_is_named() {
 }
 
 #[test]
-fn what_is_missing_is_named() {
+fn a_missing_model_or_snapshot_is_an_error() {
     let mut content = recorded(|number| number == 0);
     content.models.clear();
     assert!(matches!(replay(&content), Err(ReplayError::NoModel(_))));

@@ -1,14 +1,15 @@
-//! Whatever clients, drives and clocks do, the invariants of `invariant` hold in every tick, and
-//! the robot can be brought back to work.
+//! For random clients, drives and clocks, the invariants hold in every tick, and the robot can be
+//! enabled again afterwards.
 
 use i2ris::core::{ServoCommand, ServoGoal};
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 use proptest::prelude::*;
 
 use crate::bench::{Bench, config, model, rad};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 #[derive(Debug, Clone)]
 enum Act {
@@ -76,15 +77,21 @@ fn act() -> impl Strategy<Value = Act> {
     prop_oneof![
         6 => (1..80_usize).prop_map(Act::Run),
         1 => (1..400_u64).prop_map(Act::Skip),
-        8 => (1..4_u64, prop::sample::select(StateCommand::ALL)).prop_map(|(client, command)| Act::Ask(client, command)),
+        8 => (1..4_u64, prop::sample::select(StateCommand::ALL))
+            .prop_map(|(client, command)| Act::Ask(client, command)),
         6 => (0..4_u64, -1..3_i64, -5..80_i64, prop_oneof![Just(0_u64), 1..1200_u64], goal())
-            .prop_map(|(client, sequence, age, deadline, goal)| Act::Servo(client, sequence, age, deadline, goal)),
+            .prop_map(|(client, sequence, age, deadline, goal)| {
+                Act::Servo(client, sequence, age, deadline, goal)
+            }),
         8 => (prop::array::uniform2(-9..10_i32), 1..30_usize, 1..12_usize)
             .prop_map(|(step, steps, ticks)| Act::Stream(step, steps, ticks)),
-        2 => (axis.clone(), prop::sample::select(PHASES.as_slice())).prop_map(|(axis, phase)| Act::Phase(axis, phase)),
-        1 => (axis.clone(), -690..990_i32).prop_map(|(axis, position)| Act::Position(axis, position)),
+        2 => (axis.clone(), prop::sample::select(PHASES.as_slice()))
+            .prop_map(|(axis, phase)| Act::Phase(axis, phase)),
+        1 => (axis.clone(), -690..990_i32)
+            .prop_map(|(axis, position)| Act::Position(axis, position)),
         1 => (axis.clone(), any::<bool>()).prop_map(|(axis, homed)| Act::Homed(axis, homed)),
-        1 => (axis.clone(), prop::sample::select(QUIRKS.as_slice())).prop_map(|(axis, quirk)| Act::Quirk(axis, quirk)),
+        1 => (axis.clone(), prop::sample::select(QUIRKS.as_slice()))
+            .prop_map(|(axis, quirk)| Act::Quirk(axis, quirk)),
         1 => (axis, 1..20_u64).prop_map(|(axis, slot)| Act::Slot(axis, slot)),
         3 => Just(Act::Recover),
     ]
@@ -153,9 +160,9 @@ fn heal(bench: &mut Bench) {
 /// Heals the drives and does what an operator would do.
 fn bring_back(bench: &mut Bench) {
     heal(bench);
-    // At slow limits a stroke takes minutes. Refused where nothing moves.
+    // At slow limits a conditioning cycle takes minutes. Refused where nothing moves.
     let _ = bench.ask(StateCommand::Pause);
-    // Longer than any time-out but that of homing.
+    // Longer than any timeout but that of homing.
     bench.run((4_000_000_000 / bench.config.control.period().0) as usize);
     bench.idle();
     if bench.state() == OperatingState::Fault {
@@ -191,24 +198,24 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn nothing_that_happens_breaks_a_promise(acts in prop::collection::vec(act(), 1..60)) {
+    fn invariants_hold_for_random_inputs(acts in prop::collection::vec(act(), 1..60)) {
         survive(Bench::enabled(), acts);
     }
 
     #[test]
-    fn nothing_that_happens_breaks_a_promise_with_other_limits(
-        rate_hz in 100..4000_u32, velocity in 50.0..20_000.0_f64, acceleration in 500.0..1e6_f64, ratio in 1.0..100.0_f64,
-        window in 1..=32_u32,
+    fn invariants_hold_for_random_inputs_and_limits(
+        rate_hz in 100..4000_u32, velocity in 50.0..20_000.0_f64,
+        acceleration in 500.0..1e6_f64, ratio in 1.0..100.0_f64, window in 1..=32_u32,
         acts in prop::collection::vec(act(), 1..40)
     ) {
         let deceleration = (acceleration * ratio).max(20.0 * velocity);
         let jerk = 2.0 * deceleration * f64::from(rate_hz) / (f64::from(window) - 0.5);
         let tables = format!(
             "[control]\nrate_hz = {rate_hz}\n[limits]\nvelocity_counts_s = {velocity}\n\
-             acceleration_counts_s2 = {acceleration}\nstop_deceleration_counts_s2 = {deceleration}\n\
-             jerk_counts_s3 = {jerk}"
+             acceleration_counts_s2 = {acceleration}\n\
+             stop_deceleration_counts_s2 = {deceleration}\njerk_counts_s3 = {jerk}"
         );
-        let mut bench = Bench::enabled_with(config(&tables), Some(model(i2ris::model::file::OutputUnit::Deg)));
+        let mut bench = Bench::enabled_with(config(&tables), Some(model(OutputUnit::Deg)));
         survive(bench, acts);
     }
 }

@@ -1,12 +1,12 @@
-//! What must hold in every tick, whatever happens.
+//! Invariants: what must hold in every tick, for any inputs.
 
 use i2ris::config::Config;
 use i2ris::core::{CycleEvent, CycleEventKind, CycleInputs, CycleOutputs};
 use i2ris::drive::{AxisPhase, AxisRequest, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 
-/// Watches a cycle from outside.
-pub struct Watch {
+/// Checks the inputs and outputs of every tick.
+pub struct InvariantCheck {
     /// Counts per tick.
     velocity: f64,
     /// Counts per tick, per tick.
@@ -25,11 +25,11 @@ struct AxisWatch {
     /// Targets of the last two ticks in which the drive followed.
     target: Option<i32>,
     before: Option<i32>,
-    /// Ticks since the state was left in which motion is asked for.
+    /// Ticks since ENABLED was left.
     quiet: u32,
 }
 
-impl Watch {
+impl InvariantCheck {
     pub fn new(config: &Config) -> Self {
         let tick = config.control.period().as_seconds();
         let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
@@ -100,8 +100,8 @@ impl Watch {
         );
         let Some(last) = &self.last else { return };
         let (before, after) = (&last.report, &outputs.report);
-        let judged = (after.accepted - before.accepted) + (after.refused - before.refused);
-        assert_eq!(judged, u64::from(inputs.servo.is_some()));
+        let answered = (after.accepted - before.accepted) + (after.refused - before.refused);
+        assert_eq!(answered, u64::from(inputs.servo.is_some()));
         if after.accepted > before.accepted {
             assert_eq!(after.state, OperatingState::Enabled);
             assert_eq!(
@@ -148,7 +148,7 @@ impl Watch {
         if !firm {
             assert_eq!(
                 request.target, inputs.feedback[motor].position,
-                "a drive that does not follow has no set-point"
+                "a drive that does not follow has no setpoint"
             );
             *axis = AxisWatch::default();
             return;

@@ -1,4 +1,4 @@
-//! An ideal drive with its port thread: does what it is told after a fixed number of ticks, and
+//! A simulated drive with its port thread: carries out a request after a fixed number of ticks and
 //! reports it.
 
 use i2ris::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
@@ -7,14 +7,14 @@ use i2ris::units::{Counts, Nanos};
 /// How a drive misbehaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Quirk {
-    /// It does not.
+    /// None.
     #[default]
     None,
-    /// The line is dead: no report gets through any more, nothing is heard.
+    /// The line is dead: no report and no request gets through.
     Silent,
-    /// Positions are read, but demands have no effect.
+    /// Positions are read, but requests have no effect.
     Deaf,
-    /// The motor is blocked: set-points are written, but the encoder stands still.
+    /// The motor is blocked: setpoints are written, but the encoder does not move.
     Blocked,
     /// The target that is preloaded while enabling is not reported.
     SilentPreload,
@@ -25,10 +25,10 @@ pub enum Quirk {
 }
 
 #[derive(Debug, Clone, Copy)]
-pub struct Drive {
+pub struct SimulatedDrive {
     pub feedback: AxisFeedback,
     pub quirk: Quirk,
-    /// Ticks between two set-points that reach the drive, as on a serial line.
+    /// Ticks between two setpoints that reach the drive, as on a serial line.
     pub slot: u64,
     /// Ticks that a change of phase takes.
     pub delay: u32,
@@ -36,7 +36,7 @@ pub struct Drive {
     left: u32,
 }
 
-impl Drive {
+impl SimulatedDrive {
     /// Configured, off, not homed.
     pub fn new(position: i32) -> Self {
         let feedback = AxisFeedback {
@@ -63,13 +63,13 @@ impl Drive {
             return;
         }
         if self.quirk != Quirk::Deaf {
-            self.obey(now, request);
+            self.apply_request(now, request);
         }
         self.feedback.sequence += 1;
         self.feedback.stamp = now;
     }
 
-    fn obey(&mut self, now: Nanos, request: &AxisRequest) {
+    fn apply_request(&mut self, now: Nanos, request: &AxisRequest) {
         use AxisPhase as P;
         let fresh_reset = request.fault_resets != self.feedback.fault_resets;
         let fresh_homing = request.homings != self.feedback.homings;
