@@ -215,7 +215,7 @@ proptest! {
              acceleration_counts_s2 = {acceleration}\n\
              stop_deceleration_counts_s2 = {deceleration}\njerk_counts_s3 = {jerk}"
         );
-        let mut bench = Bench::enabled_with(config(&tables), Some(model(OutputUnit::Deg)));
+        let bench = Bench::enabled_with(config(&tables), Some(model(OutputUnit::Deg)));
         survive(bench, acts);
     }
 }
