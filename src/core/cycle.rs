@@ -2,783 +2,498 @@
 //!
 //! The order within a tick:
 //!
-//! 1. Look: the reports of the drives, what they mean, what the model makes of the encoders.
-//! 2. Go on: faults, and what a state does by itself.
-//! 3. Answer the state command.
-//! 4. Judge the servo command; stop if the last one is stale.
-//! 5. Move the set-points one step within the limits.
-//! 6. Write down what the drives shall do, and what the world sees.
+//! 1. Update feedback: the drives, the model at the encoders, the fault monitors.
+//! 2. Automatic transitions: faults, timeouts, end of an activity, shutdown.
+//! 3. The state command, then the model swap.
+//! 4. The servo command; a stop if the followed command is stale.
+//! 5. Move the setpoints by one tick within the limits.
+//! 6. Write the requests to the drives and the report.
 //!
-//! Nothing here reads a clock, allocates, waits or panics; [`Cycle::step`] with the same inputs
-//! gives the same outputs to the bit, so a recording of inputs can be replayed. The limits take
-//! every tick to be as long as the configuration says: after ticks that were missed the motion goes
-//! on where it was, and never catches up in a burst.
+//! Nothing here reads a clock, allocates, waits or panics. [`ControlCycle::step`] with the same
+//! inputs gives the same outputs to the bit, so recorded inputs can be replayed. The limits take
+//! every tick to be as long as configured: after missed ticks the motion goes on where it was and
+//! never catches up in a burst.
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
 use crate::config::Config;
-use crate::core::command::admission::{Gate, Scene};
+use crate::core::command::admission::{AdmissionContext, CommandAdmission};
 use crate::core::command::clutch::Clutch;
-use crate::core::command::range_check::{Steps, setpoints};
-use crate::core::event::Events;
-use crate::core::faults::overload::Bucket;
-use crate::core::faults::plausibility::Plausible;
-use crate::core::model_slots::motion_history::Trail;
-use crate::core::model_slots::slots::{Candidate, Moment, RememberedSlots, Slots};
-use crate::core::motion::axis::Axis;
-use crate::core::motion::conditioning::{Plan, Stroke};
-use crate::core::motion::inverse_setpoint;
-use crate::core::motion::joint_filter::Step;
-use crate::core::motion::joint_space::{Joints, NotFinite};
-use crate::core::motion::joint_trajectory::{Bounds, Profile};
-use crate::core::states::command_transitions::{self, Verdict};
-use crate::core::states::drive_status::{Expected, Sight, off};
-use crate::core::states::own_transitions::{fail, progress};
-use crate::core::states::state::{Cause, Follow, Inactive, Machine, Motion, State, Way};
-use crate::core::{
-    EventKind, External, Inputs, ModelReply, ModelRequest, Outputs, Report, ServoCommand,
-    StateReply, StateRequest,
+use crate::core::command::followed_command::FollowedCommand;
+use crate::core::command::move_planning::plan_move;
+use crate::core::command::range_check::RangeCheck;
+use crate::core::drive_status::{DriveSummary, ExpectedPower};
+use crate::core::event::{CycleEventKind, EventList};
+use crate::core::faults::overrun::OverrunMonitor;
+use crate::core::faults::plausibility::PlausibilityMonitor;
+use crate::core::inputs::{
+    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, StateRequest,
 };
-use crate::drive::{AxisFeedback, AxisRequest};
-use crate::model::file::OutputUnit;
-use crate::model::{Model, ModelId};
+use crate::core::joint_space::joint_model::{JointModel, NotFinite};
+use crate::core::joint_space::position_history::PositionHistory;
+use crate::core::model_slots::ModelCandidate;
+use crate::core::model_slots::loaded_models::LoadedModels;
+use crate::core::model_slots::model_swap::{SwapContext, activate};
+use crate::core::model_slots::rollback::roll_back;
+use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::conditioning::ConditioningCycle;
+use crate::core::motion::conditioning_plan::ConditioningPlan;
+use crate::core::motion::s_curve::TrajectoryLimits;
+use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
+use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
+use crate::core::states::automatic_transitions::next_transition;
+use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
+use crate::core::states::control_state::{ControlState, EnabledActivity};
+use crate::core::states::fault_transitions::enter_fault;
+use crate::core::states::shutdown::Shutdown;
+use crate::core::states::state_machine::{StateMachine, TransitionCause};
+use crate::drive::AxisRequest;
+use crate::model::Model;
 use crate::robot::{Fault, Refusal};
-use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use crate::units::Nanos;
 
-/// How long an orderly end may take in all: stopping, settling and powering off, each within its
-/// own limit, and a second to spare. After that the process may end with drives that are on.
-const SHUTDOWN_LIMIT: Nanos = Nanos::from_millis(5500);
+const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
-/// Everything that the loop remembers from tick to tick.
+/// The controller and its state from tick to tick.
 #[derive(Debug)]
-pub struct Cycle {
+pub struct ControlCycle {
     period: Nanos,
-    stale: Nanos,
-    lost: Nanos,
-    steps: Steps,
-    stroke_plan: Plan,
-    bounds: Bounds,
-    axes: Vec<Axis>,
-    trail: Trail,
-    models: Slots,
-    lateness: Bucket,
-    plausible: Plausible,
-    machine: Machine,
-    gate: Gate,
-    clutch: Clutch,
-    ticks: u64,
-    stale_stops: u64,
-    lost_events: u64,
-    /// When the process was first seen to be asked to end.
-    ending: Option<Nanos>,
+    stale_after: Nanos,
+    lost_after: Nanos,
+    range_check: RangeCheck,
+    conditioning_plan: ConditioningPlan,
+    trajectory_limits: TrajectoryLimits,
+    pub(super) axes: AxisGroup,
+    pub(super) history: PositionHistory,
+    pub(super) models: LoadedModels,
+    pub(super) overruns: OverrunMonitor,
+    pub(super) plausibility: PlausibilityMonitor,
+    pub(super) machine: StateMachine,
+    pub(super) admission: CommandAdmission,
+    pub(super) clutch: Clutch,
+    pub(super) ticks: u64,
+    pub(super) stale_stops: u64,
+    pub(super) lost_events: u64,
+    pub(super) shutdown: Shutdown,
 }
 
-/// Everything that changes from tick to tick, as it is between two ticks. About 20 kB, without
-/// pointers.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Snapshot {
-    axes: [Option<Axis>; MAX_MOTORS],
-    trail: Trail,
-    models: RememberedSlots,
-    lateness: Bucket,
-    plausible: Plausible,
-    machine: Machine,
-    gate: Gate,
-    clutch: Clutch,
-    ticks: u64,
-    stale_stops: u64,
-    lost_events: u64,
-    ending: Option<Nanos>,
-}
-
-impl Snapshot {
-    /// Ticks that had been run.
-    #[must_use]
-    pub fn ticks(&self) -> u64 {
-        self.ticks
-    }
-
-    /// Models that were at hand.
-    pub fn models(&self) -> impl Iterator<Item = ModelId> {
-        self.models.models()
-    }
-}
-
-/// What the set-points of a tick come from.
-#[derive(Debug, Clone, Copy, Default)]
-struct Guidance {
-    goal: Option<OutputVec>,
-    clipped: bool,
-    command_stamp: Nanos,
-    command_sequence: u64,
-}
-
-impl Cycle {
-    /// DISABLED, with drives that have not reported yet. All memory that is ever needed is taken
-    /// here.
+impl ControlCycle {
+    /// DISABLED, with drives that have not reported yet. Allocates all memory that is ever needed.
     ///
     /// The configuration and the model have been checked before, also that they belong together
     /// ([`Model::check_robot`]).
     #[must_use]
     pub fn new(config: &Config, model: Option<Arc<Model>>) -> Self {
-        let motors = config.motors().min(MAX_MOTORS);
+        let limits = &config.limits;
+        let late_window = Nanos::from_millis(limits.overrun_window_ms);
         Self {
             period: config.control.period(),
-            stale: Nanos::from_millis(config.limits.feedback_stale_ms),
-            lost: Nanos::from_millis(config.limits.feedback_lost_ms),
-            steps: Steps::new(&config.command),
-            stroke_plan: Plan::new(config),
-            bounds: Bounds::new(&config.move_jp),
+            stale_after: Nanos::from_millis(limits.feedback_stale_ms),
+            lost_after: Nanos::from_millis(limits.feedback_lost_ms),
+            range_check: RangeCheck::new(&config.command),
+            conditioning_plan: ConditioningPlan::new(config),
+            trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
-            axes: (0..motors)
-                .filter_map(|motor| config.axis(motor))
-                .map(|axis| Axis::new(axis, config))
-                .collect(),
-            trail: Trail::new(),
-            lateness: Bucket::new(
-                config.limits.overrun_ticks,
-                Nanos::from_millis(config.limits.overrun_window_ms),
-            ),
-            plausible: Plausible::new(&config.plausibility),
-            models: Slots::new(model.map(|model| Joints::new(model, config))),
-            machine: Machine::new(),
-            gate: Gate::new(&config.command),
+            axes: AxisGroup::new(config),
+            history: PositionHistory::new(),
+            overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
+            plausibility: PlausibilityMonitor::new(&config.plausibility),
+            models: LoadedModels::new(model.map(|model| JointModel::new(model, config))),
+            machine: StateMachine::new(),
+            admission: CommandAdmission::new(&config.command),
             ticks: 0,
             stale_stops: 0,
             lost_events: 0,
-            ending: None,
+            shutdown: Shutdown::new(),
         }
     }
 
-    /// Events that found no place in [`Outputs::events`] since the start.
+    /// Number of events since the start that did not fit into [`CycleOutputs::events`].
     #[must_use]
     pub fn lost_events(&self) -> u64 {
         self.lost_events
     }
 
-    /// Everything that changes from tick to tick. `None` while a model waits to be taken away by
-    /// [`Cycle::retired`].
+    /// Whether [`ControlCycle::stage_model`] can take a model now.
     #[must_use]
-    pub fn snapshot(&self) -> Option<Snapshot> {
-        let mut axes = [None; MAX_MOTORS];
-        axes.iter_mut()
-            .zip(&self.axes)
-            .for_each(|(to, axis)| *to = Some(*axis));
-        Some(Snapshot {
-            axes,
-            trail: self.trail,
-            lateness: self.lateness,
-            plausible: self.plausible,
-            models: self.models.remembered()?,
-            machine: self.machine,
-            gate: self.gate,
-            clutch: self.clutch,
-            ticks: self.ticks,
-            stale_stops: self.stale_stops,
-            lost_events: self.lost_events,
-            ending: self.ending,
-        })
+    pub fn can_stage_model(&self) -> bool {
+        self.models.can_retire()
     }
 
-    /// A cycle that goes on from a snapshot of one with the same configuration. Not for the loop.
-    ///
-    /// # Errors
-    ///
-    /// Names a model that `model` does not have.
-    pub fn restored(
-        config: &Config,
-        snapshot: &Snapshot,
-        model: impl Fn(ModelId) -> Option<Arc<Model>>,
-    ) -> Result<Self, ModelId> {
-        Ok(Self {
-            axes: snapshot.axes.iter().flatten().copied().collect(),
-            trail: snapshot.trail,
-            lateness: snapshot.lateness,
-            plausible: snapshot.plausible,
-            models: Slots::restored(&snapshot.models, config, model)?,
-            machine: snapshot.machine,
-            gate: snapshot.gate,
-            clutch: snapshot.clutch,
-            ticks: snapshot.ticks,
-            stale_stops: snapshot.stale_stops,
-            lost_events: snapshot.lost_events,
-            ending: snapshot.ending,
-            ..Self::new(config, None)
-        })
-    }
-
-    /// Whether [`Cycle::offer`] can take a candidate now.
-    #[must_use]
-    pub fn takes_candidates(&self) -> bool {
-        self.models.open()
-    }
-
-    /// Stages a model, in place of the one that is staged. To be called between two ticks, and only
-    /// while [`Cycle::takes_candidates`] says so.
-    pub fn offer(&mut self, candidate: Candidate) {
+    /// Stages a model in place of the staged one. Call it between two ticks, and only while
+    /// [`ControlCycle::can_stage_model`] is true.
+    pub fn stage_model(&mut self, candidate: ModelCandidate) {
         self.models.stage(candidate);
     }
 
-    /// A model that is of no use any more, to be freed elsewhere. To be asked for after every tick.
+    /// A model that is no longer needed, to be freed by another thread. Call it after every tick.
     #[must_use]
-    pub fn retired(&mut self) -> Option<Candidate> {
-        self.models.retired()
+    pub fn take_retired(&mut self) -> Option<ModelCandidate> {
+        self.models.take_retired()
     }
 
-    /// One tick. `now` is the instant at which it began; it does not go backwards.
-    pub fn step(&mut self, now: Nanos, inputs: &Inputs) -> Outputs {
-        let mut events = Events::new(now);
+    /// One tick. `now` is the time at which it began; it must not go backwards.
+    pub fn step(&mut self, now: Nanos, inputs: &CycleInputs) -> CycleOutputs {
+        let mut list = EventList::new(now);
+        let events = &mut list;
         self.ticks = self.ticks.wrapping_add(1);
         if self.ticks == 1 {
-            self.machine.begin(now);
+            self.machine.start(now);
         }
-        let sight = self.look(now, inputs, &mut events);
-        self.go_on(&sight, &mut events);
-        self.shut_down(inputs.shutdown, &sight, &mut events);
-        let refusal = inputs
-            .request
-            .as_ref()
-            .map(|request| self.answer(request, &sight, &mut events));
-        let model_reply = inputs
-            .model
-            .as_ref()
-            .map(|request| self.change_model(request, &sight, &mut events));
-        self.grip(now);
-        self.gate.expire(now, &mut events);
+        let summary = self.update_feedback(now, inputs, events);
+        if let Some(transition) = next_transition(self.machine.state(), &summary) {
+            self.machine.change(transition, now, events);
+        }
+        if inputs.shutdown {
+            self.shut_down(&summary, events);
+        }
+        let state_request = inputs.request.as_ref();
+        let refusal = state_request.map(|request| self.apply_command(request, &summary, events));
+        let model_request = inputs.model.as_ref();
+        let model_reply = model_request.map(|request| self.swap_model(request, now, events));
+        self.axes
+            .update_sources(&self.machine.state().demands(), now);
+        self.admission.expire_lease(now, events);
         if let Some(command) = &inputs.servo {
-            self.judge(command, &sight, &mut events);
+            self.apply_servo_command(command, &summary, events);
         }
-        self.stop_if_stale(now, &mut events);
-        let guidance = self.advance(&sight, &mut events);
-        let state = self.machine.state().operating();
-        let (events, lost_events) = events.finish();
+        self.stop_if_stale(now, events);
+        let setpoint = self.move_setpoints(&summary, events);
+        let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
-        Outputs {
-            requests: self.requests(&guidance),
-            reply: inputs
-                .request
+        let state = self.machine.state();
+        CycleOutputs {
+            requests: self.axes.requests(
+                &state.demands(),
+                &AxisRequest {
+                    sequence: self.ticks,
+                    command_stamp: setpoint.command_stamp,
+                    command_sequence: setpoint.command_sequence,
+                    ..AxisRequest::default()
+                },
+            ),
+            reply: state_request
                 .zip(refusal)
                 .map(|(request, refusal)| StateReply {
                     id: request.id,
                     refusal,
-                    state,
+                    state: state.operating_state(),
                 }),
             model_reply,
-            report: self.report(&sight, &guidance),
+            report: self.report(now, &setpoint),
             events,
-            finished: self.finished(&sight),
+            finished: self.shutdown.is_finished(state, &summary),
         }
     }
 
-    fn look(&mut self, now: Nanos, inputs: &Inputs, events: &mut Events) -> Sight {
-        for ((motor, axis), feedback) in (0..).zip(&mut self.axes).zip(&inputs.feedback) {
-            let (from, to) = (axis.feedback.phase, feedback.phase);
-            if from != to {
-                events.push(EventKind::Axis {
-                    motor,
-                    from,
-                    to,
-                    error_code: feedback.error_code,
-                });
-            }
-            axis.hear(feedback, now);
-        }
-        let model_sound = self.observe(inputs.feedback.get(..self.axes.len()).unwrap_or_default());
-        let late = self.lateness.add(u32::from(inputs.missed > 0), now);
-        let implausible = self.look_from_outside(inputs.external.as_ref(), now);
-        let mut axes = [None; MAX_MOTORS];
-        axes.iter_mut()
-            .zip(&self.axes)
-            .for_each(|(sight, axis)| *sight = Some(axis.sight(now)));
-        Sight {
+    fn update_feedback(
+        &mut self,
+        now: Nanos,
+        inputs: &CycleInputs,
+        events: &mut EventList,
+    ) -> DriveSummary {
+        self.axes.update_feedback(&inputs.feedback, now, events);
+        let is_model_finite = self.update_models().is_ok();
+        let is_overrun = self.overruns.add(u32::from(inputs.missed > 0), now);
+        let is_implausible = self.is_implausible(inputs.external.as_ref(), now);
+        DriveSummary {
             now,
-            axes,
-            stale: self.stale,
-            lost: self.lost,
-            homed: self.axes.iter().all(Axis::homed),
-            in_range: self.axes.iter().all(Axis::in_range),
-            at_rest: self.axes.iter().all(Axis::at_rest),
-            homing_done: self.axes.iter().all(Axis::homing_done),
-            reset_done: self.axes.iter().all(Axis::reset_done),
-            model_sound,
-            late,
-            implausible,
+            axes: self.axes.status(now),
+            stale_after: self.stale_after,
+            lost_after: self.lost_after,
+            is_homed: self.axes.all(AxisControl::is_homed),
+            is_in_range: self.axes.all(AxisControl::is_in_range),
+            is_at_rest: self.axes.all(AxisControl::is_at_rest),
+            is_homing_done: self.axes.all(AxisControl::is_homing_done),
+            is_reset_done: self.axes.all(AxisControl::is_reset_done),
+            is_model_finite,
+            is_overrun,
+            is_implausible,
         }
     }
 
-    /// The model at the encoders; true if it is sound there, or if there is nothing to know yet.
-    fn observe(&mut self, drives: &[AxisFeedback]) -> bool {
-        match self.machine.state() {
-            // The zero moves, and a jump of the counts is no motion.
-            State::Disabled(Inactive::Homing { .. }) => {
-                self.trail.forget();
-                self.plausible.forget();
-            }
-            State::Disabled(_) | State::Enabled(_) | State::Paused | State::Fault(_) => {}
+    /// Replays the new positions on all models. Without a feedback of every drive there is nothing
+    /// to replay.
+    fn update_models(&mut self) -> Result<(), NotFinite> {
+        // The zero moves: a jump of the counts is no motion.
+        if self.machine.state().is_homing() {
+            self.history.start_epoch();
+            self.plausibility.reset();
         }
+        let feedback = self.axes.feedback();
+        let drives = feedback.get(..self.axes.count()).unwrap_or_default();
         if drives.iter().any(|drive| drive.stamp == Nanos::ZERO) {
-            return true;
+            return Ok(());
         }
-        self.trail.note(drives);
-        self.models.others_mut().for_each(|joints| {
-            joints.go_along(&self.trail);
-        });
-        self.models
-            .active_mut()
-            .is_none_or(|joints| joints.observe(&self.trail, drives).is_ok())
+        self.history.record(drives);
+        self.models.replay_inactive(&self.history);
+        match self.models.active_mut() {
+            Some(joints) => joints.update_feedback(&self.history, drives),
+            None => Ok(()),
+        }
     }
 
-    /// The camera against the model; true if they have been apart for too long.
-    fn look_from_outside(&mut self, picture: Option<&External>, now: Nanos) -> bool {
-        let Some(joints) = self.models.active().filter(|_| self.plausible.is_on()) else {
+    /// Compares the measured pose with the model.
+    fn is_implausible(&mut self, measured: Option<&ExternalPose>, now: Nanos) -> bool {
+        let Some(joints) = self.models.active().filter(|_| self.plausibility.is_on()) else {
             return false;
         };
         let Some(report) = joints.report(None) else {
             return false;
         };
-        let on = self.machine.state().expected() == Expected::On;
-        let homed = self.axes.iter().all(Axis::homed);
-        self.plausible.note(now, report.measured);
-        self.plausible.is_broken(
-            picture,
-            joints.outputs(),
-            on && homed && report.memory_known,
-            now,
-        )
+        let is_on = self.machine.state().expected_power() == ExpectedPower::On;
+        let is_checked = is_on && self.axes.all(AxisControl::is_homed) && report.memory_known;
+        self.plausibility.record_estimate(now, report.measured);
+        self.plausibility
+            .is_implausible(measured, joints.outputs(), is_checked, now)
     }
 
-    fn go_on(&mut self, sight: &Sight, events: &mut Events) {
-        if let Some((to, cause)) = progress(self.machine.state(), sight) {
-            self.machine.change(to, cause, sight.now, events);
+    fn shut_down(&mut self, summary: &DriveSummary, events: &mut EventList) {
+        self.shutdown.request(summary.now);
+        if let CommandEffect::Change(next) = disable(self.machine.state(), summary) {
+            self.machine
+                .change((next, TransitionCause::Shutdown), summary.now, events);
         }
     }
 
-    fn shut_down(&mut self, asked: bool, sight: &Sight, events: &mut Events) {
-        if !asked {
-            return;
-        }
-        self.ending.get_or_insert(sight.now);
-        if let Verdict::Change(to) = command_transitions::disable(self.machine.state(), sight) {
-            self.machine.change(to, Cause::Shutdown, sight.now, events);
-        }
-    }
-
-    fn answer(&mut self, request: &StateRequest, sight: &Sight, events: &mut Events) -> Refusal {
-        let Err(refusal) = self.obey(request, sight, events) else {
-            return Refusal::None;
-        };
-        self.gate.last_refusal = refusal;
-        refusal
-    }
-
-    fn obey(
+    /// Carries out a state command. Returns the refusal, or [`Refusal::None`].
+    fn apply_command(
         &mut self,
         request: &StateRequest,
-        sight: &Sight,
-        events: &mut Events,
+        summary: &DriveSummary,
+        events: &mut EventList,
+    ) -> Refusal {
+        match self.try_command(request, summary, events) {
+            Ok(()) => Refusal::None,
+            Err(refusal) => {
+                self.admission.record_refusal(refusal);
+                refusal
+            }
+        }
+    }
+
+    fn try_command(
+        &mut self,
+        request: &StateRequest,
+        summary: &DriveSummary,
+        events: &mut EventList,
     ) -> Result<(), Refusal> {
         if request.client_id == 0 {
             return Err(Refusal::Malformed);
         }
-        if self.ending.is_some() && command_transitions::sets_going(request.command) {
-            return Err(Refusal::State);
-        }
-        let to = match command_transitions::judge(request.command, self.machine.state(), sight)? {
-            Verdict::Nothing => return Ok(()),
-            Verdict::Change(to) => to,
-            Verdict::Home(to) => {
-                self.axes.iter_mut().for_each(Axis::home);
-                to
+        self.shutdown.require_allowed(request.command)?;
+        let next = match command_effect(request.command, self.machine.state(), summary)? {
+            CommandEffect::NoChange => return Ok(()),
+            CommandEffect::Change(next) => next,
+            CommandEffect::Home(next) => {
+                self.axes.for_each(AxisControl::start_homing);
+                next
             }
-            Verdict::Reset(to) => {
-                self.axes.iter_mut().for_each(Axis::reset);
-                to
+            CommandEffect::ResetFaults(next) => {
+                self.axes.for_each(AxisControl::reset_fault);
+                next
             }
-            Verdict::Unhome => {
-                self.axes.iter_mut().for_each(Axis::unhome);
+            CommandEffect::Unhome => {
+                self.axes.for_each(AxisControl::invalidate_zero);
                 *self.machine.state()
             }
-            Verdict::Condition => {
-                State::Enabled(Motion::Conditioning(self.condition(request.client_id)?))
+            CommandEffect::Condition => {
+                // Conditioning is motion, so no other client may hold the lease.
+                self.admission.require_lease(request.client_id)?;
+                let model = self.models.active().map(JointModel::model);
+                let start = self.axes.setpoints();
+                let cycle = ConditioningCycle::new(&self.conditioning_plan, start, model)?;
+                ControlState::Enabled(EnabledActivity::Conditioning(cycle))
             }
-            Verdict::Move => State::Enabled(Motion::Moving(self.way(request, sight)?)),
-            Verdict::Release => return self.release(request.client_id, sight.now, events),
+            CommandEffect::Move => ControlState::Enabled(EnabledActivity::Moving(plan_move(
+                request,
+                summary.is_at_rest,
+                &self.admission,
+                self.models.active(),
+                &self.trajectory_limits,
+                summary.now,
+            )?)),
+            CommandEffect::Release => {
+                return self.release_lease(request.client_id, summary.now, events);
+            }
         };
-        self.machine
-            .change(to, Cause::Command(request.command), sight.now, events);
+        let cause = TransitionCause::Command(request.command);
+        self.machine.change((next, cause), summary.now, events);
         Ok(())
     }
 
-    fn change_model(
+    /// A client that gives the lease back is not followed any more: the robot stops.
+    fn release_lease(
         &mut self,
-        request: &ModelRequest,
-        sight: &Sight,
-        events: &mut Events,
-    ) -> ModelReply {
-        let mut drives = [AxisFeedback::default(); MAX_MOTORS];
-        drives
-            .iter_mut()
-            .zip(&self.axes)
-            .for_each(|(drive, axis)| *drive = axis.feedback);
-        let drives = drives
-            .get(..self.axes.len())
-            .filter(|drives| drives.iter().all(|drive| drive.stamp > Nanos::ZERO));
-        let state = self.machine.state();
-        let moment = Moment {
-            now: sight.now,
-            conditioning: state.conditioning(),
-            following: state.in_joint_space(),
-            drives,
-            setpoints: &setpoints(&self.axes),
-            trail: &self.trail,
-        };
-        let refusal = self
-            .models
-            .change(request, &moment, events)
-            .err()
-            .unwrap_or(Refusal::None);
-        if refusal == Refusal::None {
-            self.plausible.forget();
-        }
-        ModelReply {
-            id: request.id,
-            refusal,
-        }
-    }
-
-    /// A stroke is motion, so it is not for a client while another one commands.
-    fn condition(&self, client_id: u64) -> Result<Stroke, Refusal> {
-        self.gate.unheld_by_others(client_id)?;
-        self.stroke_plan.begin(
-            setpoints(&self.axes),
-            self.models.active().map(Joints::model),
-        )
-    }
-
-    /// From where the set-points stand to a pose.
-    fn way(&self, request: &StateRequest, sight: &Sight) -> Result<Way, Refusal> {
-        let (to, entries) = request.pose.ok_or(Refusal::Malformed)?;
-        let joints = self.models.active().ok_or(Refusal::NoModel)?;
-        if entries as usize != joints.outputs() {
-            return Err(Refusal::Malformed);
-        }
-        if joints.unit() != OutputUnit::Deg {
-            return Err(Refusal::Unsupported);
-        }
-        let mut end = OutputVec::default();
-        end.iter_mut()
-            .zip(to)
-            .take(entries as usize)
-            .for_each(|(end, to)| *end = to);
-        if !end.iter().all(|angle| angle.is_finite()) {
-            return Err(Refusal::NotFinite);
-        }
-        if !sight.at_rest {
-            return Err(Refusal::Busy);
-        }
-        self.gate.unheld_by_others(request.client_id)?;
-        let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
-        // Outside the hull the way would go on where the motors cannot: it ends where they end.
-        let answer = joints.solve(&end).map_err(|_| Refusal::BadModel)?;
-        let clipped = answer.clipped;
-        let to = if clipped {
-            joints.pose(&answer.counts).map_err(|_| Refusal::BadModel)?
-        } else {
-            end
-        };
-        let length = from
-            .iter()
-            .zip(to)
-            .map(|(from, to)| (to - from) * (to - from))
-            .sum::<f64>()
-            .sqrt();
-        Ok(Way {
-            from,
-            to,
-            clipped,
-            profile: Profile::new(length, &self.bounds),
-            begun: sight.now,
-        })
-    }
-
-    /// A client that gives the lease back does not command any more, so the robot stops.
-    fn release(&mut self, client_id: u64, now: Nanos, events: &mut Events) -> Result<(), Refusal> {
-        self.gate.release(client_id, events)?;
-        if self
-            .machine
-            .state()
-            .following()
-            .is_some_and(|follow| follow.client_id == client_id)
-        {
-            self.machine.change(
-                State::Enabled(Motion::Holding),
-                Cause::Progress(None),
-                now,
-                events,
-            );
-        }
-        Ok(())
-    }
-
-    fn grip(&mut self, now: Nanos) {
-        let demands = self.machine.state().demands();
-        self.axes
-            .iter_mut()
-            .zip(demands)
-            .for_each(|(axis, demand)| axis.grip(demand, now));
-    }
-
-    fn judge(&mut self, command: &ServoCommand, sight: &Sight, events: &mut Events) {
-        let (goal, clutch) = self
-            .clutch
-            .lead(command, self.models.active().and_then(Joints::setpoint));
-        let command = &ServoCommand { goal, ..*command };
-        match self.accepts(command, sight) {
-            Ok(follow) => {
-                self.gate.accept(command, sight.now, events);
-                self.clutch = clutch;
-                let motion = if command.clutched {
-                    Motion::Holding
-                } else {
-                    Motion::Following(follow)
-                };
-                self.machine.change(
-                    State::Enabled(motion),
-                    Cause::Progress(None),
-                    sight.now,
-                    events,
-                );
-            }
-            Err(refusal) => self.gate.refuse(command.client_id, refusal, events),
-        }
-    }
-
-    fn accepts(&self, command: &ServoCommand, sight: &Sight) -> Result<Follow, Refusal> {
-        let state = self.machine.state();
-        let scene = Scene {
-            now: sight.now,
-            state: state.operating(),
-            occupied: state.occupied(),
-            homed: sight.homed,
-            fresh: sight.fresh(),
-        };
-        let deadline = self.gate.permits(command, &scene)?;
-        let course =
-            self.steps
-                .course(command, &self.axes, self.models.active(), state.following())?;
-        let ServoCommand {
-            client_id,
-            sequence,
-            stamp,
-            ..
-        } = *command;
-        Ok(Follow {
-            client_id,
-            sequence,
-            stamp,
-            deadline,
-            course,
-        })
-    }
-
-    fn stop_if_stale(&mut self, now: Nanos, events: &mut Events) {
-        let Some(follow) = self.machine.state().following() else {
-            return;
-        };
-        let (client_id, age) = (follow.client_id, now.since(follow.stamp));
-        if age >= follow.deadline {
-            self.stale_stops = self.stale_stops.saturating_add(1);
-            events.push(EventKind::StaleStop { client_id, age });
-            self.machine.change(
-                State::Enabled(Motion::Holding),
-                Cause::Progress(None),
-                now,
-                events,
-            );
-        }
-    }
-
-    /// Moves the set-points. A model that gives nonsense is a fault, and then nothing moves.
-    fn advance(&mut self, sight: &Sight, events: &mut Events) -> Guidance {
-        let moved = self.guide(sight.now, events).and_then(|guidance| {
-            self.place()?;
-            Ok(guidance)
-        });
-        moved.unwrap_or_else(|_| {
-            if !matches!(self.machine.state(), State::Fault(_)) {
-                let (to, cause) = fail(self.machine.state(), Fault::Model, sight);
-                self.machine.change(to, cause, sight.now, events);
-            }
-            Guidance::default()
-        })
-    }
-
-    fn guide(&mut self, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
-        if !self.machine.state().in_joint_space()
-            && let Some(joints) = self.models.active_mut()
-        {
-            joints.release();
-        }
-        match *self.machine.state() {
-            State::Enabled(Motion::Following(follow)) => self.follow(&follow, now),
-            State::Enabled(Motion::Conditioning(stroke)) => self.stroke(stroke, now, events),
-            State::Enabled(Motion::Moving(way)) => self.go(&way, now, events),
-            State::Enabled(Motion::Holding)
-            | State::Disabled(_)
-            | State::Paused
-            | State::Fault(_) => {
-                self.axes.iter_mut().for_each(Axis::stop);
-                Ok(Guidance::default())
-            }
-        }
-    }
-
-    fn stroke(
-        &mut self,
-        stroke: Stroke,
+        client_id: u64,
         now: Nanos,
-        events: &mut Events,
-    ) -> Result<Guidance, NotFinite> {
-        let next = stroke.after_tick();
-        let stroke = next.unwrap_or(stroke);
-        self.axes
-            .iter_mut()
-            .zip(stroke.targets())
-            .for_each(|(axis, target)| axis.follow(target));
-        let goal = self
-            .models
-            .active()
-            .map(|joints| joints.pose(stroke.place()))
-            .transpose()?;
-        let motion = next.map_or(Motion::Holding, Motion::Conditioning);
-        self.machine
-            .change(State::Enabled(motion), Cause::Progress(None), now, events);
-        Ok(Guidance {
-            goal,
-            ..Guidance::default()
-        })
-    }
-
-    fn go(&mut self, way: &Way, now: Nanos, events: &mut Events) -> Result<Guidance, NotFinite> {
-        let Some(joints) = self.models.active_mut() else {
-            return Err(NotFinite);
-        };
-        let step = Step {
-            here: way.at(now),
-            before: way.at(now - self.period),
-        };
-        let aim = inverse_setpoint::lead(step, &way.to, &self.axes, joints, now, self.period)?;
-        self.axes
-            .iter_mut()
-            .zip(aim.targets)
-            .for_each(|(axis, target)| axis.follow(target));
-        if way.is_over(now) && self.axes.iter().all(Axis::at_rest) {
-            self.machine.change(
-                State::Enabled(Motion::Holding),
-                Cause::Progress(None),
-                now,
-                events,
-            );
+        events: &mut EventList,
+    ) -> Result<(), Refusal> {
+        self.admission.release_lease(client_id, events)?;
+        let followed = self.machine.state().followed_command();
+        if followed.is_some_and(|command| command.client_id == client_id) {
+            self.machine.progress(HOLDING, now, events);
         }
-        Ok(Guidance {
-            goal: aim.goal,
-            clipped: aim.clipped || way.clipped,
-            ..Guidance::default()
-        })
+        Ok(())
     }
 
-    fn follow(&mut self, follow: &Follow, now: Nanos) -> Result<Guidance, NotFinite> {
-        let aim = inverse_setpoint::take(
-            &follow.course,
-            &self.axes,
-            self.models.active_mut(),
-            now,
-            self.period,
-        )?;
-        self.axes
-            .iter_mut()
-            .zip(aim.targets)
-            .for_each(|(axis, target)| axis.follow(target));
-        let (command_stamp, command_sequence) = (follow.stamp, follow.sequence);
-        Ok(Guidance {
-            goal: aim.goal,
-            clipped: aim.clipped,
-            command_stamp,
-            command_sequence,
-        })
-    }
-
-    /// Takes note of the set-points in joint space.
-    fn place(&mut self) -> Result<(), NotFinite> {
-        let Some(joints) = self.models.active_mut() else {
-            return Ok(());
-        };
-        let mut moved = MotorVec::default();
-        moved
-            .iter_mut()
-            .zip(&self.axes)
-            .for_each(|(moved, axis)| *moved = axis.moved());
-        joints.place(&setpoints(&self.axes), &moved, self.period)
-    }
-
-    fn requests(&self, guidance: &Guidance) -> [AxisRequest; MAX_MOTORS] {
-        let mut requests = [AxisRequest::default(); MAX_MOTORS];
-        let demands = self.machine.state().demands();
-        for ((request, axis), demand) in requests.iter_mut().zip(&self.axes).zip(demands) {
-            *request = AxisRequest {
-                sequence: self.ticks,
-                command_stamp: guidance.command_stamp,
-                command_sequence: guidance.command_sequence,
-                ..axis.request(demand)
-            };
-        }
-        requests
-    }
-
-    fn report(&self, sight: &Sight, guidance: &Guidance) -> Report {
+    fn swap_model(
+        &mut self,
+        request: &ModelSwapRequest,
+        now: Nanos,
+        events: &mut EventList,
+    ) -> ModelSwapReply {
+        let feedback = self.axes.feedback();
+        let drives = feedback.get(..self.axes.count());
         let state = self.machine.state();
-        let mut setpoints = [Counts::default(); MAX_MOTORS];
-        let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
-        for ((setpoint, feedback), axis) in setpoints.iter_mut().zip(&mut feedback).zip(&self.axes)
-        {
-            (*setpoint, *feedback) = (axis.target(), axis.feedback);
+        let context = SwapContext {
+            now,
+            is_conditioning: state.is_conditioning(),
+            is_following_joints: state.is_following_joints(),
+            is_forced: request.forced,
+            drives: drives.filter(|drives| drives.iter().all(|drive| drive.stamp > Nanos::ZERO)),
+            setpoints: &self.axes.setpoints(),
+            history: &self.history,
+        };
+        let active = |models: &LoadedModels| models.active().map(|joints| joints.model().id());
+        let from = active(&self.models);
+        let result = match request.change {
+            ModelChange::Activate(id) => activate(&mut self.models, id, &context),
+            ModelChange::Rollback => roll_back(&mut self.models, &context),
+        };
+        if result.is_ok() {
+            let to = active(&self.models).unwrap_or_default();
+            events.push(CycleEventKind::Model { from, to });
+            self.plausibility.reset();
         }
-        Report {
-            now: sight.now,
-            state: state.operating(),
+        ModelSwapReply {
+            id: request.id,
+            refusal: result.err().unwrap_or(Refusal::None),
+        }
+    }
+
+    fn apply_servo_command(
+        &mut self,
+        command: &ServoCommand,
+        summary: &DriveSummary,
+        events: &mut EventList,
+    ) {
+        let snake = self.models.active().and_then(JointModel::setpoint);
+        let (goal, clutch) = self.clutch.couple(command, snake);
+        let command = &ServoCommand { goal, ..*command };
+        match self.check_servo_command(command, summary) {
+            Ok(followed) => {
+                self.admission.accept(command, summary.now, events);
+                self.clutch = clutch;
+                let activity = if command.clutched {
+                    EnabledActivity::Holding
+                } else {
+                    EnabledActivity::Following(followed)
+                };
+                self.machine
+                    .progress(ControlState::Enabled(activity), summary.now, events);
+            }
+            Err(refusal) => self.admission.refuse(command.client_id, refusal, events),
+        }
+    }
+
+    fn check_servo_command(
+        &self,
+        command: &ServoCommand,
+        summary: &DriveSummary,
+    ) -> Result<FollowedCommand, Refusal> {
+        let state = self.machine.state();
+        let context = AdmissionContext {
+            now: summary.now,
+            state: state.operating_state(),
+            is_occupied: state.is_occupied(),
+            is_homed: summary.is_homed,
+            is_fresh: summary.is_fresh(),
+        };
+        let deadline = self.admission.check(command, &context)?;
+        let followed = state.followed_command().map(|followed| &followed.goal);
+        let goal = self
+            .range_check
+            .check(command, followed, &self.axes, self.models.active())?;
+        Ok(FollowedCommand {
+            client_id: command.client_id,
+            sequence: command.sequence,
+            stamp: command.stamp,
+            deadline,
+            goal,
+        })
+    }
+
+    fn stop_if_stale(&mut self, now: Nanos, events: &mut EventList) {
+        if let Some(followed) = self.machine.state().followed_command()
+            && let Some(age) = followed.stale_age(now)
+        {
+            let client_id = followed.client_id;
+            self.stale_stops = self.stale_stops.saturating_add(1);
+            events.push(CycleEventKind::StaleStop { client_id, age });
+            self.machine.progress(HOLDING, now, events);
+        }
+    }
+
+    /// Moves the setpoints. If the model gives values that are not finite, that is a fault, and the
+    /// report shows no goal.
+    fn move_setpoints(
+        &mut self,
+        summary: &DriveSummary,
+        events: &mut EventList,
+    ) -> GeneratedSetpoint {
+        self.try_move_setpoints(summary.now, events)
+            .unwrap_or_else(|NotFinite| {
+                if !matches!(self.machine.state(), ControlState::Fault(_)) {
+                    let fault = enter_fault(self.machine.state(), Fault::Model, summary);
+                    self.machine.change(fault, summary.now, events);
+                }
+                GeneratedSetpoint::default()
+            })
+    }
+
+    fn try_move_setpoints(
+        &mut self,
+        now: Nanos,
+        events: &mut EventList,
+    ) -> Result<GeneratedSetpoint, NotFinite> {
+        let joints = self.models.active_mut();
+        let state = self.machine.state();
+        let setpoint = generate_setpoint(state, &mut self.axes, joints, now, self.period)?;
+        if let Some(next) = setpoint.next {
+            self.machine
+                .progress(ControlState::Enabled(next), now, events);
+        }
+        if let Some(joints) = self.models.active_mut() {
+            let (setpoints, increments) = (self.axes.setpoints(), self.axes.increments());
+            joints.update_setpoint(&setpoints, &increments, self.period)?;
+        }
+        Ok(setpoint)
+    }
+
+    fn report(&self, now: Nanos, setpoint: &GeneratedSetpoint) -> CycleReport {
+        let state = self.machine.state();
+        let joints = self.models.active();
+        CycleReport {
+            now,
+            state: state.operating_state(),
             since: self.machine.since(),
             fault: self.machine.fault(),
-            homed: self.axes.iter().all(Axis::homed),
-            busy: state.busy(self.axes.iter().all(Axis::at_rest)),
-            holding: state.holding(),
-            clipped: guidance.clipped,
-            lease_client_id: self.gate.holder(),
-            accepted: self.gate.accepted,
-            refused: self.gate.refused,
-            last_refusal: self.gate.last_refusal,
+            homed: self.axes.all(AxisControl::is_homed),
+            busy: state.is_busy(self.axes.all(AxisControl::is_at_rest)),
+            holding: state.is_holding(),
+            clipped: setpoint.is_clipped,
+            lease_client_id: self.admission.lease_holder(),
+            accepted: self.admission.accepted(),
+            refused: self.admission.refused(),
+            last_refusal: self.admission.last_refusal(),
             stale_stops: self.stale_stops,
-            models: self.models.shown(&self.trail),
-            mark: self.trail.mark(),
-            joint: self
-                .models
-                .active()
-                .and_then(|joints| joints.report(guidance.goal)),
-            setpoints,
-            feedback,
+            models: self.models.report(&self.history),
+            mark: self.history.cursor(),
+            joint: joints.and_then(|joints| joints.report(setpoint.goal)),
+            setpoints: self.axes.targets(),
+            feedback: self.axes.feedback(),
         }
-    }
-
-    fn finished(&self, sight: &Sight) -> bool {
-        let Some(since) = self.ending else {
-            return false;
-        };
-        let done = match self.machine.state() {
-            State::Disabled(Inactive::Idle) => true,
-            State::Fault(_) => self.axes.iter().all(|axis| off(axis.feedback.phase)),
-            State::Disabled(_) | State::Enabled(_) | State::Paused => false,
-        };
-        done || sight.now.since(since) >= SHUTDOWN_LIMIT
     }
 }

@@ -1,18 +1,84 @@
-//! What happened in one tick.
+//! Events of the cycle, for the log and the black box.
 
-use crate::core::{Event, EventKind};
+use serde::{Deserialize, Serialize};
+
+use crate::drive::AxisPhase;
+use crate::model::ModelId;
+use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
-/// The events of one tick, in order. What does not fit is counted.
+/// An event of the cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CycleEvent {
+    /// Start of the tick in which it happened.
+    pub stamp: Nanos,
+    /// What happened.
+    pub kind: CycleEventKind,
+}
+
+/// What happened.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum CycleEventKind {
+    /// The operating state changed, or a command or a fault was handled in it.
+    State {
+        /// State before.
+        from: OperatingState,
+        /// State after.
+        to: OperatingState,
+        /// The command that caused the change, if any.
+        command: Option<StateCommand>,
+        /// The fault that caused the change, if any.
+        fault: Fault,
+    },
+    /// The followed command became stale and the robot stopped.
+    StaleStop {
+        /// Client that had sent the command.
+        client_id: u64,
+        /// Age of the command.
+        age: Nanos,
+    },
+    /// The lease changed its holder.
+    Lease {
+        /// The new holder; 0: none.
+        client_id: u64,
+    },
+    /// A servo command was refused. Repeats with the same reason are folded until a command is
+    /// accepted.
+    Refused {
+        /// Client that had sent the command.
+        client_id: u64,
+        /// Reason.
+        refusal: Refusal,
+    },
+    /// The active model changed.
+    Model {
+        /// Model before.
+        from: Option<ModelId>,
+        /// Model after.
+        to: ModelId,
+    },
+    /// A drive changed its phase.
+    Axis {
+        /// Index of the motor.
+        motor: u8,
+        /// Phase before.
+        from: AxisPhase,
+        /// Phase after.
+        to: AxisPhase,
+        /// Error code of the drive.
+        error_code: u16,
+    },
+}
+
+/// Events of one tick, in order. Events that do not fit are counted.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Events {
+pub(super) struct EventList {
     stamp: Nanos,
-    list: [Option<Event>; 4],
+    list: [Option<CycleEvent>; 4],
     lost: u64,
 }
 
-impl Events {
-    /// None yet.
+impl EventList {
     pub fn new(stamp: Nanos) -> Self {
         Self {
             stamp,
@@ -21,38 +87,42 @@ impl Events {
         }
     }
 
-    /// Adds an event. A change of state takes the place of the last event of another kind when the
-    /// list is full: the log must never miss one.
-    pub fn push(&mut self, kind: EventKind) {
-        let event = Event {
-            stamp: self.stamp,
-            kind,
-        };
-        if let Some(free) = self.list.iter_mut().find(|entry| entry.is_none()) {
-            *free = Some(event);
+    /// Adds an event. In a full list, a change of state replaces the last event of another kind:
+    /// the log must contain every change of state.
+    pub fn push(&mut self, kind: CycleEventKind) {
+        if self.insert(kind) {
             return;
         }
         self.lost += 1;
-        if matches!(kind, EventKind::State { .. }) {
-            self.drop_last_other();
-            if let Some(free) = self.list.iter_mut().find(|entry| entry.is_none()) {
-                *free = Some(event);
-            }
+        if is_state_change(kind) {
+            self.remove_last_other();
+            self.insert(kind);
         }
     }
 
-    /// The events, and how many did not fit.
-    pub fn finish(self) -> ([Option<Event>; 4], u64) {
+    /// The events, and the number of events that did not fit.
+    pub fn finish(self) -> ([Option<CycleEvent>; 4], u64) {
         (self.list, self.lost)
     }
 
-    /// Drops the last event that is no change of state and closes the gap.
-    fn drop_last_other(&mut self) {
-        let other = |entry: &Option<Event>| {
-            entry.is_some_and(|e| !matches!(e.kind, EventKind::State { .. }))
-        };
-        if let Some(place) = self.list.iter().rposition(other)
-            && let Some(tail) = self.list.get_mut(place..)
+    /// Fills the first free entry. Returns false if there is none.
+    fn insert(&mut self, kind: CycleEventKind) -> bool {
+        let free = self.list.iter_mut().find(|entry| entry.is_none());
+        let is_free = free.is_some();
+        if let Some(entry) = free {
+            *entry = Some(CycleEvent {
+                stamp: self.stamp,
+                kind,
+            });
+        }
+        is_free
+    }
+
+    /// Removes the last event that is not a change of state and closes the gap.
+    fn remove_last_other(&mut self) {
+        let is_other = |entry: &Option<CycleEvent>| entry.is_some_and(|e| !is_state_change(e.kind));
+        if let Some(index) = self.list.iter().rposition(is_other)
+            && let Some(tail) = self.list.get_mut(index..)
         {
             tail.rotate_left(1);
             if let Some(last) = tail.last_mut() {
@@ -62,23 +132,30 @@ impl Events {
     }
 }
 
+fn is_state_change(kind: CycleEventKind) -> bool {
+    matches!(kind, CycleEventKind::State { .. })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::{Fault, OperatingState};
 
-    fn lease(client_id: u64) -> EventKind {
-        EventKind::Lease { client_id }
+    fn lease(client_id: u64) -> CycleEventKind {
+        CycleEventKind::Lease { client_id }
     }
 
-    const STATE: EventKind = EventKind::State {
+    const STATE: CycleEventKind = CycleEventKind::State {
         from: OperatingState::Enabled,
         to: OperatingState::Fault,
         command: None,
         fault: Fault::Link,
     };
 
-    fn kinds(events: Events) -> (Vec<EventKind>, u64) {
+    fn pushed(kinds: impl IntoIterator<Item = CycleEventKind>) -> (Vec<CycleEventKind>, u64) {
+        let mut events = EventList::new(Nanos(7));
+        for kind in kinds {
+            events.push(kind);
+        }
         let (list, lost) = events.finish();
         (
             list.iter().flatten().map(|event| event.kind).collect(),
@@ -87,18 +164,18 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_counted() {
-        let mut events = Events::new(Nanos(7));
-        (1..=6).for_each(|client| events.push(lease(client)));
-        assert_eq!(kinds(events), ((1..=4).map(lease).collect(), 2));
+    fn events_that_do_not_fit_are_counted() {
+        assert_eq!(
+            pushed((1..=6).map(lease)),
+            ((1..=4).map(lease).collect(), 2)
+        );
     }
 
     #[test]
-    fn a_change_of_state_always_fits() {
-        let mut events = Events::new(Nanos(7));
-        events.push(STATE);
-        (1..=3).for_each(|client| events.push(lease(client)));
-        events.push(STATE);
-        assert_eq!(kinds(events), (vec![STATE, lease(1), lease(2), STATE], 1));
+    fn a_state_change_always_fits() {
+        assert_eq!(
+            pushed([STATE, lease(1), lease(2), lease(3), STATE]),
+            (vec![STATE, lease(1), lease(2), STATE], 1)
+        );
     }
 }

@@ -1,66 +1,67 @@
-//! The control cycle without a robot: the very [`Cycle::step`] of the loop, on time that is
-//! counted, against drives that are where they were last told to be.
+//! Rehearsal: the control cycle without a robot. It runs [`ControlCycle::step`] on simulated time
+//! against ideal drives.
 //!
-//! What comes out is what the motors would be told: inverse, memory, filters, limits and rounding
-//! are those of the loop, as configured. What real drives, lines and clocks add is not in it.
+//! Its setpoints are those that the motors would get: inverse, memory, filters, limits and rounding
+//! are those of the loop, as configured. Effects of real drives, lines and clocks are not included.
 
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::core::cycle::Cycle;
-use crate::core::{Goal, Inputs, Report, ServoCommand, StateRequest};
+use crate::core::cycle::ControlCycle;
+use crate::core::inputs::{CycleInputs, ServoCommand, ServoGoal, StateRequest};
+use crate::core::outputs::CycleReport;
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
 use crate::model::{Model, Query};
-use crate::robot::{OperatingState, Refusal, StateCommand};
+use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
-/// Whoever rehearses.
+/// Client id of the rehearsal.
 const CLIENT: u64 = 1;
 
-/// Ticks that ideal drives may take to be enabled; they take three.
+/// Longest time to enable ideal drives, ticks; they take three.
 const ENABLING_TICKS: u32 = 100;
 
-/// Far beyond what any motor can be asked for, and far from where arithmetic ends.
+/// Beyond all limits of motors, and small enough for its square to be finite.
 const NO_LIMIT: f64 = 1e9;
 
-/// Positions that no motor of this robot reaches, counts.
+/// Beyond the range of every motor, counts.
 const NO_POSITION_LIMIT: i32 = 1_000_000_000;
 
-/// Why a rehearsal cannot go on.
+/// Reason for the end of a rehearsal.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RehearsalError {
     /// The robot cannot be enabled where the history ends.
     #[error("the robot cannot be enabled where its history ends: {0}")]
     Enable(Refusal),
-    /// A goal is not taken.
+    /// A goal is refused.
     #[error("the goal is refused: {0}")]
     Goal(Refusal),
-    /// The loop went to FAULT.
+    /// The cycle went to FAULT.
     #[error("the loop goes to FAULT: {0}")]
-    Fault(crate::robot::Fault),
+    Fault(Fault),
 }
 
-/// A robot that is ENABLED, in thought.
+/// A simulated robot that is ENABLED.
 #[derive(Debug)]
 pub struct Rehearsal {
-    cycle: Cycle,
+    cycle: ControlCycle,
     period: Nanos,
     now: Nanos,
     motors: usize,
     feedback: [AxisFeedback; MAX_MOTORS],
     requests: [AxisRequest; MAX_MOTORS],
-    report: Report,
+    report: CycleReport,
     sequence: u64,
 }
 
 impl Rehearsal {
-    /// The motors go through `history`, fractional counts rounded, with the drives off; then the
-    /// drives are enabled where it ends. Without a history they are in the middle of the model's
+    /// Moves the motors through `history` with the drives off, fractional counts rounded, and
+    /// enables the drives at its end. Without a history the motors are in the centre of the model's
     /// hull, and the memory is unknown.
     ///
     /// # Errors
     ///
-    /// [`RehearsalError::Enable`], above all when the history ends outside the position limits.
+    /// [`RehearsalError::Enable`], for example if the history ends outside the position limits.
     pub fn new(
         config: &Config,
         model: &Arc<Model>,
@@ -72,9 +73,9 @@ impl Rehearsal {
             homed: true,
             ..AxisFeedback::default()
         };
-        let mut cycle = Cycle::new(config, Some(Arc::clone(model)));
+        let mut cycle = ControlCycle::new(config, Some(Arc::clone(model)));
         let now = Nanos::from_millis(1000);
-        let report = cycle.step(now, &Inputs::default()).report;
+        let report = cycle.step(now, &CycleInputs::default()).report;
         let mut rehearsal = Self {
             cycle,
             period,
@@ -85,22 +86,21 @@ impl Rehearsal {
             report,
             sequence: 0,
         };
-        let middle = [model.hull().centre()];
-        for counts in if history.is_empty() { &middle } else { history } {
-            rehearsal.turn(counts);
+        let centre = [model.hull().centre()];
+        for counts in if history.is_empty() { &centre } else { history } {
+            rehearsal.set_positions(counts);
             rehearsal.tick(None, None);
         }
         rehearsal.enable()?;
         Ok(rehearsal)
     }
 
-    /// One tick with a goal; what it shows. `setpoints` of the report are what the motors are told.
+    /// One tick with a goal. The setpoints are in [`CycleReport::setpoints`].
     ///
     /// # Errors
     ///
-    /// [`RehearsalError::Goal`] when the goal is refused, as by the gate of servo commands;
-    /// [`RehearsalError::Fault`].
-    pub fn follow(&mut self, goal: Goal) -> Result<&Report, RehearsalError> {
+    /// [`RehearsalError::Goal`] if command admission refuses the goal; [`RehearsalError::Fault`].
+    pub fn follow(&mut self, goal: ServoGoal) -> Result<&CycleReport, RehearsalError> {
         self.sequence += 1;
         let stamp = self.now + self.period;
         let command = ServoCommand {
@@ -122,9 +122,9 @@ impl Rehearsal {
         Ok(&self.report)
     }
 
-    /// What the last tick showed.
+    /// The report of the last tick.
     #[must_use]
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &CycleReport {
         &self.report
     }
 
@@ -151,8 +151,8 @@ impl Rehearsal {
         Err(RehearsalError::Enable(self.report.last_refusal))
     }
 
-    /// Moves the motors by hand.
-    fn turn(&mut self, counts: &MotorVec) {
+    /// Moves the motors as if by hand.
+    fn set_positions(&mut self, counts: &MotorVec) {
         for (feedback, counts) in self.feedback.iter_mut().zip(counts) {
             feedback.position = Counts::from_f64(*counts).unwrap_or(feedback.position);
         }
@@ -161,25 +161,23 @@ impl Rehearsal {
     fn tick(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
         self.now = self.now + self.period;
         let now = self.now;
-        let drives = self
-            .feedback
-            .iter_mut()
-            .zip(&self.requests)
-            .take(self.motors);
-        drives.for_each(|(feedback, request)| obey(feedback, request, now));
-        let inputs = Inputs {
+        let drives = self.feedback.iter_mut().zip(&self.requests);
+        for (feedback, request) in drives.take(self.motors) {
+            apply_request(feedback, request, now);
+        }
+        let inputs = CycleInputs {
             servo,
             request,
             feedback: self.feedback,
-            ..Inputs::default()
+            ..CycleInputs::default()
         };
         let outputs = self.cycle.step(now, &inputs);
         (self.requests, self.report) = (outputs.requests, outputs.report);
     }
 }
 
-/// An ideal drive: on or off at once, and where it was told to be.
-fn obey(feedback: &mut AxisFeedback, request: &AxisRequest, now: Nanos) {
+/// An ideal drive: on or off at once, and at its target.
+fn apply_request(feedback: &mut AxisFeedback, request: &AxisRequest, now: Nanos) {
     feedback.phase = match request.demand {
         Demand::Enabled => AxisPhase::Enabled,
         Demand::Disabled => AxisPhase::Disabled,
@@ -199,9 +197,9 @@ fn obey(feedback: &mut AxisFeedback, request: &AxisRequest, now: Nanos) {
     feedback.sequence += 1;
 }
 
-/// The counts at which a model would start to follow a goal, were nothing known of the past.
+/// The counts at which a model starts to follow a goal when its memory is unknown.
 #[must_use]
-pub fn beginning(model: &Model, goal: &OutputVec) -> MotorVec {
+pub fn start_position(model: &Model, goal: &OutputVec) -> MotorVec {
     model
         .invert(
             goal,
@@ -211,13 +209,13 @@ pub fn beginning(model: &Model, goal: &OutputVec) -> MotorVec {
         .counts
 }
 
-/// The configuration with every limit on motion lifted: velocity, acceleration, jerk, steps and
-/// positions. The calibrated hull of the model stays, and so do its filters.
+/// The configuration without limits on motion: velocity, acceleration, jerk, steps and positions.
+/// The calibrated hull of the model stays, and so do its filters.
 #[must_use]
 pub fn without_limits(config: &Config) -> Config {
     let mut config = config.clone();
     config.limits.velocity_counts_s = NO_LIMIT;
-    // A tick is at least 0.25 ms, so this is more than any step in one of them.
+    // A tick is at least 0.25 ms, so this is more than any step in one tick.
     config.limits.acceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.stop_deceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.jerk_counts_s3 = None;

@@ -7,8 +7,8 @@
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::triple_buffer;
 
-use crate::core::model_slots::slots::{Candidate, ModelReply, ModelRequest};
-use crate::core::{Event, External, Report, ServoCommand, StateReply, StateRequest};
+use crate::core::{CycleEvent, CycleReport, ExternalPose, ServoCommand, StateReply, StateRequest};
+use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
 use crate::ipc::pulse::Pulse;
 use crate::process::black_box::RecorderEnds;
 use crate::realtime::TickTiming;
@@ -29,14 +29,14 @@ pub struct Offer {
     /// Counts up by one per offer.
     pub number: u64,
     /// The pointer.
-    pub candidate: Candidate,
+    pub candidate: ModelCandidate,
 }
 
 /// One tick as the relay publishes it.
 #[derive(Debug, Clone, Copy)]
 pub struct Record {
     /// What the cycle shows.
-    pub report: Report,
+    pub report: CycleReport,
     /// When it ran.
     pub timing: TickTiming,
 }
@@ -46,7 +46,7 @@ pub struct LoopEnds {
     /// Newest servo command.
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
     /// Newest picture of the snake.
-    pub external: triple_buffer::Output<Option<External>>,
+    pub external: triple_buffer::Output<Option<ExternalPose>>,
     /// State commands in order.
     pub requests: Consumer<StateRequest>,
     /// Answers in order.
@@ -54,17 +54,17 @@ pub struct LoopEnds {
     /// Models to stage.
     pub offers: Consumer<Offer>,
     /// Changes of the model in use, in order.
-    pub model_requests: Consumer<ModelRequest>,
+    pub model_requests: Consumer<ModelSwapRequest>,
     /// Answers in order.
-    pub model_replies: Producer<ModelReply>,
+    pub model_replies: Producer<ModelSwapReply>,
     /// Models to be freed.
-    pub retired: Producer<Candidate>,
+    pub retired: Producer<ModelCandidate>,
     /// Every tick.
     pub records: Producer<Record>,
     /// The same with all that it saw and did, for the black box.
     pub recorder: RecorderEnds,
     /// Every event.
-    pub events: Producer<Event>,
+    pub events: Producer<CycleEvent>,
     /// What the guard feels; there is none before shared memory is up.
     pub pulse: Option<Pulse>,
 }
@@ -74,7 +74,7 @@ pub struct RelayEnds {
     /// Newest servo command.
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
     /// Newest picture of the snake.
-    pub external: triple_buffer::Input<Option<External>>,
+    pub external: triple_buffer::Input<Option<ExternalPose>>,
     /// State commands in order.
     pub requests: Producer<StateRequest>,
     /// Answers in order.
@@ -88,16 +88,16 @@ pub struct KeeperEnds {
     /// Models to stage.
     pub offers: Producer<Offer>,
     /// Changes of the model in use, in order.
-    pub requests: Producer<ModelRequest>,
+    pub requests: Producer<ModelSwapRequest>,
     /// Answers in order.
-    pub replies: Consumer<ModelReply>,
+    pub replies: Consumer<ModelSwapReply>,
     /// Models to be freed.
-    pub retired: Consumer<Candidate>,
+    pub retired: Consumer<ModelCandidate>,
 }
 
 /// All lanes between the loop, the thread of shared memory, and the log.
 #[must_use]
-pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<Event>) {
+pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<CycleEvent>) {
     let (servo_in, servo_out) = triple_buffer(&None);
     let (external_in, external_out) = triple_buffer(&None);
     let (requests_in, requests_out) = RingBuffer::new(COMMANDS);

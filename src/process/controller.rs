@@ -20,8 +20,8 @@ use rtrb::Consumer;
 use crate::COMMIT;
 use crate::clock;
 use crate::config::{Config, ControlConfig};
-use crate::core::cycle::Cycle;
-use crate::core::{Event, EventKind, Inputs};
+use crate::core::cycle::ControlCycle;
+use crate::core::{CycleEvent, CycleEventKind, CycleInputs};
 use crate::drive::error::DriveError;
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::drive::port::{Opened, Port};
@@ -164,7 +164,7 @@ pub fn run_with_note(
         .collect::<Result<Vec<_>, _>>()?;
     wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
-    let cycle = Cycle::new(config, model);
+    let cycle = ControlCycle::new(config, model);
     let (told_in, told) = mpsc::channel();
     let control = Thread::control(
         &config.control,
@@ -450,7 +450,7 @@ impl Thread {
 
     fn control(
         config: &ControlConfig,
-        cycle: Cycle,
+        cycle: ControlCycle,
         ends: LoopEnds,
         links: Vec<AxisLink>,
         first: Nanos,
@@ -490,11 +490,11 @@ fn relay_until(
     relay.pass(clock::now());
 }
 
-/// The loop. From here on no allocation, no lock, no I/O: only [`Cycle::step`] and wait-free lanes.
+/// The loop. From here on no allocation, no lock, no I/O: only [`ControlCycle::step`] and wait-free lanes.
 fn control_loop(
     config: &ControlConfig,
     first: Nanos,
-    mut cycle: Cycle,
+    mut cycle: ControlCycle,
     mut ends: LoopEnds,
     mut links: Vec<AxisLink>,
     shutdown: &AtomicBool,
@@ -510,13 +510,13 @@ fn control_loop(
         let tick = ticker.wait();
         let mut offered = None;
         if !ends.offers.is_empty()
-            && cycle.takes_candidates()
+            && cycle.can_stage_model()
             && let Ok(offer) = ends.offers.pop()
         {
             offered = Some(offer.number);
-            cycle.offer(offer.candidate);
+            cycle.stage_model(offer.candidate);
         }
-        let inputs = Inputs {
+        let inputs = CycleInputs {
             servo: if ends.servo.update() {
                 *ends.servo.output_buffer()
             } else {
@@ -547,7 +547,7 @@ fn control_loop(
             .map(|reply| ends.model_replies.push(reply));
         // Nothing is freed here: what does not fit stays in the cycle.
         if !ends.retired.is_full()
-            && let Some(retired) = cycle.retired()
+            && let Some(retired) = cycle.take_retired()
         {
             let _ = ends.retired.push(retired);
         }
@@ -612,7 +612,7 @@ impl TickLog {
         });
     }
 
-    fn remember(&mut self, cycle: &Cycle, ends: &mut RecorderEnds) {
+    fn remember(&mut self, cycle: &ControlCycle, ends: &mut RecorderEnds) {
         if self.ticks >= self.due
             && !ends.snapshots.is_full()
             && let Some(snapshot) = cycle.snapshot()
@@ -635,7 +635,7 @@ fn read_feedback(links: &mut [AxisLink]) -> [AxisFeedback; MAX_MOTORS] {
 
 /// The main thread while the others run.
 struct Watch<'a> {
-    events: Consumer<Event>,
+    events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<PortEvent>,
     lines: mpsc::Receiver<String>,
     audit: Audit,
@@ -668,9 +668,9 @@ impl Watch<'_> {
     }
 
     /// Who has taken the lease.
-    fn caller(&self, event: &Event) -> Option<String> {
+    fn caller(&self, event: &CycleEvent) -> Option<String> {
         match event.kind {
-            EventKind::Lease { client_id } if client_id != 0 => {
+            CycleEventKind::Lease { client_id } if client_id != 0 => {
                 look_up(&self.domain, self.boot_id, client_id).map(|caller| caller.to_string())
             }
             _ => None,

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::core::model_slots::motion_history::Mark;
-use crate::core::{ModelSlots, Report};
+use crate::core::HistoryCursor;
+use crate::core::{CycleReport, ModelSlots};
 use crate::model::{History, Model, ModelId};
 use crate::units::MotorVec;
 
@@ -25,7 +25,7 @@ pub struct Chronicle {
     /// Where the motors have been, up to `mark`.
     pub history: History,
     /// How far along the trail of the loop that is.
-    pub mark: Mark,
+    pub mark: HistoryCursor,
     /// Where the motors are, counts.
     pub position: MotorVec,
     /// The models at hand in the newest tick.
@@ -38,13 +38,13 @@ impl Chronicle {
     /// Takes note of a tick. Ticks that were lost on the way leave a gap in the history, and a
     /// memory that is rebuilt from a history with a gap would be wrong without saying so: then it
     /// starts anew.
-    pub fn note(&mut self, report: &Report) {
+    pub fn note(&mut self, report: &CycleReport) {
         self.slots = report.models;
         if report.mark == self.mark {
             return;
         }
-        let next = Mark {
-            noted: self.mark.noted + 1,
+        let next = HistoryCursor {
+            recorded: self.mark.recorded + 1,
             ..self.mark
         };
         if report.mark != next {
@@ -80,18 +80,18 @@ impl SharedChronicle {
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::core::Inputs;
-    use crate::core::cycle::Cycle;
+    use crate::core::CycleInputs;
+    use crate::core::cycle::ControlCycle;
     use crate::units::{Counts, Nanos};
 
-    fn report(epoch: u64, noted: u64, position: i32) -> Report {
+    fn report(epoch: u64, recorded: u64, position: i32) -> CycleReport {
         let text = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\n[[ports.axes]]\nmotor = 0\nnode_id = 0\n\
                     serial_number = 1\nposition_min_counts = -9\nposition_max_counts = 9\n";
         let config = Config::parse(text, "r.toml".as_ref()).unwrap();
-        let mut report = Cycle::new(&config, None)
-            .step(Nanos(1), &Inputs::default())
+        let mut report = ControlCycle::new(&config, None)
+            .step(Nanos(1), &CycleInputs::default())
             .report;
-        report.mark = Mark { epoch, noted };
+        report.mark = HistoryCursor { epoch, recorded };
         report.feedback[0].position = Counts(position);
         report
     }
@@ -107,8 +107,8 @@ mod tests {
     #[test]
     fn a_gap_or_a_zero_that_moves_starts_the_history_anew() {
         let mut chronicle = Chronicle::default();
-        for (noted, position) in [(1, 0), (1, 0), (2, 5), (3, 3)] {
-            chronicle.note(&report(0, noted, position));
+        for (recorded, position) in [(1, 0), (1, 0), (2, 5), (3, 3)] {
+            chronicle.note(&report(0, recorded, position));
         }
         assert_eq!(way(&chronicle), [0.0, 5.0, 3.0]);
         chronicle.note(&report(0, 5, 4));
@@ -116,7 +116,13 @@ mod tests {
         chronicle.note(&report(1, 6, 8));
         assert_eq!(
             (way(&chronicle), chronicle.mark),
-            (vec![8.0], Mark { epoch: 1, noted: 6 })
+            (
+                vec![8.0],
+                HistoryCursor {
+                    epoch: 1,
+                    recorded: 6
+                }
+            )
         );
     }
 }

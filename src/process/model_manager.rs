@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use crate::clock;
 use crate::config::Config;
-use crate::core::model_slots::slots::{Candidate, ModelChange, ModelRequest};
+use crate::core::{ModelCandidate, ModelChange, ModelSwapRequest};
 use crate::file_permissions;
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
 use crate::model::{Model, ModelError, ModelId};
@@ -186,13 +186,13 @@ impl Keeper {
             );
             (chronicle.history.clone(), chronicle.mark)
         };
-        let candidate = Candidate::new(Arc::clone(&model), &self.config, &history, mark);
+        let candidate = ModelCandidate::new(Arc::clone(&model), &self.config, &history, mark);
         self.offers += 1;
         let number = self.offers;
         let record = Box::new(OfferRecord {
             number,
             model: id,
-            carried: candidate.carried(),
+            carried: candidate.state(),
         });
         // Without a recorder there is no black box, and the robot goes on.
         let _ = self.wishes.send(Wish::Offer(record, model));
@@ -211,11 +211,11 @@ impl Keeper {
         let id = self.requests;
         let to = match change {
             ModelChange::Activate(to) => Some(to),
-            ModelChange::Rollback => self.chronicle.lock().slots.former,
+            ModelChange::Rollback => self.chronicle.lock().slots.previous,
         };
         self.ends
             .requests
-            .push(ModelRequest { id, change, forced })
+            .push(ModelSwapRequest { id, change, forced })
             .map_err(|_| Refusal::Busy)?;
         let refusal = self.wait(|keeper| {
             let reply = keeper.ends.replies.pop().ok()?;
@@ -254,7 +254,7 @@ impl Keeper {
         if any {
             let mut chronicle = self.chronicle.lock();
             let slots = chronicle.slots;
-            let at_hand = [slots.active, slots.staged, slots.former];
+            let at_hand = [slots.active, slots.staged, slots.previous];
             chronicle.known.retain(|id, known| {
                 at_hand.contains(&Some(*id)) || Arc::strong_count(&known.model) > 1
             });
@@ -280,7 +280,7 @@ fn shown(chronicle: &Chronicle) -> [ModelSlot; 3] {
     let mut shown = [ModelSlot::default(); 3];
     for ((slot, id), known) in shown
         .iter_mut()
-        .zip([slots.active, slots.staged, slots.former])
+        .zip([slots.active, slots.staged, slots.previous])
         .zip(known)
     {
         if let (Some(id), Some(model)) = (id, chronicle.model(id)) {

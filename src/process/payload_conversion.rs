@@ -1,7 +1,7 @@
 //! Between the payloads of shared memory and the values of the cycle. Nothing is judged here: the
 //! cycle does that, and the server of shared memory adds sequence and boot id.
 
-use crate::core::{External, Goal, JointReport, Report, ServoCommand};
+use crate::core::{CycleReport, ExternalPose, JointReport, ServoCommand, ServoGoal};
 use crate::drive::AxisFeedback;
 use crate::ipc::drive_phase::axis_phase;
 use crate::ipc::payload::{
@@ -24,7 +24,7 @@ impl From<&ServoJp> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: Goal::Joint(raw.position, raw.count),
+            goal: ServoGoal::Joint(raw.position, raw.count),
             clutched: raw.flags & ServoJp::CLUTCH != 0,
         }
     }
@@ -37,7 +37,7 @@ impl From<&ServoActuator> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: Goal::Actuator(raw.position_counts.map(Counts), raw.count),
+            goal: ServoGoal::Actuator(raw.position_counts.map(Counts), raw.count),
             clutched: false,
         }
     }
@@ -45,9 +45,9 @@ impl From<&ServoActuator> for ServoCommand {
 
 /// What a camera saw, if it saw something.
 #[must_use]
-pub fn external(raw: &ExternalPosition) -> Option<External> {
+pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
     let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
-    let seen = External {
+    let seen = ExternalPose {
         stamp: Nanos(raw.stamp_ns),
         position: raw.position,
         outputs: raw.count,
@@ -58,7 +58,7 @@ pub fn external(raw: &ExternalPosition) -> Option<External> {
 /// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not
 /// valid.
 #[must_use]
-pub fn joint_states(report: &Report) -> [JointState; 3] {
+pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
     let base = JointState {
         stamp_ns: report.now.0,
         ..JointState::default()
@@ -99,7 +99,7 @@ const fn flag(set: bool, value: u32) -> u32 {
 
 /// `actuators/measured_js` of one tick.
 #[must_use]
-pub fn actuator_state(report: &Report, identity: &Identity) -> ActuatorState {
+pub fn actuator_state(report: &CycleReport, identity: &Identity) -> ActuatorState {
     let written = report.feedback.map(|axis| axis.written.unwrap_or_default());
     ActuatorState {
         stamp_ns: report.now.0,
@@ -126,7 +126,7 @@ fn phases(feedback: &[AxisFeedback; MAX_MOTORS]) -> [u8; MAX_MOTORS] {
 
 /// `operating_state` of one tick.
 #[must_use]
-pub fn operating_state(report: &Report, granted: &Granted) -> OperatingStateMsg {
+pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStateMsg {
     let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
     let flags = [
         flag(report.homed, OperatingStateMsg::HOMED),

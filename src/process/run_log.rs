@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::config::Config;
-use crate::core::{Event, EventKind};
+use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::AxisIdentity;
 use crate::model::ModelId;
 use crate::realtime::Granted;
@@ -69,7 +69,7 @@ impl Audit {
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn note(&mut self, event: &Event, caller: Option<&str>) -> io::Result<()> {
+    pub fn note(&mut self, event: &CycleEvent, caller: Option<&str>) -> io::Result<()> {
         let Some(what) = worth_keeping(&event.kind, caller) else {
             return Ok(());
         };
@@ -147,9 +147,9 @@ fn drive(axis: &AxisIdentity) -> Value {
     })
 }
 
-fn worth_keeping(kind: &EventKind, caller: Option<&str>) -> Option<Value> {
+fn worth_keeping(kind: &CycleEventKind, caller: Option<&str>) -> Option<Value> {
     match kind {
-        EventKind::State {
+        CycleEventKind::State {
             from,
             to,
             command,
@@ -161,18 +161,18 @@ fn worth_keeping(kind: &EventKind, caller: Option<&str>) -> Option<Value> {
             "command": command.map(|command| command.text()),
             "fault": (*fault != Fault::None).then(|| fault.text()),
         })),
-        EventKind::Model { from, to } => Some(json!({
+        CycleEventKind::Model { from, to } => Some(json!({
             "event": "model",
             "from": from.map(|from| from.to_string()),
             "to": to.to_string(),
         })),
-        EventKind::Lease { client_id } => Some(
+        CycleEventKind::Lease { client_id } => Some(
             json!({ "event": "lease", "client": format!("{client_id:016x}"), "caller": caller }),
         ),
-        EventKind::StaleStop { client_id, age } => Some(json!({
+        CycleEventKind::StaleStop { client_id, age } => Some(json!({
             "event": "stop", "client": format!("{client_id:016x}"), "silent_ms": age.as_seconds() * 1e3,
         })),
-        EventKind::Axis {
+        CycleEventKind::Axis {
             motor,
             to,
             error_code,
@@ -180,7 +180,7 @@ fn worth_keeping(kind: &EventKind, caller: Option<&str>) -> Option<Value> {
         } if *error_code != 0 => Some(json!({
             "event": "drive", "motor": motor, "phase": format!("{to:?}"), "error_code": format!("{error_code:04X}"),
         })),
-        EventKind::Axis { .. } | EventKind::Refused { .. } => None,
+        CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => None,
     }
 }
 

@@ -4,10 +4,12 @@
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::core::cycle::Cycle;
+use i2ris::core::CycleSnapshot;
+use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    Candidate, Event, EventKind, External, Goal, Inputs, JointReport, Mark, ModelChange,
-    ModelRequest, Outputs, Report, ServoCommand, StateReply, StateRequest,
+    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
+    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
+    ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -17,12 +19,12 @@ use i2ris::model::file::{
 };
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{History, Model};
-use i2ris::process::black_box::{OfferRecord, Snapshot, TickRecord};
+use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
 use i2ris::units::{Counts, Nanos, OutputVec};
 
-use crate::drive::{Drive, Quirk};
-use crate::invariant::Watch;
+use crate::invariants::InvariantCheck;
+use crate::simulated_drive::{Quirk, SimulatedDrive};
 
 /// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
 pub const GAIN_DEG: f64 = 0.015_556;
@@ -168,21 +170,21 @@ pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
 }
 
 pub struct Bench {
-    pub cycle: Cycle,
+    pub cycle: ControlCycle,
     pub config: Config,
     pub now: Nanos,
-    pub drives: [Drive; 2],
-    pub out: Outputs,
-    pub events: Vec<EventKind>,
+    pub drives: [SimulatedDrive; 2],
+    pub out: CycleOutputs,
+    pub events: Vec<CycleEventKind>,
     pub shutdown: bool,
     /// Asked for in the next tick.
-    pub model_request: Option<ModelRequest>,
+    pub model_request: Option<ModelSwapRequest>,
     /// The clutch is open in servo commands from now on.
     pub clutched: bool,
     /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
     /// Seen by a camera, in the next tick.
-    pub external: Option<External>,
+    pub external: Option<ExternalPose>,
     /// How many ticks late every tick is from now on.
     pub missed: u32,
     /// Something that counts, read before and after every step, and the sum of the differences.
@@ -190,26 +192,32 @@ pub struct Bench {
     pub probed: u64,
     /// Where the motors have been, and how far that is, as the thread that stages models knows it.
     pub history: History,
-    pub mark: Mark,
+    pub mark: HistoryCursor,
     /// Fills while there is one.
     pub recording: Option<Recording>,
     client_sequence: u64,
     request_id: u64,
-    watch: Watch,
+    watch: InvariantCheck,
 }
 
 /// What a black box would be filled with.
 #[derive(Default)]
 pub struct Recording {
     pub ticks: Vec<TickRecord>,
-    pub snapshots: Vec<Snapshot>,
+    pub snapshots: Vec<CycleSnapshot>,
     pub offers: Vec<OfferRecord>,
     pub models: Vec<Vec<u8>>,
     offered: Option<u64>,
 }
 
 impl Recording {
-    fn push(&mut self, now: Nanos, inputs: &Inputs, outputs: &Outputs, snapshot: Option<Snapshot>) {
+    fn push(
+        &mut self,
+        now: Nanos,
+        inputs: &CycleInputs,
+        outputs: &CycleOutputs,
+        snapshot: Option<CycleSnapshot>,
+    ) {
         let tick = Tick {
             planned: now,
             started: now,
@@ -231,12 +239,12 @@ impl Recording {
         self.models.push(model.file().canonical_form().unwrap());
     }
 
-    fn offer(&mut self, candidate: &Candidate) {
+    fn offer(&mut self, candidate: &ModelCandidate) {
         let number = self.offers.len() as u64 + 1;
         self.offers.push(OfferRecord {
             number,
             model: candidate.model().id(),
-            carried: candidate.carried(),
+            carried: candidate.state(),
         });
         self.keep(candidate.model());
         self.offered = Some(number);
@@ -249,12 +257,13 @@ pub const CLIENT: u64 = 7;
 impl Bench {
     pub fn new(config: Config, model: Option<Arc<Model>>) -> Self {
         let mut bench = Self {
-            cycle: Cycle::new(&config, model),
-            watch: Watch::new(&config),
+            cycle: ControlCycle::new(&config, model),
+            watch: InvariantCheck::new(&config),
             config,
             now: Nanos::from_millis(10_000),
-            drives: [Drive::new(0), Drive::new(0)],
-            out: Cycle::new(&self::config(""), None).step(Nanos::ZERO, &Inputs::default()),
+            drives: [SimulatedDrive::new(0), SimulatedDrive::new(0)],
+            out: ControlCycle::new(&self::config(""), None)
+                .step(Nanos::ZERO, &CycleInputs::default()),
             events: Vec::with_capacity(1000),
             shutdown: false,
             model_request: None,
@@ -265,15 +274,14 @@ impl Bench {
             probe: || 0,
             probed: 0,
             history: History::default(),
-            mark: Mark::default(),
+            mark: HistoryCursor::default(),
             recording: None,
             client_sequence: 0,
             request_id: 0,
         };
-        bench
-            .drives
-            .iter_mut()
-            .for_each(|drive| drive.feedback.stamp = bench.now);
+        for drive in &mut bench.drives {
+            drive.feedback.stamp = bench.now;
+        }
         bench.step(None, None);
         bench
     }
@@ -286,14 +294,13 @@ impl Bench {
     pub fn step(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
         let requests = self.out.requests;
         self.now = self.now + self.config.control.period();
-        self.drives
-            .iter_mut()
-            .zip(&requests)
-            .for_each(|(drive, request)| drive.tick(self.now, request));
+        for (drive, request) in self.drives.iter_mut().zip(&requests) {
+            drive.tick(self.now, request);
+        }
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
         let (model, external, missed) =
             (self.model_request.take(), self.external.take(), self.missed);
-        let inputs = Inputs {
+        let inputs = CycleInputs {
             servo,
             request,
             model,
@@ -304,19 +311,19 @@ impl Bench {
         };
         let before = (self.probe)();
         self.out = self.cycle.step(self.now, &inputs);
-        let retired = self.cycle.retired();
+        let retired = self.cycle.take_retired();
         let snapshot = self.cycle.snapshot();
         self.probed += (self.probe)() - before;
         drop(retired);
-        self.recording
-            .iter_mut()
-            .for_each(|recording| recording.push(self.now, &inputs, &self.out, snapshot));
+        if let Some(recording) = &mut self.recording {
+            recording.push(self.now, &inputs, &self.out, snapshot);
+        }
         self.watch.check(&inputs, &self.out);
         self.note_events();
-        self.note_way();
+        self.record_motion();
     }
 
-    fn note_way(&mut self) {
+    fn record_motion(&mut self) {
         let mark = self.out.report.mark;
         if mark.epoch != self.mark.epoch {
             self.history.forget();
@@ -333,25 +340,25 @@ impl Bench {
     }
 
     /// A model that has seen what the motors did so far.
-    pub fn candidate(&self, model: &Arc<Model>) -> Candidate {
-        Candidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
+    pub fn candidate(&self, model: &Arc<Model>) -> ModelCandidate {
+        ModelCandidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
     }
 
     /// Stages a model.
-    pub fn offer(&mut self, candidate: Candidate) {
-        self.recording
-            .iter_mut()
-            .for_each(|recording| recording.offer(&candidate));
+    pub fn offer(&mut self, candidate: ModelCandidate) {
+        if let Some(recording) = &mut self.recording {
+            recording.offer(&candidate);
+        }
         let before = (self.probe)();
-        assert!(self.cycle.takes_candidates());
-        self.cycle.offer(candidate);
+        assert!(self.cycle.can_stage_model());
+        self.cycle.stage_model(candidate);
         self.probed += (self.probe)() - before;
     }
 
     /// One tick with a change of the model in use.
     pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
         self.request_id += 1;
-        self.model_request = Some(ModelRequest {
+        self.model_request = Some(ModelSwapRequest {
             id: self.request_id,
             change,
             forced,
@@ -373,7 +380,7 @@ impl Bench {
     }
 
     fn note_events(&mut self) {
-        for Event { stamp, kind } in self.out.events.iter().flatten() {
+        for CycleEvent { stamp, kind } in self.out.events.iter().flatten() {
             assert_eq!(*stamp, self.now);
             if self.events.len() < self.events.capacity() {
                 self.events.push(*kind);
@@ -386,10 +393,12 @@ impl Bench {
     }
 
     pub fn run(&mut self, ticks: usize) {
-        (0..ticks).for_each(|_| self.tick());
+        for _ in 0..ticks {
+            self.tick();
+        }
     }
 
-    /// Time passes and nobody ticks.
+    /// Time passes without ticks.
     pub fn skip(&mut self, span: Nanos) {
         self.now = self.now + span;
     }
@@ -422,7 +431,7 @@ impl Bench {
     }
 
     /// A servo command of the usual client, sent now.
-    pub fn servo(&mut self, goal: Goal) -> ServoCommand {
+    pub fn servo(&mut self, goal: ServoGoal) -> ServoCommand {
         self.client_sequence += 1;
         let stamp = self.now + self.config.control.period();
         ServoCommand {
@@ -450,16 +459,16 @@ impl Bench {
     }
 
     pub fn joint(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
-        let command = self.servo(Goal::Joint(rad(pitch_deg, yaw_deg), 2));
+        let command = self.servo(ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2));
         self.send(command)
     }
 
     pub fn actuator(&mut self, counts: [i32; 2]) -> Refusal {
-        let command = self.servo(Goal::Actuator(counts.map(Counts), 2));
+        let command = self.servo(ServoGoal::Actuator(counts.map(Counts), 2));
         self.send(command)
     }
 
-    pub fn report(&self) -> &Report {
+    pub fn report(&self) -> &CycleReport {
         &self.out.report
     }
 
@@ -482,7 +491,7 @@ impl Bench {
         [self.drives[0].feedback.phase, self.drives[1].feedback.phase]
     }
 
-    /// Runs until something holds, at most 40 seconds: longer than any time-out.
+    /// Runs until something holds, at most 40 seconds: longer than any timeout.
     pub fn until(&mut self, what: &str, holds: impl Fn(&Self) -> bool) {
         for _ in 0..40_000_000_000 / self.config.control.period().0 {
             if holds(self) {
@@ -517,12 +526,17 @@ impl Bench {
     }
 
     pub fn enabled() -> Self {
-        let mut bench = Self::homed();
+        Self::enabled_with(config(""), Some(model(OutputUnit::Deg)))
+    }
+
+    pub fn enabled_with(config: Config, model: Option<Arc<Model>>) -> Self {
+        let mut bench = Self::new(config, model);
+        bench.home();
         bench.enable();
         bench
     }
 
-    /// Enabled and on the way to a far goal, at full speed, with a command that has just been
+    /// Enabled and moving to a far goal, at full speed, with a command that has just been
     /// accepted.
     pub fn moving() -> Self {
         let mut bench = Self::enabled();

@@ -1,4 +1,4 @@
-//! The command `condition`: a decaying stroke after which the memory of the model is known.
+//! The command `condition`: a conditioning cycle, after which the memory of the model is known.
 
 use std::sync::Arc;
 
@@ -7,14 +7,12 @@ use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 
 use crate::bench::{Bench, HULL, config, model, play_model};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 use i2ris::model::file::OutputUnit;
 
-/// Enabled, at some place that is not the middle.
+/// Enabled, at a position that is not the centre.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
-    let mut bench = Bench::new(config, model);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config, model);
     for _ in 0..40 {
         assert_eq!(bench.actuator([120, -80]), Refusal::None);
         bench.run(4);
@@ -27,41 +25,41 @@ fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
     bench
 }
 
-/// Runs a stroke to its end: the place of every tick.
-fn stroke(bench: &mut Bench) -> Vec<[i32; 2]> {
+/// Runs a conditioning cycle to its end: the targets of every tick.
+fn run_conditioning(bench: &mut Bench) -> Vec<[i32; 2]> {
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     assert!(bench.report().busy && !bench.report().holding);
-    let mut places = vec![bench.targets()];
+    let mut positions = vec![bench.targets()];
     while bench.report().busy {
         bench.tick();
-        places.push(bench.targets());
-        assert!(places.len() < 100_000, "it ends");
+        positions.push(bench.targets());
+        assert!(positions.len() < 100_000, "it ends");
     }
     assert_eq!(
         (bench.state(), bench.report().holding),
         (OperatingState::Enabled, true)
     );
-    places
+    positions
 }
 
-fn range(places: &[[i32; 2]], motor: usize) -> (i32, i32) {
-    let values = || places.iter().map(|place| place[motor]);
+fn range(positions: &[[i32; 2]], motor: usize) -> (i32, i32) {
+    let values = || positions.iter().map(|place| place[motor]);
     (values().min().unwrap(), values().max().unwrap())
 }
 
 #[test]
 fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
     let mut bench = ready(config(""), Some(model(OutputUnit::Deg)));
-    let places = stroke(&mut bench);
-    assert_eq!(range(&places, 0), (-HULL as i32, HULL as i32));
+    let positions = run_conditioning(&mut bench);
+    assert_eq!(range(&positions, 0), (-HULL as i32, HULL as i32));
     assert_eq!(
-        range(&places, 1),
+        range(&positions, 1),
         (-700, HULL as i32),
         "motor 1 ends at -700"
     );
-    assert_eq!(places.last(), Some(&[120, -80]));
-    let swings: Vec<i32> = places
-        .chunks(places.len() / 4)
+    assert_eq!(positions.last(), Some(&[120, -80]));
+    let swings: Vec<i32> = positions
+        .chunks(positions.len() / 4)
         .map(|part| range(part, 0).1 - range(part, 0).0)
         .collect();
     assert!(
@@ -77,19 +75,19 @@ fn afterwards_the_memory_is_known() {
         !bench.joints().memory_known,
         "the motors have covered 120 and 80 counts of the 200 that are needed"
     );
-    stroke(&mut bench);
+    run_conditioning(&mut bench);
     assert!(bench.joints().memory_known);
 }
 
 #[test]
-fn a_narrow_stroke_is_widened_to_what_the_model_needs() {
+fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
     let mut bench = ready(
         config("[conditioning]\nhalf_width_counts = 20\nturns = 2"),
         Some(play_model()),
     );
-    let places = stroke(&mut bench);
+    let positions = run_conditioning(&mut bench);
     assert_eq!(
-        (range(&places, 0), range(&places, 1)),
+        (range(&positions, 0), range(&positions, 1)),
         ((10, 230), (-190, 30)),
         "200 counts and a margin"
     );
@@ -102,14 +100,14 @@ fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
         config("[conditioning]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"),
         None,
     );
-    let places = stroke(&mut bench);
+    let positions = run_conditioning(&mut bench);
     assert_eq!(
-        (range(&places, 0), range(&places, 1)),
+        (range(&positions, 0), range(&positions, 1)),
         ((-530, 770), (-700, 600)),
         "as wide, but moved off the limit"
     );
-    assert_eq!(places.last(), Some(&[120, -80]));
-    let mut steps = places
+    assert_eq!(positions.last(), Some(&[120, -80]));
+    let mut steps = positions
         .windows(2)
         .map(|pair| (pair[1][0] - pair[0][0]).abs());
     assert!(
@@ -122,12 +120,10 @@ fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
 fn one_motor_is_conditioned_too() {
     let mut one = config("");
     one.ports[0].axes.truncate(1);
-    let mut bench = Bench::new(one, None);
-    bench.home();
-    bench.enable();
-    let places = stroke(&mut bench);
+    let mut bench = Bench::enabled_with(one, None);
+    let positions = run_conditioning(&mut bench);
     assert_eq!(
-        (range(&places, 0), range(&places, 1)),
+        (range(&positions, 0), range(&positions, 1)),
         ((-500, 500), (0, 0))
     );
 }
@@ -137,9 +133,7 @@ fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
     let mut narrow = config("");
     narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-90);
     narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(90);
-    let mut bench = Bench::new(narrow, Some(play_model()));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(narrow, Some(play_model()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     assert!(!bench.report().busy);
 }
@@ -147,7 +141,7 @@ fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
 #[test]
 fn servo_commands_meanwhile_are_refused_and_change_nothing() {
     let mut bench = ready(config(""), Some(play_model()));
-    let alone = stroke(&mut ready(config(""), Some(play_model())));
+    let alone = run_conditioning(&mut ready(config(""), Some(play_model())));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     for place in &alone[1..500] {
         assert_eq!(bench.actuator([0, 0]), Refusal::Busy);

@@ -1,12 +1,12 @@
 //! DISABLED: homing and enabling.
 
-use i2ris::core::EventKind;
+use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
 
 use crate::bench::{Bench, CLIENT, config};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 #[test]
 fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
@@ -126,9 +126,9 @@ fn until_a_drive_is_enabled_its_target_is_where_it_is() {
 }
 
 /// The drive holds the target that was preloaded, which may be some counts away from where the
-/// motor stands.
+/// motor is.
 #[test]
-fn the_set_point_starts_where_the_drive_holds() {
+fn the_setpoint_starts_where_the_drive_holds() {
     let mut bench = Bench::homed();
     bench.drives[1].feedback.position = Counts(40);
     bench.quirk(1, Quirk::Blocked);
@@ -157,7 +157,7 @@ fn a_target_from_before_is_not_where_the_drive_holds() {
     assert_eq!(
         bench.targets()[0],
         -600,
-        "not the target of the former session"
+        "not the target of the previous session"
     );
     assert_eq!(
         bench.state(),
@@ -180,7 +180,7 @@ fn enabled_is_claimed_only_when_every_drive_is() {
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NotEnabled);
     bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
     assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
-    let enabled = EventKind::State {
+    let enabled = CycleEventKind::State {
         from: OperatingState::Disabled,
         to: OperatingState::Enabled,
         command: Some(StateCommand::Enable),
@@ -239,7 +239,7 @@ fn the_first_report_of_a_slow_drive_is_waited_for() {
     );
 }
 
-/// A drive that says it is off may not have seen yet that it was told to go on.
+/// A drive that says it is off may not have received the demand to switch on yet.
 #[test]
 fn a_report_older_than_the_demand_is_not_believed() {
     let mut bench = Bench::homed();

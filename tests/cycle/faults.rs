@@ -1,12 +1,12 @@
-//! FAULT: what leads to it, what the drives are told, and the way out.
+//! FAULT: its causes, the demands to the drives, and the acknowledgement.
 
-use i2ris::core::EventKind;
+use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
 
 use crate::bench::Bench;
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 fn demands(bench: &Bench) -> [Demand; 2] {
     bench.out.requests.map(|request| request.demand)
@@ -35,10 +35,10 @@ fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
         bench.drives[1].feedback.error_code = 0x8611;
         bench.tick();
         assert_eq!(fault(&bench), Some(Fault::Drive));
-        let told = bench.events.iter().any(|event| {
+        let is_reported = bench.events.iter().any(|event| {
             matches!(
                 event,
-                EventKind::Axis {
+                CycleEventKind::Axis {
                     motor: 1,
                     to: AxisPhase::Faulted,
                     error_code: 0x8611,
@@ -46,7 +46,7 @@ fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
                 }
             )
         });
-        assert!(told, "{:?}", bench.events);
+        assert!(is_reported, "{:?}", bench.events);
     }
 }
 
@@ -75,7 +75,7 @@ fn drives_without_power_get_none_in_a_fault() {
     assert_eq!(
         demands(&bench),
         [Demand::Disabled; 2],
-        "enabling was under way"
+        "enabling was in progress"
     );
 }
 
@@ -96,7 +96,7 @@ fn a_line_that_is_lost_is_a_fault_and_the_drive_behind_it_shall_hold() {
     assert_eq!(
         demands(&bench),
         [Demand::QuickStop; 2],
-        "and goes on to be told so, for when the line is back"
+        "the demand stays, for when the line is back"
     );
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::CausePersists);
     bench.quirk(0, Quirk::None);
@@ -110,9 +110,9 @@ fn a_line_that_is_lost_is_a_fault_and_the_drive_behind_it_shall_hold() {
 fn positions_that_stay_away_are_a_lost_line() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Silent);
-    let heard = bench.drives[1].feedback.stamp;
+    let last_report = bench.drives[1].feedback.stamp;
     expect_fault(&mut bench, Fault::Link);
-    assert_eq!(bench.now.since(heard), Nanos::from_millis(250));
+    assert_eq!(bench.now.since(last_report), Nanos::from_millis(250));
 }
 
 #[test]
@@ -160,11 +160,7 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
     }
     assert_eq!(fault(&bench), Some(Fault::FollowingError));
     let written = bench.drives[0].feedback.written.unwrap().target;
-    assert_eq!(
-        written,
-        Counts(301),
-        "the first set-point beyond 300 counts"
-    );
+    assert_eq!(written, Counts(301), "the first setpoint beyond 300 counts");
     bench.quirk(0, Quirk::None);
     bench.run(20);
     assert_eq!(
@@ -173,14 +169,12 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
     );
 }
 
-/// On a slow line the newest set-point is far ahead of the one that was written; the motor cannot
+/// On a slow line the newest setpoint is far ahead of the one that was written; the motor cannot
 /// know it.
 #[test]
-fn a_set_point_that_waits_for_the_wire_is_no_following_error() {
+fn a_setpoint_that_waits_for_the_wire_is_no_following_error() {
     let config = crate::bench::config("[limits]\nfollowing_error_counts = 10");
-    let mut bench = Bench::new(config, None);
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config, None);
     bench.drives[0].slot = 20;
     assert_eq!(bench.actuator([250, 250]), Refusal::None);
     let mut ahead = 0;
@@ -302,7 +296,7 @@ fn a_drive_that_does_not_go_off_is_a_fault() {
 }
 
 #[test]
-fn a_fault_is_not_over_while_a_drive_is_not_heard() {
+fn a_fault_is_not_over_while_a_drive_does_not_answer() {
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Silent);
     expect_fault(&mut bench, Fault::Link);

@@ -1,7 +1,7 @@
-//! ENABLED: what servo commands make of the set-points.
+//! ENABLED: what servo commands make of the setpoints.
 
 use i2ris::config::Config;
-use i2ris::core::Goal;
+use i2ris::core::ServoGoal;
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
@@ -11,8 +11,8 @@ use crate::bench::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;
 
-/// Sends a goal every few ticks until the set-points have stood for a while.
-fn hold_goal(bench: &mut Bench, goal: Goal) {
+/// Sends a goal every few ticks until the setpoints have stood for a while.
+fn hold_goal(bench: &mut Bench, goal: ServoGoal) {
     for _ in 0..200 {
         let command = bench.servo(goal);
         assert_eq!(bench.send(command), Refusal::None);
@@ -23,7 +23,7 @@ fn hold_goal(bench: &mut Bench, goal: Goal) {
 #[test]
 fn angles_end_at_the_counts_that_the_model_says() {
     let mut bench = Bench::enabled();
-    hold_goal(&mut bench, Goal::Joint(rad(3.0, -1.5), 2));
+    hold_goal(&mut bench, ServoGoal::Joint(rad(3.0, -1.5), 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
         assert!(
@@ -42,21 +42,20 @@ fn angles_end_at_the_counts_that_the_model_says() {
 
 #[test]
 fn counts_need_no_model() {
-    let mut bench = Bench::new(config(""), None);
-    bench.home();
-    bench.enable();
-    hold_goal(&mut bench, Goal::Actuator([Counts(120), Counts(-77)], 2));
+    let mut bench = Bench::enabled_with(config(""), None);
+    hold_goal(
+        &mut bench,
+        ServoGoal::Actuator([Counts(120), Counts(-77)], 2),
+    );
     assert_eq!(bench.targets(), [120, -77]);
     assert_eq!(bench.report().joint, None);
 }
 
 #[test]
 fn a_tip_position_is_followed_like_an_angle() {
-    let mut bench = Bench::new(config(""), Some(model(OutputUnit::Mm)));
-    bench.home();
-    bench.enable();
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     let goal = [0.003, -0.0015, 0.0];
-    hold_goal(&mut bench, Goal::Joint(goal, 2));
+    hold_goal(&mut bench, ServoGoal::Joint(goal, 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
         assert!(
@@ -70,7 +69,7 @@ fn a_tip_position_is_followed_like_an_angle() {
         Refusal::None,
         "near zero in any unit"
     );
-    let far = bench.servo(Goal::Joint([0.010, 0.0, 0.0], 2));
+    let far = bench.servo(ServoGoal::Joint([0.010, 0.0, 0.0], 2));
     assert_eq!(bench.send(far), Refusal::Step);
 }
 
@@ -85,7 +84,7 @@ fn a_goal_outside_the_hull_is_clipped_to_it_and_reported() {
         assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
         bench.run(9);
     }
-    hold_goal(&mut bench, Goal::Joint(rad(pitch, 0.0), 2));
+    hold_goal(&mut bench, ServoGoal::Joint(rad(pitch, 0.0), 2));
     assert!(bench.report().clipped);
     assert_eq!(bench.targets(), [800, 800]);
     assert!(
@@ -93,7 +92,7 @@ fn a_goal_outside_the_hull_is_clipped_to_it_and_reported() {
         "{}",
         bench.joints().goal[0].to_degrees()
     );
-    hold_goal(&mut bench, Goal::Joint(rad(pitch - 4.0, 0.0), 2));
+    hold_goal(&mut bench, ServoGoal::Joint(rad(pitch - 4.0, 0.0), 2));
     assert!(!bench.report().clipped);
 }
 
@@ -108,7 +107,7 @@ fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
         assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
         bench.run(9);
     }
-    hold_goal(&mut bench, Goal::Joint(rad(pitch, 0.0), 2));
+    hold_goal(&mut bench, ServoGoal::Joint(rad(pitch, 0.0), 2));
     assert!(bench.report().clipped);
     assert_eq!(bench.targets()[1], -700);
     let joints = bench.joints();
@@ -119,9 +118,9 @@ fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
 }
 
 #[test]
-fn the_next_set_point_carries_stamp_and_sequence_of_its_command() {
+fn the_next_setpoint_carries_stamp_and_sequence_of_its_command() {
     let mut bench = Bench::enabled();
-    let command = bench.servo(Goal::Joint(rad(0.1, 0.0), 2));
+    let command = bench.servo(ServoGoal::Joint(rad(0.1, 0.0), 2));
     bench.send(command);
     for request in bench.out.requests {
         assert_eq!(
@@ -153,8 +152,8 @@ fn what_is_reported_is_what_was_asked_and_not_where_it_is_heading() {
     }
 }
 
-/// A client that asks for `goal(time)` at a rate, judged by how far the set-point is from what is
-/// asked for at every tick.
+/// A client that asks for `goal(time)` at a rate, measured by the distance of the setpoint from the
+/// goal at every tick.
 struct Stream {
     rate_hz: f64,
     /// Time between sending and the tick that reads it, seconds.
@@ -180,7 +179,7 @@ impl Stream {
                 let sent_s = send_time(k);
                 k += 1;
                 let pitch = goal(sent_s) * 2.0 * GAIN_DEG;
-                let mut command = bench.servo(Goal::Joint(rad(pitch, 0.0), 2));
+                let mut command = bench.servo(ServoGoal::Joint(rad(pitch, 0.0), 2));
                 command.stamp = start + Nanos((sent_s * 1e9) as u64);
                 assert_eq!(bench.send(command), Refusal::None, "at {sent_s} s");
             } else {
@@ -245,7 +244,7 @@ fn a_steady_stream_gives_a_steady_velocity() {
     let mut bench = Bench::enabled();
     for k in 0..200 {
         let stamp = bench.now + Nanos::from_micros(700);
-        let mut command = bench.servo(Goal::Joint(rad(f64::from(k) * 0.06, 0.0), 2));
+        let mut command = bench.servo(ServoGoal::Joint(rad(f64::from(k) * 0.06, 0.0), 2));
         command.stamp = stamp;
         assert_eq!(bench.send(command), Refusal::None);
         for _ in 0..4 {
@@ -278,12 +277,10 @@ fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
 #[test]
 fn one_motor_alone_can_be_commanded() {
     let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
-    let mut bench = Bench::new(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
-    bench.home();
-    bench.enable();
-    let command = bench.servo(Goal::Actuator([Counts(30), Counts(30)], 2));
+    let mut bench = Bench::enabled_with(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
+    let command = bench.servo(ServoGoal::Actuator([Counts(30), Counts(30)], 2));
     assert_eq!(bench.send(command), Refusal::Malformed);
-    hold_goal(&mut bench, Goal::Actuator([Counts(30), Counts(0)], 1));
+    hold_goal(&mut bench, ServoGoal::Actuator([Counts(30), Counts(0)], 1));
     assert_eq!(bench.targets(), [30, 0]);
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     bench.idle();

@@ -1,24 +1,24 @@
 //! The control cycle against simulated drives, on simulated time.
 //!
-//! `bench` builds a cycle in a wanted state and ticks it; `invariant` watches every tick of every
+//! `bench` builds a cycle in a given state and ticks it; `invariants` checks every tick of every
 //! test.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod bench;
+mod command_admission;
+mod command_table;
 mod conditioning;
-mod drive;
 mod enabling;
 mod faults;
 mod following;
-mod gate;
-mod invariant;
-mod leading;
-mod random;
-mod rehearsing;
-mod replaying;
+mod invariants;
+mod model_swap;
+mod move_and_clutch;
+mod random_inputs;
+mod rehearsal;
+mod replay;
 mod report;
 mod shutdown;
+mod simulated_drive;
 mod stopping;
-mod swapping;
-mod table;

@@ -1,14 +1,14 @@
 //! What the world sees.
 
-use i2ris::core::cycle::Cycle;
-use i2ris::core::{EventKind, Inputs};
+use i2ris::core::cycle::ControlCycle;
+use i2ris::core::{CycleEventKind, CycleInputs};
 use i2ris::drive::{AxisFeedback, AxisPhase};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 
 use crate::bench::{Bench, GAIN_DEG, config, model};
-use crate::drive::{Drive, Quirk};
+use crate::simulated_drive::{Quirk, SimulatedDrive};
 
 #[test]
 fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
@@ -32,10 +32,10 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 
 #[test]
 fn before_every_drive_has_reported_there_is_no_estimate() {
-    let mut cycle = Cycle::new(&config(""), Some(model(OutputUnit::Deg)));
-    let mut inputs = Inputs {
-        feedback: [Drive::new(3).feedback; 2],
-        ..Inputs::default()
+    let mut cycle = ControlCycle::new(&config(""), Some(model(OutputUnit::Deg)));
+    let mut inputs = CycleInputs {
+        feedback: [SimulatedDrive::new(3).feedback; 2],
+        ..CycleInputs::default()
     };
     inputs.feedback[1] = AxisFeedback::default();
     assert_eq!(cycle.step(Nanos(100), &inputs).report.joint, None);
@@ -85,7 +85,7 @@ fn velocities_are_those_of_the_motion() {
 }
 
 #[test]
-fn a_drive_that_takes_its_set_point_over_shows_no_velocity() {
+fn a_drive_that_takes_its_setpoint_over_shows_no_velocity() {
     let mut bench = Bench::homed();
     bench.quirk(1, Quirk::Blocked);
     bench.ask(StateCommand::Enable);
@@ -129,7 +129,7 @@ fn every_change_of_phase_is_an_event() {
         .events
         .iter()
         .filter_map(|event| {
-            if let EventKind::Axis { motor: 1, to, .. } = event {
+            if let CycleEventKind::Axis { motor: 1, to, .. } = event {
                 Some(*to)
             } else {
                 None
@@ -155,7 +155,7 @@ fn the_way_through_the_states_is_written_down() {
         .events
         .iter()
         .filter_map(|event| match event {
-            EventKind::State {
+            CycleEventKind::State {
                 to, command, fault, ..
             } => Some((*to, *command, *fault)),
             _ => None,

@@ -5,7 +5,7 @@ use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
 use crate::bench::Bench;
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 /// Runs to the end; how long it took.
 fn end(bench: &mut Bench) -> Nanos {

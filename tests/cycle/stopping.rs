@@ -1,12 +1,12 @@
-//! Everything that ends in a hold: silence, pause, release, disable, old feedback.
+//! Everything that stops the motion: stale commands, pause, release, disable, old feedback.
 
-use i2ris::core::EventKind;
+use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
 use crate::bench::{Bench, CLIENT, config};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 /// Ticks until the targets do not change any more.
 fn ticks_to_rest(bench: &mut Bench) -> usize {
@@ -22,7 +22,7 @@ fn ticks_to_rest(bench: &mut Bench) -> usize {
 }
 
 #[test]
-fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
+fn a_silent_client_is_followed_until_its_deadline_and_two_ticks_at_most() {
     let mut bench = Bench::enabled();
     let sent = bench.now + bench.config.control.period();
     assert_eq!(bench.actuator([250, -250]), Refusal::None);
@@ -33,7 +33,7 @@ fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
             (last_motion, before) = (bench.now, bench.targets());
         }
     }
-    assert!(bench.targets()[0] < 100, "it was on its way");
+    assert!(bench.targets()[0] < 100, "it had not arrived");
     assert!(
         last_motion.since(sent) >= Nanos::from_millis(49),
         "it was followed as long as it was fresh"
@@ -45,7 +45,7 @@ fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
     );
     assert_eq!(bench.report().stale_stops, 1);
     assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
-    let stop = EventKind::StaleStop {
+    let stop = CycleEventKind::StaleStop {
         client_id: CLIENT,
         age: Nanos::from_millis(50),
     };
@@ -55,7 +55,7 @@ fn a_silent_commander_is_not_followed_past_its_deadline_and_two_ticks() {
 #[test]
 fn a_command_may_set_its_own_deadline() {
     let mut bench = Bench::enabled();
-    let mut command = bench.servo(i2ris::core::Goal::Actuator(
+    let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
         [i2ris::units::Counts(250); 2],
         2,
     ));
@@ -67,13 +67,11 @@ fn a_command_may_set_its_own_deadline() {
     assert!(bench.report().holding);
 }
 
-/// A deadline beyond the lease would leave a robot that follows nobody.
+/// A deadline beyond the lease would leave a robot that moves without a client.
 #[test]
 fn no_command_outlives_the_lease() {
-    let mut bench = Bench::new(config("[command]\nlease_ms = 60"), None);
-    bench.home();
-    bench.enable();
-    let mut command = bench.servo(i2ris::core::Goal::Actuator(
+    let mut bench = Bench::enabled_with(config("[command]\nlease_ms = 60"), None);
+    let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
         [i2ris::units::Counts(250); 2],
         2,
     ));
@@ -128,7 +126,7 @@ fn paused_holds_and_resumes_where_it_is() {
 }
 
 #[test]
-fn a_commander_that_gives_its_lease_back_is_not_followed() {
+fn a_client_that_gives_its_lease_back_is_not_followed() {
     let mut bench = Bench::moving();
     assert_eq!(
         bench.ask_as(99, StateCommand::Release).refusal,
@@ -171,14 +169,12 @@ fn disable_slows_down_settles_and_only_then_takes_the_power() {
 #[test]
 fn a_stop_that_takes_too_long_ends_with_the_power_off() {
     let limits = "[limits]\nacceleration_counts_s2 = 200.0\nstop_deceleration_counts_s2 = 200.0";
-    let mut bench = Bench::new(
+    let mut bench = Bench::enabled_with(
         config(&format!(
             "{limits}\n[command]\ndeadline_ms = 1000\nlease_ms = 1000"
         )),
         None,
     );
-    bench.home();
-    bench.enable();
     for goal in [240, 480, 720, 960] {
         assert_eq!(bench.actuator([goal, goal]), Refusal::None);
         bench.run(400);
@@ -192,8 +188,8 @@ fn a_stop_that_takes_too_long_ends_with_the_power_off() {
 fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
     let mut bench = Bench::moving();
     bench.quirk(1, Quirk::Silent);
-    let heard = bench.drives[1].feedback.stamp;
-    while bench.now.since(heard) < Nanos::from_millis(49) {
+    let last_report = bench.drives[1].feedback.stamp;
+    while bench.now.since(last_report) < Nanos::from_millis(49) {
         let goal = bench.targets().map(|target| target + 100);
         assert_eq!(bench.actuator(goal), Refusal::None);
     }
@@ -201,7 +197,7 @@ fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
     assert!(
         bench.report().holding,
         "{:?} without a position",
-        bench.now.since(heard)
+        bench.now.since(last_report)
     );
     let goal = bench.targets();
     assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);

@@ -1,6 +1,6 @@
 //! H16: false trips. A robot that does what it is told never stops by itself.
 
-use i2ris::core::External;
+use i2ris::core::ExternalPose;
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
 
@@ -35,7 +35,7 @@ fn h16_five_minutes_of_ordinary_work_trip_nothing() {
                 .iter_mut()
                 .take(2)
                 .for_each(|angle| *angle += noise.to_radians());
-            bench.external = Some(External {
+            bench.external = Some(ExternalPose {
                 stamp: bench.now,
                 position,
                 outputs: 2,

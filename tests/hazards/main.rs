@@ -16,18 +16,18 @@
 )]
 #[path = "../cycle/bench.rs"]
 mod bench;
-#[allow(
-    dead_code,
-    reason = "shared with the tests of the cycle, which use all of it"
-)]
-#[path = "../cycle/drive.rs"]
-mod drive;
-#[path = "../cycle/invariant.rs"]
-mod invariant;
+#[path = "../cycle/invariants.rs"]
+mod invariants;
 mod live;
 mod noise;
 #[path = "../rig/mod.rs"]
 mod rig;
+#[allow(
+    dead_code,
+    reason = "shared with the tests of the cycle, which use all of it"
+)]
+#[path = "../cycle/simulated_drive.rs"]
+mod simulated_drive;
 
 mod campaign;
 mod coverage;

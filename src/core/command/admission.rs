@@ -1,98 +1,72 @@
-//! The gate that servo commands pass: who may command, and when. What may be asked is judged by
-//! `reach`.
+//! Command admission: the checks that a servo command must pass before it is followed.
 //!
-//! A command is judged whole before anything changes. The first check that fails names the reason,
-//! in this order:
+//! A command is checked completely before anything changes. The first check that fails names the
+//! reason, in this order:
 //!
-//! | | check | reason | where |
+//! | | check | refusal | file |
 //! |---|---|---|---|
-//! | 1 | client named, number of entries possible | `Malformed` | here |
-//! | 2 | every entry finite | `NotFinite` | here |
-//! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | here |
-//! | 4 | younger than its deadline | `Stale` | here |
-//! | 5 | state ENABLED, | `NotEnabled` | here |
-//! |   | and no motion of its own under way | `Busy` | here |
-//! | 6 | every axis homed | `NotHomed` | here |
-//! | 7 | positions of all drives fresh | `DrivesNotReady` | here |
-//! | 8 | lease free, or held by this client | `Lease` | here |
-//! | 9 | sequence above that of the last accepted command of this client | `Sequence` | here |
-//! | 10 | angles: a model is loaded | `NoModel` | `reach` |
-//! | 11 | number of entries as the model or the motors have | `Malformed` | `reach` |
-//! | 12 | counts: inside the position limits of the axes | `Range` | `reach` |
-//! | 13 | near the goal before, or near the present set-point | `Step` | `reach` |
+//! | 1 | client id not 0, number of entries possible | `Malformed` | `admission` |
+//! | 2 | every entry finite | `NotFinite` | `admission` |
+//! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `deadline` |
+//! | 4 | younger than its deadline | `Stale` | `deadline` |
+//! | 5 | state ENABLED, | `NotEnabled` | `admission` |
+//! |   | and no conditioning cycle or trajectory in progress | `Busy` | `admission` |
+//! | 6 | every axis homed | `NotHomed` | `admission` |
+//! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
+//! | 8 | lease free, or held by this client | `Lease` | `lease` |
+//! | 9 | sequence above that of the client's last accepted command | `Sequence` | `admission` |
+//! | 10 | angles: a model is loaded | `NoModel` | `range_check` |
+//! | 11 | number of entries as the model or the motors have | `Malformed` | `range_check` |
+//! | 12 | counts: within the position limits of the axes | `Range` | `range_check` |
+//! | 13 | near the last goal, or near the present setpoint | `Step` | `range_check` |
 //!
-//! What is wrong with a command by itself comes before what is wrong with it here and now. A
-//! refused command changes nothing but counters: it neither renews the lease nor uses up its
-//! sequence number.
-//!
-//! The lease: taken by the first accepted command while it is free, renewed by every accepted
-//! command, lost after `command.lease_timeout_ms` without one, or given back with the state command
-//! `release`.
+//! Errors of the command itself come before errors of the present situation. A refused command
+//! changes only counters: it does not renew the lease and does not use up its sequence number.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::CommandConfig;
-use crate::core::event::Events;
-use crate::core::{EventKind, Goal, ServoCommand};
+use crate::core::command::deadline::DeadlineCheck;
+use crate::core::command::lease::Lease;
+use crate::core::event::{CycleEventKind, EventList};
+use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
-/// A tick begins before it reads the newest command, and commands are stamped on other processors
-/// of the machine.
-const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
-
-/// A robot that moves on for more than a second after its commander died has no commander.
-const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);
-
-/// What the gate has to know of the robot.
+/// What admission needs to know of the robot.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Scene {
-    /// The tick.
+pub(crate) struct AdmissionContext {
+    /// Start of the tick.
     pub now: Nanos,
-    /// The state.
     pub state: OperatingState,
-    /// The robot moves by itself.
-    pub occupied: bool,
-    /// Every axis knows its zero.
-    pub homed: bool,
+    /// A conditioning cycle or a trajectory is in progress.
+    pub is_occupied: bool,
+    /// Every axis has a valid zero.
+    pub is_homed: bool,
     /// Every position is fresh.
-    pub fresh: bool,
+    pub is_fresh: bool,
 }
 
-/// The client that commands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-struct Holder {
-    client_id: u64,
-    /// When it took or last renewed the lease.
-    renewed: Nanos,
-}
-
-/// The gate, the lease and the counters.
+/// Checks 1 to 9, the lease, and the counters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Gate {
-    default_deadline: Nanos,
-    lease: Nanos,
-    holder: Option<Holder>,
-    /// Client and sequence of the last accepted command. Outlives the lease, so that a replay is
-    /// told from a new command.
+pub(crate) struct CommandAdmission {
+    deadline: DeadlineCheck,
+    lease: Lease,
+    /// Client and sequence of the last accepted command. Kept when the lease ends, so that a
+    /// replayed command is recognised.
     last: Option<(u64, u64)>,
     /// Client and reason of the last refusal that was an event, until a command is accepted.
     folded: Option<(u64, Refusal)>,
-    /// Servo commands taken.
-    pub accepted: u64,
-    /// Servo commands refused.
-    pub refused: u64,
-    /// The last refusal of any command.
-    pub last_refusal: Refusal,
+    accepted: u64,
+    refused: u64,
+    last_refusal: Refusal,
 }
 
-impl Gate {
-    /// A gate that nobody has passed.
+impl CommandAdmission {
     pub fn new(config: &CommandConfig) -> Self {
         Self {
-            default_deadline: Nanos::from_millis(config.deadline_ms),
-            lease: Nanos::from_millis(config.lease_timeout_ms),
-            holder: None,
+            deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)),
+            lease: Lease::new(Nanos::from_millis(config.lease_timeout_ms)),
             last: None,
             folded: None,
             accepted: 0,
@@ -101,152 +75,125 @@ impl Gate {
         }
     }
 
-    /// The client that holds the lease; 0: no one.
-    pub fn holder(&self) -> u64 {
-        self.holder.map_or(0, |holder| holder.client_id)
+    /// Number of accepted servo commands.
+    pub fn accepted(&self) -> u64 {
+        self.accepted
     }
 
-    /// That no other client commands.
-    pub fn unheld_by_others(&self, client_id: u64) -> Result<(), Refusal> {
-        if self
-            .holder
-            .is_some_and(|holder| holder.client_id != client_id)
-        {
-            Err(Refusal::Lease)
-        } else {
-            Ok(())
-        }
+    /// Number of refused servo commands.
+    pub fn refused(&self) -> u64 {
+        self.refused
     }
 
-    /// Checks 1 to 9. The answer is the deadline of the command: a commander that has lost its
-    /// lease is not followed, so it is never longer than that.
-    pub fn permits(&self, command: &ServoCommand, scene: &Scene) -> Result<Nanos, Refusal> {
-        well_formed(command)?;
-        let deadline = self.in_time(command, scene.now)?;
-        allowed_here(scene)?;
-        self.entitled(command)?;
-        Ok(deadline.min(self.lease))
+    /// The last refusal of any command.
+    pub fn last_refusal(&self) -> Refusal {
+        self.last_refusal
     }
 
-    /// Takes note of an accepted command.
-    pub fn accept(&mut self, command: &ServoCommand, now: Nanos, events: &mut Events) {
+    /// Records the refusal of a state command.
+    pub fn record_refusal(&mut self, refusal: Refusal) {
+        self.last_refusal = refusal;
+    }
+
+    /// The client that holds the lease; 0: none.
+    pub fn lease_holder(&self) -> u64 {
+        self.lease.holder()
+    }
+
+    /// Refuses a client while another one holds the lease.
+    pub fn require_lease(&self, client_id: u64) -> Result<(), Refusal> {
+        self.lease.require_available(client_id)
+    }
+
+    /// Checks 1 to 9. Returns the deadline of the command. It is at most the duration of the lease:
+    /// a client that has lost its lease is not followed.
+    pub fn check(
+        &self,
+        command: &ServoCommand,
+        context: &AdmissionContext,
+    ) -> Result<Nanos, Refusal> {
+        require_well_formed(command)?;
+        let deadline = self
+            .deadline
+            .check(command.stamp, command.deadline, context.now)?;
+        require_ready(context)?;
+        self.lease.require_available(command.client_id)?;
+        self.require_new_sequence(command)?;
+        Ok(deadline.min(self.lease.duration()))
+    }
+
+    /// Records an accepted command.
+    pub fn accept(&mut self, command: &ServoCommand, now: Nanos, events: &mut EventList) {
         let client_id = command.client_id;
-        if self.holder() != client_id {
-            events.push(EventKind::Lease { client_id });
+        if self.lease.renew(client_id, now) {
+            events.push(CycleEventKind::Lease { client_id });
         }
-        self.holder = Some(Holder {
-            client_id,
-            renewed: now,
-        });
         self.last = Some((client_id, command.sequence));
         self.folded = None;
         self.accepted = self.accepted.saturating_add(1);
     }
 
-    /// Takes note of a refused command.
-    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, events: &mut Events) {
+    /// Records a refused command.
+    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, events: &mut EventList) {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
         if self.folded != Some((client_id, refusal)) {
             self.folded = Some((client_id, refusal));
-            events.push(EventKind::Refused { client_id, refusal });
+            events.push(CycleEventKind::Refused { client_id, refusal });
         }
     }
 
-    /// Takes the lease from a client that has been silent for too long.
-    pub fn expire(&mut self, now: Nanos, events: &mut Events) {
-        if self
-            .holder
-            .is_some_and(|holder| now.since(holder.renewed) >= self.lease)
-        {
-            self.free(events);
+    /// Frees the lease of a client that has been silent for too long.
+    pub fn expire_lease(&mut self, now: Nanos, events: &mut EventList) {
+        if self.lease.expire(now) {
+            events.push(CycleEventKind::Lease { client_id: 0 });
         }
     }
 
-    /// Gives the lease back. Nothing to give back is no error, but it cannot be taken from another
-    /// client.
-    pub fn release(&mut self, client_id: u64, events: &mut Events) -> Result<(), Refusal> {
-        match self.holder {
-            Some(holder) if holder.client_id == client_id => {
-                self.free(events);
-                Ok(())
+    /// Gives the lease back; see [`Lease::release`].
+    pub fn release_lease(&mut self, client_id: u64, events: &mut EventList) -> Result<(), Refusal> {
+        if self.lease.release(client_id)? {
+            events.push(CycleEventKind::Lease { client_id: 0 });
+        }
+        Ok(())
+    }
+
+    fn require_new_sequence(&self, command: &ServoCommand) -> Result<(), Refusal> {
+        match self.last {
+            Some((client_id, sequence))
+                if client_id == command.client_id && command.sequence <= sequence =>
+            {
+                Err(Refusal::Sequence)
             }
-            Some(_) => Err(Refusal::Lease),
-            None => Ok(()),
-        }
-    }
-
-    fn free(&mut self, events: &mut Events) {
-        self.holder = None;
-        events.push(EventKind::Lease { client_id: 0 });
-    }
-
-    fn in_time(&self, command: &ServoCommand, now: Nanos) -> Result<Nanos, Refusal> {
-        if command.stamp.since(now) > FUTURE_MARGIN || command.deadline > LONGEST_DEADLINE {
-            return Err(Refusal::Stamp);
-        }
-        let deadline = if command.deadline == Nanos::ZERO {
-            self.default_deadline
-        } else {
-            command.deadline
-        };
-        if now.since(command.stamp) < deadline {
-            Ok(deadline)
-        } else {
-            Err(Refusal::Stale)
-        }
-    }
-
-    fn entitled(&self, command: &ServoCommand) -> Result<(), Refusal> {
-        self.unheld_by_others(command.client_id)?;
-        let repeats =
-            |(client_id, sequence)| client_id == command.client_id && command.sequence <= sequence;
-        if self.last.is_some_and(repeats) {
-            Err(Refusal::Sequence)
-        } else {
-            Ok(())
+            Some(_) | None => Ok(()),
         }
     }
 }
 
-fn well_formed(command: &ServoCommand) -> Result<(), Refusal> {
-    let (entries, most, finite) = match &command.goal {
-        Goal::Joint(angles, entries) => (
-            *entries as usize,
-            MAX_OUTPUTS,
-            angles
-                .iter()
-                .take(*entries as usize)
-                .all(|angle| angle.is_finite()),
-        ),
-        Goal::Actuator(_, entries) => (*entries as usize, MAX_MOTORS, true),
+fn require_well_formed(command: &ServoCommand) -> Result<(), Refusal> {
+    let (entries, most) = match command.goal {
+        ServoGoal::Joint(_, entries) => (entries as usize, MAX_OUTPUTS),
+        ServoGoal::Actuator(_, entries) => (entries as usize, MAX_MOTORS),
     };
     if command.client_id == 0 || !(1..=most).contains(&entries) {
         return Err(Refusal::Malformed);
     }
-    if finite {
-        Ok(())
-    } else {
-        Err(Refusal::NotFinite)
+    match &command.goal {
+        ServoGoal::Joint(angles, _) if angles.iter().take(entries).any(|a| !a.is_finite()) => {
+            Err(Refusal::NotFinite)
+        }
+        ServoGoal::Joint(..) | ServoGoal::Actuator(..) => Ok(()),
     }
 }
 
-fn allowed_here(scene: &Scene) -> Result<(), Refusal> {
-    match scene.state {
-        OperatingState::Enabled => {}
+fn require_ready(context: &AdmissionContext) -> Result<(), Refusal> {
+    match context.state {
+        OperatingState::Enabled if context.is_occupied => Err(Refusal::Busy),
+        OperatingState::Enabled if !context.is_homed => Err(Refusal::NotHomed),
+        OperatingState::Enabled if !context.is_fresh => Err(Refusal::DrivesNotReady),
+        OperatingState::Enabled => Ok(()),
         OperatingState::Disabled | OperatingState::Paused | OperatingState::Fault => {
-            return Err(Refusal::NotEnabled);
+            Err(Refusal::NotEnabled)
         }
-    }
-    if scene.occupied {
-        return Err(Refusal::Busy);
-    }
-    if !scene.homed {
-        return Err(Refusal::NotHomed);
-    }
-    if scene.fresh {
-        Ok(())
-    } else {
-        Err(Refusal::DrivesNotReady)
     }
 }

@@ -1,100 +1,86 @@
-//! Clutch and motion scaling: how a master device leads the snake.
+//! Clutch: couples a master device to the snake.
 //!
-//! As long as nobody uses either, a command is a pose: where the master is, the snake goes. With
-//! the clutch open (flag `CLUTCH` of `servo_jp`, a pedal say) the master moves freely and the snake
-//! holds. When it closes, **the master is taken to be where the snake is**, so nothing jumps; from
-//! then on the snake moves by what the master moves, times the scale. The place where they were
-//! coupled is kept until the clutch opens again or someone else takes the lease.
+//! As long as a client uses neither clutch nor scaling, a command is a pose: the snake goes where
+//! the master is. While the clutch is open (flag `CLUTCH` of `servo_jp`, for example a pedal), the
+//! master moves freely and the snake holds. When it closes, the present poses of master and snake
+//! become the references, so nothing jumps; from then on the snake moves by the displacement of the
+//! master times the scale. The references are kept until the clutch opens again or another client
+//! takes the lease.
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::{Goal, ServoCommand};
+use crate::core::command::motion_scaling::MotionScaling;
+use crate::core::inputs::{ServoCommand, ServoGoal};
+use crate::core::vector::is_finite;
 use crate::units::OutputVec;
 
-/// How master and snake are coupled.
+/// The coupling of one client.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Clutch {
-    scale: f64,
+    scaling: MotionScaling,
     client_id: u64,
     coupling: Coupling,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 enum Coupling {
-    /// Where the master is, the snake goes.
-    Pose,
-    /// The clutch is open, or the next command couples.
+    /// The snake goes to the pose of the master.
+    Absolute,
+    /// The clutch is open, or the next command closes it.
     Open,
-    /// Coupled at a place of either, rad.
-    At { master: OutputVec, snake: OutputVec },
+    /// The snake moves by the displacement of the master. Reference poses, rad.
+    Relative { master: OutputVec, snake: OutputVec },
 }
 
 impl Clutch {
-    /// A scale other than 1 needs a place to scale from: the first command couples.
+    /// With a scale other than 1, displacements need a reference: the first command couples.
     pub fn new(scale: f64) -> Self {
+        let scaling = MotionScaling::new(scale);
         Self {
-            scale,
+            scaling,
             client_id: 0,
-            coupling: Self::first(scale),
+            coupling: Self::first_coupling(scaling),
         }
     }
 
-    fn first(scale: f64) -> Coupling {
-        if scale == 1.0 {
-            Coupling::Pose
+    fn first_coupling(scaling: MotionScaling) -> Coupling {
+        if scaling.is_unity() {
+            Coupling::Absolute
         } else {
             Coupling::Open
         }
     }
 
-    /// What a command asks of the snake, which is at `snake`, and the coupling if the command is
-    /// accepted. Goals in counts have no master.
-    pub fn lead(&self, command: &ServoCommand, snake: Option<OutputVec>) -> (Goal, Self) {
+    /// The goal of the snake for a command, and the clutch if the command is accepted. `snake`: the
+    /// present setpoint. Goals in counts are not coupled.
+    pub fn couple(&self, command: &ServoCommand, snake: Option<OutputVec>) -> (ServoGoal, Self) {
         let mut next = *self;
-        let Goal::Joint(master, entries) = command.goal else {
+        let ServoGoal::Joint(master, entries) = command.goal else {
             return (command.goal, next);
         };
         if command.client_id != self.client_id {
-            (next.client_id, next.coupling) = (command.client_id, Self::first(self.scale));
+            next.client_id = command.client_id;
+            next.coupling = Self::first_coupling(self.scaling);
         }
-        let Some(here) = snake else {
+        let Some(snake) = snake else {
             return (command.goal, next);
         };
         if command.clutched {
             next.coupling = Coupling::Open;
-            return (Goal::Joint(held(&master, here), entries), next);
+            // A command that is not finite must be refused, so its goal is kept.
+            let goal = if is_finite(&master) { snake } else { master };
+            return (ServoGoal::Joint(goal, entries), next);
         }
         if next.coupling == Coupling::Open {
-            next.coupling = Coupling::At {
-                master,
-                snake: here,
-            };
+            next.coupling = Coupling::Relative { master, snake };
         }
-        let goal = match next.coupling {
-            Coupling::At {
-                master: from,
+        let goal = match &next.coupling {
+            Coupling::Relative {
+                master: reference,
                 snake,
-            } => moved(&master, &from, snake, self.scale),
-            Coupling::Pose | Coupling::Open => master,
+            } => self.scaling.apply(&master, reference, snake),
+            Coupling::Absolute | Coupling::Open => master,
         };
-        (Goal::Joint(goal, entries), next)
+        (ServoGoal::Joint(goal, entries), next)
     }
-}
-
-/// The place of the snake, unless the command is nonsense: that has to show.
-fn held(master: &OutputVec, snake: OutputVec) -> OutputVec {
-    if master.iter().all(|value| value.is_finite()) {
-        snake
-    } else {
-        *master
-    }
-}
-
-fn moved(master: &OutputVec, from: &OutputVec, mut snake: OutputVec, scale: f64) -> OutputVec {
-    snake
-        .iter_mut()
-        .zip(master)
-        .zip(from)
-        .for_each(|((snake, master), from)| *snake += scale * (master - from));
-    snake
 }

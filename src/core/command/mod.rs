@@ -1,6 +1,10 @@
-//! Servo commands: admission, goal between commands, clutch.
+//! Servo commands and `move_jp`: who may command, and which goals are accepted.
 
-pub(crate) mod admission;
-pub(crate) mod clutch;
-pub(crate) mod goal_extrapolation;
-pub(crate) mod range_check;
+pub(super) mod admission;
+pub(super) mod clutch;
+mod deadline;
+pub(super) mod followed_command;
+mod lease;
+mod motion_scaling;
+pub(super) mod move_planning;
+pub(super) mod range_check;

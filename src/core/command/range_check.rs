@@ -1,158 +1,116 @@
-//! What a servo command may ask: checks 10 to 13 of `gate`.
+//! Range check: the goals that a servo command may request. Checks 10 to 13 of `admission`.
 
 use crate::config::CommandConfig;
-use crate::core::command::goal_extrapolation::Trend;
-use crate::core::motion::axis::Axis;
-use crate::core::motion::joint_space::Joints;
-use crate::core::states::state::{Course, Follow};
-use crate::core::{Goal, ServoCommand};
+use crate::core::inputs::{ServoCommand, ServoGoal};
+use crate::core::joint_space::joint_model::JointModel;
+use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
+use crate::core::vector::{distance, first_entries, largest_difference};
 use crate::model::file::OutputUnit;
 use crate::robot::Refusal;
-use crate::units::{Counts, MAX_MOTORS, MotorVec, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-/// Rounding of degrees to radians may not refuse a step of exactly the limit.
+/// Rounding of degrees to radians must not refuse a step of exactly the limit.
 const STEP_MARGIN: f64 = 1.0 + 1e-9;
 
-/// The largest differences between two commands in a row.
+/// The largest steps from one command to the next.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Steps {
-    /// Length of the difference, rad.
-    joint: f64,
-    /// Difference of every motor, counts.
-    actuator: f64,
+pub(crate) struct RangeCheck {
+    /// Length of the step, rad.
+    joint_step: f64,
+    /// Step of every motor, counts.
+    actuator_step: f64,
 }
 
-impl Steps {
-    /// As configured.
+impl RangeCheck {
     pub fn new(config: &CommandConfig) -> Self {
         Self {
-            joint: config.max_step_deg.to_radians(),
-            actuator: f64::from(config.max_step_counts),
+            joint_step: config.max_step_deg.to_radians(),
+            actuator_step: f64::from(config.max_step_counts),
         }
     }
 
-    /// Checks what a command asks. The answer is the course to follow: the continuation of the
-    /// present one if it is of the same kind, or a new one, which has to begin near the present
-    /// set-points.
-    pub fn course(
+    /// Checks the goal of a command. Returns the goal to follow: the continuation of the followed
+    /// goal if it is of the same kind, or a new one, which must begin near the present setpoints.
+    pub fn check(
         &self,
         command: &ServoCommand,
-        axes: &[Axis],
-        joints: Option<&Joints>,
-        following: Option<&Follow>,
-    ) -> Result<Course, Refusal> {
-        let course = following.map(|follow| &follow.course);
+        followed: Option<&ExtrapolatedGoal>,
+        axes: &AxisGroup,
+        joints: Option<&JointModel>,
+    ) -> Result<ExtrapolatedGoal, Refusal> {
         match command.goal {
-            Goal::Joint(angles, entries) => {
+            ServoGoal::Joint(angles, entries) => {
+                let before = match followed {
+                    Some(ExtrapolatedGoal::Joint(before)) => Some(before),
+                    Some(ExtrapolatedGoal::Actuator(_)) | None => None,
+                };
                 let joints = joints.ok_or(Refusal::NoModel)?;
                 require(entries as usize == joints.outputs(), Refusal::Malformed)?;
-                let angles = first(angles, entries);
-                let before = if let Some(Course::Joint(trend)) = course {
-                    Some(trend)
-                } else {
-                    None
-                };
-                self.joint_step(&angles, before.map(|trend| *trend.goal()), axes, joints)?;
-                Ok(Course::Joint(extend(before, angles, command)))
+                let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
+                let last = before.map(|before| before.goal());
+                let is_near = self.is_joint_step_allowed(&angles, last, axes, joints)?;
+                require(is_near, Refusal::Step)?;
+                Ok(ExtrapolatedGoal::Joint(extend(before, angles, command)))
             }
-            Goal::Actuator(counts, entries) => {
-                require(entries as usize == axes.len(), Refusal::Malformed)?;
-                require(
-                    axes.iter()
-                        .zip(counts)
-                        .all(|(axis, counts)| axis.allows(counts)),
-                    Refusal::Range,
-                )?;
-                let counts = first(counts.map(Counts::as_f64), entries);
-                let before = if let Some(Course::Actuator(trend)) = course {
-                    Some(trend)
-                } else {
-                    None
+            ServoGoal::Actuator(counts, entries) => {
+                let before = match followed {
+                    Some(ExtrapolatedGoal::Actuator(before)) => Some(before),
+                    Some(ExtrapolatedGoal::Joint(_)) | None => None,
                 };
-                let from = before.map_or_else(|| setpoints(axes), |trend| *trend.goal());
-                require(largest_step(&counts, &from) <= self.actuator, Refusal::Step)?;
-                Ok(Course::Actuator(extend(before, counts, command)))
+                require(entries as usize == axes.count(), Refusal::Malformed)?;
+                require(axes.allow(&counts), Refusal::Range)?;
+                let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
+                let from = before.map_or_else(|| axes.setpoints(), |before| *before.goal());
+                require(self.is_actuator_step_allowed(&counts, &from), Refusal::Step)?;
+                Ok(ExtrapolatedGoal::Actuator(extend(before, counts, command)))
             }
         }
     }
 
-    /// Angles are compared as angles. The position of a tip has no degrees, so there the motors are
-    /// compared.
-    fn joint_step(
+    /// Angles are compared as angles. The position of a tip has no degrees, so the motor positions
+    /// of its inverse are compared.
+    fn is_joint_step_allowed(
         &self,
         goal: &OutputVec,
-        before: Option<OutputVec>,
-        axes: &[Axis],
-        joints: &Joints,
-    ) -> Result<(), Refusal> {
+        before: Option<&OutputVec>,
+        axes: &AxisGroup,
+        joints: &JointModel,
+    ) -> Result<bool, Refusal> {
         match joints.unit() {
             OutputUnit::Deg => {
-                let from = before
-                    .or_else(|| joints.setpoint())
-                    .ok_or(Refusal::DrivesNotReady)?;
-                require(
-                    distance(goal, &from) <= self.joint * STEP_MARGIN,
-                    Refusal::Step,
-                )
+                let setpoint = || joints.setpoint().ok_or(Refusal::DrivesNotReady);
+                let from = before.copied().map_or_else(setpoint, Ok)?;
+                // A distance that is not a number is not allowed.
+                Ok(distance(goal, &from) <= self.joint_step * STEP_MARGIN)
             }
             OutputUnit::Mm => {
-                let solve = |goal: &OutputVec| joints.solve(goal).map(|answer| answer.counts);
-                let from = before.map_or_else(|| Ok(setpoints(axes)), |before| solve(&before));
+                let solve = |goal| joints.solve(goal).map(|inverse| inverse.counts);
+                let from = before.map_or_else(|| Ok(axes.setpoints()), solve);
                 let (Ok(from), Ok(to)) = (from, solve(goal)) else {
-                    return Err(Refusal::Step);
+                    return Ok(false);
                 };
-                require(largest_step(&to, &from) <= self.actuator, Refusal::Step)
+                Ok(self.is_actuator_step_allowed(&to, &from))
             }
         }
     }
+
+    fn is_actuator_step_allowed(&self, to: &MotorVec, from: &MotorVec) -> bool {
+        largest_difference(to, from) <= self.actuator_step
+    }
 }
 
-/// The set-points of all motors, before rounding.
-pub(crate) fn setpoints(axes: &[Axis]) -> MotorVec {
-    let mut setpoints = MotorVec::default();
-    setpoints
-        .iter_mut()
-        .zip(axes)
-        .for_each(|(to, axis)| *to = axis.setpoint());
-    setpoints
-}
-
-fn require(right: bool, refusal: Refusal) -> Result<(), Refusal> {
-    if right { Ok(()) } else { Err(refusal) }
+fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {
+    if is_met { Ok(()) } else { Err(refusal) }
 }
 
 fn extend<const N: usize>(
-    before: Option<&Trend<N>>,
+    before: Option<&GoalExtrapolation<N>>,
     goal: [f64; N],
     command: &ServoCommand,
-) -> Trend<N> {
-    before.map_or_else(
-        || Trend::first(goal, command.stamp),
-        |trend| trend.next(goal, command.stamp),
-    )
-}
-
-/// The entries that the client sent, filled up with 0.
-fn first<const N: usize>(mut values: [f64; N], entries: u32) -> [f64; N] {
-    values
-        .iter_mut()
-        .skip(entries as usize)
-        .for_each(|value| *value = 0.0);
-    values
-}
-
-/// Not a number is not below any limit.
-fn distance(a: &OutputVec, b: &OutputVec) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
-}
-
-fn largest_step(a: &[f64; MAX_MOTORS], b: &[f64; MAX_MOTORS]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max)
+) -> GoalExtrapolation<N> {
+    match before {
+        Some(before) => before.next(goal, command.stamp),
+        None => GoalExtrapolation::first(goal, command.stamp),
+    }
 }

@@ -1,4 +1,8 @@
-//! Detection of faults that no drive reports.
+//! Fault detection.
 
-pub(crate) mod overload;
-pub(crate) mod plausibility;
+pub(super) mod debounce;
+pub(super) mod fault_detection;
+pub(super) mod following_error;
+pub(super) mod over_current;
+pub(super) mod overrun;
+pub(super) mod plausibility;

@@ -1,123 +1,115 @@
-//! Whether the snake is where the model says: the camera against the estimate from the encoders
-//! (H12).
+//! Plausibility: the pose that a camera measures against the estimate from the encoders (H12).
 //!
-//! A wire that is slack or torn, a gear that slips, or a model of another snake does not show in
-//! the encoders. It shows in a camera that sees the angles. Its pictures are some hundredths of a
-//! second old when they arrive, so they are compared with the estimate of the instant at which they
-//! were taken. A single picture proves nothing: only a distance that lasts is a fault.
+//! A slack or torn wire, a slipping gear, or a model of another snake does not show in the
+//! encoders. It shows in a camera that measures the angles. A camera frame is some hundredths of a
+//! second old when it arrives, so it is compared with the estimate at the time of the frame. A
+//! single frame proves nothing: only a distance that lasts is a fault.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::PlausibilityConfig;
-use crate::core::External;
-use crate::core::faults::overload::Patience;
+use crate::core::faults::debounce::Debounce;
+use crate::core::inputs::ExternalPose;
+use crate::core::vector;
 use crate::units::{Nanos, OutputVec};
 
-/// Estimates that are kept, in rows of 32, because that is the largest array that can be written to
-/// a file.
+/// The estimates are stored in rows of 32: serde has no longer arrays.
 const ROWS: usize = 4;
 const COLUMNS: usize = 32;
-/// One estimate is kept every so often: all of them cover half a second.
+/// Interval between two stored estimates. All of them cover half a second.
 const SPACING: Nanos = Nanos::from_millis(4);
 
-/// The watch over the snake.
+/// Compares measured poses with estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Plausible {
-    /// Largest distance, rad; 0: no watch.
-    distance: f64,
-    patience: Patience,
+pub(crate) struct PlausibilityMonitor {
+    /// Largest distance, rad; 0: the monitor is off.
+    limit: f64,
+    debounce: Debounce,
     estimates: [[(Nanos, OutputVec); COLUMNS]; ROWS],
     written: u64,
     last: Nanos,
-    /// How far apart they were in the last picture, rad.
-    apart: Option<f64>,
+    /// Distance at the last measured pose, rad.
+    distance: Option<f64>,
 }
 
-impl Plausible {
-    /// As configured.
+impl PlausibilityMonitor {
     pub fn new(config: &PlausibilityConfig) -> Self {
         Self {
-            distance: config.distance_deg.to_radians(),
-            patience: Patience::new(Nanos::from_millis(config.debounce_ms)),
+            limit: config.distance_deg.to_radians(),
+            debounce: Debounce::new(Nanos::from_millis(config.debounce_ms)),
             estimates: [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS],
             written: 0,
             last: Nanos::ZERO,
-            apart: None,
+            distance: None,
         }
     }
 
-    /// There is something to watch for.
     pub fn is_on(&self) -> bool {
-        self.distance > 0.0
+        self.limit > 0.0
     }
 
-    /// Takes note of the estimate of this tick.
-    pub fn note(&mut self, now: Nanos, estimate: OutputVec) {
+    /// Stores the estimate of this tick.
+    pub fn record_estimate(&mut self, now: Nanos, estimate: OutputVec) {
         if now.since(self.last) < SPACING || !self.is_on() {
             return;
         }
         self.last = now;
-        let place = (self.written % (ROWS * COLUMNS) as u64) as usize;
+        let index = (self.written % (ROWS * COLUMNS) as u64) as usize;
         self.written += 1;
         if let Some(entry) = self
             .estimates
-            .get_mut(place / COLUMNS)
-            .and_then(|row| row.get_mut(place % COLUMNS))
+            .get_mut(index / COLUMNS)
+            .and_then(|row| row.get_mut(index % COLUMNS))
         {
             *entry = (now, estimate);
         }
     }
 
-    /// What was noted belongs to another model, or to another zero.
-    pub fn forget(&mut self) {
+    /// Forgets the estimates: they belong to another model or another zero.
+    pub fn reset(&mut self) {
         self.written = 0;
         self.estimates = [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS];
-        self.apart = None;
-        self.patience.is_over(false, Nanos::ZERO);
+        self.distance = None;
+        self.debounce.reset();
     }
 
-    /// Whether the snake has been elsewhere for too long. `watched`: the robot is on, and the
-    /// memory of the model is known.
-    pub fn is_broken(
+    /// Whether the measured pose has contradicted the estimate for too long. `is_checked`: the
+    /// robot is on, and the memory of the model is known.
+    pub fn is_implausible(
         &mut self,
-        picture: Option<&External>,
+        measured: Option<&ExternalPose>,
         outputs: usize,
-        watched: bool,
+        is_checked: bool,
         now: Nanos,
     ) -> bool {
-        if let Some(picture) = picture
-            && picture.outputs as usize == outputs
+        if let Some(measured) = measured
+            && measured.outputs as usize == outputs
             && self.is_on()
         {
-            self.apart = self
-                .at(picture.stamp)
-                .map(|estimate| distance(&estimate, &picture.position));
+            self.distance = self
+                .estimate_at(measured.stamp)
+                .map(|estimate| distance(&estimate, &measured.position));
         }
-        let far = watched && self.apart.is_some_and(|apart| apart > self.distance);
-        self.patience.is_over(far, now)
+        let is_far = self.distance.is_some_and(|distance| distance > self.limit);
+        self.debounce.update(is_checked && is_far, now)
     }
 
-    /// The estimate nearest to an instant; `None` if none was made near it.
-    fn at(&self, stamp: Nanos) -> Option<OutputVec> {
-        let apart = |noted: &Nanos| noted.since(stamp) + stamp.since(*noted);
-        let noted = self
+    /// The estimate nearest to a time; `None` if there is none near it.
+    fn estimate_at(&self, stamp: Nanos) -> Option<OutputVec> {
+        let difference = |recorded: &Nanos| recorded.since(stamp) + stamp.since(*recorded);
+        let (nearest, estimate) = self
             .estimates
             .iter()
             .flatten()
-            .filter(|(noted, _)| *noted > Nanos::ZERO);
-        let (nearest, estimate) = noted.min_by_key(|(noted, _)| apart(noted))?;
-        (apart(nearest) <= SPACING + SPACING).then_some(*estimate)
+            .filter(|(recorded, _)| *recorded > Nanos::ZERO)
+            .min_by_key(|(recorded, _)| difference(recorded))?;
+        (difference(nearest) <= SPACING + SPACING).then_some(*estimate)
     }
 }
 
-/// Not a number is far from anything.
+/// Euclidean distance. A value that is not a number is infinitely far.
 fn distance(a: &OutputVec, b: &OutputVec) -> f64 {
-    let distance = a
-        .iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt();
+    let distance = vector::distance(a, b);
     if distance.is_nan() {
         f64::INFINITY
     } else {
@@ -133,63 +125,64 @@ mod tests {
         Nanos::from_millis(1000 + milliseconds)
     }
 
-    fn picture(stamp: u64, degrees: f64) -> External {
-        External {
+    fn measured(stamp: u64, degrees: f64) -> ExternalPose {
+        ExternalPose {
             stamp: ms(stamp),
             position: [degrees.to_radians(), 0.0, 0.0],
             outputs: 2,
         }
     }
 
-    fn moving() -> Plausible {
+    /// A monitor that has recorded 0.4 s of motion at 10 deg/s.
+    fn moving() -> PlausibilityMonitor {
         let config = PlausibilityConfig {
             distance_deg: 2.0,
             debounce_ms: 100,
         };
-        let mut plausible = Plausible::new(&config);
-        // 10 deg/s.
-        (0..400).for_each(|t| plausible.note(ms(t), [(0.01 * t as f64).to_radians(), 0.0, 0.0]));
-        plausible
+        let mut monitor = PlausibilityMonitor::new(&config);
+        for t in 0..400 {
+            monitor.record_estimate(ms(t), [(0.01 * t as f64).to_radians(), 0.0, 0.0]);
+        }
+        monitor
     }
 
     #[test]
-    fn an_old_picture_is_compared_with_the_estimate_of_its_instant() {
-        let mut plausible = moving();
-        // Compared with the newest estimate these would be 2.5 deg apart.
+    fn an_old_pose_is_compared_with_the_estimate_of_its_time() {
+        let mut monitor = moving();
+        // The newest estimate is 2.5 deg away.
         for now in (400..800).step_by(40) {
-            assert!(!plausible.is_broken(Some(&picture(150, 1.5)), 2, true, ms(now)));
+            assert!(!monitor.is_implausible(Some(&measured(150, 1.5)), 2, true, ms(now)));
         }
     }
 
     #[test]
-    fn a_distance_that_lasts_is_a_fault_and_one_picture_is_none() {
-        let mut plausible = moving();
-        assert!(!plausible.is_broken(Some(&picture(300, 6.0)), 2, true, ms(400)));
-        assert!(!plausible.is_broken(None, 2, true, ms(450)));
-        assert!(!plausible.is_broken(Some(&picture(340, 3.4)), 2, true, ms(480)));
-        assert!(!plausible.is_broken(Some(&picture(350, 6.0)), 2, true, ms(500)));
-        assert!(plausible.is_broken(None, 2, true, ms(600)));
-        assert!(
-            !plausible.is_broken(None, 2, false, ms(601)),
-            "nobody is watched who is off"
-        );
+    fn a_distance_that_lasts_is_a_fault_and_a_single_pose_is_not() {
+        let mut monitor = moving();
+        for (pose, is_checked, now, is_fault) in [
+            (Some(measured(300, 6.0)), true, 400, false),
+            (None, true, 450, false),
+            (Some(measured(340, 3.4)), true, 480, false),
+            (Some(measured(350, 6.0)), true, 500, false),
+            (None, true, 600, true),
+            // A robot that is off is not checked.
+            (None, false, 601, false),
+        ] {
+            let found = monitor.is_implausible(pose.as_ref(), 2, is_checked, ms(now));
+            assert_eq!(found, is_fault, "{now} ms");
+        }
     }
 
     #[test]
-    fn what_cannot_be_compared_is_no_fault() {
-        let mut plausible = moving();
+    fn a_pose_that_cannot_be_compared_is_not_a_fault() {
+        let mut monitor = moving();
         for now in (400..900).step_by(40) {
-            assert!(
-                !plausible.is_broken(Some(&picture(700, 60.0)), 2, true, ms(now)),
-                "no estimate of that instant"
-            );
-            assert!(
-                !plausible.is_broken(Some(&picture(300, 60.0)), 3, true, ms(now)),
-                "a position is no angle"
-            );
+            // No estimate of that time.
+            assert!(!monitor.is_implausible(Some(&measured(700, 60.0)), 2, true, ms(now)));
+            // Another number of outputs.
+            assert!(!monitor.is_implausible(Some(&measured(300, 60.0)), 3, true, ms(now)));
         }
-        plausible.forget();
-        assert!(!plausible.is_broken(Some(&picture(300, 60.0)), 2, true, ms(1000)));
-        assert!(!plausible.is_broken(None, 2, true, ms(2000)));
+        monitor.reset();
+        assert!(!monitor.is_implausible(Some(&measured(300, 60.0)), 2, true, ms(1000)));
+        assert!(!monitor.is_implausible(None, 2, true, ms(2000)));
     }
 }

@@ -1,8 +1,8 @@
-//! The models that are loaded, and the swap from one to the next.
+//! Loaded models and the swap from one to another.
 
-pub(crate) mod blend;
-pub(crate) mod motion_history;
-pub(crate) mod slots;
+mod candidate;
+pub(super) mod loaded_models;
+pub(super) mod model_swap;
+pub(super) mod rollback;
 
-pub use motion_history::Mark;
-pub use slots::{Candidate, Carried, ModelChange, ModelReply, ModelRequest, ModelSlots};
+pub use candidate::{CandidateState, ModelCandidate};

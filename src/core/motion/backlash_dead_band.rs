@@ -1,157 +1,135 @@
-//! What keeps a model with memory from making the motors chatter.
+//! Backlash dead-band: keeps a model with memory from making the motors chatter.
 //!
-//! At a turn the exact inverse jumps by the gap, so a trembling hand would send the motors to and
-//! fro across it, and a residual that is inverted as it stands answers its own motion. Hence:
+//! Where the motion reverses, the exact inverse jumps across the backlash. A trembling hand would
+//! send the motors back and forth across it, and a residual of the model that is inverted
+//! unfiltered reacts to its own motion. Two filters prevent this:
 //!
-//! - **turning band**: the goal is a pen on a disc. While the pen pushes the disc along, the goal
-//!   is followed as it is, without lag. A goal that turns back inside the disc is held where it was
-//!   until it reaches the other side.
-//! - **correction**: the residual of the model goes through a first-order low-pass and a play of
-//!   its own.
+//! - **turning band**: a dead-band on the goal. A goal that goes on is followed without lag. A goal
+//!   that turns back by less than the band is held until it reaches the other side of the band.
+//! - **correction filter**: the residual of the model passes a first-order low-pass filter and a
+//!   dead-band of its own.
+//!
+//! The turning band is a disc. A goal outside of the disc pulls the disc along with its edge.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::CompensationConfig;
-use crate::core::motion::joint_space::NotFinite;
-use crate::model::file::OutputUnit;
+use crate::core::vector::{distance, zip_map};
 use crate::units::{Nanos, OutputVec};
 
-/// The two filters and what they remember.
+/// The two filters and their state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Steady {
-    /// Radius of the disc, rad; 0 where the outputs are no angles.
-    band: f64,
-    /// Part of the way that the low-pass goes in one tick.
-    share: f64,
-    /// Half-width of the play behind it, rad; 0 where the outputs are no angles.
-    correction_band: f64,
-    pen: Option<Pen>,
-    correction: Option<Filtered>,
-}
-
-/// Where the disc is, and the goal that was taken last.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Pen {
-    disc: OutputVec,
-    goal: OutputVec,
+pub(crate) struct BacklashDeadBand {
+    /// Radius of the disc, rad; 0: off.
+    radius: f64,
+    /// Fraction of the distance that the low-pass filter moves per tick.
+    gain: f64,
+    /// Half-width of the dead-band behind the low-pass filter, rad; 0: off.
+    correction_half_width: f64,
+    turning_band: Option<TurningBand>,
+    correction: Option<CorrectionFilter>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-struct Filtered {
-    low: OutputVec,
-    held: OutputVec,
+struct TurningBand {
+    centre: OutputVec,
+    /// The goal that was let through last.
+    output: OutputVec,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct CorrectionFilter {
+    low_pass: OutputVec,
+    output: OutputVec,
 }
 
 /// A goal after the turning band.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Settled {
-    /// Where to go.
+pub(crate) struct DeadBandedGoal {
     pub goal: OutputVec,
     /// The goal is held, because it turned back by less than the band.
-    pub held: bool,
+    pub is_held: bool,
 }
 
-impl Steady {
-    /// `jumps`: the inverse crosses a gap at a turn, so there is something to be held back from.
-    pub fn new(config: &CompensationConfig, unit: OutputUnit, tick: Nanos, jumps: bool) -> Self {
-        let angle = |degrees: f64| {
-            if unit == OutputUnit::Deg {
-                degrees.to_radians()
-            } else {
-                0.0
-            }
-        };
+impl BacklashDeadBand {
+    /// `has_angles`: the outputs are angles; bands in degrees mean nothing for other outputs.
+    /// `has_backlash`: the inverse jumps where the motion reverses.
+    pub fn new(
+        config: &CompensationConfig,
+        has_angles: bool,
+        has_backlash: bool,
+        tick: Nanos,
+    ) -> Self {
+        let band = |is_on: bool, degrees: f64| if is_on { degrees.to_radians() } else { 0.0 };
         let tick_s = tick.as_seconds();
         Self {
-            band: if jumps {
-                angle(config.reversal_dead_band_deg)
-            } else {
-                0.0
-            },
-            share: tick_s / (tick_s + 1e-3 * config.residual_filter_ms),
-            correction_band: angle(config.residual_dead_band_deg),
-            pen: None,
+            radius: band(has_angles && has_backlash, config.reversal_dead_band_deg),
+            gain: tick_s / (tick_s + 1e-3 * config.residual_filter_ms),
+            correction_half_width: band(has_angles, config.residual_dead_band_deg),
+            turning_band: None,
             correction: None,
         }
     }
 
-    /// Nothing is followed: the next goal is taken as it comes.
-    pub fn release(&mut self) {
-        self.pen = None;
+    /// No goal is followed: the next goal is taken unchanged.
+    pub fn release_goal(&mut self) {
+        self.turning_band = None;
     }
 
-    /// Another model has been in use: its goal is held on to, and the correction starts from what
-    /// this model says.
-    pub fn begin_like(&mut self, before: Option<&Self>) {
-        self.pen = before.and_then(|before| before.pen);
+    /// Takes the goal over from the model that was in use before. The correction starts again.
+    pub fn take_over(&mut self, before: Option<&Self>) {
+        self.turning_band = before.and_then(|before| before.turning_band);
         self.correction = None;
     }
 
-    /// The memory belongs to other counts.
-    pub fn forget(&mut self) {
-        self.pen = None;
+    /// Forgets everything: the memory of the model has been reset.
+    pub fn reset(&mut self) {
+        self.turning_band = None;
         self.correction = None;
     }
 
-    /// Takes the goal of a tick.
-    pub fn settle(&mut self, goal: &OutputVec) -> Settled {
-        let pen = self.pen.get_or_insert(Pen {
-            disc: *goal,
-            goal: *goal,
+    /// Takes the goal of this tick through the turning band.
+    pub fn apply(&mut self, goal: &OutputVec) -> DeadBandedGoal {
+        let band = self.turning_band.get_or_insert(TurningBand {
+            centre: *goal,
+            output: *goal,
         });
-        let apart = distance(goal, &pen.disc);
-        let held = apart <= self.band && self.band > 0.0 && pen.goal != *goal;
-        if !held {
-            pen.goal = *goal;
-            if apart > self.band {
-                let share = 1.0 - self.band / apart;
-                pen.disc
-                    .iter_mut()
-                    .zip(goal)
-                    .for_each(|(disc, goal)| *disc += share * (goal - *disc));
+        let offset = distance(goal, &band.centre);
+        let is_held = offset <= self.radius && self.radius > 0.0 && band.output != *goal;
+        if !is_held {
+            band.output = *goal;
+            if offset > self.radius {
+                let fraction = 1.0 - self.radius / offset;
+                let pull = |centre: f64, goal: f64| centre + fraction * (goal - centre);
+                band.centre = zip_map(&band.centre, goal, pull);
             }
         }
-        Settled {
-            goal: pen.goal,
-            held,
+        DeadBandedGoal {
+            goal: band.output,
+            is_held,
         }
     }
 
-    /// Takes the correction of a tick.
-    pub fn correct(&mut self, correction: OutputVec) -> Result<(), NotFinite> {
-        if !correction.iter().all(|value| value.is_finite()) {
-            return Err(NotFinite);
-        }
-        let filtered = self.correction.get_or_insert(Filtered {
-            low: correction,
-            held: correction,
+    /// Takes the correction of this tick through the correction filter. It must be finite.
+    pub fn filter_correction(&mut self, correction: &OutputVec) {
+        let filter = self.correction.get_or_insert(CorrectionFilter {
+            low_pass: *correction,
+            output: *correction,
         });
-        for ((low, held), value) in filtered
-            .low
-            .iter_mut()
-            .zip(&mut filtered.held)
-            .zip(correction)
-        {
-            *low += self.share * (value - *low);
-            *held = held
-                .max(*low - self.correction_band)
-                .min(*low + self.correction_band);
-        }
-        Ok(())
+        let gain = self.gain;
+        filter.low_pass = zip_map(&filter.low_pass, correction, |low, value| {
+            low + gain * (value - low)
+        });
+        let half_width = self.correction_half_width;
+        filter.output = zip_map(&filter.output, &filter.low_pass, |output, low| {
+            output.max(low - half_width).min(low + half_width)
+        });
     }
 
-    /// The correction to invert with.
+    /// The filtered correction.
     pub fn correction(&self) -> Option<OutputVec> {
-        self.correction.map(|filtered| filtered.held)
+        self.correction.map(|filter| filter.output)
     }
-}
-
-fn distance(a: &OutputVec, b: &OutputVec) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
 }
 
 #[cfg(test)]
@@ -160,13 +138,13 @@ mod tests {
 
     use super::*;
 
-    fn steady() -> Steady {
+    fn dead_band() -> BacklashDeadBand {
         let config = CompensationConfig {
             reversal_dead_band_deg: 1.0,
             residual_dead_band_deg: 0.5,
             ..CompensationConfig::default()
         };
-        Steady::new(&config, OutputUnit::Deg, Nanos::from_millis(1), true)
+        BacklashDeadBand::new(&config, true, true, Nanos::from_millis(1))
     }
 
     fn degrees(pitch: f64, yaw: f64) -> OutputVec {
@@ -175,82 +153,70 @@ mod tests {
 
     #[test]
     fn a_goal_that_goes_on_is_followed_and_one_that_turns_back_a_little_is_held() {
-        let mut steady = steady();
-        for pitch in [0.0, 1.5, 3.0] {
+        let mut dead_band = dead_band();
+        for (goal, output) in [
+            (degrees(0.0, 0.0), degrees(0.0, 0.0)),
+            (degrees(1.5, 0.0), degrees(1.5, 0.0)),
+            (degrees(3.0, 0.0), degrees(3.0, 0.0)),
+            // The disc is at 2 deg.
+            (degrees(2.5, 0.0), degrees(3.0, 0.0)),
+            (degrees(1.1, 0.3), degrees(3.0, 0.0)),
+            (degrees(0.9, 0.0), degrees(0.9, 0.0)),
+        ] {
+            let found = dead_band.apply(&goal);
+            let is_held = goal != output;
             assert_eq!(
-                steady.settle(&degrees(pitch, 0.0)),
-                Settled {
-                    goal: degrees(pitch, 0.0),
-                    held: false
+                found,
+                DeadBandedGoal {
+                    goal: output,
+                    is_held
                 }
             );
         }
-        // The disc is at 2 deg.
-        assert_eq!(
-            steady.settle(&degrees(2.5, 0.0)),
-            Settled {
-                goal: degrees(3.0, 0.0),
-                held: true
-            }
-        );
-        assert_eq!(
-            steady.settle(&degrees(1.1, 0.3)),
-            Settled {
-                goal: degrees(3.0, 0.0),
-                held: true
-            }
-        );
-        assert_eq!(
-            steady.settle(&degrees(0.9, 0.0)),
-            Settled {
-                goal: degrees(0.9, 0.0),
-                held: false
-            }
-        );
-        steady.release();
-        assert!(!steady.settle(&degrees(1.0, 0.0)).held);
+        dead_band.release_goal();
+        assert!(!dead_band.apply(&degrees(1.0, 0.0)).is_held);
     }
 
     #[test]
-    fn the_correction_follows_slowly_and_not_at_all_for_little() {
-        let mut steady = steady();
-        steady.correct(degrees(0.0, 0.0)).unwrap();
-        let after = |steady: &mut Steady, pitch: f64, ticks: u32| {
-            (0..ticks).for_each(|_| steady.correct(degrees(pitch, 0.0)).unwrap());
-            steady.correction().unwrap()[0].to_degrees()
+    fn the_correction_is_low_passed_and_small_changes_are_ignored() {
+        let mut dead_band = dead_band();
+        dead_band.filter_correction(&degrees(0.0, 0.0));
+        let mut after = |pitch: f64, ticks: u32| {
+            for _ in 0..ticks {
+                dead_band.filter_correction(&degrees(pitch, 0.0));
+            }
+            dead_band.correction().unwrap()[0].to_degrees()
         };
-        assert_eq!(after(&mut steady, 0.4, 1000), 0.0);
-        // One time constant of 50 ms from 0.4 to 10: 0.4 + 9.6 (1 - 1/e) less the play.
-        let found = after(&mut steady, 10.0, 51);
+        assert_eq!(after(0.4, 1000), 0.0);
+        // One time constant of 50 ms from 0.4 to 10: 0.4 + 9.6 (1 - 1/e) minus the dead-band.
+        let found = after(10.0, 51);
         assert!((found - (0.4 + 9.6 * 0.632 - 0.5)).abs() < 0.1, "{found}");
-        assert!((after(&mut steady, 10.0, 1000) - 9.5).abs() < 1e-6);
-        assert!(steady.correct([f64::NAN; 3]).is_err());
+        assert!((after(10.0, 1000) - 9.5).abs() < 1e-6);
     }
 
     #[test]
     fn tremor_inside_the_band_moves_nothing() {
-        let mut steady = steady();
-        let first = steady.settle(&degrees(5.0, 5.0)).goal;
+        let mut dead_band = dead_band();
+        let first = dead_band.apply(&degrees(5.0, 5.0)).goal;
         for tick in 0..500 {
             let phase = f64::from(tick) * 0.0628;
-            assert_eq!(
-                steady.settle(&degrees(5.0 + 0.9 * phase.sin(), 5.0)).goal,
-                first
-            );
+            let found = dead_band.apply(&degrees(5.0 + 0.9 * phase.sin(), 5.0));
+            assert_eq!(found.goal, first);
         }
     }
 
     proptest! {
         #[test]
-        fn the_goal_is_never_left_by_more_than_twice_the_band(
+        fn the_output_is_never_further_from_the_goal_than_twice_the_band(
             goals in prop::collection::vec((-30.0..30.0_f64, -30.0..30.0_f64), 1..200)
         ) {
-            let mut steady = steady();
+            let mut dead_band = dead_band();
             for (pitch, yaw) in goals {
                 let goal = degrees(pitch, yaw);
-                let settled = steady.settle(&goal);
-                prop_assert!(distance(&settled.goal, &goal) <= 2.0_f64.to_radians() * (1.0 + 1e-9));
-                prop_assert_eq!(settled.held, settled.goal != goal);
+                let found = dead_band.apply(&goal);
+                let largest = 2.0_f64.to_radians() * (1.0 + 1e-9);
+                prop_assert!(distance(&found.goal, &goal) <= largest);
+                prop_assert_eq!(found.is_held, found.goal != goal);
             }
         }
     }

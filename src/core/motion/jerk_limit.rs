@@ -1,76 +1,75 @@
-//! The jerk limit: a mean over the last ticks.
+//! Jerk limit: a moving average over the last ticks.
 //!
-//! What goes in has a limited acceleration. In the mean over `n` ticks of length `T`, acceleration
-//! changes per tick by the difference of two accelerations over `n`: between `-A` and `A`, the jerk
-//! is at most `2 A / (n T)` (L. Biagiotti and C. Melchiorri, Trajectory Planning for Automatic
-//! Machines and Robots, 2008: trajectories by filters). A mean stays within the limits on position,
-//! velocity and acceleration that its values keep. It is late by `(n - 1) / 2` ticks, and comes to
-//! rest `n - 1` ticks after what goes in.
+//! The input has a limited acceleration. In the average over `n` ticks of length `T`, the
+//! acceleration changes per tick by the difference of two accelerations over `n`. With
+//! accelerations between `-A` and `A`, the jerk is at most `2 A / (n T)` (L. Biagiotti and
+//! C. Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008: trajectories by
+//! filters). The average keeps the limits on position, velocity and acceleration of its input. It
+//! lags by `(n - 1) / 2` ticks and comes to rest `n - 1` ticks after its input.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::LONGEST_WINDOW;
 
-/// The last values, and how many of them count.
+/// Moving average.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Smooth {
-    /// The newest at `ticks % window`.
+pub(crate) struct JerkLimiter {
+    /// The newest value is at `ticks % window`.
     past: [f64; LONGEST_WINDOW],
     ticks: u32,
-    /// Ticks; 1: what goes in comes out.
+    /// Ticks; with 1, the output is the input.
     window: u32,
-    mean: f64,
-    moved: f64,
+    output: f64,
+    increment: f64,
 }
 
-impl Smooth {
-    /// At rest at 0. A window beyond 1 to [`LONGEST_WINDOW`] is cut.
+impl JerkLimiter {
+    /// At rest at 0. The window is clamped to 1 to [`LONGEST_WINDOW`].
     pub fn new(window: u32) -> Self {
         let window = window.clamp(1, LONGEST_WINDOW as u32);
         Self {
             past: [0.0; LONGEST_WINDOW],
             ticks: 0,
             window,
-            mean: 0.0,
-            moved: 0.0,
+            output: 0.0,
+            increment: 0.0,
         }
     }
 
-    /// Begins anew at rest at a value.
+    /// Starts again at rest at a value.
     pub fn restart(&mut self, value: f64) {
         self.past = [value; LONGEST_WINDOW];
-        (self.mean, self.moved) = (value, 0.0);
+        (self.output, self.increment) = (value, 0.0);
     }
 
-    /// Takes in the value of this tick.
-    pub fn take(&mut self, value: f64) {
+    /// Takes the value of this tick.
+    pub fn update(&mut self, value: f64) {
         self.ticks = (self.ticks + 1) % self.window;
-        if let Some(place) = self.past.get_mut(self.ticks as usize) {
-            *place = value;
+        if let Some(newest) = self.past.get_mut(self.ticks as usize) {
+            *newest = value;
         }
-        // From the newest on, so that the mean of equal values is that value to the last digit.
-        let others: f64 = self.counted().map(|past| past - value).sum();
-        let mean = value + others / f64::from(self.window);
-        self.moved = mean - self.mean;
-        self.mean = mean;
+        // Relative to the newest value, so that the average of equal values is exact.
+        let others: f64 = self.values().map(|past| past - value).sum();
+        let output = value + others / f64::from(self.window);
+        self.increment = output - self.output;
+        self.output = output;
     }
 
-    /// The mean.
-    pub fn mean(&self) -> f64 {
-        self.mean
+    pub fn output(&self) -> f64 {
+        self.output
     }
 
-    /// How far the mean moved in the last tick.
-    pub fn moved(&self) -> f64 {
-        self.moved
+    /// Change of the output in the last tick.
+    pub fn increment(&self) -> f64 {
+        self.increment
     }
 
-    /// All values that count are the same, and the mean has arrived at them.
-    pub fn at_rest(&self) -> bool {
-        self.moved == 0.0 && self.counted().all(|past| *past == self.mean)
+    /// All values in the window are the same, and the output has reached them.
+    pub fn is_at_rest(&self) -> bool {
+        self.increment == 0.0 && self.values().all(|past| *past == self.output)
     }
 
-    fn counted(&self) -> impl Iterator<Item = &f64> {
+    fn values(&self) -> impl Iterator<Item = &f64> {
         self.past.iter().take(self.window as usize)
     }
 }
@@ -81,62 +80,66 @@ mod tests {
 
     use super::*;
     use crate::config::LimitConfig;
-    use crate::core::motion::velocity_limit::{Limiter, Limits, Target};
+    use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
     use crate::units::Nanos;
 
     proptest! {
         /// Goals that jump, and stops, through the limiter of a motor.
         #[test]
         fn the_jerk_of_a_motor_stays_within_its_limit(
-            acts in prop::collection::vec((prop::option::of(-300.0..300.0_f64), 1..60_u32), 1..20), jerk in 7e7..1e9_f64,
+            acts in prop::collection::vec(
+                (prop::option::of(-300.0..300.0_f64), 1..60_u32), 1..20
+            ),
+            jerk in 7e7..1e9_f64,
         ) {
             let tick = Nanos::from_millis(1);
             let config = LimitConfig { jerk_counts_s3: Some(jerk), ..LimitConfig::default() };
-            let limits = Limits {
+            let limits = MotorLimits {
                 velocity: config.velocity_counts_s,
                 acceleration: config.acceleration_counts_s2,
                 deceleration: config.stop_deceleration_counts_s2,
                 lowest: -200.0,
                 highest: 200.0,
             };
-            let (mut limiter, mut smooth) = (Limiter::new(&limits, tick), Smooth::new(config.window_ticks(tick).unwrap()));
+            let mut limiter = VelocityLimiter::new(&limits, tick);
+            let mut jerk_limiter = JerkLimiter::new(config.window_ticks(tick).unwrap());
             let (mut moved, mut change) = (0.0, 0.0);
             for (goal, ticks) in acts {
                 for _ in 0..ticks {
                     match goal {
-                        Some(goal) => limiter.follow(Target::fixed(goal)),
+                        Some(goal) => limiter.track(MotorTarget::fixed(goal)),
                         None => limiter.stop(),
                     }
-                    smooth.take(limiter.position());
-                    let third = smooth.moved() - moved - change;
+                    jerk_limiter.update(limiter.position());
+                    let third = jerk_limiter.increment() - moved - change;
                     prop_assert!(third.abs() <= jerk * 1e-9 * (1.0 + 1e-9) + 1e-9, "{third}");
-                    prop_assert!(smooth.mean().abs() <= 200.0 + 1e-9);
-                    (moved, change) = (smooth.moved(), smooth.moved() - moved);
+                    prop_assert!(jerk_limiter.output().abs() <= 200.0 + 1e-9);
+                    (moved, change) = (jerk_limiter.increment(), jerk_limiter.increment() - moved);
                 }
             }
         }
     }
 
     #[test]
-    fn a_ramp_comes_out_late_by_half_the_window_and_ends_to_the_last_digit() {
-        let mut smooth = Smooth::new(9);
-        smooth.restart(0.1);
-        assert!(smooth.at_rest());
+    fn a_ramp_lags_by_half_the_window_and_ends_exactly() {
+        let mut jerk_limiter = JerkLimiter::new(9);
+        jerk_limiter.restart(0.1);
+        assert!(jerk_limiter.is_at_rest());
         for k in 0..40 {
-            smooth.take(0.1 + f64::from(k.min(20)));
+            jerk_limiter.update(0.1 + f64::from(k.min(20)));
             let late = 0.1 + (f64::from(k) - 4.0);
-            assert!(!(8..=20).contains(&k) || (smooth.mean() - late).abs() < 1e-12);
-            assert_eq!(smooth.at_rest(), k == 0 || k > 28, "{k}");
+            assert!(!(8..=20).contains(&k) || (jerk_limiter.output() - late).abs() < 1e-12);
+            assert_eq!(jerk_limiter.is_at_rest(), k == 0 || k > 28, "{k}");
         }
-        assert_eq!(smooth.mean(), 20.1);
+        assert_eq!(jerk_limiter.output(), 20.1);
     }
 
     #[test]
     fn a_window_of_one_changes_nothing() {
-        let mut smooth = Smooth::new(1);
+        let mut jerk_limiter = JerkLimiter::new(1);
         for value in [0.3, -7.1, 0.1 + 0.2] {
-            smooth.take(value);
-            assert_eq!(smooth.mean(), value);
+            jerk_limiter.update(value);
+            assert_eq!(jerk_limiter.output(), value);
         }
     }
 }

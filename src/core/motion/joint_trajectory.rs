@@ -1,174 +1,87 @@
-//! The way of `move_jp`: from rest to rest along a straight line in joint space, with limited
-//! velocity, acceleration and jerk.
-//!
-//! Seven segments of constant jerk, `+ 0 - 0 - 0 +` (L. Biagiotti and C. Melchiorri, Trajectory
-//! Planning for Automatic Machines and Robots, 2008, section 3.4), in closed form because both ends
-//! are at rest. No crate is used for it: the ones for Rust that are kept up solve the general
-//! problem, from any state to any other with several axes in step, in thousands of lines.
+//! Joint trajectory of `move_jp`: a straight line in joint space, from rest to rest.
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::MoveConfig;
+use crate::core::motion::s_curve::{SCurve, TrajectoryLimits};
+use crate::core::vector::{distance, interpolate};
+use crate::units::{Nanos, OutputVec};
 
-/// A way from 0 to `length`, as a function of time.
+/// A trajectory in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Profile {
-    length: f64,
-    jerk: f64,
-    /// Time with jerk, seconds.
-    jerk_s: f64,
-    /// Time with constant acceleration, seconds.
-    steady_s: f64,
-    /// Time with constant velocity, seconds.
-    cruise_s: f64,
+pub(crate) struct JointTrajectory {
+    /// Start, rad.
+    from: OutputVec,
+    /// End, rad.
+    to: OutputVec,
+    /// The requested pose cannot be reached: the end is the nearest pose that can.
+    is_clipped: bool,
+    curve: SCurve,
+    started: Nanos,
 }
 
-/// Largest velocity, acceleration and jerk.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Bounds {
-    /// Per second, above 0.
-    pub velocity: f64,
-    /// Per second squared, above 0.
-    pub acceleration: f64,
-    /// Per second cubed, above 0.
-    pub jerk: f64,
-}
-
-impl Bounds {
-    /// As configured, rad.
-    pub fn new(config: &MoveConfig) -> Self {
+impl JointTrajectory {
+    /// The fastest trajectory within the limits, starting now.
+    pub fn new(
+        from: OutputVec,
+        to: OutputVec,
+        is_clipped: bool,
+        limits: &TrajectoryLimits,
+        now: Nanos,
+    ) -> Self {
         Self {
-            velocity: config.velocity_deg_s.to_radians(),
-            acceleration: config.acceleration_deg_s2.to_radians(),
-            jerk: config.jerk_deg_s3.to_radians(),
-        }
-    }
-}
-
-impl Profile {
-    /// The fastest way of this length within bounds.
-    pub fn new(length: f64, bounds: &Bounds) -> Self {
-        let Bounds {
-            velocity,
-            acceleration,
-            jerk,
-        } = *bounds;
-        let jerk_s = (acceleration / jerk).min((velocity / jerk).sqrt());
-        let steady_s = (velocity / (jerk * jerk_s) - jerk_s).max(0.0);
-        let top = jerk * jerk_s * (jerk_s + steady_s);
-        let to_top_and_back = top * (2.0 * jerk_s + steady_s);
-        if length >= to_top_and_back {
-            return Self {
-                length,
-                jerk,
-                jerk_s,
-                steady_s,
-                cruise_s: (length - to_top_and_back) / top,
-            };
-        }
-        // The velocity is not reached; perhaps the acceleration is.
-        let steady_s =
-            ((jerk_s * jerk_s + 4.0 * length / (jerk * jerk_s)).sqrt() - 3.0 * jerk_s) / 2.0;
-        if steady_s >= 0.0 {
-            return Self {
-                length,
-                jerk,
-                jerk_s,
-                steady_s,
-                cruise_s: 0.0,
-            };
-        }
-        Self {
-            length,
-            jerk,
-            jerk_s: (length / (2.0 * jerk)).cbrt(),
-            steady_s: 0.0,
-            cruise_s: 0.0,
+            from,
+            to,
+            is_clipped,
+            curve: SCurve::new(distance(&to, &from), limits),
+            started: now,
         }
     }
 
-    /// How long it takes, seconds.
-    pub fn duration_s(&self) -> f64 {
-        4.0 * self.jerk_s + 2.0 * self.steady_s + self.cruise_s
+    /// Position at a time, rad.
+    pub fn position_at(&self, now: Nanos) -> OutputVec {
+        let fraction = self.curve.fraction(now.since(self.started).as_seconds());
+        interpolate(&self.from, &self.to, fraction)
     }
 
-    /// How far the way has come, 0 to 1.
-    pub fn share(&self, time_s: f64) -> f64 {
-        if time_s >= self.duration_s() || self.length <= 0.0 {
-            return 1.0;
-        }
-        let segments = [
-            (self.jerk_s, 1.0),
-            (self.steady_s, 0.0),
-            (self.jerk_s, -1.0),
-            (self.cruise_s, 0.0),
-            (self.jerk_s, -1.0),
-            (self.steady_s, 0.0),
-            (self.jerk_s, 1.0),
-        ];
-        let (mut left, mut place, mut velocity, mut acceleration) =
-            (time_s.max(0.0), 0.0, 0.0, 0.0);
-        for (span, sign) in segments {
-            let (dt, jerk) = (left.min(span), sign * self.jerk);
-            place += dt * (velocity + dt * (acceleration / 2.0 + dt * jerk / 6.0));
-            velocity += dt * (acceleration + dt * jerk / 2.0);
-            acceleration += dt * jerk;
-            left -= dt;
-        }
-        (place / self.length).clamp(0.0, 1.0)
+    /// End, rad.
+    pub fn end(&self) -> &OutputVec {
+        &self.to
+    }
+
+    pub fn is_clipped(&self) -> bool {
+        self.is_clipped
+    }
+
+    pub fn is_finished(&self, now: Nanos) -> bool {
+        now.since(self.started).as_seconds() >= self.curve.duration_s()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
 
-    proptest! {
-        /// Differences over short times stay within the bounds, and the way ends where it should,
-        /// at rest.
-        #[test]
-        fn every_way_keeps_its_bounds_and_arrives(
-            length in 1e-6..100.0_f64, velocity in 0.1..50.0_f64, acceleration in 0.1..500.0_f64, jerk in 1.0..1e4_f64
-        ) {
-            let profile = Profile::new(length, &Bounds { velocity, acceleration, jerk });
-            let (steps, duration) = (2000, profile.duration_s());
-            prop_assert!(duration > 0.0 && duration.is_finite());
-            let h = duration / f64::from(steps);
-            let at = |k: i32| length * profile.share(f64::from(k) * h);
-            prop_assert!(at(0) == 0.0 && (at(steps) - length).abs() <= 1e-9 * length && profile.share(1.01 * duration) == 1.0);
-            // What the rounding of places leaves of a derivative.
-            let rounding = |order: i32| 1e-12 * length.max(1.0) / h.powi(order);
-            for k in 0..steps {
-                let first = (at(k + 1) - at(k)) / h;
-                prop_assert!(first >= -rounding(1) && first <= velocity * (1.0 + 1e-9) + rounding(1), "{first}");
-                let second = (at(k + 1) - 2.0 * at(k) + at(k - 1)) / (h * h);
-                prop_assert!(second.abs() <= acceleration * (1.0 + 1e-6) + rounding(2), "{second}");
-                let third = (at(k + 2) - 3.0 * at(k + 1) + 3.0 * at(k) - at(k - 1)) / (h * h * h);
-                prop_assert!(third.abs() <= jerk * (1.0 + 1e-3) + 8.0 * rounding(3), "{third} of {jerk}");
-            }
+    #[test]
+    fn it_moves_on_a_straight_line_from_start_to_end() {
+        let limits = TrajectoryLimits {
+            velocity: 10.0,
+            acceleration: 100.0,
+            jerk: 2000.0,
+        };
+        let (from, to) = ([0.1, 0.2, 0.0], [0.3, 1.4, 0.0]);
+        let started = Nanos::from_millis(1000);
+        let trajectory = JointTrajectory::new(from, to, false, &limits, started);
+        assert_eq!(trajectory.position_at(started), from);
+        let mut ticks = 0;
+        let mut now = started;
+        while !trajectory.is_finished(now) {
+            let position = trajectory.position_at(now);
+            let (first, second) = (position[0] - from[0], position[1] - from[1]);
+            assert!((second - 6.0 * first).abs() < 1e-12, "{position:?}");
+            now = now + Nanos::from_millis(1);
+            ticks += 1;
         }
-    }
-
-    #[test]
-    fn a_long_way_takes_its_length_over_the_velocity_and_the_time_to_get_there() {
-        let bounds = Bounds {
-            velocity: 10.0,
-            acceleration: 100.0,
-            jerk: 2000.0,
-        };
-        // V/A + A/J = 0.1 s + 0.05 s.
-        assert!((Profile::new(20.0, &bounds).duration_s() - 2.15).abs() < 1e-12);
-    }
-
-    #[test]
-    fn no_way_is_over_at_once() {
-        let bounds = Bounds {
-            velocity: 10.0,
-            acceleration: 100.0,
-            jerk: 2000.0,
-        };
-        assert_eq!(Profile::new(0.0, &bounds).share(0.0), 1.0);
+        assert_eq!(trajectory.position_at(now), to);
+        assert!((200..300).contains(&ticks), "{ticks}");
     }
 }

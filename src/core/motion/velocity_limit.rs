@@ -1,61 +1,58 @@
-//! Velocity and acceleration limits on the set-point of one motor.
+//! Velocity and acceleration limits on the setpoint of one motor.
 //!
-//! # Words
+//! # Terms
 //!
-//! - **set-point**: where the motor is told to be in this tick, in fractional counts.
-//! - **speed-up, slow-down**: change of the velocity away from zero, towards zero.
-//! - **room**: how far a set-point may still go in one direction.
+//! - **setpoint**: commanded position of the motor in this tick, in fractional counts.
+//! - **acceleration, deceleration**: change of the velocity away from zero, towards zero.
 //!
-//! # What it promises
+//! # Guarantees
 //!
-//! With limits V (velocity), A (acceleration), D (deceleration, D >= A), tick T, whatever the
-//! targets are:
+//! With limits V (velocity), A (acceleration), D (deceleration, D >= A), tick T, for any targets:
 //!
-//! - the set-point moves by at most `V T` a tick;
-//! - its velocity grows by at most `A T` a tick and shrinks by at most `D T`; in a tick that
-//!   crosses zero, what is left of the tick after the slow-down is left for the speed-up;
-//! - it never leaves the position limits. One that starts outside never goes further out;
-//! - a target that stands still is reached without passing it, if the limits left a choice: a
-//!   set-point that moves too fast towards a target that just changed slows down with D and comes
-//!   back.
+//! - the setpoint moves by at most `V T` per tick;
+//! - its velocity grows by at most `A T` per tick and shrinks by at most `D T`. In a tick in which
+//!   the velocity crosses zero, the deceleration comes first, and the rest of the tick is left for
+//!   the acceleration;
+//! - it never leaves the position limits. A setpoint that starts outside never goes further out;
+//! - a fixed target is reached without overshoot if the limits allow it. A setpoint that moves too
+//!   fast towards a target that has just changed slows down with D and comes back.
 //!
-//! The reference is the previous set-point, not the measurement: what the drive does about it does
-//! not feed back.
+//! The reference is the previous setpoint, not the measurement: the drive gives no feedback here.
 //!
-//! # How
+//! # Method
 //!
 //! Braking is planned with A, exactly for discrete ticks. From velocity `u`, lowered by `w = A T`
-//! every tick, the set-point travels, this tick included, `T ((n + 1) u - w n (n + 1) / 2)` with
-//! `n = floor(u / w)`. The fastest `u` that fits a distance `e` is therefore, with `n` the largest
+//! per tick, the setpoint travels, this tick included, `T ((n + 1) u - w n (n + 1) / 2)` with
+//! `n = floor(u / w)`. The greatest `u` for a distance `e` is therefore, with `n` the largest
 //! integer such that `w n (n + 1) / 2 <= e / T`,
 //!
 //! ```text
 //! u(e) = e / (T (n + 1)) + w n / 2,    n = floor((sqrt(1 + 8 e / (w T)) - 1) / 2)
 //! ```
 //!
-//! which ends on the target to the last digit, in the fewest ticks. This is the discrete form of
+//! It ends on the target to the last digit, in the fewest ticks. This is the discrete form of
 //! `u = sqrt(2 A e)`.
 //!
-//! The target may move. The plan is made in its frame: the wanted velocity is that of the target
-//! plus `u` of what is left after the target has moved. **A target that moves within the limits is
-//! therefore followed without lag**: braking towards zero instead would keep the set-point
-//! `v^2 / 2A` behind, which is 3.7 counts, or 7 ms, at 12 deg/s.
+//! The target may move. Braking is planned in the frame of the target: the wanted velocity is that
+//! of the target plus `u` of the distance that is left after the target has moved. **A target that
+//! moves within the limits is followed without lag.** Braking towards zero instead would keep the
+//! setpoint `v^2 / 2A` behind: 3.7 counts, or 7 ms, at 12 deg/s.
 //!
-//! Slowing down harder than planned, up to D, is left for what could not be planned: the target
-//! stops, turns round, or comes near a position limit.
+//! Deceleration above A, up to D, is reserved for what could not be planned: the target stops,
+//! reverses, or comes near a position limit.
 
 use serde::{Deserialize, Serialize};
 
-use crate::units::Nanos;
+use crate::units::{MAX_MOTORS, MotorVec, Nanos};
 
 /// Limits of one motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct MotorLimits {
     /// Largest velocity, counts per second, above 0.
     pub velocity: f64,
-    /// Largest speed-up, counts per second squared, above 0.
+    /// Largest acceleration, counts per second squared, above 0.
     pub acceleration: f64,
-    /// Largest slow-down, counts per second squared, not below `acceleration`.
+    /// Largest deceleration, counts per second squared, not below `acceleration`.
     pub deceleration: f64,
     /// Lowest position, counts.
     pub lowest: f64,
@@ -63,35 +60,47 @@ pub struct Limits {
     pub highest: f64,
 }
 
-/// Where a motor should be in this tick.
+/// Position that a motor is to reach in this tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Target {
+pub struct MotorTarget {
     /// Position, counts.
     pub position: f64,
-    /// How far `position` has moved since the last tick, counts; 0 if it jumped.
-    pub moved: f64,
+    /// Change of `position` since the last tick, counts; 0 if it jumped.
+    pub increment: f64,
 }
 
-impl Target {
-    /// A target that stands still.
+impl MotorTarget {
+    /// A target that does not move.
     #[must_use]
     pub fn fixed(position: f64) -> Self {
         Self {
             position,
-            moved: 0.0,
+            increment: 0.0,
         }
+    }
+
+    /// One target per motor.
+    pub(crate) fn from_vectors(positions: &MotorVec, increments: &MotorVec) -> [Self; MAX_MOTORS] {
+        let mut targets = [Self::default(); MAX_MOTORS];
+        for ((target, position), increment) in targets.iter_mut().zip(positions).zip(increments) {
+            *target = Self {
+                position: *position,
+                increment: *increment,
+            };
+        }
+        targets
     }
 }
 
-/// Moves the set-point of one motor within its [`Limits`], one step a tick.
+/// Moves the setpoint of one motor within its [`MotorLimits`], one step per tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Limiter {
+pub struct VelocityLimiter {
     /// Counts per tick.
     velocity_limit: f64,
-    /// Counts per tick, per tick.
-    speed_up: f64,
-    /// Counts per tick, per tick.
-    slow_down: f64,
+    /// Counts per tick squared.
+    acceleration: f64,
+    /// Counts per tick squared.
+    deceleration: f64,
     lowest: f64,
     highest: f64,
     position: f64,
@@ -99,17 +108,17 @@ pub struct Limiter {
     velocity: f64,
 }
 
-impl Limiter {
+impl VelocityLimiter {
     /// A limiter for ticks of length `period`, at rest at 0.
     #[must_use]
-    pub fn new(limits: &Limits, period: Nanos) -> Self {
+    pub fn new(limits: &MotorLimits, period: Nanos) -> Self {
         let tick = period.as_seconds();
         // A limit so small that it vanishes would make 0 * infinity below.
-        let speed_up = (limits.acceleration * tick * tick).max(f64::MIN_POSITIVE);
+        let acceleration = (limits.acceleration * tick * tick).max(f64::MIN_POSITIVE);
         Self {
             velocity_limit: limits.velocity * tick,
-            speed_up,
-            slow_down: (limits.deceleration * tick * tick).max(speed_up),
+            acceleration,
+            deceleration: (limits.deceleration * tick * tick).max(acceleration),
             lowest: limits.lowest,
             highest: limits.highest,
             position: 0.0,
@@ -117,85 +126,87 @@ impl Limiter {
         }
     }
 
-    /// The set-point, counts.
+    /// The setpoint, counts.
     #[must_use]
     pub fn position(&self) -> f64 {
         self.position
     }
 
-    /// How far the set-point moved in the last tick, counts.
+    /// Change of the setpoint in the last tick, counts.
     #[must_use]
     pub fn velocity(&self) -> f64 {
         self.velocity
     }
 
-    /// The set-point stands still and has no velocity left to lose.
+    /// The setpoint has no velocity.
     #[must_use]
-    pub fn at_rest(&self) -> bool {
+    pub fn is_at_rest(&self) -> bool {
         self.velocity == 0.0
     }
 
-    /// Starts anew at rest at a position, inside the limits or not.
+    /// Starts again at rest at a position, which may be outside the limits.
     pub fn restart(&mut self, position: f64) {
         self.position = position;
         self.velocity = 0.0;
     }
 
-    /// One tick towards a target. A target that is not a number stops.
-    pub fn follow(&mut self, target: Target) {
-        if target.position.is_nan() || !target.moved.is_finite() {
+    /// Moves one tick towards a target. Stops if the target is not a number.
+    pub fn track(&mut self, target: MotorTarget) {
+        if target.position.is_nan() || !target.increment.is_finite() {
             return self.stop();
         }
-        let position = within(target.position, self.lowest, self.highest);
-        let gap = position - target.moved - self.position;
-        self.advance(target.moved + fastest(gap.abs(), self.speed_up).copysign(gap));
+        let position = clamp(target.position, self.lowest, self.highest);
+        let gap = position - target.increment - self.position;
+        self.advance(
+            target.increment + braking_velocity(gap.abs(), self.acceleration).copysign(gap),
+        );
     }
 
-    /// One tick of slowing down, as hard as allowed.
+    /// Slows down for one tick as hard as allowed.
     pub fn stop(&mut self) {
         self.advance(0.0);
     }
 
     fn advance(&mut self, wanted: f64) {
-        let reachable = within(
+        let reachable = clamp(
             wanted,
-            -self.reach(-self.velocity),
-            self.reach(self.velocity),
+            -self.max_next_velocity(-self.velocity),
+            self.max_next_velocity(self.velocity),
         );
-        let limited = within(reachable, -self.velocity_limit, self.velocity_limit);
+        let limited = clamp(reachable, -self.velocity_limit, self.velocity_limit);
         let (down, up) = (
-            self.room(self.position - self.lowest),
-            self.room(self.highest - self.position),
+            self.stop_velocity(self.position - self.lowest),
+            self.stop_velocity(self.highest - self.position),
         );
-        self.velocity = within(limited, -down, up);
+        self.velocity = clamp(limited, -down, up);
         self.position += self.velocity;
     }
 
-    /// The highest velocity that can follow on `velocity`.
-    fn reach(&self, velocity: f64) -> f64 {
+    /// The highest velocity that can come after `velocity`.
+    fn max_next_velocity(&self, velocity: f64) -> f64 {
         if velocity >= 0.0 {
-            velocity + self.speed_up
-        } else if velocity <= -self.slow_down {
-            velocity + self.slow_down
+            velocity + self.acceleration
+        } else if velocity <= -self.deceleration {
+            velocity + self.deceleration
         } else {
-            self.speed_up * (1.0 + velocity / self.slow_down)
+            self.acceleration * (1.0 + velocity / self.deceleration)
         }
     }
 
-    /// The highest velocity from which the hardest slow-down ends before a position limit.
-    fn room(&self, distance: f64) -> f64 {
-        fastest(distance.max(0.0), self.slow_down)
+    /// The highest velocity from which the hardest braking ends before a position limit.
+    fn stop_velocity(&self, distance: f64) -> f64 {
+        braking_velocity(distance.max(0.0), self.deceleration)
     }
 }
 
-/// `f64::clamp` panics where this does not: on limits that are no numbers or in the wrong order.
-fn within(value: f64, lowest: f64, highest: f64) -> f64 {
+/// Unlike `f64::clamp`, does not panic on limits that are not numbers or in the wrong order.
+fn clamp(value: f64, lowest: f64, highest: f64) -> f64 {
     value.max(lowest).min(highest)
 }
 
-/// The highest velocity, counts per tick, from which a slow-down by `step` a tick ends within
+/// The highest velocity, counts per tick, from which braking by `step` per tick ends within
 /// `distance`, this tick included: `u(e)` above.
-fn fastest(distance: f64, step: f64) -> f64 {
+fn braking_velocity(distance: f64, step: f64) -> f64 {
     let ticks = (((1.0 + 8.0 * distance / step).sqrt() - 1.0) / 2.0).floor();
     distance / (ticks + 1.0) + step * ticks / 2.0
 }

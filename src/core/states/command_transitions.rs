@@ -1,224 +1,150 @@
-//! What every command does in every state: the table of [`crate::core`], cell by cell.
+//! Command transitions: what every command does in every state. This is the table in the
+//! documentation of [`crate::core`], cell by cell.
 
-use crate::core::states::drive_status::{Sight, off};
-use crate::core::states::state::{Failure, Inactive, Motion, Stage, State};
-use crate::drive::{AxisPhase, Demand};
+use crate::core::drive_status::DriveSummary;
+use crate::core::states::acknowledge::acknowledge;
+use crate::core::states::control_state::{
+    ALL_OFF, ControlState, DisabledActivity, EnabledActivity, FaultStage, FaultState,
+};
+use crate::core::states::homing::start_homing;
 use crate::robot::{Refusal, StateCommand};
-use crate::units::MAX_MOTORS;
 
-const OFF: [Demand; MAX_MOTORS] = [Demand::Disabled; MAX_MOTORS];
+const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
-/// An accepted command.
+/// What an accepted command does.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Verdict {
-    /// Already so.
-    Nothing,
+pub(crate) enum CommandEffect {
+    /// Nothing: the state is already as requested.
+    NoChange,
     /// The state changes.
-    Change(State),
-    /// The drives look for their zero, and the state changes.
-    Home(State),
+    Change(ControlState),
+    /// The drives start homing, and the state changes.
+    Home(ControlState),
     /// The drives at fault are reset, and the state changes.
-    Reset(State),
-    /// The zero is forgotten.
+    ResetFaults(ControlState),
+    /// The zero of every axis becomes invalid.
     Unhome,
-    /// A stroke begins, if the lease and the room allow it.
+    /// A conditioning cycle starts, if the lease and the position limits allow it.
     Condition,
-    /// A way to a pose begins, if lease, model and pose allow it.
+    /// A trajectory to a pose starts, if lease, model and pose allow it.
     Move,
     /// The lease is given back, if the client has it.
     Release,
 }
 
-/// What a command does, or why it may not.
-pub(crate) fn judge(
+/// The effect of a command, or the reason to refuse it.
+pub(crate) fn command_effect(
     command: StateCommand,
-    state: &State,
-    sight: &Sight,
-) -> Result<Verdict, Refusal> {
+    state: &ControlState,
+    summary: &DriveSummary,
+) -> Result<CommandEffect, Refusal> {
     match command {
-        StateCommand::Enable => enable(state, sight),
-        StateCommand::Disable => Ok(disable(state, sight)),
+        StateCommand::Enable => enable(state, summary),
+        StateCommand::Disable => Ok(disable(state, summary)),
         StateCommand::Pause => pause(state),
         StateCommand::Resume => resume(state),
-        StateCommand::Home => home(state, sight),
-        StateCommand::Unhome => idle(state).map(|()| Verdict::Unhome),
-        StateCommand::Condition => motion(state, sight).map(|()| Verdict::Condition),
-        StateCommand::Acknowledge => acknowledge(state, sight),
-        StateCommand::Release => Ok(Verdict::Release),
+        StateCommand::Home => start_homing(state, summary).map(CommandEffect::Home),
+        StateCommand::Unhome => state.require_idle().map(|()| CommandEffect::Unhome),
+        StateCommand::Condition => {
+            require_motion_allowed(state, summary).map(|()| CommandEffect::Condition)
+        }
+        StateCommand::Acknowledge => Ok(match acknowledge(state, summary)? {
+            resetting @ ControlState::Fault(_) => CommandEffect::ResetFaults(resetting),
+            next => CommandEffect::Change(next),
+        }),
+        StateCommand::Release => Ok(CommandEffect::Release),
         StateCommand::Hold => hold(state),
-        StateCommand::Move => motion(state, sight).map(|()| Verdict::Move),
+        StateCommand::Move => require_motion_allowed(state, summary).map(|()| CommandEffect::Move),
     }
 }
 
-/// Only from DISABLED with nothing under way.
-fn idle(state: &State) -> Result<(), Refusal> {
-    match state {
-        State::Disabled(Inactive::Idle) => Ok(()),
-        State::Disabled(_) => Err(Refusal::Busy),
-        State::Enabled(_) | State::Paused | State::Fault(_) => Err(Refusal::State),
-    }
-}
-
-fn ready(sight: &Sight) -> Result<(), Refusal> {
-    if sight.all(AxisPhase::Disabled) && sight.fresh() {
-        Ok(())
-    } else {
-        Err(Refusal::DrivesNotReady)
-    }
-}
-
-fn enable(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
-    idle(state)?;
-    ready(sight)?;
-    if !sight.homed {
+fn enable(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect, Refusal> {
+    state.require_idle()?;
+    summary.require_ready()?;
+    if !summary.is_homed {
         return Err(Refusal::NotHomed);
     }
-    if !sight.in_range {
+    if !summary.is_in_range {
         return Err(Refusal::Range);
     }
-    Ok(Verdict::Change(State::Disabled(Inactive::Enabling {
-        since: sight.now,
-    })))
+    let since = summary.now;
+    let enabling = ControlState::Disabled(DisabledActivity::Enabling { since });
+    Ok(CommandEffect::Change(enabling))
 }
 
-fn home(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
-    idle(state)?;
-    ready(sight)?;
-    Ok(Verdict::Home(State::Disabled(Inactive::Homing {
-        since: sight.now,
-    })))
-}
-
-/// Never refused: it is the operator's way to switch off.
-pub(crate) fn disable(state: &State, sight: &Sight) -> Verdict {
-    let since = sight.now;
+/// Never refused: it is how the operator switches the robot off.
+pub(crate) fn disable(state: &ControlState, summary: &DriveSummary) -> CommandEffect {
+    use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
+    let since = summary.now;
     match state {
-        State::Disabled(
-            Inactive::Idle
-            | Inactive::Stopping { .. }
-            | Inactive::Settling { .. }
-            | Inactive::PoweringOff { .. },
-        )
-        | State::Fault(Failure {
-            stage: Stage::Resetting { .. },
-            ..
-        }) => Verdict::Nothing,
-        State::Disabled(Inactive::Enabling { .. } | Inactive::Homing { .. }) => {
-            Verdict::Change(State::Disabled(Inactive::PoweringOff { since }))
+        ControlState::Disabled(Idle | Stopping { .. } | Settling { .. } | PoweringOff { .. }) => {
+            CommandEffect::NoChange
         }
-        State::Enabled(_) | State::Paused => {
-            Verdict::Change(State::Disabled(Inactive::Stopping { since }))
+        ControlState::Disabled(Enabling { .. } | Homing { .. }) => {
+            CommandEffect::Change(ControlState::Disabled(PoweringOff { since }))
         }
-        State::Fault(Failure {
-            stage: Stage::Latched { demands, .. },
-            ..
-        }) if *demands == OFF => Verdict::Nothing,
-        State::Fault(Failure {
-            cause,
-            stage: Stage::Latched { .. },
-        }) => {
-            let stage = Stage::Latched {
-                since,
-                demands: OFF,
-            };
-            Verdict::Change(State::Fault(Failure {
-                cause: *cause,
-                stage,
-            }))
+        ControlState::Enabled(_) | ControlState::Paused => {
+            CommandEffect::Change(ControlState::Disabled(Stopping { since }))
+        }
+        ControlState::Fault(fault) => match fault.stage {
+            FaultStage::Latched { demands, .. } if demands != ALL_OFF => {
+                let stage = FaultStage::Latched {
+                    since,
+                    demands: ALL_OFF,
+                };
+                CommandEffect::Change(ControlState::Fault(FaultState { stage, ..*fault }))
+            }
+            FaultStage::Latched { .. } | FaultStage::Resetting { .. } => CommandEffect::NoChange,
+        },
+    }
+}
+
+fn pause(state: &ControlState) -> Result<CommandEffect, Refusal> {
+    match state {
+        ControlState::Enabled(_) => Ok(CommandEffect::Change(ControlState::Paused)),
+        ControlState::Paused => Ok(CommandEffect::NoChange),
+        ControlState::Disabled(_) | ControlState::Fault(_) => Err(powered_only(state)),
+    }
+}
+
+fn resume(state: &ControlState) -> Result<CommandEffect, Refusal> {
+    match state {
+        ControlState::Paused => Ok(CommandEffect::Change(HOLDING)),
+        ControlState::Enabled(_) => Err(Refusal::State),
+        ControlState::Disabled(_) | ControlState::Fault(_) => Err(powered_only(state)),
+    }
+}
+
+fn hold(state: &ControlState) -> Result<CommandEffect, Refusal> {
+    match state {
+        ControlState::Enabled(EnabledActivity::Holding) | ControlState::Paused => {
+            Ok(CommandEffect::NoChange)
+        }
+        ControlState::Enabled(_) => Ok(CommandEffect::Change(HOLDING)),
+        ControlState::Disabled(_) | ControlState::Fault(_) => Err(powered_only(state)),
+    }
+}
+
+/// Conditions of a conditioning cycle and of a trajectory: the same as of a servo command.
+fn require_motion_allowed(state: &ControlState, summary: &DriveSummary) -> Result<(), Refusal> {
+    match state {
+        ControlState::Enabled(_) if state.is_occupied() => Err(Refusal::Busy),
+        ControlState::Enabled(_) if !summary.is_homed => Err(Refusal::NotHomed),
+        ControlState::Enabled(_) if !summary.is_fresh() => Err(Refusal::DrivesNotReady),
+        ControlState::Enabled(_) => Ok(()),
+        ControlState::Disabled(_) | ControlState::Paused | ControlState::Fault(_) => {
+            Err(powered_only(state))
         }
     }
 }
 
-fn pause(state: &State) -> Result<Verdict, Refusal> {
+/// Refusal of a command that needs a robot that is on.
+fn powered_only(state: &ControlState) -> Refusal {
     match state {
-        State::Enabled(_) => Ok(Verdict::Change(State::Paused)),
-        State::Paused => Ok(Verdict::Nothing),
-        State::Disabled(Inactive::Idle) | State::Fault(_) => Err(Refusal::State),
-        State::Disabled(_) => Err(Refusal::Busy),
-    }
-}
-
-fn resume(state: &State) -> Result<Verdict, Refusal> {
-    match state {
-        State::Paused => Ok(Verdict::Change(State::Enabled(Motion::Holding))),
-        State::Disabled(Inactive::Idle) | State::Enabled(_) | State::Fault(_) => {
-            Err(Refusal::State)
-        }
-        State::Disabled(_) => Err(Refusal::Busy),
-    }
-}
-
-fn hold(state: &State) -> Result<Verdict, Refusal> {
-    match state {
-        State::Enabled(Motion::Holding) | State::Paused => Ok(Verdict::Nothing),
-        State::Enabled(_) => Ok(Verdict::Change(State::Enabled(Motion::Holding))),
-        State::Disabled(Inactive::Idle) | State::Fault(_) => Err(Refusal::State),
-        State::Disabled(_) => Err(Refusal::Busy),
-    }
-}
-
-/// Motion of the robot's own. The drives are on in ENABLED, so what has to be looked at is what a
-/// servo command needs, too.
-fn motion(state: &State, sight: &Sight) -> Result<(), Refusal> {
-    match state {
-        State::Enabled(_) if state.occupied() => Err(Refusal::Busy),
-        State::Enabled(_) if !sight.homed => Err(Refusal::NotHomed),
-        State::Enabled(_) if !sight.fresh() => Err(Refusal::DrivesNotReady),
-        State::Enabled(_) => Ok(()),
-        State::Disabled(Inactive::Idle) | State::Paused | State::Fault(_) => Err(Refusal::State),
-        State::Disabled(_) => Err(Refusal::Busy),
-    }
-}
-
-/// Accepted once the cause can clear: every drive answers, stands where the fault sent it, and the
-/// model is sound. Drives at fault are reset first.
-fn acknowledge(state: &State, sight: &Sight) -> Result<Verdict, Refusal> {
-    match state {
-        State::Fault(Failure {
-            stage: Stage::Resetting { .. },
-            ..
-        }) => Err(Refusal::Busy),
-        State::Fault(failure) if clearable(sight) => Ok(clear(failure, sight)),
-        State::Fault(_) => Err(Refusal::CausePersists),
-        State::Disabled(_) | State::Enabled(_) | State::Paused => Err(Refusal::State),
-    }
-}
-
-fn clearable(sight: &Sight) -> bool {
-    let arrived = |phase| match phase {
-        AxisPhase::Lost | AxisPhase::Starting => false,
-        AxisPhase::QuickStopped => true,
-        other => off(other),
-    };
-    sight.model_sound && sight.fresh() && sight.drives().all(|axis| arrived(axis.phase))
-}
-
-fn clear(failure: &Failure, sight: &Sight) -> Verdict {
-    let since = sight.now;
-    if sight.drives().any(|axis| axis.phase == AxisPhase::Faulted) {
-        let stage = Stage::Resetting { since };
-        Verdict::Reset(State::Fault(Failure {
-            cause: failure.cause,
-            stage,
-        }))
-    } else {
-        Verdict::Change(State::Disabled(Inactive::PoweringOff { since }))
-    }
-}
-
-/// A command that has no place in a process that ends.
-pub(crate) fn sets_going(command: StateCommand) -> bool {
-    match command {
-        StateCommand::Enable
-        | StateCommand::Resume
-        | StateCommand::Home
-        | StateCommand::Unhome
-        | StateCommand::Condition
-        | StateCommand::Move => true,
-        StateCommand::Disable
-        | StateCommand::Pause
-        | StateCommand::Acknowledge
-        | StateCommand::Release
-        | StateCommand::Hold => false,
+        ControlState::Disabled(DisabledActivity::Idle)
+        | ControlState::Enabled(_)
+        | ControlState::Paused
+        | ControlState::Fault(_) => Refusal::State,
+        ControlState::Disabled(_) => Refusal::Busy,
     }
 }

@@ -1,6 +1,10 @@
-//! The operating states and what changes them.
+//! Operating states and their transitions.
 
-pub(crate) mod command_transitions;
-pub(crate) mod drive_status;
-pub(crate) mod own_transitions;
-pub(crate) mod state;
+mod acknowledge;
+pub(super) mod automatic_transitions;
+pub(super) mod command_transitions;
+pub(super) mod control_state;
+pub(super) mod fault_transitions;
+mod homing;
+pub(super) mod shutdown;
+pub(super) mod state_machine;

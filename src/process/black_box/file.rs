@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Snapshot, TickRecord};
-use crate::core::model_slots::slots::Carried;
+use super::{CycleSnapshot, TickRecord};
+use crate::core::CandidateState;
 use crate::model::ModelId;
 
 /// The first bytes of every file.
@@ -42,7 +42,7 @@ pub struct Content {
     /// Models that were handed to the cycle.
     pub offers: Vec<OfferRecord>,
     /// The state of the cycle, now and then.
-    pub snapshots: Vec<Snapshot>,
+    pub snapshots: Vec<CycleSnapshot>,
     /// Every tick.
     pub ticks: Vec<TickRecord>,
 }
@@ -70,7 +70,7 @@ pub struct OfferRecord {
     /// Which.
     pub model: ModelId,
     /// What it remembered.
-    pub carried: Carried,
+    pub carried: CandidateState,
 }
 
 /// Why a file cannot be read or written.

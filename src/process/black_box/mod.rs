@@ -7,7 +7,7 @@
 //! | `recorder` | the thread that fills the ring and writes the file: on FAULT, on request, on exit |
 //! | `replay` | the same ticks through the same [`Cycle::step`](crate::core::cycle::Cycle::step), compared to the bit |
 //!
-//! A file is complete in itself. It begins with a [`Snapshot`] of everything that the cycle
+//! A file is complete in itself. It begins with a [`CycleSnapshot`] of everything that the cycle
 //! remembers, and holds the configuration, every model that was at hand, whatever was handed to the
 //! cycle, and what it answered. So it can be run again on another machine, years later, as long as
 //! the software still has the same format and the same arithmetic.
@@ -27,8 +27,8 @@ pub use ring::Ring;
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::core::cycle::Snapshot;
-use crate::core::{Inputs, Outputs};
+pub use crate::core::CycleSnapshot;
+use crate::core::{CycleInputs, CycleOutputs};
 use crate::realtime::TickTiming;
 
 /// One tick, as the loop saw it.
@@ -39,9 +39,9 @@ pub struct TickRecord {
     /// The model that was handed over before the tick, if one was: [`OfferRecord::number`].
     pub offered: Option<u64>,
     /// What the tick saw.
-    pub inputs: Inputs,
+    pub inputs: CycleInputs,
     /// What it decided.
-    pub outputs: Outputs,
+    pub outputs: CycleOutputs,
     /// When it ran. `timing.tick.started` is the time that the cycle was given.
     pub timing: TickTiming,
 }

@@ -12,7 +12,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::file::{BlackBoxError, Content, Header, OfferRecord};
 use super::ring::Ring;
-use super::{Snapshot, TickRecord};
+use super::{CycleSnapshot, TickRecord};
 use crate::clock;
 use crate::config::Config;
 use crate::model::{Model, ModelId};
@@ -56,7 +56,7 @@ pub struct RecorderEnds {
     /// Every tick.
     pub ticks: Producer<TickRecord>,
     /// The state of the cycle, once a second.
-    pub snapshots: Producer<Snapshot>,
+    pub snapshots: Producer<CycleSnapshot>,
 }
 
 /// Fills the ring and writes the file.
@@ -65,8 +65,8 @@ pub struct Recorder {
     software: String,
     boot_id: u64,
     ticks: Consumer<TickRecord>,
-    snapshots: Consumer<Snapshot>,
-    waiting: Option<Snapshot>,
+    snapshots: Consumer<CycleSnapshot>,
+    waiting: Option<CycleSnapshot>,
     ring: Ring,
     models: BTreeMap<ModelId, Arc<Model>>,
     offers: VecDeque<OfferRecord>,
@@ -173,7 +173,7 @@ impl Recorder {
         let to_fault = tick.outputs.events.iter().flatten().any(|event| {
             matches!(
                 event.kind,
-                crate::core::EventKind::State {
+                crate::core::CycleEventKind::State {
                     to: OperatingState::Fault,
                     ..
                 }
@@ -212,7 +212,7 @@ impl Recorder {
 
     /// The models that the ring and the offers name.
     fn named(&self) -> impl Iterator<Item = ModelId> {
-        let in_snapshots = self.ring.snapshots().flat_map(Snapshot::models);
+        let in_snapshots = self.ring.snapshots().flat_map(CycleSnapshot::models);
         in_snapshots.chain(self.offers.iter().map(|offer| offer.model))
     }
 

@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::{Content, OfferRecord};
-use super::{Snapshot, TickRecord};
+use super::{CycleSnapshot, TickRecord};
 use crate::config::{Config, ConfigError};
-use crate::core::Outputs;
-use crate::core::cycle::Cycle;
-use crate::core::model_slots::slots::Candidate;
+use crate::core::CycleOutputs;
+use crate::core::ModelCandidate;
+use crate::core::cycle::ControlCycle;
 use crate::model::file::ModelFile;
 use crate::model::{Model, ModelError, ModelId};
 
@@ -48,7 +48,7 @@ pub struct Replayed {
 pub struct Difference {
     /// The tick.
     pub number: u64,
-    /// The field of [`Outputs`] that differs first.
+    /// The field of [`CycleOutputs`] that differs first.
     pub field: &'static str,
     /// What was recorded.
     pub recorded: String,
@@ -114,7 +114,7 @@ struct Player<'a> {
     content: &'a Content,
     config: Config,
     models: BTreeMap<ModelId, Arc<Model>>,
-    cycle: Option<Cycle>,
+    cycle: Option<ControlCycle>,
     /// The tick that comes next.
     next: u64,
 }
@@ -126,17 +126,18 @@ impl Player<'_> {
             return Ok(true);
         }
         self.cycle = None;
-        let here = |snapshot: &&Snapshot| snapshot.ticks() + 1 == tick.number;
+        let here = |snapshot: &&CycleSnapshot| snapshot.ticks() + 1 == tick.number;
         let Some(snapshot) = self.content.snapshots.iter().find(here) else {
             return Ok(false);
         };
         let model = |id: ModelId| self.models.get(&id).map(Arc::clone);
-        let cycle = Cycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
+        let cycle =
+            ControlCycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
         (self.cycle, self.next) = (Some(cycle), tick.number);
         Ok(true)
     }
 
-    fn step(&mut self, tick: &TickRecord) -> Result<Outputs, ReplayError> {
+    fn step(&mut self, tick: &TickRecord) -> Result<CycleOutputs, ReplayError> {
         let candidate = tick
             .offered
             .map(|number| self.candidate(number))
@@ -145,15 +146,15 @@ impl Player<'_> {
             return Err(ReplayError::NoSnapshot);
         };
         if let Some(candidate) = candidate {
-            cycle.offer(candidate);
+            cycle.stage_model(candidate);
         }
         let outputs = cycle.step(tick.timing.tick.started, &tick.inputs);
-        drop(cycle.retired());
+        drop(cycle.take_retired());
         self.next += 1;
         Ok(outputs)
     }
 
-    fn candidate(&self, number: u64) -> Result<Candidate, ReplayError> {
+    fn candidate(&self, number: u64) -> Result<ModelCandidate, ReplayError> {
         let missing = || ReplayError::NoModel(ModelId::default());
         let of_number = |offer: &&OfferRecord| offer.number == number;
         let offer = self
@@ -166,7 +167,7 @@ impl Player<'_> {
             .models
             .get(&offer.model)
             .ok_or(ReplayError::NoModel(offer.model))?;
-        Ok(Candidate::restored(
+        Ok(ModelCandidate::restored(
             Arc::clone(model),
             &self.config,
             offer.carried,
@@ -176,7 +177,7 @@ impl Player<'_> {
 
 /// The first field that differs. Numbers are compared by their bits: as text with all digits, in
 /// which no two numbers look the same, and the sign of zero shows.
-fn difference(tick: &TickRecord, now: &Outputs) -> Option<Difference> {
+fn difference(tick: &TickRecord, now: &CycleOutputs) -> Option<Difference> {
     let before = &tick.outputs;
     let fields = [
         ("requests", text(&before.requests), text(&now.requests)),
@@ -213,6 +214,6 @@ fn text(value: &impl std::fmt::Debug) -> String {
 }
 
 /// Every bit of every field.
-fn bits(outputs: &Outputs) -> Vec<u8> {
+fn bits(outputs: &CycleOutputs) -> Vec<u8> {
     postcard::to_allocvec(outputs).unwrap_or_default()
 }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::{Snapshot, TickRecord};
+use super::{CycleSnapshot, TickRecord};
 use crate::units::Nanos;
 
 /// The last seconds, tick by tick, from a snapshot on. Grows to its size once and then no more.
@@ -10,7 +10,7 @@ use crate::units::Nanos;
 pub struct Ring {
     span: Nanos,
     ticks: VecDeque<TickRecord>,
-    snapshots: VecDeque<Snapshot>,
+    snapshots: VecDeque<CycleSnapshot>,
 }
 
 impl Ring {
@@ -31,12 +31,12 @@ impl Ring {
 
     /// Takes in a snapshot, and drops what is older than the last snapshot that is old enough to
     /// begin with.
-    pub fn begin(&mut self, snapshot: Snapshot) {
+    pub fn begin(&mut self, snapshot: CycleSnapshot) {
         self.snapshots.push_back(snapshot);
         let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
             return;
         };
-        while let Some(second) = self.snapshots.get(1).map(Snapshot::ticks) {
+        while let Some(second) = self.snapshots.get(1).map(CycleSnapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
             let old_enough = self
                 .ticks
@@ -56,7 +56,7 @@ impl Ring {
     }
 
     /// The snapshots, oldest first.
-    pub fn snapshots(&self) -> impl Iterator<Item = &Snapshot> {
+    pub fn snapshots(&self) -> impl Iterator<Item = &CycleSnapshot> {
         self.snapshots.iter()
     }
 }

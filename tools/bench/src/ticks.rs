@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::config::Config;
-use i2ris::core::Goal;
+use i2ris::core::ServoGoal;
 use i2ris::core::rehearsal::Rehearsal;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
@@ -191,7 +191,7 @@ impl Cycle {
     fn step(&mut self) -> Result<(), BenchError> {
         self.seconds += self.period_s;
         let axis = |hz: f64| 5.0_f64.to_radians() * (TAU * hz * self.seconds).sin();
-        let goal = Goal::Joint([axis(0.5), axis(0.31), 0.0], 2);
+        let goal = ServoGoal::Joint([axis(0.5), axis(0.31), 0.0], 2);
         self.rehearsal
             .follow(goal)
             .map(drop)

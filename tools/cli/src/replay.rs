@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use i2ris::core::{EventKind, Outputs};
+use i2ris::core::{CycleEventKind, CycleOutputs};
 use i2ris::ipc::client::Client;
 use i2ris::process::black_box::{Content, Difference, Replayed, replay};
 use i2ris::units::Nanos;
@@ -107,10 +107,10 @@ fn header(content: &Content) {
     }
 }
 
-fn events(outputs: &Outputs) {
+fn events(outputs: &CycleOutputs) {
     for event in outputs.events.iter().flatten() {
         // Refusals come in floods.
-        if !matches!(event.kind, EventKind::Refused { .. }) {
+        if !matches!(event.kind, CycleEventKind::Refused { .. }) {
             println!("           {event}");
         }
     }

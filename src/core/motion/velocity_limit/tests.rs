@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-const DEFAULT: Limits = Limits {
+const DEFAULT: MotorLimits = MotorLimits {
     velocity: 2000.0,
     acceleration: 40_000.0,
     deceleration: 1_000_000.0,
@@ -17,11 +17,11 @@ const ROUNDING: f64 = 1e-7;
 
 #[derive(Debug, Clone, Copy)]
 enum Action {
-    Follow(Target),
+    Track(MotorTarget),
     Stop,
 }
 
-fn limits() -> impl Strategy<Value = Limits> {
+fn limits() -> impl Strategy<Value = MotorLimits> {
     (
         10.0..1e5_f64,
         100.0..1e6_f64,
@@ -29,13 +29,15 @@ fn limits() -> impl Strategy<Value = Limits> {
         -3000.0..0.0_f64,
         1.0..3000.0_f64,
     )
-        .prop_map(|(velocity, acceleration, ratio, lowest, width)| Limits {
-            velocity,
-            acceleration,
-            deceleration: acceleration * ratio,
-            lowest,
-            highest: lowest + width,
-        })
+        .prop_map(
+            |(velocity, acceleration, ratio, lowest, width)| MotorLimits {
+                velocity,
+                acceleration,
+                deceleration: acceleration * ratio,
+                lowest,
+                highest: lowest + width,
+            },
+        )
 }
 
 /// 100 to 4000 Hz, and not the round ones.
@@ -46,15 +48,17 @@ fn periods() -> impl Strategy<Value = Nanos> {
 fn wild() -> impl Strategy<Value = f64> {
     prop_oneof![
         8 => -4000.0..4000.0_f64,
-        1 => prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 0.0, -0.0]),
+        1 => prop::sample::select(
+            vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, 0.0, -0.0]
+        ),
     ]
 }
 
 fn action() -> impl Strategy<Value = Action> {
     prop_oneof![
-        6 => wild().prop_map(|position| Action::Follow(Target::fixed(position))),
+        6 => wild().prop_map(|position| Action::Track(MotorTarget::fixed(position))),
         3 => (wild(), prop_oneof![-30.0..30.0_f64, wild()])
-            .prop_map(|(position, moved)| Action::Follow(Target { position, moved })),
+            .prop_map(|(position, increment)| Action::Track(MotorTarget { position, increment })),
         1 => Just(Action::Stop),
     ]
 }
@@ -64,27 +68,33 @@ fn script() -> impl Strategy<Value = Vec<(Action, usize)>> {
     prop::collection::vec((action(), 1..40_usize), 1..20)
 }
 
-fn act(limiter: &mut Limiter, action: Action) {
+fn act(limiter: &mut VelocityLimiter, action: Action) {
     match action {
-        Action::Follow(target) => limiter.follow(target),
+        Action::Track(target) => limiter.track(target),
         Action::Stop => limiter.stop(),
     }
 }
 
+fn act_for(limiter: &mut VelocityLimiter, action: Action, ticks: usize) {
+    for _ in 0..ticks {
+        act(limiter, action);
+    }
+}
+
 /// The most that a velocity may change in one tick, written independently of the limiter: the
-/// slow-down comes first and takes its share of the tick.
+/// deceleration comes first and takes its share of the tick.
 fn allowed(before: f64, after: f64, a: f64, d: f64) -> bool {
     let (before, after) = if before < 0.0 {
         (-before, -after)
     } else {
         (before, after)
     };
-    let (slow_down, speed_up) = if after >= 0.0 {
+    let (deceleration, acceleration) = if after >= 0.0 {
         ((before - after).max(0.0), (after - before).max(0.0))
     } else {
         (before, -after)
     };
-    slow_down / d + speed_up / a <= 1.0 + 1e-6
+    deceleration / d + acceleration / a <= 1.0 + 1e-6
 }
 
 proptest! {
@@ -93,7 +103,7 @@ proptest! {
         limits in limits(), period in periods(), start in 0.0..1.0_f64, script in script()
     ) {
         let tick = period.as_seconds();
-        let mut limiter = Limiter::new(&limits, period);
+        let mut limiter = VelocityLimiter::new(&limits, period);
         limiter.restart(limits.lowest + start * (limits.highest - limits.lowest));
         for (action, ticks) in script {
             for _ in 0..ticks {
@@ -103,7 +113,8 @@ proptest! {
                 prop_assert!((step - limiter.velocity()).abs() <= ROUNDING);
                 prop_assert!(step.abs() <= limits.velocity * tick + ROUNDING);
                 let (a, d) = (limits.acceleration * tick * tick, limits.deceleration * tick * tick);
-                prop_assert!(allowed(before.velocity(), limiter.velocity(), a, d), "{before:?} {limiter:?}");
+                let is_allowed = allowed(before.velocity(), limiter.velocity(), a, d);
+                prop_assert!(is_allowed, "{before:?} {limiter:?}");
                 prop_assert!(limiter.position() >= limits.lowest - ROUNDING);
                 prop_assert!(limiter.position() <= limits.highest + ROUNDING);
             }
@@ -121,13 +132,14 @@ proptest! {
         let distance = (goal - start).abs();
         let bound = 2.0 * (distance / limits.acceleration).sqrt() + distance / limits.velocity;
         let most = (bound / tick) as usize + 10;
-        let mut limiter = Limiter::new(&limits, period);
+        let mut limiter = VelocityLimiter::new(&limits, period);
         limiter.restart(start);
         for _ in 0..most {
             let before = limiter.position();
-            limiter.follow(Target::fixed(goal));
+            limiter.track(MotorTarget::fixed(goal));
             let (low, high) = if start < goal { (before, goal) } else { (goal, before) };
-            prop_assert!(limiter.position() >= low - ROUNDING && limiter.position() <= high + ROUNDING);
+            let range = low - ROUNDING..=high + ROUNDING;
+            prop_assert!(range.contains(&limiter.position()));
         }
         prop_assert!((limiter.position() - goal).abs() <= ROUNDING, "{limiter:?} short of {goal}");
     }
@@ -137,14 +149,14 @@ proptest! {
         limits in limits(), period in periods(), script in script(), goal in 0.0..1.0_f64
     ) {
         let goal = limits.lowest + goal * (limits.highest - limits.lowest);
-        let mut limiter = Limiter::new(&limits, period);
+        let mut limiter = VelocityLimiter::new(&limits, period);
         limiter.restart((limits.lowest + limits.highest) / 2.0);
         for (action, ticks) in script {
-            (0..ticks).for_each(|_| act(&mut limiter, action));
+            act_for(&mut limiter, action, ticks);
         }
         let seconds = 1.0 + 6000.0 / limits.velocity + 4.0 * (6000.0 / limits.acceleration).sqrt();
         for _ in 0..(seconds / period.as_seconds()) as usize {
-            limiter.follow(Target::fixed(goal));
+            limiter.track(MotorTarget::fixed(goal));
         }
         prop_assert!((limiter.position() - goal).abs() <= ROUNDING, "{limiter:?} short of {goal}");
     }
@@ -153,70 +165,73 @@ proptest! {
     fn a_target_that_moves_within_the_limits_is_caught_and_then_followed_without_lag(
         limits in limits(), period in periods(), share in -0.9..0.9_f64
     ) {
-        let limits = Limits { lowest: -1e9, highest: 1e9, ..limits };
+        let limits = MotorLimits { lowest: -1e9, highest: 1e9, ..limits };
         let tick = period.as_seconds();
-        let moved = share * limits.velocity * tick;
-        let mut limiter = Limiter::new(&limits, period);
+        let increment = share * limits.velocity * tick;
+        let mut limiter = VelocityLimiter::new(&limits, period);
         // Speeding up takes `t = v / A` and loses `v t / 2`; the tenth of V that is left regains
         // it.
         let start_up = limits.velocity / limits.acceleration;
         let ticks = (30.0 * start_up / tick) as usize + 30;
         for k in 1..=ticks {
-            limiter.follow(Target { position: moved * k as f64, moved });
+            limiter.track(MotorTarget { position: increment * k as f64, increment });
         }
-        let target = moved * ticks as f64;
-        prop_assert!((limiter.position() - target).abs() <= 1e-6 * target.abs() + ROUNDING, "{limiter:?} {target}");
+        let target = increment * ticks as f64;
+        let error = (limiter.position() - target).abs();
+        prop_assert!(error <= 1e-6 * target.abs() + ROUNDING, "{limiter:?} {target}");
     }
 
     #[test]
-    fn a_stop_ends_as_soon_as_the_slow_down_allows(limits in limits(), period in periods(), script in script()) {
-        let mut limiter = Limiter::new(&limits, period);
+    fn a_stop_ends_as_soon_as_the_deceleration_allows(
+        limits in limits(), period in periods(), script in script()
+    ) {
+        let mut limiter = VelocityLimiter::new(&limits, period);
         limiter.restart((limits.lowest + limits.highest) / 2.0);
         for (action, ticks) in script {
-            (0..ticks).for_each(|_| act(&mut limiter, action));
+            act_for(&mut limiter, action, ticks);
         }
         let per_tick = limits.deceleration * period.as_seconds().powi(2);
         let ticks = (limiter.velocity().abs() / per_tick).ceil() as usize;
-        (0..ticks.max(1)).for_each(|_| limiter.stop());
-        prop_assert!(limiter.at_rest(), "{limiter:?} after {ticks} ticks");
+        act_for(&mut limiter, Action::Stop, ticks.max(1));
+        prop_assert!(limiter.is_at_rest(), "{limiter:?} after {ticks} ticks");
     }
 }
 
 #[test]
 fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
-    let mut limiter = Limiter::new(&DEFAULT, MILLISECOND);
-    (0..200).for_each(|_| limiter.follow(Target::fixed(2000.0)));
+    let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
+    act_for(&mut limiter, Action::Track(MotorTarget::fixed(2000.0)), 200);
     assert!((limiter.velocity() - 2.0).abs() < ROUNDING);
     let from = limiter.position();
     limiter.stop();
     limiter.stop();
-    assert!(limiter.at_rest());
+    assert!(limiter.is_at_rest());
     assert!(
         (limiter.position() - from - 1.0).abs() < ROUNDING,
-        "one more count on the way"
+        "it stops within one count"
     );
 }
 
 #[test]
 fn no_distance_is_no_motion() {
-    let mut limiter = Limiter::new(&DEFAULT, MILLISECOND);
+    let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     limiter.restart(123.25);
     for _ in 0..100 {
-        limiter.follow(Target::fixed(123.25));
+        limiter.track(MotorTarget::fixed(123.25));
         assert_eq!((limiter.position(), limiter.velocity()), (123.25, 0.0));
     }
 }
 
 #[test]
-fn a_set_point_outside_the_position_limits_only_comes_back() {
-    let mut limiter = Limiter::new(&DEFAULT, MILLISECOND);
+fn a_setpoint_outside_the_position_limits_only_comes_back() {
+    let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     limiter.restart(2003.0);
-    limiter.follow(Target::fixed(5000.0));
+    limiter.track(MotorTarget::fixed(5000.0));
     let mut last = limiter.position();
     assert!(last <= 2003.0);
     limiter.restart(2003.0);
     for _ in 0..100 {
-        limiter.follow(Target::fixed(1990.0));
+        limiter.track(MotorTarget::fixed(1990.0));
         assert!(limiter.position() <= last);
         last = limiter.position();
     }
@@ -227,12 +242,12 @@ fn a_set_point_outside_the_position_limits_only_comes_back() {
 #[test]
 fn a_sine_within_the_limits_is_followed_to_a_fraction_of_a_count() {
     let at = |k: i32| 450.0 * (std::f64::consts::PI * f64::from(k) * 1e-3).sin();
-    let mut limiter = Limiter::new(&DEFAULT, MILLISECOND);
+    let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     let mut worst = 0.0_f64;
     for k in 1..4000 {
-        limiter.follow(Target {
+        limiter.track(MotorTarget {
             position: at(k),
-            moved: at(k) - at(k - 1),
+            increment: at(k) - at(k - 1),
         });
         // The first 100 ms: from rest to the speed of a sine that starts at full speed.
         if k > 100 {

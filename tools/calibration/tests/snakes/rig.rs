@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use i2ris::core::motion::velocity_limit::{Limiter, Limits, Target};
+use i2ris::core::velocity_limit::{VelocityLimiter, MotorLimits, MotorTarget};
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
     SCHEMA_VERSION, TrainingRecord,
@@ -211,7 +211,7 @@ struct Pilot<'a> {
     rules: &'a Loop,
     model: &'a Model,
     memory: Memory,
-    limiters: [Limiter; 2],
+    limiters: [VelocityLimiter; 2],
     aim: Option<[f64; 2]>,
     band: Band,
     goal: [f64; 2],
@@ -227,7 +227,7 @@ impl<'a> Pilot<'a> {
             deceleration,
             ..
         } = *rules;
-        let limits = Limits {
+        let limits = MotorLimits {
             velocity,
             acceleration,
             deceleration,
@@ -240,7 +240,7 @@ impl<'a> Pilot<'a> {
             rules,
             model,
             memory,
-            limiters: [Limiter::new(&limits, Nanos::from_millis(1)); 2],
+            limiters: [VelocityLimiter::new(&limits, Nanos::from_millis(1)); 2],
             aim: None,
             band: Band { at: goal },
             goal,
@@ -268,9 +268,9 @@ impl<'a> Pilot<'a> {
             let moved = self.aim.map_or(0.0, |before| aim[motor] - before[motor]);
             // What is more is a gap, not the way of the goal.
             let moved = if moved.abs() < 2.0 { moved } else { 0.0 };
-            self.limiters[motor].follow(Target {
+            self.limiters[motor].track(MotorTarget {
                 position: aim[motor],
-                moved,
+                increment: moved,
             });
             counts[motor] = self.limiters[motor].position().round();
         }

@@ -8,8 +8,8 @@ use i2ris::config::{
     IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
     PortConfig, RecordConfig,
 };
-use i2ris::core::Goal;
-use i2ris::core::rehearsal::{Rehearsal, RehearsalError, beginning, without_limits};
+use i2ris::core::ServoGoal;
+use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::units::{Counts, MotorVec, OutputVec};
@@ -35,7 +35,7 @@ const LONGEST_REST_TICKS: u32 = 10_000;
 
 The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight lines; the history has
 q0_counts, q1_counts. What comes out is what the control loop would send, tick by tick. The snake first goes to the
-beginning of the trajectory, at 10 deg/s.")]
+start_position of the trajectory, at 10 deg/s.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,
@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let mut past = history(arguments.history.as_ref(), &model)?;
     if past.is_empty() {
-        past.push(beginning(&model, &wanted.at(wanted.start_s())));
+        past.push(start_position(&model, &wanted.at(wanted.start_s())));
     }
     let mut rehearsal = Rehearsal::new(&config, &model, &past)?;
     approach(&mut rehearsal, &wanted, arguments.no_limits)
@@ -185,8 +185,8 @@ impl Wanted<'_> {
         outputs(&values, self.si)
     }
 
-    fn goal(&self, angles: OutputVec) -> Goal {
-        Goal::Joint(angles, self.outputs as u32)
+    fn goal(&self, angles: OutputVec) -> ServoGoal {
+        ServoGoal::Joint(angles, self.outputs as u32)
     }
 }
 

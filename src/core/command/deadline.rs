@@ -1,0 +1,75 @@
+//! Deadline: the age at which a servo command is stale.
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot::Refusal;
+use crate::units::Nanos;
+
+/// A tick begins before it reads the newest command, and other processors stamp the commands.
+const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
+
+/// A robot that moves for more than a second after its client has died is out of control.
+const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);
+
+/// The configured deadline.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct DeadlineCheck {
+    default: Nanos,
+}
+
+impl DeadlineCheck {
+    pub fn new(default: Nanos) -> Self {
+        Self { default }
+    }
+
+    /// The deadline of a command that was sent at `stamp`. `requested`: zero for the default.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Stamp`] for a stamp in the future or a deadline that is too long;
+    /// [`Refusal::Stale`] for a command older than its deadline.
+    pub fn check(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Result<Nanos, Refusal> {
+        if stamp.since(now) > FUTURE_MARGIN || requested > LONGEST_DEADLINE {
+            return Err(Refusal::Stamp);
+        }
+        let deadline = if requested == Nanos::ZERO {
+            self.default
+        } else {
+            requested
+        };
+        if now.since(stamp) < deadline {
+            Ok(deadline)
+        } else {
+            Err(Refusal::Stale)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stamps_and_deadlines_have_bounds() {
+        let ms = Nanos::from_millis;
+        let (check, now) = (DeadlineCheck::new(ms(50)), ms(5000));
+        for (stamp, requested, expected) in [
+            (now, Nanos::ZERO, Ok(ms(50))),
+            (now, ms(1000), Ok(ms(1000))),
+            (now, ms(1000) + Nanos(1), Err(Refusal::Stamp)),
+            (now + ms(2), Nanos::ZERO, Ok(ms(50))),
+            (now + ms(2) + Nanos(1), Nanos::ZERO, Err(Refusal::Stamp)),
+            (Nanos(u64::MAX), Nanos::ZERO, Err(Refusal::Stamp)),
+            (now - ms(49), Nanos::ZERO, Ok(ms(50))),
+            (now - ms(50), Nanos::ZERO, Err(Refusal::Stale)),
+            (now - ms(3), ms(3), Err(Refusal::Stale)),
+            (Nanos::ZERO, Nanos::ZERO, Err(Refusal::Stale)),
+        ] {
+            assert_eq!(
+                check.check(stamp, requested, now),
+                expected,
+                "{stamp:?} {requested:?}"
+            );
+        }
+    }
+}

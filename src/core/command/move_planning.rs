@@ -1,0 +1,49 @@
+//! Planning of `move_jp`: from the present setpoint to a pose.
+
+use crate::core::command::admission::CommandAdmission;
+use crate::core::inputs::StateRequest;
+use crate::core::joint_space::joint_model::JointModel;
+use crate::core::motion::joint_trajectory::JointTrajectory;
+use crate::core::motion::s_curve::TrajectoryLimits;
+use crate::core::vector::{first_entries, is_finite};
+use crate::model::file::OutputUnit;
+use crate::robot::Refusal;
+use crate::units::{MAX_OUTPUTS, Nanos};
+
+/// Plans the trajectory of a request. A pose outside of the hull is clipped to it: beyond the hull
+/// the motors cannot follow.
+pub(crate) fn plan_move(
+    request: &StateRequest,
+    is_at_rest: bool,
+    admission: &CommandAdmission,
+    joints: Option<&JointModel>,
+    limits: &TrajectoryLimits,
+    now: Nanos,
+) -> Result<JointTrajectory, Refusal> {
+    let (pose, entries) = request.pose.ok_or(Refusal::Malformed)?;
+    let joints = joints.ok_or(Refusal::NoModel)?;
+    if entries as usize != joints.outputs() {
+        return Err(Refusal::Malformed);
+    }
+    if joints.unit() != OutputUnit::Deg {
+        return Err(Refusal::Unsupported);
+    }
+    let pose = first_entries::<MAX_OUTPUTS>(pose, entries);
+    if !is_finite(&pose) {
+        return Err(Refusal::NotFinite);
+    }
+    if !is_at_rest {
+        return Err(Refusal::Busy);
+    }
+    admission.require_lease(request.client_id)?;
+    let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
+    let inverse = joints.solve(&pose).map_err(|_| Refusal::BadModel)?;
+    let to = if inverse.clipped {
+        joints
+            .pose(&inverse.counts)
+            .map_err(|_| Refusal::BadModel)?
+    } else {
+        pose
+    };
+    Ok(JointTrajectory::new(from, to, inverse.clipped, limits, now))
+}

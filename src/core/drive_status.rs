@@ -1,0 +1,108 @@
+//! Status of the drives in one tick, reduced to the facts that decisions need.
+
+use crate::drive::{AxisFeedback, AxisPhase};
+use crate::robot::Refusal;
+use crate::units::{MAX_MOTORS, Nanos};
+
+/// What the operating state expects of the drives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ExpectedPower {
+    /// Off, or still starting.
+    Off,
+    /// Started, and changing to another phase.
+    Changing,
+    /// All drives are enabled.
+    On,
+}
+
+/// Status of one drive.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DriveStatus {
+    pub phase: AxisPhase,
+    /// Age of the newest position.
+    pub age: Nanos,
+    /// The drive follows setpoints, and the last setpoint written to it is too far from the
+    /// encoder.
+    pub has_following_error: bool,
+    pub has_over_current: bool,
+}
+
+/// Status of all drives, and of the monitors of the cycle.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DriveSummary {
+    /// Start of the tick.
+    pub now: Nanos,
+    /// One entry per motor.
+    pub axes: [Option<DriveStatus>; MAX_MOTORS],
+    /// Age of a position from which on the motion stops.
+    pub stale_after: Nanos,
+    /// Age of a position from which on the line counts as lost.
+    pub lost_after: Nanos,
+    /// Every axis has a valid zero.
+    pub is_homed: bool,
+    /// Every axis is within its position limits.
+    pub is_in_range: bool,
+    /// No setpoint moves.
+    pub is_at_rest: bool,
+    /// Every requested homing has ended.
+    pub is_homing_done: bool,
+    /// Every requested fault reset is done, and no drive is at fault.
+    pub is_reset_done: bool,
+    /// The model gives finite values at the present position.
+    pub is_model_finite: bool,
+    /// Too many ticks were late.
+    pub is_overrun: bool,
+    /// The measured pose contradicts the model.
+    pub is_implausible: bool,
+}
+
+impl DriveSummary {
+    pub fn drives(&self) -> impl Iterator<Item = &DriveStatus> {
+        self.axes.iter().flatten()
+    }
+
+    /// Every drive is in this phase.
+    pub fn all_in(&self, phase: AxisPhase) -> bool {
+        self.drives().all(|drive| drive.phase == phase)
+    }
+
+    /// No drive has power that could be switched off.
+    pub fn is_off(&self) -> bool {
+        self.drives().all(|drive| is_off(drive.phase))
+    }
+
+    /// Every position is recent enough to move on.
+    pub fn is_fresh(&self) -> bool {
+        self.drives().all(|drive| drive.age < self.stale_after)
+    }
+
+    /// Enabling and homing start from drives that are off and report a recent position.
+    pub fn require_ready(&self) -> Result<(), Refusal> {
+        if self.all_in(AxisPhase::Disabled) && self.is_fresh() {
+            Ok(())
+        } else {
+            Err(Refusal::DrivesNotReady)
+        }
+    }
+}
+
+/// The drive is off, or cannot be reached.
+pub(crate) fn is_off(phase: AxisPhase) -> bool {
+    match phase {
+        AxisPhase::Starting | AxisPhase::Disabled | AxisPhase::Faulted | AxisPhase::Lost => true,
+        AxisPhase::Enabling
+        | AxisPhase::Enabled
+        | AxisPhase::Homing
+        | AxisPhase::QuickStopped
+        | AxisPhase::Disabling => false,
+    }
+}
+
+/// Age of a position. A drive that has never reported has the greatest age.
+pub(crate) fn position_age(feedback: &AxisFeedback, now: Nanos) -> Nanos {
+    if feedback.stamp == Nanos::ZERO {
+        Nanos(u64::MAX)
+    } else {
+        now.since(feedback.stamp)
+    }
+}

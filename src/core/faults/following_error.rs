@@ -1,0 +1,64 @@
+//! Following error: the motor is too far from the setpoint that its drive has.
+
+use serde::{Deserialize, Serialize};
+
+use crate::drive::{AxisFeedback, WrittenTarget};
+use crate::units::Nanos;
+
+/// Largest distance between setpoint and encoder, counts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FollowingErrorLimit(i64);
+
+impl FollowingErrorLimit {
+    pub fn new(counts: i32) -> Self {
+        Self(i64::from(counts))
+    }
+
+    /// Compares the setpoint that was written last with the encoder. The newest setpoint may still
+    /// wait for its slot on the wire; the motor cannot know it. `powered_since`: when power was
+    /// requested; older setpoints belong to an earlier session.
+    pub fn is_exceeded(&self, feedback: &AxisFeedback, powered_since: Nanos) -> bool {
+        written_after(feedback, powered_since).is_some_and(|written| {
+            let error = i64::from(written.target.0) - i64::from(feedback.position.0);
+            error.abs() > self.0
+        })
+    }
+}
+
+/// The setpoint that was written last, if it was written since `since`.
+pub(crate) fn written_after(feedback: &AxisFeedback, since: Nanos) -> Option<WrittenTarget> {
+    feedback.written.filter(|written| written.stamp >= since)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Counts;
+
+    #[test]
+    fn only_a_setpoint_of_this_session_beyond_the_limit_is_an_error() {
+        let limit = FollowingErrorLimit::new(300);
+        let feedback = |target, stamp| AxisFeedback {
+            position: Counts(10),
+            written: Some(WrittenTarget {
+                target: Counts(target),
+                stamp: Nanos(stamp),
+                sequence: 1,
+                command_stamp: Nanos::ZERO,
+                command_sequence: 0,
+            }),
+            ..AxisFeedback::default()
+        };
+        for (target, stamp, is_error) in [
+            (310, 5, false),
+            (311, 5, true),
+            (-291, 5, true),
+            (311, 4, false),
+            (i32::MIN, 9, true),
+        ] {
+            let found = limit.is_exceeded(&feedback(target, stamp), Nanos(5));
+            assert_eq!(found, is_error, "{target} written at {stamp}");
+        }
+        assert!(!limit.is_exceeded(&AxisFeedback::default(), Nanos(5)));
+    }
+}

@@ -1,0 +1,65 @@
+//! Over-current: a motor takes too much current for too long.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::LimitConfig;
+use crate::core::faults::debounce::Debounce;
+use crate::units::Nanos;
+
+/// Monitor of the current of one motor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct OverCurrentMonitor {
+    /// Absolute current, mA. `None`: not monitored.
+    limit_ma: Option<u32>,
+    debounce: Debounce,
+    is_tripped: bool,
+}
+
+impl OverCurrentMonitor {
+    pub fn new(limits: &LimitConfig) -> Self {
+        Self {
+            limit_ma: limits.over_current_ma,
+            debounce: Debounce::new(Nanos::from_millis(limits.over_current_ms)),
+            is_tripped: false,
+        }
+    }
+
+    /// Updates the monitor. The current counts only while the drive follows setpoints.
+    pub fn update(&mut self, current_ma: i32, is_following: bool, now: Nanos) {
+        let is_high = self
+            .limit_ma
+            .is_some_and(|limit| current_ma.unsigned_abs() > limit);
+        self.is_tripped = self.debounce.update(is_following && is_high, now);
+    }
+
+    pub fn is_tripped(&self) -> bool {
+        self.is_tripped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_high_current_trips_after_its_time_and_only_while_the_drive_follows() {
+        let limits = LimitConfig {
+            over_current_ma: Some(200),
+            over_current_ms: 50,
+            ..LimitConfig::default()
+        };
+        let mut monitor = OverCurrentMonitor::new(&limits);
+        for (ms, current_ma, is_following, is_tripped) in [
+            (0, -201, true, false),
+            (49, 201, true, false),
+            (50, 201, true, true),
+            (51, 200, true, false),
+            (60, 500, true, false),
+            (109, 500, true, false),
+            (110, 500, false, false),
+        ] {
+            monitor.update(current_ma, is_following, Nanos::from_millis(1000 + ms));
+            assert_eq!(monitor.is_tripped(), is_tripped, "{ms} ms");
+        }
+    }
+}

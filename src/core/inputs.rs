@@ -1,0 +1,97 @@
+//! Inputs of one tick of the cycle.
+
+use serde::{Deserialize, Serialize};
+
+use crate::drive::AxisFeedback;
+use crate::model::ModelId;
+use crate::robot::StateCommand;
+use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
+
+/// Inputs of one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct CycleInputs {
+    /// Newest servo command, if one arrived since the last tick.
+    pub servo: Option<ServoCommand>,
+    /// Next state command, if one is queued.
+    pub request: Option<StateRequest>,
+    /// Next request to change the active model, if one is queued.
+    pub model: Option<ModelSwapRequest>,
+    /// Newest pose from an external sensor, if one arrived since the last tick.
+    pub external: Option<ExternalPose>,
+    /// Number of periods that had already passed when this tick began. They are not run later.
+    pub missed: u32,
+    /// Newest feedback of every drive. It may be the same as in the last tick.
+    pub feedback: [AxisFeedback; MAX_MOTORS],
+    /// The process is asked to end: decelerate, hold, power off in order. Stays true once true.
+    pub shutdown: bool,
+}
+
+/// A servo command, parsed but not checked. The cycle accepts or refuses it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ServoCommand {
+    /// The client that sent it.
+    pub client_id: u64,
+    /// Rises with every command of the client.
+    pub sequence: u64,
+    /// Time of sending.
+    pub stamp: Nanos,
+    /// Age at which the command is stale. Zero: the configured default.
+    pub deadline: Nanos,
+    /// The requested position.
+    pub goal: ServoGoal,
+    /// The clutch is open: the snake holds.
+    pub clutched: bool,
+}
+
+/// The position that a servo command requests.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum ServoGoal {
+    /// Angles, rad, and the number of entries that the client sent.
+    Joint(OutputVec, u32),
+    /// Encoder positions, and the number of entries that the client sent.
+    Actuator([Counts; MAX_MOTORS], u32),
+}
+
+/// A state command.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct StateRequest {
+    /// Identifies the request to the thread that sends the reply.
+    pub id: u64,
+    /// The client that sent it.
+    pub client_id: u64,
+    /// The requested command.
+    pub command: StateCommand,
+    /// Goal pose, rad, and its number of entries. Only for [`StateCommand::Move`].
+    pub pose: Option<(OutputVec, u32)>,
+}
+
+/// A request to change the active model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelSwapRequest {
+    /// Identifies the request to the thread that sends the reply.
+    pub id: u64,
+    /// The requested change.
+    pub change: ModelChange,
+    /// Swap even if the hysteresis memory of the next model is not known.
+    pub forced: bool,
+}
+
+/// A change of the active model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ModelChange {
+    /// Activate the staged model, if it has this id.
+    Activate(ModelId),
+    /// Return to the previous model.
+    Rollback,
+}
+
+/// Pose of the snake, measured by a camera or another external sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ExternalPose {
+    /// Time of the measurement.
+    pub stamp: Nanos,
+    /// Angles, rad.
+    pub position: OutputVec,
+    /// Number of valid entries of `position`.
+    pub outputs: u32,
+}

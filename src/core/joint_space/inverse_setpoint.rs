@@ -1,0 +1,118 @@
+//! Inverse setpoint: from a goal to targets of the motors, by the inverse of the model.
+
+use crate::core::joint_space::joint_model::{JointModel, NotFinite};
+use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
+use crate::core::motion::joint_filter::GoalStep;
+use crate::core::motion::velocity_limit::MotorTarget;
+use crate::core::vector::difference;
+use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
+
+/// Targets of the motors in this tick.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InverseSetpoint {
+    /// One target per motor, not yet limited.
+    pub targets: [MotorTarget; MAX_MOTORS],
+    /// The requested goal, clipped to what can be reached, rad (m); `None` without a model.
+    pub goal: Option<OutputVec>,
+    pub is_clipped: bool,
+}
+
+/// The inverse of one goal.
+#[derive(Debug, Clone, Copy)]
+struct ClampedInverse {
+    counts: MotorVec,
+    /// The goal is outside of the hull or the position limits.
+    is_clipped: bool,
+}
+
+/// Targets for the goal of a stream of commands.
+///
+/// The inverse is computed every tick, because a model with memory gives another solution after
+/// every motion. The goal of one tick before is inverted with the same memory: the target's
+/// increment is the motion of the goal, not what the model has learned in between.
+pub(crate) fn follow_goal(
+    goal: &ExtrapolatedGoal,
+    axes: &AxisGroup,
+    joints: Option<&mut JointModel>,
+    now: Nanos,
+    tick: Nanos,
+) -> Result<InverseSetpoint, NotFinite> {
+    match (goal, joints) {
+        (ExtrapolatedGoal::Joint(goal), Some(joints)) => {
+            let (here, before) = goal.evaluate(now, tick);
+            let step = GoalStep { now: here, before };
+            invert_goal(step, goal.goal(), axes, joints, now, tick)
+        }
+        // Angles are only accepted with a model.
+        (ExtrapolatedGoal::Joint(_), None) => Err(NotFinite),
+        (ExtrapolatedGoal::Actuator(goal), joints) => {
+            let (here, before) = goal.evaluate(now, tick);
+            let pose = joints.map(|joints| joints.pose(goal.goal())).transpose()?;
+            Ok(InverseSetpoint {
+                targets: targets(&axes.clamp(here), &axes.clamp(before)),
+                goal: pose,
+                is_clipped: false,
+            })
+        }
+    }
+}
+
+/// Targets for a goal in joint space. `requested`: the goal that is reported, before extrapolation
+/// or at the end of the trajectory.
+pub(crate) fn invert_goal(
+    goal: GoalStep,
+    requested: &OutputVec,
+    axes: &AxisGroup,
+    joints: &mut JointModel,
+    now: Nanos,
+    tick: Nanos,
+) -> Result<InverseSetpoint, NotFinite> {
+    let filtered = joints.filter_goal(goal)?;
+    let dead_banded = joints.dead_band_goal(&filtered.now);
+    let before = if dead_banded.is_held {
+        dead_banded.goal
+    } else {
+        filtered.before
+    };
+    let goal_now = joints.blend_goal(dead_banded.goal, now);
+    let goal_before = joints.blend_goal(before, now - tick);
+    let inverse_now = clamped_inverse(&goal_now, axes, joints)?;
+    joints.set_search_start(inverse_now.counts);
+    let (inverse_before, end) = if goal_now == goal_before && filtered.now == *requested {
+        (inverse_now, inverse_now)
+    } else {
+        let end = joints.blend_goal(*requested, now);
+        (
+            clamped_inverse(&goal_before, axes, joints)?,
+            clamped_inverse(&end, axes, joints)?,
+        )
+    };
+    let goal = if end.is_clipped {
+        joints.pose(&end.counts)?
+    } else {
+        *requested
+    };
+    Ok(InverseSetpoint {
+        targets: targets(&inverse_now.counts, &inverse_before.counts),
+        goal: Some(goal),
+        is_clipped: end.is_clipped,
+    })
+}
+
+fn clamped_inverse(
+    goal: &OutputVec,
+    axes: &AxisGroup,
+    joints: &JointModel,
+) -> Result<ClampedInverse, NotFinite> {
+    let inverse = joints.solve(goal)?;
+    let counts = axes.clamp(inverse.counts);
+    Ok(ClampedInverse {
+        counts,
+        is_clipped: inverse.clipped || counts != inverse.counts,
+    })
+}
+
+fn targets(now: &MotorVec, before: &MotorVec) -> [MotorTarget; MAX_MOTORS] {
+    MotorTarget::from_vectors(now, &difference(now, before))
+}

@@ -1,0 +1,418 @@
+//! Joint model: a model with the memory that it needs in the loop.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::Config;
+use crate::core::joint_space::model_blend::ModelBlend;
+use crate::core::joint_space::position_history::{HistoryCursor, NextEntry, PositionHistory};
+use crate::core::joint_space::velocity_estimate::{filtered_velocity, rate};
+use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
+use crate::core::motion::joint_filter::{GoalStep, JointFilter};
+use crate::core::outputs::JointReport;
+use crate::core::vector;
+use crate::drive::AxisFeedback;
+use crate::model::file::OutputUnit;
+use crate::model::{Estimate, History, Inverse, Memory, Model, Query};
+use crate::units::{MotorVec, Nanos, OutputVec};
+
+/// Positions of the history that a model replays per tick. One takes a microsecond or two.
+const MAX_REPLAYED: usize = 8;
+
+/// A model and its state.
+#[derive(Debug, Clone)]
+pub(crate) struct JointModel {
+    model: Arc<Model>,
+    compensation: f64,
+    /// Duration of the blend after this model has taken over.
+    blend_span: Nanos,
+    state: JointModelState,
+}
+
+/// Everything that changes from tick to tick.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct JointModelState {
+    /// The last entry of the position history that `measured_memory` contains.
+    cursor: HistoryCursor,
+    /// Memory at the last encoder positions.
+    measured_memory: Memory,
+    /// The same, and then the setpoints that were written after the positions were read.
+    memory: Memory,
+    /// Where the search for the inverse starts: the last solution.
+    search_start: MotorVec,
+    measured: Option<Measured>,
+    setpoint: Option<Setpoint>,
+    dead_band: BacklashDeadBand,
+    filter: JointFilter,
+    /// The goal of the last tick after the dead-band, while angles are followed.
+    dead_banded_goal: Option<OutputVec>,
+    blend: Option<ModelBlend>,
+}
+
+/// The pose at the encoder positions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Measured {
+    estimate: Estimate,
+    stamp: Nanos,
+    /// rad/s.
+    velocity: OutputVec,
+}
+
+/// The pose at the setpoints.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Setpoint {
+    mean: OutputVec,
+    /// rad/s.
+    velocity: OutputVec,
+}
+
+/// The model gave a value that is not finite.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct NotFinite;
+
+impl JointModel {
+    /// A model that has seen no motion yet, at the start of the position history.
+    pub fn new(model: Arc<Model>, config: &Config) -> Self {
+        Self::with_memory(model, config, Memory::default(), HistoryCursor::default())
+    }
+
+    /// A model whose memory is rebuilt from a history that ends at a cursor. Takes thousands of
+    /// steps: not for the control loop.
+    pub fn from_history(
+        model: Arc<Model>,
+        config: &Config,
+        history: &History,
+        cursor: HistoryCursor,
+    ) -> Self {
+        let memory = model.recall(history);
+        Self::with_memory(model, config, memory, cursor)
+    }
+
+    /// A model with a state that has been saved.
+    pub fn from_state(model: Arc<Model>, config: &Config, state: JointModelState) -> Self {
+        Self {
+            state,
+            ..Self::new(model, config)
+        }
+    }
+
+    fn with_memory(
+        model: Arc<Model>,
+        config: &Config,
+        memory: Memory,
+        cursor: HistoryCursor,
+    ) -> Self {
+        let tick = config.control.period();
+        let has_angles = output_unit(&model) == OutputUnit::Deg;
+        // Without a memory the inverse does not jump where the motion reverses.
+        let has_backlash = model.wipe_counts() != MotorVec::default();
+        let state = JointModelState {
+            cursor,
+            measured_memory: memory,
+            memory,
+            search_start: model.hull().centre(),
+            measured: None,
+            setpoint: None,
+            dead_band: BacklashDeadBand::new(&config.compensation, has_angles, has_backlash, tick),
+            filter: JointFilter::new(&config.command, &config.joint_limits, tick, has_angles),
+            dead_banded_goal: None,
+            blend: None,
+        };
+        Self {
+            model,
+            compensation: config.compensation.factor,
+            blend_span: Nanos::from_millis(config.model_swap.blend_ms),
+            state,
+        }
+    }
+
+    pub fn state(&self) -> &JointModelState {
+        &self.state
+    }
+
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Enough motion has been seen to know the memory.
+    pub fn is_memory_known(&self) -> bool {
+        self.model.knows(&self.state.measured_memory)
+    }
+
+    /// The whole position history has been replayed.
+    pub fn is_up_to_date(&self, history: &PositionHistory) -> bool {
+        self.state.cursor == history.cursor()
+    }
+
+    /// Both models have the same outputs, so a goal means the same to both.
+    pub fn has_outputs_of(&self, other: &Self) -> bool {
+        self.model.file().outputs == other.model.file().outputs
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.model.outputs()
+    }
+
+    /// Unit of the outputs in files: angles, or a position of the tip.
+    pub fn unit(&self) -> OutputUnit {
+        output_unit(&self.model)
+    }
+
+    /// The pose at the last setpoints.
+    pub fn setpoint(&self) -> Option<OutputVec> {
+        self.state.setpoint.map(|setpoint| setpoint.mean)
+    }
+
+    /// Takes over from the model that was active before. The motors stay at their setpoints, the
+    /// poses are computed anew, and the difference between the goal and this model becomes a
+    /// [`ModelBlend`].
+    pub fn take_over(
+        &mut self,
+        from: Option<&Self>,
+        drives: &[AxisFeedback],
+        setpoints: &MotorVec,
+        now: Nanos,
+    ) -> Result<(), NotFinite> {
+        let before = from.map(|from| &from.state);
+        self.state.search_start = *setpoints;
+        self.state
+            .dead_band
+            .take_over(before.map(|before| &before.dead_band));
+        if let Some(before) = before {
+            self.state.filter = before.filter;
+        }
+        self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
+        self.state.blend = None;
+        self.update_memory(drives)?;
+        self.update_measured(drives, before.and_then(|before| before.measured))?;
+        let pose = self.pose(setpoints)?;
+        self.state.setpoint = Some(Setpoint {
+            mean: pose,
+            velocity: OutputVec::default(),
+        });
+        self.state.blend = self
+            .state
+            .dead_banded_goal
+            .map(|goal| ModelBlend::new(vector::difference(&pose, &goal), now, self.blend_span));
+        Ok(())
+    }
+
+    /// Takes the goal of this tick through tremor filter and joint limits.
+    pub fn filter_goal(&mut self, goal: GoalStep) -> Result<GoalStep, NotFinite> {
+        let start = self.setpoint().ok_or(NotFinite)?;
+        Ok(self.state.filter.filter(goal, start))
+    }
+
+    /// Takes the goal of this tick through the backlash dead-band.
+    pub fn dead_band_goal(&mut self, goal: &OutputVec) -> DeadBandedGoal {
+        let dead_banded = self.state.dead_band.apply(goal);
+        self.state.dead_banded_goal = Some(dead_banded.goal);
+        dead_banded
+    }
+
+    /// A goal with the offset of the last model swap.
+    pub fn blend_goal(&self, goal: OutputVec, now: Nanos) -> OutputVec {
+        let offset = self.state.blend.and_then(|blend| blend.offset_at(now));
+        offset.map_or(goal, |offset| vector::zip_map(&goal, &offset, |a, b| a + b))
+    }
+
+    /// No angles are followed in this tick.
+    pub fn release_goal(&mut self) {
+        self.state.dead_band.release_goal();
+        self.state.filter.reset();
+        self.state.dead_banded_goal = None;
+        self.state.blend = None;
+    }
+
+    /// Replays the position history, at most [`MAX_REPLAYED`] positions. Returns whether there was
+    /// a new one.
+    pub fn replay(&mut self, history: &PositionHistory) -> bool {
+        for replayed in 0..MAX_REPLAYED {
+            match history.next_after(self.state.cursor) {
+                NextEntry::End => return replayed > 0,
+                NextEntry::Position(position, cursor) => {
+                    self.model
+                        .advance(&mut self.state.measured_memory, &position);
+                    self.state.cursor = cursor;
+                }
+                // The zero has moved, so the memory belongs to other counts; or positions are
+                // missing.
+                NextEntry::Lost => {
+                    self.reset_memory();
+                    self.state.cursor = history.cursor();
+                    if let Some(newest) = history.newest() {
+                        self.model.advance(&mut self.state.measured_memory, &newest);
+                    }
+                    return true;
+                }
+            }
+        }
+        true
+    }
+
+    /// Takes new positions, and setpoints written after them. Every drive must have reported.
+    pub fn update_feedback(
+        &mut self,
+        history: &PositionHistory,
+        drives: &[AxisFeedback],
+    ) -> Result<(), NotFinite> {
+        let has_new = self.replay(history);
+        self.update_memory(drives)?;
+        let before = self.state.measured;
+        if has_new || before.is_none() {
+            self.update_measured(drives, before)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// The counts at which the outputs are nearest to a goal.
+    pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
+        let state = &self.state;
+        let query = Query {
+            start: state.search_start,
+            correction: state.dead_band.correction(),
+            compensation: self.compensation,
+        };
+        let inverse = self.model.invert(goal, &state.memory, &query);
+        if vector::is_finite(&inverse.counts) {
+            Ok(inverse)
+        } else {
+            Err(NotFinite)
+        }
+    }
+
+    /// The next search for the inverse starts here.
+    pub fn set_search_start(&mut self, counts: MotorVec) {
+        self.state.search_start = counts;
+    }
+
+    /// The outputs at given counts.
+    pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
+        require_finite(self.model.predict(counts, &self.state.memory)).map(|estimate| estimate.mean)
+    }
+
+    /// Takes the setpoints of this tick, and their change in it.
+    pub fn update_setpoint(
+        &mut self,
+        setpoints: &MotorVec,
+        increments: &MotorVec,
+        tick: Nanos,
+    ) -> Result<(), NotFinite> {
+        let mean = self.pose(setpoints)?;
+        let before = self.pose(&vector::difference(setpoints, increments))?;
+        let velocity = rate(&mean, &before, tick).unwrap_or_default();
+        self.state.setpoint = Some(Setpoint { mean, velocity });
+        Ok(())
+    }
+
+    /// Joint space in this tick. Without a goal, the goal is the setpoint.
+    pub fn report(&self, goal: Option<OutputVec>) -> Option<JointReport> {
+        let (measured, setpoint) = (self.state.measured?, self.state.setpoint?);
+        Some(JointReport {
+            model: self.model.id(),
+            outputs: self.outputs() as u32,
+            goal: goal.unwrap_or(setpoint.mean),
+            setpoint: setpoint.mean,
+            measured: measured.estimate.mean,
+            setpoint_velocity: setpoint.velocity,
+            measured_velocity: measured.velocity,
+            deviation: measured.estimate.deviation(),
+            memory_known: self.is_memory_known(),
+        })
+    }
+
+    fn reset_memory(&mut self) {
+        self.state.measured_memory = self.model.new_memory();
+        self.state.memory = self.state.measured_memory;
+        self.state.measured = None;
+        self.state.dead_band.reset();
+    }
+
+    /// From the positions that were read to the setpoints that were written since.
+    fn update_memory(&mut self, drives: &[AxisFeedback]) -> Result<(), NotFinite> {
+        self.state.memory = self.state.measured_memory;
+        if drives.iter().any(|drive| written_since(drive).is_some()) {
+            let expected = drives
+                .iter()
+                .map(|drive| written_since(drive).unwrap_or(drive.position.as_f64()));
+            self.model
+                .advance(&mut self.state.memory, &vector::collect(expected));
+        }
+        let correction = self.model.correction(&self.state.memory);
+        if !vector::is_finite(&correction) {
+            return Err(NotFinite);
+        }
+        self.state.dead_band.filter_correction(&correction);
+        Ok(())
+    }
+
+    fn update_measured(
+        &mut self,
+        drives: &[AxisFeedback],
+        before: Option<Measured>,
+    ) -> Result<(), NotFinite> {
+        let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
+        let stamps = drives.iter().map(|drive| drive.stamp);
+        let stamp = stamps.max().unwrap_or_default();
+        let estimate = self.model.predict(&positions, &self.state.measured_memory);
+        let estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
+        let velocity = before.map_or(OutputVec::default(), |before| {
+            filtered_velocity(
+                &before.velocity,
+                &estimate.mean,
+                &before.estimate.mean,
+                stamp.since(before.stamp),
+            )
+        });
+        self.state.measured = Some(Measured {
+            estimate,
+            stamp,
+            velocity,
+        });
+        Ok(())
+    }
+}
+
+fn output_unit(model: &Model) -> OutputUnit {
+    let outputs = &model.file().outputs;
+    outputs
+        .first()
+        .map_or(OutputUnit::Deg, |output| output.unit)
+}
+
+/// The setpoint that reached the drive after its position was read.
+fn written_since(drive: &AxisFeedback) -> Option<f64> {
+    drive
+        .written
+        .filter(|written| written.stamp > drive.stamp)
+        .map(|written| written.target.as_f64())
+}
+
+fn require_finite(estimate: Estimate) -> Result<Estimate, NotFinite> {
+    if vector::is_finite(&estimate.mean) && estimate.covariance.iter().all(vector::is_finite) {
+        Ok(estimate)
+    } else {
+        Err(NotFinite)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_estimate_that_is_not_finite_is_refused() {
+        assert!(require_finite(Estimate::default()).is_ok());
+        let mut estimate = Estimate {
+            mean: [0.0, f64::NAN, 0.0],
+            ..Estimate::default()
+        };
+        assert_eq!(require_finite(estimate), Err(NotFinite));
+        estimate.mean = [0.0; 3];
+        estimate.covariance[1][1] = f64::INFINITY;
+        assert_eq!(require_finite(estimate), Err(NotFinite));
+    }
+}

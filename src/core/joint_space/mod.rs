@@ -1,0 +1,7 @@
+//! Joint space: a model with its memory, and the inverse of goals.
+
+pub(super) mod inverse_setpoint;
+pub(super) mod joint_model;
+mod model_blend;
+pub(super) mod position_history;
+mod velocity_estimate;

@@ -1,0 +1,184 @@
+//! Position history: the latest positions of the motors, for every loaded model.
+//!
+//! All loaded models, active, staged and previous, replay this history, so they remember the same
+//! past. A model is staged by a slower thread, which rebuilds the memory of the model from recorded
+//! positions up to some cursor. When the loop gets the model, the motors have moved on. The model
+//! catches up from this history, a few positions per tick.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::vector;
+use crate::drive::AxisFeedback;
+use crate::units::{MAX_MOTORS, MotorVec};
+
+/// Number of positions: one second at one per tick, four seconds at the rate of a serial line. They
+/// are stored in rows of 32: serde has no longer arrays.
+const ROWS: usize = 32;
+const CAPACITY: u64 = (ROWS * ROWS) as u64;
+
+/// A place in the history.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct HistoryCursor {
+    /// Rises when the zero moves. Positions of different epochs cannot be compared.
+    pub epoch: u64,
+    /// Number of positions recorded since the start.
+    pub recorded: u64,
+}
+
+/// The latest positions of the motors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PositionHistory {
+    cursor: HistoryCursor,
+    /// Sequence of the last feedback of every motor, so that a position is recorded once.
+    sequences: [u64; MAX_MOTORS],
+    recent: [[MotorVec; ROWS]; ROWS],
+}
+
+/// The entry after a cursor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum NextEntry {
+    /// There is none: the cursor is at the end.
+    End,
+    /// The next position, and its cursor.
+    Position(MotorVec, HistoryCursor),
+    /// It has been overwritten, or the zero has moved since.
+    Lost,
+}
+
+impl PositionHistory {
+    pub fn new() -> Self {
+        Self {
+            cursor: HistoryCursor::default(),
+            sequences: Default::default(),
+            recent: [[MotorVec::default(); ROWS]; ROWS],
+        }
+    }
+
+    /// Cursor of the newest entry.
+    pub fn cursor(&self) -> HistoryCursor {
+        self.cursor
+    }
+
+    /// Records the positions, if one of them is new. Every drive must have reported.
+    pub fn record(&mut self, drives: &[AxisFeedback]) {
+        let mut has_new = false;
+        for (sequence, drive) in self.sequences.iter_mut().zip(drives) {
+            has_new |= *sequence != drive.sequence;
+            *sequence = drive.sequence;
+        }
+        if !has_new {
+            return;
+        }
+        self.cursor.recorded += 1;
+        let (row, column) = index(self.cursor.recorded);
+        if let Some(entry) = self.recent.get_mut(row).and_then(|row| row.get_mut(column)) {
+            *entry = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
+        }
+    }
+
+    /// Starts a new epoch: the zero has moved.
+    pub fn start_epoch(&mut self) {
+        self.cursor.epoch += 1;
+    }
+
+    /// The newest position.
+    pub(super) fn newest(&self) -> Option<MotorVec> {
+        let number = self.cursor.recorded;
+        self.entry(number).filter(|_| number > 0)
+    }
+
+    /// The entry after a cursor.
+    pub(super) fn next_after(&self, cursor: HistoryCursor) -> NextEntry {
+        let behind = self.cursor.recorded.wrapping_sub(cursor.recorded);
+        if cursor.epoch != self.cursor.epoch || behind > CAPACITY {
+            return NextEntry::Lost;
+        }
+        if behind == 0 {
+            return NextEntry::End;
+        }
+        let next = HistoryCursor {
+            recorded: cursor.recorded + 1,
+            ..cursor
+        };
+        self.entry(next.recorded)
+            .map_or(NextEntry::Lost, |position| {
+                NextEntry::Position(position, next)
+            })
+    }
+
+    fn entry(&self, number: u64) -> Option<MotorVec> {
+        let (row, column) = index(number);
+        self.recent.get(row)?.get(column).copied()
+    }
+}
+
+/// Row and column of an entry.
+fn index(number: u64) -> (usize, usize) {
+    let index = (number % CAPACITY) as usize;
+    (index / ROWS, index % ROWS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Counts;
+
+    /// Records positions, each one twice.
+    fn record(history: &mut PositionHistory, positions: std::ops::Range<i32>) {
+        for count in positions {
+            let drive = AxisFeedback {
+                sequence: count as u64 + 1,
+                position: Counts(count),
+                ..AxisFeedback::default()
+            };
+            history.record(&[drive, drive]);
+            history.record(&[drive, drive]);
+        }
+    }
+
+    /// All positions after a cursor; `None` if they are lost.
+    fn rest(history: &PositionHistory, mut cursor: HistoryCursor) -> Option<Vec<f64>> {
+        let mut positions = Vec::new();
+        loop {
+            match history.next_after(cursor) {
+                NextEntry::End => return Some(positions),
+                NextEntry::Lost => return None,
+                NextEntry::Position(position, next) => {
+                    positions.push(position[0]);
+                    cursor = next;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_position_is_replayed_once() {
+        let mut history = PositionHistory::new();
+        record(&mut history, 0..1500);
+        let cursor = history.cursor();
+        assert_eq!((cursor.epoch, cursor.recorded), (0, 1500));
+        record(&mut history, 1500..2500);
+        let expected: Vec<f64> = (1500..2500).map(f64::from).collect();
+        assert_eq!(rest(&history, cursor), Some(expected));
+        assert_eq!(rest(&history, history.cursor()), Some(vec![]));
+    }
+
+    #[test]
+    fn overwritten_positions_and_other_epochs_are_lost() {
+        let mut history = PositionHistory::new();
+        record(&mut history, 0..10);
+        let cursor = history.cursor();
+        record(&mut history, 10..10 + CAPACITY as i32);
+        assert_eq!(rest(&history, cursor).unwrap().len(), CAPACITY as usize);
+        record(&mut history, 10 + CAPACITY as i32..11 + CAPACITY as i32);
+        assert_eq!(rest(&history, cursor), None);
+        let cursor = history.cursor();
+        history.start_epoch();
+        assert_eq!(rest(&history, cursor), None);
+        let future = HistoryCursor {
+            epoch: 1,
+            recorded: u64::MAX,
+        };
+        assert_eq!(rest(&history, future), None);
+    }
+}

@@ -1,0 +1,188 @@
+//! Control of one axis: its setpoint, its monitors, and the requests to its drive.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{AxisConfig, Config};
+use crate::core::drive_status::{DriveStatus, position_age};
+use crate::core::faults::following_error::FollowingErrorLimit;
+use crate::core::faults::over_current::OverCurrentMonitor;
+use crate::core::motion::jerk_limit::JerkLimiter;
+use crate::core::motion::setpoint_source::SetpointSource;
+use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
+use crate::units::{Counts, Nanos};
+
+/// One axis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct AxisControl {
+    lowest: Counts,
+    highest: Counts,
+    following_error: FollowingErrorLimit,
+    limiter: VelocityLimiter,
+    jerk_limiter: JerkLimiter,
+    source: SetpointSource,
+    over_current: OverCurrentMonitor,
+    fault_resets: u32,
+    homings: u32,
+    /// The zero is valid only if it comes from this homing or a later one.
+    valid_homing: u32,
+    feedback: AxisFeedback,
+}
+
+impl AxisControl {
+    /// An axis whose drive has not reported yet.
+    pub fn new(axis: &AxisConfig, config: &Config) -> Self {
+        let (lowest, highest) = (axis.position_min_counts, axis.position_max_counts);
+        let period = config.control.period();
+        let limits = MotorLimits {
+            velocity: config.limits.velocity_counts_s,
+            acceleration: config.limits.acceleration_counts_s2,
+            deceleration: config.limits.stop_deceleration_counts_s2,
+            lowest: lowest.as_f64(),
+            highest: highest.as_f64(),
+        };
+        Self {
+            lowest,
+            highest,
+            following_error: FollowingErrorLimit::new(config.limits.following_error_counts),
+            limiter: VelocityLimiter::new(&limits, period),
+            jerk_limiter: JerkLimiter::new(config.limits.window_ticks(period).unwrap_or(1)),
+            source: SetpointSource::Tracking,
+            over_current: OverCurrentMonitor::new(&config.limits),
+            fault_resets: 0,
+            homings: 0,
+            valid_homing: 0,
+            feedback: AxisFeedback::default(),
+        }
+    }
+
+    pub fn update_feedback(&mut self, feedback: &AxisFeedback, now: Nanos) {
+        self.feedback = *feedback;
+        self.over_current
+            .update(feedback.current_ma, self.source.is_following(), now);
+    }
+
+    /// The last feedback.
+    pub fn feedback(&self) -> &AxisFeedback {
+        &self.feedback
+    }
+
+    pub fn status(&self, now: Nanos) -> DriveStatus {
+        let has_following_error = self
+            .source
+            .following_since()
+            .is_some_and(|since| self.following_error.is_exceeded(&self.feedback, since));
+        DriveStatus {
+            phase: self.feedback.phase,
+            age: position_age(&self.feedback, now),
+            has_following_error,
+            has_over_current: self.over_current.is_tripped(),
+        }
+    }
+
+    /// The drive has a zero, and no command has made it invalid.
+    pub fn is_homed(&self) -> bool {
+        self.feedback.homed && self.feedback.homings >= self.valid_homing
+    }
+
+    /// The motor is within its position limits. Outside of them a drive cannot be enabled where it
+    /// is: it would clamp its target to its own limits, which is a jump.
+    pub fn is_in_range(&self) -> bool {
+        self.allows(self.feedback.position)
+    }
+
+    /// The position is within the limits.
+    pub fn allows(&self, position: Counts) -> bool {
+        (self.lowest..=self.highest).contains(&position)
+    }
+
+    /// The nearest position within the limits.
+    pub fn clamp(&self, position: f64) -> f64 {
+        position
+            .max(self.lowest.as_f64())
+            .min(self.highest.as_f64())
+    }
+
+    /// The setpoint does not move.
+    pub fn is_at_rest(&self) -> bool {
+        self.limiter.is_at_rest() && self.jerk_limiter.is_at_rest()
+    }
+
+    /// Every requested homing has ended.
+    pub fn is_homing_done(&self) -> bool {
+        self.feedback.homings == self.homings && self.feedback.phase == AxisPhase::Disabled
+    }
+
+    /// Every requested fault reset is done, and the drive is not at fault.
+    pub fn is_reset_done(&self) -> bool {
+        self.feedback.fault_resets == self.fault_resets && self.feedback.phase != AxisPhase::Faulted
+    }
+
+    /// Requests a homing.
+    pub fn start_homing(&mut self) {
+        self.homings = self.homings.wrapping_add(1);
+    }
+
+    /// Makes the zero invalid until a homing that is requested from now on has ended.
+    pub fn invalidate_zero(&mut self) {
+        self.valid_homing = self.homings.wrapping_add(1);
+    }
+
+    /// Requests a fault reset, if the drive is at fault.
+    pub fn reset_fault(&mut self) {
+        if self.feedback.phase == AxisPhase::Faulted {
+            self.fault_resets = self.fault_resets.wrapping_add(1);
+        }
+    }
+
+    /// Updates the source of the setpoint for this tick's demand to the drive.
+    pub fn update_source(&mut self, demand: Demand, now: Nanos) {
+        let before = self.source;
+        self.source = before.next(demand, &self.feedback, now);
+        if let Some(position) = self.source.restart_position(before, &self.feedback) {
+            self.limiter.restart(position.as_f64());
+            self.jerk_limiter.restart(position.as_f64());
+        }
+    }
+
+    /// Moves the setpoint one tick towards a target, if the drive follows.
+    pub fn track(&mut self, target: MotorTarget) {
+        if self.source.is_following() {
+            self.limiter.track(target);
+            self.jerk_limiter.update(self.limiter.position());
+        }
+    }
+
+    /// Slows the setpoint down for one tick.
+    pub fn stop(&mut self) {
+        self.limiter.stop();
+        self.jerk_limiter.update(self.limiter.position());
+    }
+
+    /// The setpoint before rounding, counts.
+    pub fn setpoint(&self) -> f64 {
+        self.jerk_limiter.output()
+    }
+
+    /// Change of the setpoint in this tick, counts.
+    pub fn increment(&self) -> f64 {
+        self.jerk_limiter.increment()
+    }
+
+    /// The setpoint as sent to the drive.
+    pub fn target(&self) -> Counts {
+        // The setpoint stays between positions that are counts, so the conversion cannot fail.
+        Counts::from_f64(self.setpoint()).unwrap_or(self.feedback.position)
+    }
+
+    /// The request to the drive. The caller adds sequence and command.
+    pub fn request(&self, demand: Demand) -> AxisRequest {
+        AxisRequest {
+            demand,
+            target: self.target(),
+            fault_resets: self.fault_resets,
+            homings: self.homings,
+            ..AxisRequest::default()
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! All axes of the robot.
+
+use crate::config::Config;
+use crate::core::drive_status::DriveStatus;
+use crate::core::event::{CycleEventKind, EventList};
+use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::velocity_limit::MotorTarget;
+use crate::core::vector;
+use crate::drive::{AxisFeedback, AxisRequest, Demand};
+use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
+
+/// All axes, in the order of the motors.
+#[derive(Debug)]
+pub(crate) struct AxisGroup(Vec<AxisControl>);
+
+impl AxisGroup {
+    /// Axes whose drives have not reported yet.
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "a constructor, called before the loop"
+    )]
+    pub fn new(config: &Config) -> Self {
+        let axes = (0..config.motors().min(MAX_MOTORS)).filter_map(|motor| config.axis(motor));
+        Self(axes.map(|axis| AxisControl::new(axis, config)).collect())
+    }
+
+    #[allow(clippy::disallowed_methods, reason = "for a replay, not for the loop")]
+    pub fn from_snapshot(axes: &[Option<AxisControl>; MAX_MOTORS]) -> Self {
+        Self(axes.iter().flatten().copied().collect())
+    }
+
+    pub fn to_snapshot(&self) -> [Option<AxisControl>; MAX_MOTORS] {
+        self.per_motor(|axis| Some(*axis))
+    }
+
+    /// Number of axes.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The condition holds for every axis.
+    pub fn all(&self, condition: impl Fn(&AxisControl) -> bool) -> bool {
+        self.0.iter().all(condition)
+    }
+
+    pub fn for_each(&mut self, action: impl FnMut(&mut AxisControl)) {
+        self.0.iter_mut().for_each(action);
+    }
+
+    /// Takes the feedback of this tick. Every change of phase is an event.
+    pub fn update_feedback(
+        &mut self,
+        feedback: &[AxisFeedback; MAX_MOTORS],
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        for ((motor, axis), feedback) in (0..).zip(&mut self.0).zip(feedback) {
+            let (from, to) = (axis.feedback().phase, feedback.phase);
+            if from != to {
+                let error_code = feedback.error_code;
+                events.push(CycleEventKind::Axis {
+                    motor,
+                    from,
+                    to,
+                    error_code,
+                });
+            }
+            axis.update_feedback(feedback, now);
+        }
+    }
+
+    /// The last feedback of every motor.
+    pub fn feedback(&self) -> [AxisFeedback; MAX_MOTORS] {
+        self.per_motor(|axis| *axis.feedback())
+    }
+
+    pub fn status(&self, now: Nanos) -> [Option<DriveStatus>; MAX_MOTORS] {
+        self.per_motor(|axis| Some(axis.status(now)))
+    }
+
+    /// Updates the source of every setpoint for this tick's demands.
+    pub fn update_sources(&mut self, demands: &[Demand; MAX_MOTORS], now: Nanos) {
+        for (axis, demand) in self.0.iter_mut().zip(demands) {
+            axis.update_source(*demand, now);
+        }
+    }
+
+    /// Moves the setpoints one tick towards targets.
+    pub fn track(&mut self, targets: &[MotorTarget; MAX_MOTORS]) {
+        for (axis, target) in self.0.iter_mut().zip(targets) {
+            axis.track(*target);
+        }
+    }
+
+    /// Clamps counts to the position limits.
+    pub fn clamp(&self, mut counts: MotorVec) -> MotorVec {
+        for (counts, axis) in counts.iter_mut().zip(&self.0) {
+            *counts = axis.clamp(*counts);
+        }
+        counts
+    }
+
+    /// Every position is within the limits of its axis.
+    pub fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
+        let mut pairs = self.0.iter().zip(positions);
+        pairs.all(|(axis, position)| axis.allows(*position))
+    }
+
+    /// The setpoints before rounding, counts.
+    pub fn setpoints(&self) -> MotorVec {
+        vector::collect(self.0.iter().map(AxisControl::setpoint))
+    }
+
+    /// Changes of the setpoints in this tick, counts.
+    pub fn increments(&self) -> MotorVec {
+        vector::collect(self.0.iter().map(AxisControl::increment))
+    }
+
+    /// The setpoints as sent to the drives.
+    pub fn targets(&self) -> [Counts; MAX_MOTORS] {
+        self.per_motor(AxisControl::target)
+    }
+
+    /// Requests to the drives. `common` gives sequence and command.
+    pub fn requests(
+        &self,
+        demands: &[Demand; MAX_MOTORS],
+        common: &AxisRequest,
+    ) -> [AxisRequest; MAX_MOTORS] {
+        let mut requests = [AxisRequest::default(); MAX_MOTORS];
+        for ((request, axis), demand) in requests.iter_mut().zip(&self.0).zip(demands) {
+            *request = AxisRequest {
+                sequence: common.sequence,
+                command_stamp: common.command_stamp,
+                command_sequence: common.command_sequence,
+                ..axis.request(*demand)
+            };
+        }
+        requests
+    }
+
+    /// One value per motor; the default where there is no axis.
+    fn per_motor<T: Default + Copy>(&self, value: impl Fn(&AxisControl) -> T) -> [T; MAX_MOTORS] {
+        let mut values = [T::default(); MAX_MOTORS];
+        for (to, axis) in values.iter_mut().zip(&self.0) {
+            *to = value(axis);
+        }
+        values
+    }
+}

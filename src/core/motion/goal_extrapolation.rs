@@ -1,0 +1,216 @@
+//! Goal extrapolation: the goal between two commands.
+//!
+//! Commands arrive as a staircase: at 200 Hz a new goal every five ticks. A setpoint that follows
+//! the staircase stops on every stair and lags by half a stair on average; a limiter that must be
+//! able to stop on a stair lags even more. Interpolation makes a smooth path but lags by a whole
+//! stair; at 12 deg/s a stair of 5 ms is 0.06 deg. So the goal is **extrapolated**: it goes on at
+//! the rate between the last commands. Steady motion has no lag at all.
+//!
+//! The extrapolated goal may run ahead of the request. This is bounded:
+//!
+//! - per output, the lesser of the last two rates counts, and none if they differ in sign (the
+//!   minmod of the slope limiters of fluid dynamics; P. L. Roe 1986). A step, a first command or a
+//!   reversal is not extrapolated. A client that stays where it is stops the goal with its first
+//!   command;
+//! - extrapolation lasts at most [`HORIZON_INTERVALS`] intervals and [`LONGEST`], so the goal of a
+//!   client that dies is at rest a few stairs later, long before the deadline;
+//! - streams slower than [`LONGEST`] are not extrapolated.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::vector::{difference, zip_map};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+
+/// Late commands are normal on a desktop system. One interval of grace keeps the setpoint from
+/// stopping for each of them.
+const HORIZON_INTERVALS: f64 = 2.0;
+
+/// 20 ms. A hand that accelerates with 10,000 counts/s^2 leaves the straight line by 2 counts in
+/// that time.
+const LONGEST: Nanos = Nanos::from_millis(20);
+
+/// The goal of a stream of servo commands, extrapolated.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) enum ExtrapolatedGoal {
+    /// Angles, rad.
+    Joint(GoalExtrapolation<MAX_OUTPUTS>),
+    /// Encoder positions, counts.
+    Actuator(GoalExtrapolation<MAX_MOTORS>),
+}
+
+impl ExtrapolatedGoal {
+    pub fn is_joint(&self) -> bool {
+        matches!(self, Self::Joint(_))
+    }
+}
+
+/// A goal of `N` values and its rate of change.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct GoalExtrapolation<const N: usize> {
+    /// The goal of the last command.
+    #[serde(with = "array")]
+    goal: [f64; N],
+    /// Stamp of the last command.
+    stamp: Nanos,
+    /// Rate of change between the last two commands, 1/s; 0 if they were too far apart.
+    #[serde(with = "array")]
+    last_rate: [f64; N],
+    /// Rate of the extrapolation, 1/s.
+    #[serde(with = "array")]
+    rate: [f64; N],
+    /// Duration of the extrapolation, s.
+    horizon_s: f64,
+}
+
+impl<const N: usize> GoalExtrapolation<N> {
+    /// The first goal of a stream.
+    pub fn first(goal: [f64; N], stamp: Nanos) -> Self {
+        Self {
+            goal,
+            stamp,
+            last_rate: [0.0; N],
+            rate: [0.0; N],
+            horizon_s: 0.0,
+        }
+    }
+
+    /// The next goal of the same stream.
+    pub fn next(&self, goal: [f64; N], stamp: Nanos) -> Self {
+        let interval = stamp.since(self.stamp);
+        if interval == Nanos::ZERO || interval > LONGEST {
+            return Self::first(goal, stamp);
+        }
+        let interval_s = interval.as_seconds();
+        let last_rate = difference(&goal, &self.goal).map(|change| change / interval_s);
+        Self {
+            goal,
+            stamp,
+            last_rate,
+            rate: zip_map(&last_rate, &self.last_rate, minmod),
+            horizon_s: (HORIZON_INTERVALS * interval_s).min(LONGEST.as_seconds()),
+        }
+    }
+
+    /// The goal of the last command.
+    pub fn goal(&self) -> &[f64; N] {
+        &self.goal
+    }
+
+    /// The extrapolated goal now and one `tick` before, on the same straight line.
+    pub fn evaluate(&self, now: Nanos, tick: Nanos) -> ([f64; N], [f64; N]) {
+        let (age_s, tick_s) = (now.since(self.stamp).as_seconds(), tick.as_seconds());
+        (self.at_age(age_s), self.at_age(age_s - tick_s))
+    }
+
+    fn at_age(&self, age_s: f64) -> [f64; N] {
+        let age_s = age_s.min(self.horizon_s);
+        zip_map(&self.goal, &self.rate, |goal, rate| goal + rate * age_s)
+    }
+}
+
+/// Serializes arrays of generic length; serde supports fixed lengths only.
+mod array {
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::ser::{Serialize, Serializer};
+
+    pub fn serialize<S: Serializer, const N: usize>(
+        array: &[f64; N],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        array.as_slice().serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(
+        deserializer: D,
+    ) -> Result<[f64; N], D::Error> {
+        let values = Vec::<f64>::deserialize(deserializer)?;
+        let found = values.len();
+        values
+            .try_into()
+            .map_err(|_| D::Error::custom(format_args!("{found} numbers instead of {N}")))
+    }
+}
+
+/// The lesser of two rates, or 0 if they have different signs.
+fn minmod(a: f64, b: f64) -> f64 {
+    if a * b <= 0.0 {
+        0.0
+    } else {
+        a.abs().min(b.abs()).copysign(a)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const TICK: Nanos = Nanos::from_millis(1);
+
+    fn ms(milliseconds: u64) -> Nanos {
+        Nanos::from_millis(1000 + milliseconds)
+    }
+
+    fn stream(goals: &[f64], interval_ms: u64) -> GoalExtrapolation<1> {
+        let mut goal = GoalExtrapolation::first([goals[0]], ms(0));
+        for (k, next) in (1..).zip(&goals[1..]) {
+            goal = goal.next([*next], ms(k * interval_ms));
+        }
+        goal
+    }
+
+    /// Goals of a stream, its interval, the time of evaluation, and the expected goal.
+    #[test]
+    fn steady_motion_is_extrapolated_for_a_bounded_time() {
+        for (goals, interval_ms, at_ms, expected) in [
+            (&[0.0, 1.0, 2.0], 5, 13, 2.6),
+            // Two intervals after the last command.
+            (&[0.0, 1.0, 2.0], 5, 500, 4.0),
+            // 20 ms at most.
+            (&[0.0, 1.5, 3.0], 15, 500, 5.0),
+            // Slow streams are not extrapolated.
+            (&[0.0, 1.0, 2.0], 25, 60, 2.0),
+            // Equal stamps do not divide by zero.
+            (&[0.0, 1.0, 2.0], 0, 1, 2.0),
+        ] {
+            let ([now], [before]) = stream(goals, interval_ms).evaluate(ms(at_ms), TICK);
+            assert!((now - expected).abs() < 1e-9, "{now} instead of {expected}");
+            let increment = if at_ms == 13 { 0.2 } else { 0.0 };
+            assert!((now - before - increment).abs() < 1e-9, "{now} {before}");
+        }
+    }
+
+    #[test]
+    fn steps_reversals_pauses_and_first_commands_are_not_extrapolated() {
+        for goals in [
+            &[7.0][..],
+            &[0.0, 5.0],
+            &[0.0, 0.0, 5.0],
+            &[0.0, 1.0, 0.5],
+            &[0.0, 1.0, 2.0, 2.0],
+        ] {
+            let last = *goals.last().unwrap();
+            let found = stream(goals, 5).evaluate(ms(5 * goals.len() as u64), TICK);
+            assert_eq!(found, ([last], [last]), "{goals:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_goal_never_runs_ahead_by_more_than_twice_the_last_step(
+            steps in prop::collection::vec((-50.0..50.0_f64, 0..40_u64), 1..10), age in 0..2000_u64
+        ) {
+            let (mut goal, mut stamp) = (0.0, 0);
+            let mut extrapolation = GoalExtrapolation::first([goal], ms(stamp));
+            let mut last_step = 0.0_f64;
+            for (step, interval) in steps {
+                (goal, stamp, last_step) = (goal + step, stamp + interval, step);
+                extrapolation = extrapolation.next([goal], ms(stamp));
+            }
+            let ([now], _) = extrapolation.evaluate(ms(stamp + age), TICK);
+            let ahead = (now - goal) * last_step.signum();
+            prop_assert!(ahead >= 0.0 && ahead <= 2.0 * last_step.abs() + 1e-9, "{ahead}");
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! Joint limits: position, velocity, acceleration and jerk of the angles.
+//!
+//! One [`VelocityLimiter`] per output: a goal within the limits is followed without lag. Then a
+//! [`JerkLimiter`], which lags by half its window.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::JointLimitConfig;
+use crate::core::motion::jerk_limit::JerkLimiter;
+use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
+
+/// Far beyond any angle, rad.
+const NO_LIMIT: f64 = 1e6;
+
+/// Limiters of all outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct JointLimits {
+    /// `None`: off.
+    limiters: Option<[VelocityLimiter; MAX_OUTPUTS]>,
+    jerk_limiters: [JerkLimiter; MAX_OUTPUTS],
+}
+
+impl JointLimits {
+    /// `has_angles`: the outputs are angles. Limits in degrees mean nothing for other outputs.
+    pub fn new(config: &JointLimitConfig, tick: Nanos, has_angles: bool) -> Self {
+        let is_on = has_angles && config.is_any();
+        let limiters = is_on.then(|| {
+            std::array::from_fn(|output| VelocityLimiter::new(&limits(config, output), tick))
+        });
+        let window = config.window_ticks(tick).filter(|_| is_on).unwrap_or(1);
+        Self {
+            limiters,
+            jerk_limiters: [JerkLimiter::new(window); MAX_OUTPUTS],
+        }
+    }
+
+    pub fn is_off(&self) -> bool {
+        self.limiters.is_none()
+    }
+
+    /// Starts at rest.
+    pub fn restart(&mut self, start: &OutputVec) {
+        for (limiter, start) in self.limiters.iter_mut().flatten().zip(start) {
+            limiter.restart(*start);
+        }
+        for (limiter, start) in self.jerk_limiters.iter_mut().zip(start) {
+            limiter.restart(*start);
+        }
+    }
+
+    /// Moves one tick towards a goal, which was at `before` one tick ago.
+    pub fn limit(&mut self, goal: &OutputVec, before: &OutputVec) -> OutputVec {
+        let mut limited = *goal;
+        let limiters = self
+            .limiters
+            .iter_mut()
+            .flatten()
+            .zip(&mut self.jerk_limiters);
+        for (((limiter, jerk_limiter), value), before) in limiters.zip(&mut limited).zip(before) {
+            limiter.track(MotorTarget {
+                position: *value,
+                increment: *value - before,
+            });
+            jerk_limiter.update(limiter.position());
+            *value = jerk_limiter.output();
+        }
+        limited
+    }
+}
+
+fn limits(config: &JointLimitConfig, output: usize) -> MotorLimits {
+    let position = |limits: &Option<Vec<f64>>, default: f64| {
+        let limit = limits.as_ref().and_then(|limits| limits.get(output));
+        limit.map_or(default, |degrees| degrees.to_radians())
+    };
+    let or_none = |limit: Option<f64>| limit.map_or(NO_LIMIT, f64::to_radians);
+    let acceleration = or_none(config.acceleration_deg_s2);
+    MotorLimits {
+        velocity: or_none(config.velocity_deg_s),
+        acceleration,
+        deceleration: acceleration,
+        lowest: position(&config.position_min_deg, -NO_LIMIT),
+        highest: position(&config.position_max_deg, NO_LIMIT),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TICK: Nanos = Nanos::from_millis(1);
+
+    fn largest(values: &[f64]) -> f64 {
+        values
+            .iter()
+            .fold(0.0, |largest, value| largest.max(value.abs()))
+    }
+
+    fn derivative(values: &[f64]) -> Vec<f64> {
+        let pairs = values.windows(2);
+        pairs.map(|pair| (pair[1] - pair[0]) * 1e3).collect()
+    }
+
+    #[test]
+    fn velocity_acceleration_and_jerk_stay_within_their_limits() {
+        let config = JointLimitConfig {
+            velocity_deg_s: Some(20.0),
+            acceleration_deg_s2: Some(400.0),
+            jerk_deg_s3: Some(40_000.0),
+            position_max_deg: Some(vec![4.0, 30.0]),
+            ..JointLimitConfig::default()
+        };
+        let mut joint_limits = JointLimits::new(&config, TICK, true);
+        joint_limits.restart(&[0.0; 3]);
+        // A step to beyond the position limit, and one back.
+        let goal = |k: u32| [if k < 600 { 8.0_f64 } else { -3.0 }.to_radians(), 0.0, 0.0];
+        let out: Vec<f64> = (1..=1500)
+            .map(|k| joint_limits.limit(&goal(k), &goal(k - 1))[0].to_degrees())
+            .collect();
+        assert!((out[598] - 4.0).abs() < 1e-9, "{}", out[598]);
+        assert!((out[1499] + 3.0).abs() < 1e-9, "{}", out[1499]);
+        let velocity = derivative(&out);
+        let acceleration = derivative(&velocity);
+        let jerk = derivative(&acceleration);
+        assert!(largest(&velocity) <= 20.0 + 1e-6, "{}", largest(&velocity));
+        assert!(
+            largest(&acceleration) <= 400.0 + 1e-3,
+            "{}",
+            largest(&acceleration)
+        );
+        assert!(largest(&jerk) <= 40_000.0 + 1.0, "{}", largest(&jerk));
+    }
+
+    #[test]
+    fn limits_on_angles_are_off_for_other_outputs() {
+        let config = JointLimitConfig {
+            velocity_deg_s: Some(20.0),
+            ..JointLimitConfig::default()
+        };
+        assert!(JointLimits::new(&config, TICK, false).is_off());
+        assert!(JointLimits::new(&JointLimitConfig::default(), TICK, true).is_off());
+    }
+}

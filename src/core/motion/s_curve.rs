@@ -1,0 +1,173 @@
+//! S-curve: motion from rest to rest with limited velocity, acceleration and jerk.
+//!
+//! Seven segments of constant jerk, `+ 0 - 0 - 0 +` (L. Biagiotti and C. Melchiorri, Trajectory
+//! Planning for Automatic Machines and Robots, 2008, section 3.4), in closed form because both ends
+//! are at rest. The maintained crates for Rust solve the general problem, from any state to any
+//! other with several synchronised axes, in thousands of lines.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::MoveConfig;
+
+/// Motion from 0 to `length` as a function of time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SCurve {
+    length: f64,
+    jerk: f64,
+    /// Duration of a segment with jerk, s.
+    jerk_s: f64,
+    /// Duration of constant acceleration, s.
+    constant_acceleration_s: f64,
+    /// Duration of constant velocity, s.
+    cruise_s: f64,
+}
+
+/// Largest velocity, acceleration and jerk of a trajectory.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TrajectoryLimits {
+    /// Per second, above 0.
+    pub velocity: f64,
+    /// Per second squared, above 0.
+    pub acceleration: f64,
+    /// Per second cubed, above 0.
+    pub jerk: f64,
+}
+
+impl TrajectoryLimits {
+    /// In rad and s.
+    pub fn new(config: &MoveConfig) -> Self {
+        Self {
+            velocity: config.velocity_deg_s.to_radians(),
+            acceleration: config.acceleration_deg_s2.to_radians(),
+            jerk: config.jerk_deg_s3.to_radians(),
+        }
+    }
+}
+
+impl SCurve {
+    /// The fastest motion over a length within the limits.
+    pub fn new(length: f64, limits: &TrajectoryLimits) -> Self {
+        let TrajectoryLimits {
+            velocity,
+            acceleration,
+            jerk,
+        } = *limits;
+        let jerk_s = (acceleration / jerk).min((velocity / jerk).sqrt());
+        let constant_acceleration_s = (velocity / (jerk * jerk_s) - jerk_s).max(0.0);
+        let peak = jerk * jerk_s * (jerk_s + constant_acceleration_s);
+        let ramps = peak * (2.0 * jerk_s + constant_acceleration_s);
+        if length >= ramps {
+            return Self {
+                length,
+                jerk,
+                jerk_s,
+                constant_acceleration_s,
+                cruise_s: (length - ramps) / peak,
+            };
+        }
+        // The velocity limit is not reached; the acceleration limit may be.
+        let constant_acceleration_s =
+            ((jerk_s * jerk_s + 4.0 * length / (jerk * jerk_s)).sqrt() - 3.0 * jerk_s) / 2.0;
+        if constant_acceleration_s >= 0.0 {
+            return Self {
+                length,
+                jerk,
+                jerk_s,
+                constant_acceleration_s,
+                cruise_s: 0.0,
+            };
+        }
+        Self {
+            length,
+            jerk,
+            jerk_s: (length / (2.0 * jerk)).cbrt(),
+            constant_acceleration_s: 0.0,
+            cruise_s: 0.0,
+        }
+    }
+
+    /// Duration, s.
+    pub fn duration_s(&self) -> f64 {
+        4.0 * self.jerk_s + 2.0 * self.constant_acceleration_s + self.cruise_s
+    }
+
+    /// The part of the length that is done, 0 to 1.
+    pub fn fraction(&self, time_s: f64) -> f64 {
+        if time_s >= self.duration_s() || self.length <= 0.0 {
+            return 1.0;
+        }
+        let segments = [
+            (self.jerk_s, 1.0),
+            (self.constant_acceleration_s, 0.0),
+            (self.jerk_s, -1.0),
+            (self.cruise_s, 0.0),
+            (self.jerk_s, -1.0),
+            (self.constant_acceleration_s, 0.0),
+            (self.jerk_s, 1.0),
+        ];
+        let (mut left, mut position, mut velocity, mut acceleration) =
+            (time_s.max(0.0), 0.0, 0.0, 0.0);
+        for (span, sign) in segments {
+            let (dt, jerk) = (left.min(span), sign * self.jerk);
+            position += dt * (velocity + dt * (acceleration / 2.0 + dt * jerk / 6.0));
+            velocity += dt * (acceleration + dt * jerk / 2.0);
+            acceleration += dt * jerk;
+            left -= dt;
+        }
+        (position / self.length).clamp(0.0, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Finite differences stay within the limits, and the motion ends at its length, at rest.
+        #[test]
+        fn every_s_curve_keeps_its_limits_and_arrives(
+            length in 1e-6..100.0_f64, velocity in 0.1..50.0_f64,
+            acceleration in 0.1..500.0_f64, jerk in 1.0..1e4_f64
+        ) {
+            let curve = SCurve::new(length, &TrajectoryLimits { velocity, acceleration, jerk });
+            let (steps, duration) = (2000, curve.duration_s());
+            prop_assert!(duration > 0.0 && duration.is_finite());
+            let h = duration / f64::from(steps);
+            let at = |k: i32| length * curve.fraction(f64::from(k) * h);
+            prop_assert!(at(0) == 0.0 && (at(steps) - length).abs() <= 1e-9 * length);
+            prop_assert_eq!(curve.fraction(1.01 * duration), 1.0);
+            // Error of a derivative by the rounding of positions.
+            let rounding = |order: i32| 1e-12 * length.max(1.0) / h.powi(order);
+            for k in 0..steps {
+                let first = (at(k + 1) - at(k)) / h;
+                let highest = velocity * (1.0 + 1e-9) + rounding(1);
+                prop_assert!(first >= -rounding(1) && first <= highest, "{first}");
+                let second = (at(k + 1) - 2.0 * at(k) + at(k - 1)) / (h * h);
+                let highest = acceleration * (1.0 + 1e-6) + rounding(2);
+                prop_assert!(second.abs() <= highest, "{second}");
+                let third = (at(k + 2) - 3.0 * at(k + 1) + 3.0 * at(k) - at(k - 1)) / (h * h * h);
+                let highest = jerk * (1.0 + 1e-3) + 8.0 * rounding(3);
+                prop_assert!(third.abs() <= highest, "{third} of {jerk}");
+            }
+        }
+    }
+
+    const LIMITS: TrajectoryLimits = TrajectoryLimits {
+        velocity: 10.0,
+        acceleration: 100.0,
+        jerk: 2000.0,
+    };
+
+    #[test]
+    fn a_long_motion_takes_length_over_velocity_plus_the_ramps() {
+        // V/A + A/J = 0.1 s + 0.05 s.
+        assert!((SCurve::new(20.0, &LIMITS).duration_s() - 2.15).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_motion_of_no_length_ends_at_once() {
+        assert_eq!(SCurve::new(0.0, &LIMITS).fraction(0.0), 1.0);
+    }
+}

@@ -1,0 +1,127 @@
+//! Outputs of one tick of the cycle.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::event::CycleEvent;
+use crate::core::joint_space::position_history::HistoryCursor;
+use crate::drive::{AxisFeedback, AxisRequest};
+use crate::model::ModelId;
+use crate::robot::{Fault, OperatingState, Refusal};
+use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
+
+/// Outputs of one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CycleOutputs {
+    /// Requests to every drive.
+    pub requests: [AxisRequest; MAX_MOTORS],
+    /// Reply to [`CycleInputs::request`](super::inputs::CycleInputs::request), if there was one.
+    pub reply: Option<StateReply>,
+    /// Reply to [`CycleInputs::model`](super::inputs::CycleInputs::model), if there was one.
+    pub model_reply: Option<ModelSwapReply>,
+    /// Status of the robot after this tick.
+    pub report: CycleReport,
+    /// Events of this tick in order, at most four. Further events are only counted.
+    pub events: [Option<CycleEvent>; 4],
+    /// Shutdown was requested and every drive is off or lost: the process may end.
+    pub finished: bool,
+}
+
+/// Reply to a [`StateRequest`](super::inputs::StateRequest).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StateReply {
+    /// Id of the request.
+    pub id: u64,
+    /// [`Refusal::None`] when accepted.
+    pub refusal: Refusal,
+    /// State after the command.
+    pub state: OperatingState,
+}
+
+/// Reply to a [`ModelSwapRequest`](super::inputs::ModelSwapRequest).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ModelSwapReply {
+    /// Id of the request.
+    pub id: u64,
+    /// [`Refusal::None`] when accepted.
+    pub refusal: Refusal,
+}
+
+/// Status of the robot after one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CycleReport {
+    /// Start of the tick.
+    pub now: Nanos,
+    /// Operating state.
+    pub state: OperatingState,
+    /// Time of the last change of `state`.
+    pub since: Nanos,
+    /// The present fault, or the last one.
+    pub fault: Fault,
+    /// Every axis has a valid zero.
+    pub homed: bool,
+    /// A change of state, a conditioning cycle or a trajectory is in progress.
+    pub busy: bool,
+    /// The drives are on and no command is followed.
+    pub holding: bool,
+    /// The goal was clipped to the calibrated hull or the position limits.
+    pub clipped: bool,
+    /// Client that holds the lease; 0: none.
+    pub lease_client_id: u64,
+    /// Number of accepted servo commands.
+    pub accepted: u64,
+    /// Number of refused servo commands.
+    pub refused: u64,
+    /// Last refusal.
+    pub last_refusal: Refusal,
+    /// Number of stops because the followed command became stale.
+    pub stale_stops: u64,
+    /// Loaded models.
+    pub models: ModelSlots,
+    /// Newest entry of the position history.
+    pub mark: HistoryCursor,
+    /// Goal, setpoint and estimate in joint space. `None` without a model, or before every drive
+    /// has reported.
+    pub joint: Option<JointReport>,
+    /// Setpoints of this tick.
+    pub setpoints: [Counts; MAX_MOTORS],
+    /// Feedback of this tick.
+    pub feedback: [AxisFeedback; MAX_MOTORS],
+}
+
+/// Joint space in one tick, rad.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct JointReport {
+    /// The model that computed the values.
+    pub model: ModelId,
+    /// Number of valid entries of the arrays.
+    pub outputs: u32,
+    /// Goal of the client, clipped to the hull and the position limits. While holding, the
+    /// setpoint.
+    pub goal: OutputVec,
+    /// Model output at the setpoints before they are rounded to counts.
+    pub setpoint: OutputVec,
+    /// Model output at the encoder positions.
+    pub measured: OutputVec,
+    /// Rate of change of `setpoint` in this tick, rad/s.
+    pub setpoint_velocity: OutputVec,
+    /// Rate of change of `measured`, rad/s, through a first-order low-pass filter with a time
+    /// constant of 20 ms.
+    pub measured_velocity: OutputVec,
+    /// Standard deviation of `measured`, rad.
+    pub deviation: OutputVec,
+    /// The hysteresis memory is known.
+    pub memory_known: bool,
+}
+
+/// Ids of the loaded models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct ModelSlots {
+    /// The model in use.
+    pub active: Option<ModelId>,
+    /// The model that can be activated next.
+    pub staged: Option<ModelId>,
+    /// The staged model is up to date with the motors and its memory is known.
+    pub staged_known: bool,
+    /// The model that was in use before; target of a rollback.
+    pub previous: Option<ModelId>,
+}

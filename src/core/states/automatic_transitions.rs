@@ -1,0 +1,80 @@
+//! Automatic transitions: what a state does as time passes and drives answer.
+
+use crate::core::drive_status::DriveSummary;
+use crate::core::faults::fault_detection::detect_fault;
+use crate::core::states::acknowledge::update_reset;
+use crate::core::states::control_state::{
+    ControlState, DisabledActivity, EnabledActivity, FaultStage,
+};
+use crate::core::states::fault_transitions::{DRIVE_TIMEOUT, enter_fault, update_latched};
+use crate::core::states::homing::update_homing;
+use crate::core::states::state_machine::{Transition, TransitionCause};
+use crate::drive::AxisPhase;
+use crate::robot::{Fault, StateCommand};
+use crate::units::Nanos;
+
+/// Longest time for the setpoints to stop before power goes off anyway. At the default limits a
+/// stop takes 2 ms.
+const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
+
+/// Time for a motor to come to rest at its last setpoint. For the same time, a drive that reports
+/// to be off is not believed, because the report may be older than the demand. A dozen exchanges.
+const SETTLE_TIME: Nanos = Nanos::from_millis(50);
+
+/// The transition of this tick that no command asks for, if any.
+pub(crate) fn next_transition(state: &ControlState, summary: &DriveSummary) -> Option<Transition> {
+    if let ControlState::Fault(fault) = state {
+        return match fault.stage {
+            FaultStage::Resetting { since } => update_reset(fault.cause, since, summary),
+            FaultStage::Latched { since, demands } => {
+                update_latched(fault.cause, since, demands, summary)
+            }
+        };
+    }
+    if let Some(fault) = detect_fault(summary, state.expected_power()) {
+        return Some(enter_fault(state, fault, summary));
+    }
+    let can_move = summary.is_fresh() && summary.is_homed;
+    match state {
+        ControlState::Disabled(activity) => update_disabled(activity, summary),
+        ControlState::Enabled(activity) if !can_move && *activity != EnabledActivity::Holding => {
+            let holding = ControlState::Enabled(EnabledActivity::Holding);
+            Some((holding, TransitionCause::Progress(None)))
+        }
+        ControlState::Enabled(_) | ControlState::Paused | ControlState::Fault(_) => None,
+    }
+}
+
+fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Option<Transition> {
+    use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
+    let now = summary.now;
+    let has_passed = |since: Nanos, span: Nanos| now.since(since) >= span;
+    let step = |next| {
+        Some((
+            ControlState::Disabled(next),
+            TransitionCause::Progress(None),
+        ))
+    };
+    let timeout = || {
+        let state = ControlState::Disabled(*activity);
+        Some(enter_fault(&state, Fault::DriveTimeout, summary))
+    };
+    match *activity {
+        // A drive was left on, or was changing its phase when the demand changed.
+        Idle if !summary.is_off() => step(PoweringOff { since: now }),
+        Enabling { .. } if summary.all_in(AxisPhase::Enabled) => {
+            let enabled = ControlState::Enabled(EnabledActivity::Holding);
+            let cause = TransitionCause::Progress(Some(StateCommand::Enable));
+            Some((enabled, cause))
+        }
+        Enabling { since } if has_passed(since, DRIVE_TIMEOUT) => timeout(),
+        Homing { since } => update_homing(since, summary),
+        Stopping { since } if summary.is_at_rest || has_passed(since, STOP_TIMEOUT) => {
+            step(Settling { since: now })
+        }
+        Settling { since } if has_passed(since, SETTLE_TIME) => step(PoweringOff { since: now }),
+        PoweringOff { since } if summary.is_off() && has_passed(since, SETTLE_TIME) => step(Idle),
+        PoweringOff { since } if has_passed(since, DRIVE_TIMEOUT) => timeout(),
+        Idle | Enabling { .. } | Stopping { .. } | Settling { .. } | PoweringOff { .. } => None,
+    }
+}

@@ -1,0 +1,44 @@
+//! Homing: the drives search for their zero.
+//!
+//! The drive does the homing itself. The cycle raises a counter, and the drive reports the counter
+//! of the homing that it has ended.
+
+use crate::core::drive_status::DriveSummary;
+use crate::core::states::control_state::{ControlState, DisabledActivity};
+use crate::core::states::fault_transitions::enter_fault;
+use crate::core::states::state_machine::{Transition, TransitionCause};
+use crate::robot::{Fault, Refusal};
+use crate::units::Nanos;
+
+/// Longest homing. Method 37 (CiA 402: the present position is zero) takes as long as enabling; a
+/// search for a hard stop takes seconds.
+const HOMING_TIMEOUT: Nanos = Nanos::from_millis(30_000);
+
+/// The command `home`: the next state. The caller raises the counters of the drives.
+pub(super) fn start_homing(
+    state: &ControlState,
+    summary: &DriveSummary,
+) -> Result<ControlState, Refusal> {
+    state.require_idle()?;
+    summary.require_ready()?;
+    Ok(homing(summary.now))
+}
+
+/// Ends the homing once every drive has ended it. A homing that leaves no zero is a fault.
+pub(super) fn update_homing(since: Nanos, summary: &DriveSummary) -> Option<Transition> {
+    let fault = |fault| Some(enter_fault(&homing(since), fault, summary));
+    if summary.is_homing_done && summary.is_homed {
+        let idle = ControlState::Disabled(DisabledActivity::Idle);
+        Some((idle, TransitionCause::Progress(None)))
+    } else if summary.is_homing_done {
+        fault(Fault::Homing)
+    } else if summary.now.since(since) >= HOMING_TIMEOUT {
+        fault(Fault::DriveTimeout)
+    } else {
+        None
+    }
+}
+
+fn homing(since: Nanos) -> ControlState {
+    ControlState::Disabled(DisabledActivity::Homing { since })
+}

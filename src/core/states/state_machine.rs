@@ -1,0 +1,109 @@
+//! State machine: the only place where the state changes.
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::event::{CycleEventKind, EventList};
+use crate::core::states::control_state::{ControlState, DisabledActivity};
+use crate::robot::{Fault, StateCommand};
+use crate::units::Nanos;
+
+/// A state and the reason to change to it.
+pub(crate) type Transition = (ControlState, TransitionCause);
+
+/// Reason of a transition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum TransitionCause {
+    /// A command was accepted.
+    Command(StateCommand),
+    /// The activity of a state went on or ended; with the command that had started it, if the end
+    /// is reported.
+    Progress(Option<StateCommand>),
+    /// A fault occurred.
+    Fault(Fault),
+    /// The process is asked to end.
+    Shutdown,
+}
+
+impl TransitionCause {
+    fn command(self) -> Option<StateCommand> {
+        match self {
+            Self::Command(command) => Some(command),
+            Self::Progress(command) => command,
+            Self::Fault(_) | Self::Shutdown => None,
+        }
+    }
+
+    fn fault(self) -> Fault {
+        match self {
+            Self::Fault(fault) => fault,
+            Self::Command(_) | Self::Progress(_) | Self::Shutdown => Fault::None,
+        }
+    }
+}
+
+/// The state, its time of entry, and the last fault.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StateMachine {
+    state: ControlState,
+    since: Nanos,
+    fault: Fault,
+}
+
+impl StateMachine {
+    /// DISABLED, until the drives report that they are on.
+    pub fn new() -> Self {
+        Self {
+            state: ControlState::Disabled(DisabledActivity::Idle),
+            since: Nanos::ZERO,
+            fault: Fault::None,
+        }
+    }
+
+    /// The first tick.
+    pub fn start(&mut self, now: Nanos) {
+        self.since = now;
+    }
+
+    pub fn state(&self) -> &ControlState {
+        &self.state
+    }
+
+    /// Time of the last change of the operating state.
+    pub fn since(&self) -> Nanos {
+        self.since
+    }
+
+    /// The present fault, or the last one.
+    pub fn fault(&self) -> Fault {
+        self.fault
+    }
+
+    /// Changes the state. Every change of the operating state, every command that starts an
+    /// activity and every fault is an event; steps in between are not.
+    pub fn change(&mut self, transition: Transition, now: Nanos, events: &mut EventList) {
+        let (next, cause) = transition;
+        let (from, to) = (self.state.operating_state(), next.operating_state());
+        let (command, fault) = (cause.command(), cause.fault());
+        if from != to {
+            self.since = now;
+        }
+        if fault != Fault::None {
+            self.fault = fault;
+        }
+        let is_command = matches!(cause, TransitionCause::Command(_));
+        if from != to || is_command || fault != Fault::None {
+            events.push(CycleEventKind::State {
+                from,
+                to,
+                command,
+                fault,
+            });
+        }
+        self.state = next;
+    }
+
+    /// Changes the state because its activity went on or ended.
+    pub fn progress(&mut self, next: ControlState, now: Nanos, events: &mut EventList) {
+        self.change((next, TransitionCause::Progress(None)), now, events);
+    }
+}

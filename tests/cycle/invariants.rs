@@ -1,0 +1,224 @@
+//! Invariants: what must hold in every tick, for any inputs.
+
+use i2ris::config::Config;
+use i2ris::core::{CycleEvent, CycleEventKind, CycleInputs, CycleOutputs};
+use i2ris::drive::{AxisPhase, AxisRequest, Demand};
+use i2ris::ipc::{Fault, OperatingState, Refusal};
+
+/// Checks the inputs and outputs of every tick.
+pub struct InvariantCheck {
+    /// Counts per tick.
+    velocity: f64,
+    /// Counts per tick, per tick.
+    slow_down: f64,
+    /// Ticks of a stop from full speed, with those that the jerk limit adds.
+    stop_ticks: u32,
+    /// Lowest and highest position of every motor, counts.
+    limits: Vec<(i32, i32)>,
+    axes: [AxisWatch; 2],
+    state: OperatingState,
+    last: Option<CycleOutputs>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct AxisWatch {
+    /// Targets of the last two ticks in which the drive followed.
+    target: Option<i32>,
+    before: Option<i32>,
+    /// Ticks since ENABLED was left.
+    quiet: u32,
+}
+
+impl InvariantCheck {
+    pub fn new(config: &Config) -> Self {
+        let tick = config.control.period().as_seconds();
+        let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
+        let limits = axes
+            .map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0))
+            .collect();
+        let (velocity, slow_down) = (
+            config.limits.velocity_counts_s * tick,
+            config.limits.stop_deceleration_counts_s2 * tick * tick,
+        );
+        let window = config
+            .limits
+            .window_ticks(config.control.period())
+            .unwrap_or(1);
+        Self {
+            velocity,
+            slow_down,
+            stop_ticks: (velocity / slow_down).ceil() as u32 + window - 1,
+            limits,
+            axes: [AxisWatch::default(); 2],
+            state: OperatingState::Disabled,
+            last: None,
+        }
+    }
+
+    pub fn check(&mut self, inputs: &CycleInputs, outputs: &CycleOutputs) {
+        self.check_states(outputs);
+        self.check_counters(inputs, outputs);
+        check_numbers(outputs);
+        for motor in 0..self.limits.len() {
+            self.check_axis(motor, inputs.feedback[motor].phase, inputs, outputs);
+        }
+        for absent in &outputs.requests[self.limits.len()..] {
+            assert_eq!(*absent, AxisRequest::default());
+        }
+        self.last = Some(*outputs);
+    }
+
+    /// Every change of state is an event, and the chain of events has no gap.
+    fn check_states(&mut self, outputs: &CycleOutputs) {
+        let report = &outputs.report;
+        for CycleEvent { kind, .. } in outputs.events.iter().flatten() {
+            if let CycleEventKind::State { from, to, .. } = kind {
+                assert_eq!(*from, self.state);
+                self.state = *to;
+            }
+        }
+        assert_eq!(self.state, report.state);
+        let idle = report.state == OperatingState::Disabled && !report.busy;
+        for request in &outputs.requests[..self.limits.len()] {
+            match report.state {
+                OperatingState::Disabled if idle => assert_eq!(request.demand, Demand::Disabled),
+                OperatingState::Disabled => assert_ne!(request.demand, Demand::QuickStop),
+                OperatingState::Enabled | OperatingState::Paused => {
+                    assert_eq!(request.demand, Demand::Enabled)
+                }
+                OperatingState::Fault => assert_ne!(request.demand, Demand::Enabled),
+            }
+        }
+        assert!(report.state != OperatingState::Fault || report.fault != Fault::None);
+        assert!(!outputs.finished || report.state != OperatingState::Enabled);
+    }
+
+    fn check_counters(&self, inputs: &CycleInputs, outputs: &CycleOutputs) {
+        assert_eq!(
+            outputs.reply.map(|reply| reply.id),
+            inputs.request.map(|request| request.id)
+        );
+        let Some(last) = &self.last else { return };
+        let (before, after) = (&last.report, &outputs.report);
+        let answered = (after.accepted - before.accepted) + (after.refused - before.refused);
+        assert_eq!(answered, u64::from(inputs.servo.is_some()));
+        if after.accepted > before.accepted {
+            assert_eq!(after.state, OperatingState::Enabled);
+            assert_eq!(
+                Some(after.lease_client_id),
+                inputs.servo.map(|command| command.client_id)
+            );
+        }
+        if after.state != before.state {
+            assert_eq!(after.since, after.now);
+        }
+        for (before, after) in last
+            .requests
+            .iter()
+            .zip(&outputs.requests)
+            .take(self.limits.len())
+        {
+            assert_eq!(after.sequence, before.sequence + 1);
+            assert!(
+                after.homings - before.homings <= 1
+                    && after.fault_resets - before.fault_resets <= 1
+            );
+            let accepted = outputs
+                .reply
+                .is_some_and(|reply| reply.refusal == Refusal::None);
+            let raised =
+                after.homings != before.homings || after.fault_resets != before.fault_resets;
+            assert!(
+                accepted || !raised,
+                "counters rise on accepted commands only"
+            );
+        }
+    }
+
+    fn check_axis(
+        &mut self,
+        motor: usize,
+        phase: AxisPhase,
+        inputs: &CycleInputs,
+        outputs: &CycleOutputs,
+    ) {
+        let (request, axis) = (&outputs.requests[motor], &mut self.axes[motor]);
+        assert_eq!(request.target, outputs.report.setpoints[motor]);
+        let firm = request.demand == Demand::Enabled && phase == AxisPhase::Enabled;
+        if !firm {
+            assert_eq!(
+                request.target, inputs.feedback[motor].position,
+                "a drive that does not follow has no setpoint"
+            );
+            *axis = AxisWatch::default();
+            return;
+        }
+        let (lowest, highest) = self.limits[motor];
+        assert!(
+            (lowest..=highest).contains(&request.target.0),
+            "{}",
+            request.target
+        );
+        axis.quiet = if outputs.report.state == OperatingState::Enabled {
+            0
+        } else {
+            axis.quiet + 1
+        };
+        check_motion(
+            axis,
+            request,
+            self.velocity,
+            self.slow_down,
+            self.stop_ticks,
+        );
+        axis.before = axis.target;
+        axis.target = Some(request.target.0);
+    }
+}
+
+fn check_motion(
+    axis: &AxisWatch,
+    request: &AxisRequest,
+    velocity: f64,
+    slow_down: f64,
+    stop_ticks: u32,
+) {
+    let Some(target) = axis.target else { return };
+    let step = f64::from(request.target.0 - target);
+    assert!(step.abs() <= velocity + 1.0, "a step of {step}");
+    assert!(
+        axis.quiet <= stop_ticks || step == 0.0,
+        "a step of {step}, {} ticks after ENABLED",
+        axis.quiet
+    );
+    let Some(before) = axis.before else { return };
+    let step_before = f64::from(target - before);
+    assert!(
+        (step - step_before).abs() <= slow_down + 2.0,
+        "from {step_before} to {step}"
+    );
+}
+
+fn check_numbers(outputs: &CycleOutputs) {
+    let Some(joint) = &outputs.report.joint else {
+        return;
+    };
+    let values = [
+        joint.goal,
+        joint.setpoint,
+        joint.measured,
+        joint.setpoint_velocity,
+        joint.measured_velocity,
+    ];
+    assert!(
+        values.iter().flatten().all(|value| value.is_finite()),
+        "{joint:?}"
+    );
+    assert!(
+        joint
+            .deviation
+            .iter()
+            .all(|value| value.is_finite() && *value >= 0.0),
+        "{joint:?}"
+    );
+}

@@ -1,0 +1,324 @@
+//! Model swap and rollback: without a step, and with the same past.
+
+use std::sync::Arc;
+
+use i2ris::core::{CycleEventKind, ModelChange, ServoGoal};
+use i2ris::ipc::{Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
+use proptest::prelude::*;
+
+use crate::bench::{Bench, config, counts_at, model, play_model, rad, scaled_play_model};
+
+/// Enabled with a model with memory that has seen enough motion to know where it is.
+fn conditioned(model: &Arc<Model>) -> Bench {
+    let mut bench = Bench::enabled_with(config(""), Some(Arc::clone(model)));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    assert!(bench.joints().memory_known);
+    bench
+}
+
+/// Sends angles along a slow figure for a number of commands, 5 ticks each.
+fn figure(bench: &mut Bench, from: u32, commands: u32, mut between: impl FnMut(&mut Bench, u32)) {
+    for k in from..from + commands {
+        let t = f64::from(k) * 0.005;
+        assert_eq!(
+            bench.joint(4.0 * (2.0 * t).sin(), 3.0 * (3.1 * t).sin()),
+            Refusal::None
+        );
+        between(bench, k);
+        bench.run(4);
+    }
+}
+
+/// Twice the turning band: a goal that comes back by less is not followed.
+const HELD: f64 = 0.1;
+
+fn hold(bench: &mut Bench, pitch: f64, yaw: f64, commands: u32) {
+    for _ in 0..commands {
+        assert_eq!(bench.joint(pitch, yaw), Refusal::None);
+        bench.run(9);
+    }
+}
+
+#[test]
+fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
+    let (first, second) = (play_model(), scaled_play_model(1.25));
+    let mut bench = conditioned(&first);
+    hold(&mut bench, 4.0, 1.0, 150);
+    let before = bench.targets();
+    assert_eq!(bench.swap(&second), Refusal::None);
+    assert_eq!(bench.targets(), before);
+    let joints = bench.joints();
+    assert_eq!(joints.model, second.id());
+    assert!(
+        (joints.setpoint[0].to_degrees() - 4.0).abs() > 0.5,
+        "the new model sees another angle: {joints:?}"
+    );
+    assert_eq!(
+        joints.goal,
+        rad(4.0, 1.0),
+        "what was asked stays what was asked"
+    );
+    hold(&mut bench, 4.0, 1.0, 20);
+    let half_way = bench.targets();
+    assert!(half_way[0] < before[0] - 5, "{before:?} {half_way:?}");
+    hold(&mut bench, 4.0, 1.0, 60);
+    let joints = bench.joints();
+    assert!(
+        (joints.setpoint[0].to_degrees() - 4.0).abs() < 0.01,
+        "{joints:?}"
+    );
+    assert!(bench.targets()[0] < half_way[0] - 5);
+    assert!(bench.events.contains(&CycleEventKind::Model {
+        from: Some(first.id()),
+        to: second.id()
+    }));
+}
+
+#[test]
+fn after_a_rollback_the_goal_is_met_again() {
+    let (first, second) = (play_model(), scaled_play_model(0.8));
+    let mut bench = conditioned(&first);
+    hold(&mut bench, 3.0, -2.0, 150);
+    let before = bench.targets();
+    assert_eq!(bench.swap(&second), Refusal::None);
+    hold(&mut bench, 3.0, -2.0, 5);
+    assert_eq!(
+        bench.change_model(ModelChange::Rollback, false),
+        Refusal::None
+    );
+    assert_eq!(bench.report().models.active, Some(first.id()));
+    assert_eq!(bench.report().models.previous, Some(second.id()));
+    hold(&mut bench, 3.0, -2.0, 150);
+    // It went to and fro by some counts in between, which plays forget only as far as the goal
+    // asks.
+    for (after, before) in bench.targets().iter().zip(before) {
+        assert!((after - before).abs() <= 210, "{after} {before}");
+    }
+    let joints = bench.joints();
+    assert!(
+        (joints.setpoint[0].to_degrees() - 3.0).abs() < 0.01,
+        "{joints:?}"
+    );
+}
+
+#[test]
+fn a_staged_model_remembers_what_the_model_in_use_remembers() {
+    let first = play_model();
+    let mut bench = conditioned(&first);
+    figure(&mut bench, 0, 300, |_, _| {});
+    let candidate = bench.candidate(&first);
+    // The motors go on for a second before the loop gets it.
+    figure(&mut bench, 300, 180, |_, _| {});
+    bench.offer(candidate);
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(first.id()), false),
+        Refusal::Busy,
+        "not caught up"
+    );
+    bench.run(200);
+    let before = bench.joints();
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(first.id()), false),
+        Refusal::None
+    );
+    let after = bench.joints();
+    for (before, after) in before.measured.iter().zip(after.measured) {
+        assert!((before - after).abs() < 1e-9, "{before} {after}");
+    }
+}
+
+#[test]
+fn a_candidate_that_is_staged_too_late_has_an_unknown_memory() {
+    let first = play_model();
+    let mut bench = conditioned(&first);
+    let candidate = bench.candidate(&first);
+    bench.run(1100);
+    bench.offer(candidate);
+    bench.run(2);
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(first.id()), false),
+        Refusal::MemoryUnknown
+    );
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(first.id()), true),
+        Refusal::None
+    );
+    assert!(!bench.joints().memory_known);
+}
+
+#[test]
+fn homing_makes_every_memory_unknown() {
+    let first = play_model();
+    let mut bench = conditioned(&first);
+    let candidate = bench.candidate(&first);
+    bench.offer(candidate);
+    bench.run(2);
+    assert!(bench.report().models.staged_known);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.idle();
+    bench.home();
+    assert!(!bench.report().models.staged_known);
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(first.id()), false),
+        Refusal::MemoryUnknown
+    );
+}
+
+#[test]
+fn a_first_model_can_come_while_the_robot_is_on() {
+    let mut bench = Bench::enabled_with(config(""), None);
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
+    let first = model(OutputUnit::Deg);
+    assert_eq!(bench.swap(&first), Refusal::None);
+    assert_eq!(
+        bench.change_model(ModelChange::Rollback, false),
+        Refusal::NoFormer
+    );
+    hold(&mut bench, 2.0, 0.0, 100);
+    for (target, wanted) in bench.targets().iter().zip(counts_at(2.0, 0.0)) {
+        assert!((f64::from(*target) - wanted).abs() <= 0.51);
+    }
+}
+
+#[test]
+fn an_impossible_swap_is_refused_and_changes_nothing() {
+    let (first, second, tip) = (
+        model(OutputUnit::Deg),
+        scaled_play_model(1.1),
+        model(OutputUnit::Mm),
+    );
+    let mut bench = Bench::enabled();
+    let activate = |model: &Arc<Model>| ModelChange::Activate(model.id());
+    assert_eq!(
+        bench.change_model(activate(&second), true),
+        Refusal::NothingStaged
+    );
+    assert_eq!(
+        bench.change_model(ModelChange::Rollback, true),
+        Refusal::NoFormer
+    );
+    bench.offer(bench.candidate(&second));
+    bench.tick();
+    assert_eq!(
+        bench.change_model(activate(&first), true),
+        Refusal::NothingStaged,
+        "another one is staged"
+    );
+    assert_eq!(
+        bench.change_model(activate(&second), false),
+        Refusal::MemoryUnknown
+    );
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    assert_eq!(bench.change_model(activate(&second), true), Refusal::Busy);
+    bench.idle();
+    bench.offer(bench.candidate(&tip));
+    bench.tick();
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    assert_eq!(
+        bench.change_model(activate(&tip), false),
+        Refusal::State,
+        "angles are no position of a tip"
+    );
+    assert_eq!(bench.report().models.active, Some(first.id()));
+    assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
+    assert_eq!(bench.change_model(activate(&tip), false), Refusal::None);
+}
+
+/// A thousand swaps while a client draws a figure: every tick is checked against the limits by the
+/// bench, and every second swap is back to the model of which the angles are right.
+#[test]
+fn a_thousand_swaps_during_motion_stay_within_the_limits() {
+    let models = [
+        play_model(),
+        scaled_play_model(1.2),
+        scaled_play_model(0.85),
+    ];
+    let mut bench = conditioned(&models[0]);
+    let (mut swaps, mut largest) = (0, 0.0_f64);
+    figure(&mut bench, 0, 4000, |bench, k| match k % 4 {
+        0 if k % 12 == 0 => {
+            assert_eq!(
+                bench.change_model(ModelChange::Rollback, false),
+                expected(swaps > 0)
+            );
+            swaps += u32::from(swaps > 0);
+        }
+        0 => {
+            let before = bench.targets();
+            assert_eq!(bench.swap(&models[(k / 4 % 3) as usize]), Refusal::None);
+            swaps += 1;
+            // Two ticks: staging and activating.
+            let after = bench.targets();
+            let steps = after
+                .iter()
+                .zip(before)
+                .map(|(now, before)| f64::from((now - before).abs()));
+            largest = steps.fold(largest, |largest, step| largest.max(step / 2.0));
+        }
+        _ => {}
+    });
+    assert!(swaps >= 999, "{swaps}");
+    let limit = bench.config.limits.velocity_counts_s * bench.config.control.period().as_seconds();
+    assert!(
+        largest <= limit + 0.5,
+        "{largest} counts in a tick, {limit} allowed"
+    );
+    assert_eq!(bench.report().stale_stops, 0);
+}
+
+fn expected(has_former: bool) -> Refusal {
+    if has_former {
+        Refusal::None
+    } else {
+        Refusal::NoFormer
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    /// The motors keep their limits, and in the end the goal is met.
+    #[test]
+    fn any_model_can_take_over_at_any_time(
+        factor in 0.5..2.0_f64, ticks in 0..150_usize, pitch in -4.0..4.0_f64
+    ) {
+        let (first, second) = (play_model(), scaled_play_model(factor));
+        let mut bench = conditioned(&first);
+        for k in 0..40 {
+            let _ = bench.joint(pitch * f64::from(k) / 40.0, 0.0);
+            bench.run(4);
+        }
+        bench.run(ticks % 40);
+        prop_assert_eq!(bench.swap(&second), Refusal::None);
+        hold(&mut bench, pitch, 0.0, 200);
+        let joints = bench.joints();
+        let error = (joints.setpoint[0] - joints.goal[0]).to_degrees().abs();
+        prop_assert!(error < HELD + 0.01, "{:?}", joints);
+    }
+}
+
+/// A goal in counts has nothing to do with the model.
+#[test]
+fn counts_that_are_followed_do_not_change() {
+    let mut bench = Bench::enabled();
+    for _ in 0..50 {
+        let command = bench.servo(ServoGoal::Actuator(
+            [i2ris::units::Counts(100), i2ris::units::Counts(-50)],
+            2,
+        ));
+        assert_eq!(bench.send(command), Refusal::None);
+        bench.run(4);
+    }
+    assert_eq!(bench.targets(), [100, -50]);
+    bench.offer(bench.candidate(&scaled_play_model(1.3)));
+    bench.tick();
+    let id = scaled_play_model(1.3).id();
+    assert_eq!(
+        bench.change_model(ModelChange::Activate(id), true),
+        Refusal::None
+    );
+    assert_eq!(bench.targets(), [100, -50]);
+}

@@ -1,0 +1,203 @@
+//! `move_jp`, `hold`, clutch, motion scaling, tremor filter and joint limits.
+
+use std::sync::Arc;
+
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+
+use crate::bench::{Bench, CLIENT, GAIN_DEG, HULL, config, model, play_model, rad};
+
+fn enabled(tables: &str) -> Bench {
+    Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)))
+}
+
+fn go(bench: &mut Bench, pitch: f64, yaw: f64) -> Refusal {
+    bench.pose = Some((rad(pitch, yaw), 2));
+    bench.ask(StateCommand::Move)
+}
+
+/// To a thousandth of a degree: the search for the inverse ends within a thousandth of a count.
+fn pitch(bench: &Bench) -> f64 {
+    bench.joints().setpoint[0].to_degrees()
+}
+
+#[test]
+fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_there() {
+    let mut bench = enabled("");
+    assert_eq!(go(&mut bench, 8.0, -3.0), Refusal::None);
+    let (mut ticks, mut before, mut fastest) = (0, bench.joints().setpoint, 0.0_f64);
+    while bench.report().busy {
+        bench.tick();
+        let here = bench.joints().setpoint;
+        fastest = fastest.max(
+            (here[0] - before[0])
+                .hypot(here[1] - before[1])
+                .to_degrees()
+                * 1e3,
+        );
+        // On the straight line.
+        assert!((here[0] * 3.0 + here[1] * 8.0).abs() < 1e-3, "{here:?}");
+        (before, ticks) = (here, ticks + 1);
+    }
+    // 8.54 deg at 10 deg/s, and 0.15 s to get there.
+    assert!((1000..1050).contains(&ticks), "{ticks}");
+    assert!((9.0..10.1).contains(&fastest), "{fastest}");
+    assert!((pitch(&bench) - 8.0).abs() < 1e-3 && bench.report().holding);
+    assert_eq!(bench.report().accepted, 0);
+}
+
+#[test]
+fn servo_commands_are_busy_during_a_trajectory_and_every_stop_ends_it() {
+    for stop in [
+        StateCommand::Hold,
+        StateCommand::Pause,
+        StateCommand::Disable,
+    ] {
+        let mut bench = enabled("");
+        assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+        bench.run(300);
+        assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::Busy);
+        assert_eq!(bench.ask(stop), Refusal::None);
+        bench.run(3);
+        let stopped = bench.targets();
+        bench.idle();
+        assert_eq!(bench.targets(), stopped, "{stop}");
+        assert!(pitch(&bench) > 0.5 && pitch(&bench) < 7.0);
+    }
+}
+
+#[test]
+fn an_invalid_pose_is_refused_and_one_outside_the_hull_is_clipped() {
+    let mut bench = enabled("");
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::Malformed, "no pose");
+    bench.pose = Some((rad(1.0, 0.0), 3));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::Malformed);
+    assert_eq!(go(&mut bench, f64::NAN, 0.0), Refusal::NotFinite);
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
+    bench.pose = Some((rad(1.0, 0.0), 2));
+    assert_eq!(
+        bench.ask_as(CLIENT + 1, StateCommand::Move).refusal,
+        Refusal::Lease
+    );
+    assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::None);
+    bench.run(10);
+    assert!(bench.report().clipped);
+    bench.idle();
+    assert!(
+        (pitch(&bench) - 2.0 * GAIN_DEG * HULL).abs() < 1e-3,
+        "{}",
+        pitch(&bench)
+    );
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
+    assert_eq!(go(&mut bench, 0.001, 0.0), Refusal::Unsupported);
+    let mut bench = Bench::enabled_with(config(""), None);
+    assert_eq!(go(&mut bench, 1.0, 0.0), Refusal::NoModel);
+}
+
+#[test]
+fn a_model_can_take_over_during_a_trajectory() {
+    let mut bench = enabled("");
+    assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+    bench.run(300);
+    let next = play_model();
+    bench.offer(bench.candidate(&next));
+    bench.tick();
+    assert_eq!(
+        bench.change_model(
+            i2ris::core::ModelChange::Activate(Arc::clone(&next).id()),
+            true
+        ),
+        Refusal::None
+    );
+    bench.idle();
+    assert!((pitch(&bench) - 8.0).abs() < 0.12, "{}", pitch(&bench));
+}
+
+#[test]
+fn hold_stops_following_and_the_next_command_is_followed_again() {
+    let mut bench = Bench::moving();
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    bench.run(5);
+    let before = bench.targets();
+    assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
+    bench.run(20);
+    assert_eq!(bench.targets(), before);
+    assert_eq!(bench.actuator([before[0] + 3, before[1]]), Refusal::None);
+}
+
+/// Moves the master, one command every 5 ticks.
+fn move_master(bench: &mut Bench, from: f64, to: f64, commands: u32) {
+    for k in 1..=commands {
+        let master = from + (to - from) * f64::from(k) / f64::from(commands);
+        assert_eq!(bench.joint(master, 0.0), Refusal::None, "at {master}");
+        bench.run(4);
+    }
+}
+
+#[test]
+fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_there() {
+    let mut bench = enabled("");
+    move_master(&mut bench, 0.0, 4.0, 100);
+    bench.clutched = true;
+    move_master(&mut bench, 4.0, -10.0, 20);
+    let held = pitch(&bench);
+    assert!((held - 4.0).abs() < 0.3, "{held}");
+    assert_eq!(bench.report().lease_client_id, CLIENT);
+    move_master(&mut bench, -10.0, -12.0, 5);
+    assert!((pitch(&bench) - held).abs() < 1e-9);
+    bench.clutched = false;
+    let before = bench.targets();
+    assert_eq!(bench.joint(-12.0, 0.0), Refusal::None);
+    bench.run(4);
+    assert_eq!(bench.targets(), before, "closing moves nothing");
+    move_master(&mut bench, -12.0, -9.0, 100);
+    move_master(&mut bench, -9.0, -9.0, 20);
+    assert!(
+        (pitch(&bench) - held - 3.0).abs() < 0.01,
+        "{} {held}",
+        pitch(&bench)
+    );
+    assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
+}
+
+#[test]
+fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
+    let mut bench = enabled("[command]\nmotion_scale = 0.25");
+    move_master(&mut bench, 20.0, 20.0, 5);
+    assert!(
+        pitch(&bench).abs() < 1e-9,
+        "a stream begins where the snake is"
+    );
+    move_master(&mut bench, 20.0, 28.0, 100);
+    move_master(&mut bench, 28.0, 28.0, 20);
+    assert!((pitch(&bench) - 2.0).abs() < 0.01, "{}", pitch(&bench));
+}
+
+#[test]
+fn joint_limits_are_kept_for_any_goal() {
+    let tables = "[joint_limits]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [3.0, 5.0]\n\
+                  velocity_deg_s = 6.0\nacceleration_deg_s2 = 100.0\njerk_deg_s3 = 10000.0";
+    let mut bench = enabled(tables);
+    for _ in 0..200 {
+        assert_eq!(bench.joint(4.5, 0.0), Refusal::None);
+        for _ in 0..5 {
+            bench.tick();
+            let velocity = bench.joints().setpoint_velocity[0].to_degrees();
+            assert!(velocity.abs() <= 6.0 + 1e-6, "{velocity}");
+            assert!(pitch(&bench) <= 3.0 + 1e-9);
+        }
+    }
+    assert!((pitch(&bench) - 3.0).abs() < 1e-3);
+}
+
+#[test]
+fn the_tremor_filter_delays_servo_commands() {
+    let steady = |tables: &str| {
+        let mut bench = enabled(tables);
+        move_master(&mut bench, 0.0, 10.0, 200);
+        pitch(&bench)
+    };
+    let late = steady("") - steady("[command]\ntremor_filter_hz = 3.0");
+    // 10 deg/s, 53 ms.
+    assert!((late - 0.53).abs() < 0.05, "{late}");
+}

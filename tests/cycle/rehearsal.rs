@@ -1,0 +1,93 @@
+//! Rehearsal: the cycle without a robot.
+
+use std::sync::Arc;
+
+use i2ris::config::Config;
+use i2ris::core::ServoGoal;
+use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
+use i2ris::ipc::Refusal;
+use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
+use i2ris::units::Counts;
+
+use crate::bench::{Bench, config, counts_at, model, play_model, rad};
+
+fn goal(pitch_deg: f64, yaw_deg: f64) -> ServoGoal {
+    ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2)
+}
+
+fn rehearsal(config: &Config, model: &Arc<Model>, history: &[[f64; 2]]) -> Rehearsal {
+    Rehearsal::new(config, model, history).unwrap()
+}
+
+#[test]
+fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
+    let model = model(OutputUnit::Deg);
+    let mut rehearsal = rehearsal(&without_limits(&config("")), &model, &[[0.0, 0.0]]);
+    for (pitch, yaw) in [(3.0, 1.0), (-9.0, 8.0), (12.0, -3.0), (12.0, -3.0)] {
+        let setpoints = rehearsal.follow(goal(pitch, yaw)).unwrap().setpoints;
+        let wanted = counts_at(pitch, yaw);
+        for (setpoint, wanted) in setpoints.iter().zip(wanted) {
+            assert!(
+                (setpoint.as_f64() - wanted).abs() < 1.0,
+                "{setpoints:?} {wanted:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn with_limits_every_tick_is_that_of_the_loop() {
+    let model = model(OutputUnit::Deg);
+    let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
+    let mut bench = Bench::enabled();
+    for k in 0..400 {
+        let angle = f64::from(k) * 0.015;
+        let setpoints = rehearsal
+            .follow(goal(angle, -0.5 * angle))
+            .unwrap()
+            .setpoints;
+        assert_eq!(bench.joint(angle, -0.5 * angle), Refusal::None);
+        assert_eq!(setpoints, bench.report().setpoints, "tick {k}");
+    }
+}
+
+#[test]
+fn what_command_admission_refuses_is_refused_here() {
+    let model = model(OutputUnit::Deg);
+    let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
+    assert_eq!(
+        rehearsal.follow(goal(6.0, 0.0)),
+        Err(RehearsalError::Goal(Refusal::Step))
+    );
+    assert!(
+        rehearsal.follow(goal(4.0, 0.0)).is_ok(),
+        "and then it goes on"
+    );
+    let outside = Rehearsal::new(&config(""), &model, &[[0.0, 0.0], [0.0, -701.0]]);
+    assert_eq!(outside.err(), Some(RehearsalError::Enable(Refusal::Range)));
+}
+
+#[test]
+fn the_history_sets_the_memory() {
+    let model = play_model();
+    let free = without_limits(&config(""));
+    let from_below = rehearsal(
+        &free,
+        &model,
+        &[[0.0, 0.0], [-600.0, -600.0], [100.0, 100.0]],
+    );
+    let from_above = rehearsal(&free, &model, &[[0.0, 0.0], [600.0, 600.0], [100.0, 100.0]]);
+    for rehearsal in [&from_below, &from_above] {
+        assert_eq!(rehearsal.report().setpoints, [Counts(100); 2]);
+        assert!(rehearsal.report().joint.unwrap().memory_known);
+    }
+    let pitch = |rehearsal: &Rehearsal| rehearsal.report().joint.unwrap().measured[0];
+    assert!(
+        pitch(&from_below) < pitch(&from_above) - 0.01,
+        "100 counts of gap on two motors are 1.5 deg a side"
+    );
+    let start = start_position(&model, &rad(5.0, 0.0));
+    let unknown = rehearsal(&free, &model, &[start]);
+    assert!(!unknown.report().joint.unwrap().memory_known);
+}

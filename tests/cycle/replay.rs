@@ -1,0 +1,136 @@
+//! Replay: a recorded session gives the same outputs to the bit, with swaps, faults, homings, and
+//! from any snapshot.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use i2ris::core::ModelChange;
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::process::black_box::{Content, Header, ReplayError, replay};
+use i2ris::units::Nanos;
+
+use crate::bench::{Bench, Recording, config, play_model, scaled_play_model};
+
+/// A session: motion, swaps, conditioning, a fault and its acknowledgement, on a model with memory.
+fn run_session(bench: &mut Bench, second: &Arc<Model>) {
+    bench.home();
+    bench.enable();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    for k in 0..200 {
+        let t = f64::from(k) * 0.005;
+        assert_eq!(
+            bench.joint(3.0 * (4.0 * t).sin(), 2.0 * (3.0 * t).sin()),
+            Refusal::None
+        );
+        bench.run(4);
+        match k {
+            60 => assert_eq!(bench.swap(second), Refusal::None),
+            90 => assert_eq!(
+                bench.change_model(ModelChange::Rollback, false),
+                Refusal::None
+            ),
+            120 => assert_eq!(
+                bench.change_model(ModelChange::Rollback, false),
+                Refusal::None
+            ),
+            _ => {}
+        }
+    }
+    assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
+    bench.run(300);
+    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    bench.run(50);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.until("DISABLED", |bench| {
+        bench.state() == OperatingState::Disabled && !bench.report().busy
+    });
+}
+
+/// A recorded session, with the snapshots that `keep` asks for.
+fn recorded(keep: impl Fn(usize) -> bool) -> Content {
+    let (first, second) = (play_model(), scaled_play_model(1.2));
+    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
+    bench.recording = Some(Recording::default());
+    run_session(&mut bench, &second);
+    let mut recording = bench.recording.take().unwrap();
+    recording.keep(&first);
+    let snapshots = recording
+        .snapshots
+        .iter()
+        .enumerate()
+        .filter(|(number, _)| keep(*number));
+    Content {
+        header: Header {
+            software: "test".to_owned(),
+            ..Header::default()
+        },
+        config: toml::to_string(&bench.config).unwrap(),
+        models: recording.models,
+        offers: recording.offers,
+        snapshots: snapshots.map(|(_, snapshot)| *snapshot).collect(),
+        ticks: recording.ticks,
+    }
+}
+
+#[test]
+fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
+    let content = recorded(|number| number == 0);
+    let bytes = content.to_bytes().unwrap();
+    let content = Content::from_bytes(&bytes, Path::new("session.box")).unwrap();
+    let replayed = replay(&content).unwrap();
+    assert_eq!(replayed.difference, None);
+    // The first snapshot comes after the first tick.
+    assert_eq!(
+        (replayed.skipped, replayed.ticks),
+        (1, content.ticks.len() as u64 - 1)
+    );
+    assert_eq!(replayed.swaps, 3);
+    assert!(replayed.ticks > 2000);
+}
+
+#[test]
+fn replay_can_start_anywhere_and_go_on_after_a_gap() {
+    let mut content = recorded(|number| number % 250 == 137);
+    content.ticks.drain(1000..1010);
+    let replayed = replay(&content).unwrap();
+    assert_eq!(replayed.difference, None);
+    assert!(
+        replayed.skipped > 137 && replayed.skipped < 137 + 260,
+        "{replayed:?}"
+    );
+    assert_eq!(
+        replayed.ticks + replayed.skipped,
+        content.ticks.len() as u64
+    );
+}
+
+#[test]
+fn the_first_difference_is_named() {
+    let mut content = recorded(|number| number == 0);
+    content.ticks[700].inputs.feedback[0].position.0 += 1;
+    let difference = replay(&content)
+        .unwrap()
+        .difference
+        .expect("a count more is another tick");
+    assert_eq!(difference.number, content.ticks[700].number);
+    assert_ne!(difference.recorded, difference.replayed);
+    let mut content = recorded(|number| number == 0);
+    content.ticks[900].outputs.report.since = Nanos(1);
+    let difference = replay(&content).unwrap().difference.unwrap();
+    assert_eq!(
+        (difference.number, difference.field),
+        (content.ticks[900].number, "report")
+    );
+}
+
+#[test]
+fn a_missing_model_or_snapshot_is_an_error() {
+    let mut content = recorded(|number| number == 0);
+    content.models.clear();
+    assert!(matches!(replay(&content), Err(ReplayError::NoModel(_))));
+    let content = recorded(|_| false);
+    assert!(matches!(replay(&content), Err(ReplayError::NoSnapshot)));
+}
