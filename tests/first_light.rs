@@ -244,7 +244,7 @@ fn black_boxes(rig: &Rig, cause: &str) -> Vec<Content> {
         |path: &std::path::PathBuf| path.to_string_lossy().ends_with(&format!("-{cause}.box"));
     files
         .filter(of_cause)
-        .map(|path| Content::read(&path).unwrap())
+        .map(|path| BlackBox::read(&path).unwrap())
         .collect()
 }
 
@@ -258,7 +258,7 @@ fn the_black_box_is_written_on_request_on_a_fault_and_at_the_end_and_replays_to_
     let mut client = rig.enabled();
     stream_counts(&client, 1.0, |t| [(300.0 * t) as i32, 0]);
     let file = client.write_black_box().unwrap();
-    let content = Content::read(&file).unwrap();
+    let content = BlackBox::read(&file).unwrap();
     assert!(content.ticks.len() > 100, "{}", content.ticks.len());
     rig.emulator.mute(0, true);
     client

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::ready::Ready;
-use i2ris::ipc::{Domain, DomainError, DomainGuard, random_id};
+use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
 use i2ris::units::Nanos;
 use ipc_common::{eventually, remains, serve, unique};
 
@@ -43,7 +43,7 @@ fn nobody_else_may_look_inside() {
 fn a_second_controller_is_refused_and_told_who_serves() {
     let domain = unique();
     let _server = serve(&domain);
-    let error = DomainGuard::acquire(&domain).unwrap_err();
+    let error = DomainLock::acquire(&domain).unwrap_err();
     assert!(
         matches!(error, DomainError::Taken { pid: Some(pid), .. } if pid == std::process::id()),
         "{error}"
@@ -61,7 +61,7 @@ fn a_folder_that_others_can_use_is_refused() {
     let domain = unique();
     fs::create_dir(domain.directory()).unwrap();
     fs::set_permissions(domain.directory(), fs::Permissions::from_mode(0o755)).unwrap();
-    let error = DomainGuard::acquire(&domain).unwrap_err();
+    let error = DomainLock::acquire(&domain).unwrap_err();
     fs::remove_dir(domain.directory()).unwrap();
     assert!(matches!(error, DomainError::Unsafe { .. }), "{error}");
 }
@@ -97,7 +97,7 @@ fn a_sensor_outlives_controllers() {
 #[test]
 fn what_a_killed_controller_left_is_wiped() {
     let domain = unique();
-    let first = DomainGuard::acquire(&domain).unwrap();
+    let first = DomainLock::acquire(&domain).unwrap();
     // Debris as a process leaves it that is killed between creating shared memory and giving it a
     // size: iceoryx2 0.10 loops for ever when it meets this in a clean-up.
     let old = format!("{}{:016x}_", domain.prefix(), first.boot_id());
@@ -131,7 +131,7 @@ fn a_dead_controller_is_not_taken_for_a_live_one() {
     fs::write(domain.directory().join("ready"), "0000000000000001 1 1").unwrap();
     fs::write(domain.directory().join("lock"), "1").unwrap();
     assert_eq!(Ready::read(&domain), None);
-    drop(DomainGuard::acquire(&domain).unwrap());
+    drop(DomainLock::acquire(&domain).unwrap());
     assert_eq!(remains(&domain), Vec::<PathBuf>::new());
 }
 
@@ -147,7 +147,7 @@ fn the_longest_name_works() {
 #[test]
 fn a_controller_of_another_interface_version_is_named() {
     let domain = unique();
-    let guard = DomainGuard::acquire(&domain).unwrap();
+    let guard = DomainLock::acquire(&domain).unwrap();
     fs::write(
         domain.directory().join("ready"),
         format!("{:016x} 2 1", guard.boot_id()),

@@ -11,7 +11,7 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::{OperatingStateMsg, StateCommandReply};
 use i2ris::ipc::ready::Ready;
-use i2ris::ipc::{Domain, DomainError, DomainGuard, StateCommand};
+use i2ris::ipc::{Domain, DomainError, DomainLock, StateCommand};
 use i2ris::units::Nanos;
 use ipc_common::{Controller, PATIENCE, eventually, remains, serve, unique};
 
@@ -163,7 +163,7 @@ fn a_client_lives_through_a_killed_controller() {
     assert!(after.boot_id != before.boot_id && after.pid != before.pid);
     drop((client, state));
     second.kill();
-    drop(DomainGuard::acquire(&domain).unwrap());
+    drop(DomainLock::acquire(&domain).unwrap());
     assert!(remains(&domain).is_empty(), "{:?}", remains(&domain));
 }
 
@@ -173,7 +173,7 @@ fn a_second_controller_is_told_the_process_id_of_the_first() {
     let first = Process::start("role_controller", &domain);
     let pid = eventually("the first controller serves", || Ready::read(&domain)).pid;
     assert_eq!(pid, first.0.id());
-    let error = DomainGuard::acquire(&domain).unwrap_err();
+    let error = DomainLock::acquire(&domain).unwrap_err();
     assert!(
         matches!(error, DomainError::Taken { pid: Some(taken), .. } if taken == pid),
         "{error}"

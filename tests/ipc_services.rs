@@ -269,7 +269,7 @@ fn a_sensor_is_heard_by_the_controller_and_by_watchers() {
     let mut camera = i2ris::ipc::client::ExternalPublisher::new(&domain);
     camera.publish(Nanos(5), &[0.1, 0.2], &[]).unwrap();
     camera
-        .publish_judged(Nanos(6), &[0.1, 0.2], &[0.01, 0.02], 0.7)
+        .publish_with_quality(Nanos(6), &[0.1, 0.2], &[0.01, 0.02], 0.7)
         .unwrap();
     camera.publish_nothing(Nanos(7)).unwrap();
     let mut seen = Vec::new();

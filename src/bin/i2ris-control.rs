@@ -18,14 +18,14 @@ Usage: i2ris-control --config FILE [--note TEXT]
 
 Options:
   --config FILE  Configuration (TOML), for example config/emulator.toml
-  --note TEXT    What the operator has to say about this run, for the log of runs
+  --note TEXT    Note of the operator for this run, in the run log
   --version      Print the version
   --help         Print this
 
 SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exit code is then 0.
 ";
 
-/// What the command line asks for.
+/// A parsed command line.
 enum Request {
     Help,
     Version,
@@ -54,9 +54,9 @@ fn start() -> Result<(), Failure> {
         Request::Run(path, note) => {
             let config = Config::load(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));
-            let asked = Arc::clone(&shutdown);
-            ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            Ok(controller::run_with_note(
+            let requested = Arc::clone(&shutdown);
+            ctrlc::set_handler(move || requested.store(true, Ordering::Release))?;
+            Ok(controller::run(
                 &config,
                 &note,
                 &shutdown,

@@ -1,4 +1,4 @@
-//! The guard process: stops the drives when the controller dies or hangs.
+//! The watchdog process: stops the drives when the controller dies or hangs.
 
 use std::ffi::OsString;
 use std::io::{self, Write};
@@ -13,7 +13,7 @@ use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::Nanos;
-use i2ris::watchdog::{self, Notice, Verdict};
+use i2ris::watchdog;
 
 const HELP: &str = "\
 Stops the drives of the I2RIS snake robot when its controller dies or hangs
@@ -64,65 +64,31 @@ fn start() -> Result<(), Failure> {
             let config = Config::load(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;
             let stop = Arc::new(AtomicBool::new(false));
-            let asked = Arc::clone(&stop);
-            ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
+            let requested = Arc::clone(&stop);
+            ctrlc::set_handler(move || requested.store(true, Ordering::Release))?;
             let wanted = Wanted {
                 priority: PRIORITY,
                 cpu: None,
                 lock_memory: config.control.lock_memory,
             };
             let granted = realtime::request(wanted);
-            granted
-                .warnings
-                .iter()
-                .for_each(|warning| say(format_args!("warning: {warning}")));
-            watchdog::run(&config, &domain, silence, &stop, &mut tell);
+            for warning in &granted.warnings {
+                report(&format_args!("warning: {warning}"));
+            }
+            watchdog::run(&config, &domain, silence, &stop, &mut |event| {
+                report(&event)
+            });
             Ok(())
         }
     }
 }
 
-fn tell(notice: Notice) {
-    match notice {
-        Notice::Held(device) => say(format_args!("holding {}", device.display())),
-        Notice::NotHeld(device, why) => {
-            say(format_args!("cannot hold {}: {why}", device.display()))
-        }
-        Notice::Watching => say(format_args!("watching the controller")),
-        Notice::Ended => say(format_args!("the controller ended with its drives off")),
-        Notice::Silent(verdict, age) => {
-            let what = if verdict == Verdict::Gone {
-                "is gone"
-            } else {
-                "hangs"
-            };
-            say(format_args!(
-                "the controller {what}; its last beat was {:.1} ms ago",
-                age.as_seconds() * 1e3
-            ));
-        }
-        Notice::Stopped(device, axes) => {
-            for axis in axes {
-                match axis.outcome {
-                    Ok(state) => say(format_args!(
-                        "{}, motor {}: {state:?}",
-                        device.display(),
-                        axis.motor
-                    )),
-                    Err(why) => say(format_args!(
-                        "{}, motor {}: NOT STOPPED, {why}",
-                        device.display(),
-                        axis.motor
-                    )),
-                }
-            }
-        }
+/// Writes the lines of an event. A closed or full log must not stop the watchdog.
+fn report(event: &impl std::fmt::Display) {
+    let time = clock::now().as_seconds();
+    for line in event.to_string().lines() {
+        let _ = writeln!(io::stderr(), "[{time:12.6}] {line}");
     }
-}
-
-fn say(line: std::fmt::Arguments<'_>) {
-    // A closed or full log must not stop the guard.
-    let _ = writeln!(io::stderr(), "[{:12.6}] {line}", clock::now().as_seconds());
 }
 
 fn parse(mut arguments: impl Iterator<Item = OsString>) -> Result<Request, Failure> {

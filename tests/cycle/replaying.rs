@@ -8,7 +8,7 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris::process::black_box::{Content, Header, ReplayError, replay};
+use i2ris::process::black_box::{BlackBox, BlackBoxHeader as Header, ReplayError, replay};
 use i2ris::units::Nanos;
 
 use crate::bench::{Bench, Recording, config, play_model, scaled_play_model};
@@ -50,7 +50,7 @@ fn work(bench: &mut Bench, second: &Arc<Model>) {
 }
 
 /// A recorded day, with the snapshots that `keep` asks for.
-fn recorded(keep: impl Fn(usize) -> bool) -> Content {
+fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let (first, second) = (play_model(), scaled_play_model(1.2));
     let mut bench = Bench::new(config("[swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
@@ -62,7 +62,7 @@ fn recorded(keep: impl Fn(usize) -> bool) -> Content {
         .iter()
         .enumerate()
         .filter(|(number, _)| keep(*number));
-    Content {
+    BlackBox {
         header: Header {
             software: "test".to_owned(),
             ..Header::default()
@@ -79,7 +79,7 @@ fn recorded(keep: impl Fn(usize) -> bool) -> Content {
 fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
     let content = recorded(|number| number == 0);
     let bytes = content.to_bytes().unwrap();
-    let content = Content::from_bytes(&bytes, Path::new("day.box")).unwrap();
+    let content = BlackBox::from_bytes(&bytes, Path::new("day.box")).unwrap();
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::payload::{ModelReply, ModelSlot, text_of};
+use i2ris::ipc::payload::{ModelReply, ModelSlot, unpadded_text};
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
@@ -106,7 +106,10 @@ fn there_and_back(operator: &mut Client, second: &Path) {
     let reply = operator.stage_model(second).unwrap();
     let [active, staged, _] = reply.slots;
     assert_eq!(
-        (active.flags & ModelSlot::PRESENT, text_of(&staged.family)),
+        (
+            active.flags & ModelSlot::PRESENT,
+            unpadded_text(&staged.family)
+        ),
         (ModelSlot::PRESENT, "linear".to_owned())
     );
     assert!(

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
-use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris::units::Nanos;
 
 /// Long enough for every stall of a busy machine.
@@ -20,7 +20,7 @@ pub fn unique() -> Domain {
 }
 
 pub fn serve(domain: &Domain) -> Server {
-    Server::create(DomainGuard::acquire(domain).unwrap()).unwrap()
+    Server::create(DomainLock::acquire(domain).unwrap()).unwrap()
 }
 
 /// Everything in /dev/shm that belongs to the domain.

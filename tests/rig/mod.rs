@@ -50,7 +50,7 @@ struct Sweep(Domain);
 
 impl Drop for Sweep {
     fn drop(&mut self) {
-        drop(i2ris::ipc::DomainGuard::acquire(&self.0));
+        drop(i2ris::ipc::DomainLock::acquire(&self.0));
     }
 }
 

@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 
-use super::{Snapshot, TickRecord};
+use super::tick_record::TickRecord;
+use crate::core::cycle::Snapshot;
 use crate::units::Nanos;
 
-/// The last seconds, tick by tick, from a snapshot on. Grows to its size once and then no more.
+/// The last seconds, tick by tick, from a snapshot on. Grows to its full size once.
 #[derive(Debug)]
 pub struct Ring {
     span: Nanos,
@@ -14,7 +15,7 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// Keeps `span` or a little more: up to the interval between two snapshots.
+    /// Keeps `span`, plus up to one interval between two snapshots.
     #[must_use]
     pub fn new(span: Nanos) -> Self {
         Self {
@@ -24,25 +25,25 @@ impl Ring {
         }
     }
 
-    /// Takes in a tick.
+    /// Adds a tick.
     pub fn push(&mut self, tick: TickRecord) {
         self.ticks.push_back(tick);
     }
 
-    /// Takes in a snapshot, and drops what is older than the last snapshot that is old enough to
-    /// begin with.
-    pub fn begin(&mut self, snapshot: Snapshot) {
+    /// Adds a snapshot, and drops everything before the last snapshot that is older than the span.
+    pub fn push_snapshot(&mut self, snapshot: Snapshot) {
         self.snapshots.push_back(snapshot);
         let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
             return;
         };
         while let Some(second) = self.snapshots.get(1).map(Snapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
-            let old_enough = self
+            let age = |tick: &TickRecord| newest.since(tick.timing.tick.started);
+            if !self
                 .ticks
                 .get(begin)
-                .is_some_and(|tick| newest.since(tick.timing.tick.started) >= self.span);
-            if !old_enough {
+                .is_some_and(|tick| age(tick) >= self.span)
+            {
                 return;
             }
             self.ticks.drain(..begin);
@@ -50,7 +51,7 @@ impl Ring {
         }
     }
 
-    /// The ticks, oldest first. Where numbers jump, ticks were lost.
+    /// The ticks, oldest first. A gap in the numbers means lost ticks.
     pub fn ticks(&self) -> impl Iterator<Item = &TickRecord> {
         self.ticks.iter()
     }

@@ -384,7 +384,7 @@ impl Emulator {
                 let (position, deviation) =
                     (&picture.position[..count], &picture.deviation[..count]);
                 // Without a controller a picture is lost, as it is when no one watches a camera.
-                let _ = publisher.publish_judged(stamp, position, deviation, picture.quality);
+                let _ = publisher.publish_with_quality(stamp, position, deviation, picture.quality);
             }
         })
     }

@@ -76,7 +76,7 @@ class Link:
             self._note = None
 
     def _leave_note(self, boot: str) -> None:
-        """Tells who has this client's number, as ``src/ipc/caller.rs`` says; the controller looks the process up by it."""
+        """Tells who has this client's number, as ``src/ipc/client_process.rs`` says; the controller looks the process up by it."""
         if self._client_id is None:
             return
         note = self.directory / f"client-{self._client_id:016x}-{boot}"

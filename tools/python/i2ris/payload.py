@@ -1,4 +1,4 @@
-"""The messages, byte for byte as in ``src/ipc/payload.rs``; what the fields mean is told there.
+"""The messages, byte for byte as in ``src/ipc/payload``; what the fields mean is told there.
 
 Angles are radians, stamps are nanoseconds of the monotonic clock (``time.monotonic_ns()``), motors turn in counts.
 A test compares names, sizes and offsets with those of the controller.

@@ -273,7 +273,7 @@ impl Outlet {
                 let known =
                     |values: [Option<f64>; 2]| values.into_iter().flatten().collect::<Vec<f64>>();
                 let (angles, deviations) = (known(joints.angle_rad), known(joints.std_rad));
-                publisher.publish_judged(row.stamp, &angles, &deviations, joints.quality)
+                publisher.publish_with_quality(row.stamp, &angles, &deviations, joints.quality)
             }
             Err(_) => publisher.publish_nothing(row.stamp),
         };

@@ -1,14 +1,14 @@
-//! A port that is held open beside the controller, and the stop that is sent through it.
+//! A port that is open beside the controller, and quick stop through it.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, AsRawFd};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nix::libc;
 
-use super::Notice;
+use super::event::{AxisStop, WatchdogEvent};
 use crate::clock;
 use crate::config::{AxisConfig, PortConfig};
 use crate::drive::bring_up::{self, StopError};
@@ -19,109 +19,96 @@ use crate::drive::serial;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
-/// Tries per axis: the first may meet the rest of what the controller was saying.
-const TRIES: usize = 5;
+/// Attempts per axis: the first may collide with the rest of the controller's exchange.
+const ATTEMPTS: usize = 5;
 
-/// The most that is waited for a reply, ms.
-const LONGEST_REPLY_MS: u64 = 50;
+/// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer.
+const MAX_REPLY_TIMEOUT_MS: u64 = 50;
 
-/// The frame time-out that the controller gives its drives.
+/// The frame timeout that the controller sets in its drives.
 const FRAME_TIMEOUT: Nanos = Nanos::from_millis(50);
 
-/// How one axis was left.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Stopped {
-    /// The motor.
-    pub motor: usize,
-    /// Where the drive stands now, or why that is not known.
-    pub outcome: Result<State, StopError>,
-}
-
-/// A port of the controller's configuration, held open.
+/// A port of the controller's configuration, open in this process, too.
 #[derive(Debug)]
-pub struct GuardedPort {
+pub struct SharedPort {
     config: PortConfig,
     file: Option<File>,
-    complained: bool,
+    refusal_reported: bool,
 }
 
-impl GuardedPort {
-    /// Holds nothing yet.
+impl SharedPort {
+    /// Opens nothing yet.
     #[must_use]
     pub fn new(config: &PortConfig) -> Self {
         Self {
             config: config.clone(),
             file: None,
-            complained: false,
+            refusal_reported: false,
         }
     }
 
-    /// The device.
-    #[must_use]
-    pub fn device(&self) -> &Path {
-        &self.config.device
-    }
-
-    /// Opens the port if it is not held, without changing anything about it; tells when that is
-    /// news.
-    pub fn hold(&mut self) -> Option<Notice> {
-        if let Some(file) = &self.file {
-            if !is_hung_up(file) {
-                return None;
-            }
-            self.file = None;
+    /// Opens the port if it is not open, without a change of its settings. Returns an event when
+    /// its state changes.
+    pub fn open(&mut self) -> Option<WatchdogEvent> {
+        if self.file.as_ref().is_some_and(|file| !is_hung_up(file)) {
+            return None;
         }
-        let device: PathBuf = self.config.device.clone();
+        self.file = None;
+        let device = self.config.device.clone();
         match open(&device) {
             Ok(file) => {
                 self.file = Some(file);
-                self.complained = false;
-                Some(Notice::Held(device))
+                self.refusal_reported = false;
+                Some(WatchdogEvent::PortOpened(device))
             }
-            Err(error) if !std::mem::replace(&mut self.complained, true) => {
-                Some(Notice::NotHeld(device, explain(&error)))
+            Err(error) if !std::mem::replace(&mut self.refusal_reported, true) => {
+                Some(WatchdogEvent::PortRefused(device, explain(&error)))
             }
             Err(_) => None,
         }
     }
 
-    /// Sends quick stop to every axis that may be powered. Then others may open the port again.
-    pub fn stop(&mut self) -> Vec<Stopped> {
-        let Some(file) = self.file.as_ref().and_then(|file| file.try_clone().ok()) else {
-            return self.each(|_| Err(StopError::NotHeld));
+    /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
+    pub fn quick_stop(&mut self) -> WatchdogEvent {
+        let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
+        let stopped = match file {
+            Some(file) => self.stop_axes(file),
+            None => self.for_each_axis(|_| Err(StopError::NotHeld)),
         };
-        // A reply that takes longer is not waited for: trying again is faster.
-        let reply_timeout_ms = self.config.reply_timeout_ms.min(LONGEST_REPLY_MS);
-        let config = PortConfig {
-            reply_timeout_ms,
-            ..self.config.clone()
-        };
-        let mut link = Link::new(Held(file), family::of_port(&config), &config);
-        link.know_frame_timeout(FRAME_TIMEOUT);
-        let _ = link.wait_for_quiet();
-        let stopped = self.each(|axis| {
-            let parts = family::of_axis(&self.config, axis).parts();
-            (0..TRIES)
-                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, parts))
-                .find(Result::is_ok)
-                .unwrap_or(Err(StopError::NoAnswer))
-        });
         if let Some(file) = &self.file {
             // SAFETY: the request takes no argument, and the descriptor is open.
             let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
         }
-        stopped
+        WatchdogEvent::Stopped(self.config.device.clone(), stopped)
     }
 
-    fn each(&self, mut stop: impl FnMut(&AxisConfig) -> Result<State, StopError>) -> Vec<Stopped> {
-        self.config
-            .axes
-            .iter()
-            .map(|axis| Stopped {
-                motor: axis.motor,
-                outcome: stop(axis),
-            })
-            .collect()
+    fn stop_axes(&self, file: File) -> Vec<AxisStop> {
+        let config = PortConfig {
+            reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
+            ..self.config.clone()
+        };
+        let mut link = Link::new(OpenPort(file), family::of_port(&config), &config);
+        link.know_frame_timeout(FRAME_TIMEOUT);
+        let _ = link.wait_for_quiet();
+        self.for_each_axis(|axis| {
+            let parts = family::of_axis(&self.config, axis).parts();
+            (0..ATTEMPTS)
+                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, parts))
+                .find(Result::is_ok)
+                .unwrap_or(Err(StopError::NoAnswer))
+        })
+    }
+
+    fn for_each_axis(
+        &self,
+        mut stop: impl FnMut(&AxisConfig) -> Result<State, StopError>,
+    ) -> Vec<AxisStop> {
+        let axes = self.config.axes.iter();
+        axes.map(|axis| AxisStop {
+            motor: axis.motor,
+            outcome: stop(axis),
+        })
+        .collect()
     }
 }
 
@@ -137,13 +124,14 @@ fn open(device: &Path) -> io::Result<File> {
 fn explain(error: &io::Error) -> String {
     match error.raw_os_error() {
         Some(libc::EBUSY) => {
-            "the controller has locked it already; start the guard before the controller".to_owned()
+            "the controller has locked it already; start the watchdog before the controller"
+                .to_owned()
         }
         _ => format!("{error}; tried again every 100 ms"),
     }
 }
 
-/// Whether the line behind a descriptor is gone.
+/// Whether the device of a descriptor has been disconnected.
 fn is_hung_up(file: &File) -> bool {
     use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
     let mut descriptors = [PollFd::new(file.as_fd(), PollFlags::empty())];
@@ -153,11 +141,11 @@ fn is_hung_up(file: &File) -> bool {
         })
 }
 
-/// A port that the controller has set up.
+/// A port with the settings of the controller.
 #[derive(Debug)]
-struct Held(File);
+struct OpenPort(File);
 
-impl Transport for Held {
+impl Transport for OpenPort {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.0.write_all(bytes)
     }

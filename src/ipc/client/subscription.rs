@@ -1,12 +1,12 @@
-//! Watching the robot.
+//! Subscriptions to the streams of a controller.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
 
 use iceoryx2::port::subscriber::Subscriber;
 
-use super::ClientError;
-use super::link::{Flavour, Link, Port, Session};
+use super::controller_link::{ClientService, ControllerLink, ControllerSession, SessionPort};
+use super::error::ClientError;
 use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
@@ -14,30 +14,27 @@ use crate::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
     ServoActuator, ServoJp,
 };
-use crate::ipc::service::{self, Stream, Transport, transport};
+use crate::ipc::service::{self, BUFFER, Stream, TransportError, transport_error};
 use crate::units::Nanos;
 
-/// Gives out subscriptions to everything that a controller tells, and to what it is told.
+/// Creates subscriptions to the streams of a controller, and to the commands that it receives.
 ///
-/// Needs no controller yet: subscriptions say [`ClientError::NoController`] until there is one.
+/// The controller may start later: until then subscriptions return [`ClientError::NoController`].
 #[derive(Debug, Clone)]
 pub struct Watcher {
-    link: Arc<Link>,
+    link: Arc<ControllerLink>,
 }
 
 impl Watcher {
     /// A watcher of this domain. Opens nothing yet.
     #[must_use]
     pub fn new(domain: &Domain) -> Self {
-        Self {
-            link: Link::new(domain),
-        }
+        Self::with_link(&ControllerLink::new(domain))
     }
 
-    pub(super) fn on(link: &Arc<Link>) -> Self {
-        Self {
-            link: Arc::clone(link),
-        }
+    pub(super) fn with_link(link: &Arc<ControllerLink>) -> Self {
+        let link = Arc::clone(link);
+        Self { link }
     }
 
     /// `measured_js`: the model's estimate from the encoders.
@@ -46,49 +43,49 @@ impl Watcher {
         self.subscription(service::MEASURED_JS)
     }
 
-    /// `setpoint_js`: the model's estimate for the set-points.
+    /// `setpoint_js`: the model's estimate for the setpoints.
     #[must_use]
     pub fn setpoint_js(&self) -> Subscription<JointState> {
         self.subscription(service::SETPOINT_JS)
     }
 
-    /// `goal_js`: what the commander asked, after clipping to the calibrated hull.
+    /// `goal_js`: the requested goal, clipped to the calibrated hull.
     #[must_use]
     pub fn goal_js(&self) -> Subscription<JointState> {
         self.subscription(service::GOAL_JS)
     }
 
-    /// `actuators/measured_js`: the motors.
+    /// `actuators/measured_js`: state of the motors.
     #[must_use]
     pub fn actuators(&self) -> Subscription<ActuatorState> {
         self.subscription(service::ACTUATORS)
     }
 
-    /// `operating_state`: what state the controller is in, and why.
+    /// `operating_state`: state of the controller and its reason.
     #[must_use]
     pub fn operating_state(&self) -> Subscription<OperatingStateMsg> {
         self.subscription(service::OPERATING_STATE)
     }
 
-    /// `period_statistics`: how real-time the loop is.
+    /// `period_statistics`: timing of the control loop.
     #[must_use]
     pub fn period_statistics(&self) -> Subscription<PeriodStatistics> {
         self.subscription(service::PERIOD_STATISTICS)
     }
 
-    /// `external/measured_jp`: what a camera or another sensor sees.
+    /// `external/measured_jp`: measurements of a camera or another sensor.
     #[must_use]
     pub fn external(&self) -> Subscription<ExternalPosition> {
         self.subscription(service::EXTERNAL)
     }
 
-    /// `servo_jp`: what clients ask for, accepted or not.
+    /// `servo_jp`: commands of clients, accepted or not.
     #[must_use]
     pub fn servo_jp(&self) -> Subscription<ServoJp> {
         self.subscription(service::SERVO_JP)
     }
 
-    /// `actuators/servo_jp`: what clients ask of the motors, accepted or not.
+    /// `actuators/servo_jp`: motor commands of clients, accepted or not.
     #[must_use]
     pub fn servo_actuators(&self) -> Subscription<ServoActuator> {
         self.subscription(service::SERVO_ACTUATORS)
@@ -98,7 +95,7 @@ impl Watcher {
         Subscription {
             link: Arc::clone(&self.link),
             stream,
-            port: Port::default(),
+            port: SessionPort::default(),
             last: None,
             missed: 0,
             payload: PhantomData,
@@ -106,33 +103,33 @@ impl Watcher {
     }
 }
 
-/// A stream of messages.
+/// A subscription to one stream.
 ///
-/// Whoever joins gets the last message of the controller within 50 ms, also if nothing new is sent.
-/// Up to 128 unread messages wait, then the oldest are lost, which [`Subscription::missed`] counts.
-/// `Send`.
+/// A new subscription receives the last message of the controller within 50 ms, even if no new one
+/// is sent. Up to 128 unread messages are kept, then the oldest are lost; [`Subscription::missed`]
+/// counts them.
 #[derive(Debug)]
 pub struct Subscription<T: Message> {
-    link: Arc<Link>,
+    link: Arc<ControllerLink>,
     stream: Stream,
-    port: Port<Subscriber<Flavour, T, ()>>,
+    port: SessionPort<Subscriber<ClientService, T, ()>>,
     last: Option<u64>,
     missed: u64,
     payload: PhantomData<T>,
 }
 
 impl<T: Message> Subscription<T> {
-    /// The oldest unread message, if there is one. Never waits.
+    /// The oldest unread message, if there is one. Does not wait.
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoController`] while nobody serves the domain, [`ClientError::Interface`]
-    /// when the controller is of another version, [`ClientError::Transport`] when iceoryx2 refuses.
+    /// [`ClientError::NoController`] while no controller serves the domain, [`ClientError::Interface`]
+    /// when the controller has another version, [`ClientError::Transport`] when iceoryx2 fails.
     pub fn read(&mut self) -> Result<Option<T>, ClientError> {
         self.read_at(clock::now())
     }
 
-    /// The newest unread message, if there is one; older ones are dropped. Never waits.
+    /// The newest unread message, if there is one; older ones are dropped. Does not wait.
     ///
     /// # Errors
     ///
@@ -143,7 +140,7 @@ impl<T: Message> Subscription<T> {
         Ok(newest)
     }
 
-    /// Hands over every unread message, oldest first, and returns how many there were. Never waits.
+    /// Passes every unread message to `take`, oldest first, and returns their number. Does not wait.
     ///
     /// # Errors
     ///
@@ -151,8 +148,8 @@ impl<T: Message> Subscription<T> {
     pub fn drain(&mut self, mut take: impl FnMut(T)) -> Result<usize, ClientError> {
         let now = clock::now();
         let mut count = 0;
-        // A sender may be as fast as we are; what it sends meanwhile is left for the next call.
-        while count < self.stream.buffer
+        // Bounded, because a sender may be as fast as we are.
+        while count < BUFFER
             && let Some(message) = self.read_at(now)?
         {
             take(message);
@@ -161,31 +158,29 @@ impl<T: Message> Subscription<T> {
         Ok(count)
     }
 
-    /// Messages lost so far because they were not read in time. Means something only for streams of
-    /// one sender: the controller's, and a sensor's or a commander's as long as it is the only one.
+    /// Number of messages lost because they were not read in time. Valid only for streams with one
+    /// sender.
     #[must_use]
     pub fn missed(&self) -> u64 {
         self.missed
     }
 
-    /// Which start of the controller the messages come from; `None` before the first successful
-    /// call.
+    /// Boot id of the controller that sent the messages; `None` before the first successful call.
     #[must_use]
     pub fn boot_id(&self) -> Option<u64> {
         self.port.boot_id()
     }
 
     fn read_at(&mut self, now: Nanos) -> Result<Option<T>, ClientError> {
-        let stream = self.stream;
-        let before = self.port.boot_id();
+        let (stream, previous) = (self.stream, self.port.boot_id());
         let port = self
             .port
             .get(&self.link, now, |session| open(session, stream))?;
-        let message = port
+        let received = port
             .receive()
-            .map_err(transport("receive", stream.name))?
-            .map(|sample| *sample);
-        if self.port.boot_id() != before {
+            .map_err(transport_error("receive", stream.name))?;
+        let message = received.map(|sample| *sample);
+        if self.port.boot_id() != previous {
             self.last = None;
         }
         if let Some(message) = &message {
@@ -194,7 +189,7 @@ impl<T: Message> Subscription<T> {
         Ok(message)
     }
 
-    /// A number that does not rise comes from another sender: cameras restart, too.
+    /// A number that does not rise comes from another sender, for example a restarted camera.
     fn count_missed(&mut self, sequence: u64) {
         if let Some(last) = self.last.filter(|last| sequence > *last) {
             self.missed += sequence - last - 1;
@@ -204,17 +199,15 @@ impl<T: Message> Subscription<T> {
 }
 
 fn open<T: Message>(
-    session: &Session,
+    session: &ControllerSession,
     stream: Stream,
-) -> Result<Subscriber<Flavour, T, ()>, Transport> {
-    let factory = stream.open::<Flavour, T>(&session.node)?;
-    factory
-        .subscriber_builder()
-        .create()
-        .map_err(transport("subscribe to", stream.name))
+) -> Result<Subscriber<ClientService, T, ()>, TransportError> {
+    let factory = stream.open::<ClientService, T>(&session.node)?;
+    let created = factory.subscriber_builder().create();
+    created.map_err(transport_error("subscribe to", stream.name))
 }
 
-/// The last message of a stream, kept: for displays and for waiting.
+/// Keeps the last message of a stream.
 #[derive(Debug)]
 pub struct Latest<T: Message> {
     subscription: Subscription<T>,
@@ -222,7 +215,7 @@ pub struct Latest<T: Message> {
 }
 
 impl<T: Message> Latest<T> {
-    /// Keeps the last message of this stream.
+    /// Keeps the last message of this subscription.
     #[must_use]
     pub fn new(subscription: Subscription<T>) -> Self {
         Self {
@@ -231,21 +224,18 @@ impl<T: Message> Latest<T> {
         }
     }
 
-    /// Takes in what arrived. What a controller said that is gone is forgotten.
+    /// Receives new messages. The message of a controller that has ended is dropped.
     ///
     /// # Errors
     ///
     /// As [`Subscription::read`].
     pub fn refresh(&mut self) -> Result<Option<&T>, ClientError> {
-        let before = self.subscription.boot_id();
+        let previous = self.subscription.boot_id();
         let newest = self
             .subscription
             .newest()
             .inspect_err(|_| self.value = None)?;
-        if self.subscription.boot_id() != before {
-            self.value = None;
-        }
-        if newest.is_some() {
+        if newest.is_some() || self.subscription.boot_id() != previous {
             self.value = newest;
         }
         Ok(self.value.as_ref())
@@ -255,19 +245,5 @@ impl<T: Message> Latest<T> {
     #[must_use]
     pub fn value(&self) -> Option<&T> {
         self.value.as_ref()
-    }
-
-    /// Whether there is no message, or one older than `limit` at `now`.
-    #[must_use]
-    pub fn is_stale(&self, now: Nanos, limit: Nanos) -> bool {
-        self.value
-            .as_ref()
-            .is_none_or(|message| message.age(now) > limit)
-    }
-
-    /// Messages lost so far because they were not read in time.
-    #[must_use]
-    pub fn missed(&self) -> u64 {
-        self.subscription.missed()
     }
 }
