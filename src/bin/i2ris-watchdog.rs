@@ -22,13 +22,15 @@ Usage: i2ris-watchdog --config FILE [--silence-ms N]
 
 Options:
   --config FILE    The configuration of the controller
-  --silence-ms N   Silence of the control loop after which quick stop is sent, 10 to 10000 [default: 40]
+  --silence-ms N   Silence of the control loop after which quick stop is sent, 10 to 10000
+                   [default: 40]
   --version        Print the version
   --help           Print this
 
-Start it before the controller, which locks its ports for everyone who comes later. SIGINT and SIGTERM end it; it stops
-nothing then. It cannot help when the host loses power or hangs as a whole, or when a cable is pulled: that takes a
-watchdog of hardware on the safe-torque-off input of the drives.
+Start it before the controller, which locks its ports for later processes. SIGINT and SIGTERM end
+it without a stop of the drives. It is ineffective when the host loses power or hangs as a whole, or
+when a cable is disconnected: that needs a hardware watchdog on the safe-torque-off input of the
+drives.
 ";
 
 /// Priority under SCHED_FIFO: above everything of the controller.

@@ -3,8 +3,8 @@
 //! | path | content |
 //! |---|---|
 //! | `/dev/shm/i2ris-UID-NAME/lock` | exclusive lock of the controller, and its process id |
-//! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version and process id, see [`super::ready`] |
-//! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, see [`super::heartbeat`] |
+//! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version, process id: [`super::ready`] |
+//! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, [`super::heartbeat`] |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
 //! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | shared memory of iceoryx2 |
 //!
@@ -14,11 +14,11 @@
 //! shared root it would remove those of the next start. New starts also stay away from the
 //! leftovers of a killed controller.
 //!
-//! A client in another language reads the boot id from `ready` and configures iceoryx2 with the root
-//! path and the prefix of this table.
+//! A client in another language reads the boot id from `ready` and configures iceoryx2 with the
+//! root path and the prefix of this table.
 //!
-//! The location is always `/dev/shm`: it is a tmpfs, so no call waits for a disk, and it is the same
-//! for every process of a user. `XDG_RUNTIME_DIR` is not (`sudo`, services).
+//! The location is always `/dev/shm`: it is a tmpfs, so no call waits for a disk, and it is the
+//! same for every process of a user. `XDG_RUNTIME_DIR` is not (`sudo`, services).
 
 use std::io;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,8 @@
 //! robot. One store into mapped memory is no I/O and cannot wait.
 //!
 //! The file `pulse` in the directory of the domain holds one 64-bit word in native byte order: the
-//! start of the last tick in nanoseconds of the monotonic clock, shifted left by one bit, and in the
-//! lowest bit whether the drives are off. 0: no tick yet.
+//! start of the last tick in nanoseconds of the monotonic clock, shifted left by one bit, and in
+//! the lowest bit whether the drives are off. 0: no tick yet.
 
 use std::fs::{File, OpenOptions};
 use std::io;

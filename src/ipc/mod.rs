@@ -1,8 +1,8 @@
 //! Shared memory: messages, services, the server in the controller and the client library.
 //!
-//! Names follow the Collaborative Robotics Toolkit (CRTK). Angles are radians, times are nanoseconds
-//! of the monotonic clock that all processes of one machine share, motor positions are encoder
-//! counts.
+//! Names follow the Collaborative Robotics Toolkit (CRTK). Angles are radians, times are
+//! nanoseconds of the monotonic clock that all processes of one machine share, motor positions are
+//! encoder counts.
 //!
 //! | file | content |
 //! |---|---|

@@ -74,7 +74,8 @@ pub fn run(
     log: &mut dyn Write,
 ) -> Result<(), ControllerError> {
     let model = load_model(config)?.map(Arc::new);
-    // Locks the domain before the ports: a second controller must not touch the drives of the first.
+    // Locks the domain before the ports: a second controller must not touch the drives of the
+    // first.
     let domain = Domain::new(&config.ipc.domain)?;
     let lock = DomainLock::acquire(&domain)?;
     let boot_id = lock.boot_id();
@@ -212,7 +213,8 @@ fn start_ipc(
         match Server::create(lock).and_then(|server| Ok((server.heartbeat()?, server))) {
             Ok((heartbeat, server)) => {
                 let _ = started_in.send(Ok(heartbeat));
-                // An error means that the loop never started; the main thread then ends the process.
+                // An error means that the loop never started; the main thread then ends the
+                // process.
                 if let Ok((granted, first)) = granted.recv() {
                     IpcThread::new(server, parts, granted).run(first, &quit);
                 }

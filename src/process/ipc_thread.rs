@@ -1,8 +1,8 @@
 //! The IPC thread: shared memory on one side, the loop on the other.
 //!
-//! It passes the newest commands and all requests to the loop and publishes every tick that the loop
-//! reports. Calls into shared memory may take a hundred microseconds when a client comes or goes, so
-//! they are here and not in the loop.
+//! It passes the newest commands and all requests to the loop and publishes every tick that the
+//! loop reports. Calls into shared memory may take a hundred microseconds when a client comes or
+//! goes, so they are here and not in the loop.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

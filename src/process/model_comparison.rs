@@ -22,8 +22,9 @@ impl<'a> ModelState<'a> {
     }
 }
 
-/// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the present
-/// position, and its maximum over the hull of `old`. `None` if the models have different outputs.
+/// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the
+/// present position, and its maximum over the hull of `old`. `None` if the models have different
+/// outputs.
 #[must_use]
 pub fn difference(
     old: ModelState<'_>,

@@ -69,8 +69,9 @@ pub fn bring_up_ports(config: &Config) -> Result<Drives, DriveError> {
     Ok(drives)
 }
 
-/// Waits until the port threads have read positions. The positions from bring-up may be old, and the
-/// loop would report a lost drive. A drive that is really lost is left to the loop, which names it.
+/// Waits until the port threads have read positions. The positions from bring-up may be old, and
+/// the loop would report a lost drive. A drive that is really lost is left to the loop, which names
+/// it.
 pub fn wait_for_positions(links: &mut [AxisLink]) {
     let start = clock::now();
     let is_fresh = |link: &mut AxisLink| link.feedback.read().stamp >= start;

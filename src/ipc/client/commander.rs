@@ -50,8 +50,8 @@ impl<T: ZeroCopySend + Debug + Copy + 'static> CommandPublisher<T> {
 /// Streams servo commands with the identity of one client.
 ///
 /// The first accepted command takes the lease, every further one renews it. A sent command is not
-/// yet accepted: refusals are counted and named in `operating_state`. Send faster than the deadline,
-/// or the robot stops in between.
+/// yet accepted: refusals are counted and named in `operating_state`. Send faster than the
+/// deadline, or the robot stops in between.
 ///
 /// After a restart of the controller the stream continues to the new one, which is DISABLED and
 /// refuses it until it is enabled.

@@ -21,8 +21,8 @@ use crate::units::Nanos;
 /// Period of reading the announcement, which takes about 20 microseconds.
 const PROBE_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// The service variant of iceoryx2 whose ports can change threads. It is compatible with that of the
-/// controller.
+/// The service variant of iceoryx2 whose ports can change threads. It is compatible with that of
+/// the controller.
 pub(super) type ClientService = ipc_threadsafe::Service;
 
 /// One start of one controller, as a client sees it.

@@ -14,7 +14,8 @@ pub enum ClientError {
     /// The domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// No controller serves the domain. Try again: every client finds a controller that starts later.
+    /// No controller serves the domain. Try again: every client finds a controller that starts
+    /// later.
     #[error("no controller serves domain `{domain}`; start i2ris-control, or name its domain")]
     NoController {
         /// The domain.
@@ -22,7 +23,8 @@ pub enum ClientError {
     },
     /// The controller has another version of the interface.
     #[error(
-        "the controller of domain `{domain}` has interface version {found}, this program {INTERFACE_VERSION}; build both from one release"
+        "the controller of domain `{domain}` has interface version {found}, this program \
+         {INTERFACE_VERSION}; build both from one release"
     )]
     Interface {
         /// The domain.
@@ -52,7 +54,7 @@ pub enum ClientError {
         state: Option<OperatingState>,
     },
     /// The controller refused a request about models. The model in use stays in use.
-    #[error("the controller refuses to {action} a model: {}", message_or_refusal(message, *.refusal))]
+    #[error("the controller refuses to {action} a model: {}", reason(message, *.refusal))]
     ModelRefused {
         /// The request.
         action: ModelAction,
@@ -76,7 +78,7 @@ pub enum ClientError {
         limit: usize,
     },
     /// The controller is present but did not reply.
-    #[error("the controller did not answer `{request}` within {} ms; look at its log", .waited.0 / 1_000_000)]
+    #[error("the controller did not answer `{request}` within {} ms; see its log", ms(*.waited))]
     NoReply {
         /// The request.
         request: &'static str,
@@ -92,19 +94,23 @@ pub enum ClientError {
         number: u32,
     },
     /// The condition was not fulfilled in time.
-    #[error("the controller did not reach the expected state within {} ms", .waited.0 / 1_000_000)]
+    #[error("the controller did not reach the expected state within {} ms", ms(*.waited))]
     Timeout {
         /// Time waited.
         waited: Nanos,
     },
 }
 
-fn message_or_refusal(message: &str, refusal: Refusal) -> String {
+fn reason(message: &str, refusal: Refusal) -> String {
     if message.is_empty() {
         refusal.to_string()
     } else {
         message.to_owned()
     }
+}
+
+const fn ms(span: Nanos) -> u64 {
+    span.0 / 1_000_000
 }
 
 fn state_text(state: Option<OperatingState>) -> &'static str {

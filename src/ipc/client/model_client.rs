@@ -42,8 +42,8 @@ impl Client {
         self.request_models(ModelAction::Stage, request)
     }
 
-    /// Takes the staged model into use, if it has this id. `force`: also while its hysteresis memory
-    /// is unknown.
+    /// Takes the staged model into use, if it has this id. `force`: also while its hysteresis
+    /// memory is unknown.
     ///
     /// # Errors
     ///

@@ -123,8 +123,9 @@ impl<T: Message> Subscription<T> {
     ///
     /// # Errors
     ///
-    /// [`ClientError::NoController`] while no controller serves the domain, [`ClientError::Interface`]
-    /// when the controller has another version, [`ClientError::Transport`] when iceoryx2 fails.
+    /// [`ClientError::NoController`] while no controller serves the domain,
+    /// [`ClientError::Interface`] when the controller has another version,
+    /// [`ClientError::Transport`] when iceoryx2 fails.
     pub fn read(&mut self) -> Result<Option<T>, ClientError> {
         self.read_at(clock::now())
     }
@@ -140,7 +141,8 @@ impl<T: Message> Subscription<T> {
         Ok(newest)
     }
 
-    /// Passes every unread message to `take`, oldest first, and returns their number. Does not wait.
+    /// Passes every unread message to `take`, oldest first, and returns their number. Does not
+    /// wait.
     ///
     /// # Errors
     ///

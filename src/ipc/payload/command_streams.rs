@@ -24,8 +24,8 @@ payload! {
         pub flags: u32,
     }
 
-    /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. No model is needed:
-    /// for calibration.
+    /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. No model is
+    /// needed: for calibration.
     ServoActuator "I2risServoActuatorV1" {
         /// As in [`ServoJp`].
         pub sequence: u64,

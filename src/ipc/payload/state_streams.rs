@@ -22,7 +22,8 @@ payload! {
         pub position: [f64; MAX_OUTPUTS],
         /// Rate of change of `position`, per second.
         pub velocity: [f64; MAX_OUTPUTS],
-        /// Standard deviation of `position`, by the law of total covariance. 0 where not applicable.
+        /// Standard deviation of `position`, by the law of total covariance. 0 where not
+        /// applicable.
         pub deviation: [f64; MAX_OUTPUTS],
         /// SHA-256 of the model that computed it.
         pub model_id: [u8; 32],

@@ -1,8 +1,8 @@
 //! Creation of node and services, with a timeout.
 //!
-//! iceoryx2 0.10 can loop endlessly on the leftovers of a killed process. The clean-up before should
-//! remove all of them. If creation hangs nevertheless, a second clean-up and a second attempt
-//! follow.
+//! iceoryx2 0.10 can loop endlessly on the leftovers of a killed process. The clean-up before
+//! should remove all of them. If creation hangs nevertheless, a second clean-up and a second
+//! attempt follow.
 
 use std::sync::mpsc;
 use std::thread;

@@ -6,7 +6,9 @@
 //! | 4 | version of the format, little-endian |
 //! | 8 | length of the content, little-endian |
 //! | 32 | SHA-256 of the content |
-//! | the rest | the content, in the format of postcard 1 (<https://postcard.jamesmunns.com/wire-format>) |
+//! | the rest | the content, in the [format of postcard 1][postcard] |
+//!
+//! [postcard]: https://postcard.jamesmunns.com/wire-format
 //!
 //! The content has no field names, so only its own version can be read: any change of [`BlackBox`]
 //! or of a type inside it raises [`VERSION`].

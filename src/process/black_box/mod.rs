@@ -5,15 +5,15 @@
 //! | `tick_record` | one tick, as the loop saw it |
 //! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
-//! | `recorder` | the thread that fills the ring and writes the file: on FAULT, on request, at exit |
-//! | `replay` | the same ticks through the same [`Cycle::step`](crate::core::cycle::Cycle::step), compared bit by bit |
+//! | `recorder` | fills the ring and writes the file: on FAULT, on request, at exit |
+//! | `replay` | the same ticks through the same cycle, compared bit by bit |
 //!
 //! A file is complete: it begins with a [`Snapshot`] of the state of the cycle, and holds the
 //! configuration, every loaded model, every model that was passed to the cycle, and all outputs. It
 //! can be replayed on another machine by software with the same format and the same arithmetic.
 //!
-//! The loop copies each tick into a ring without waiting. Ticks that a slow recorder has no room for
-//! are lost and counted; the file states their number.
+//! The loop copies each tick into a ring without waiting. Ticks that a slow recorder has no room
+//! for are lost and counted; the file states their number.
 
 mod file;
 mod recorder;

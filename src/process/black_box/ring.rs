@@ -38,12 +38,8 @@ impl Ring {
         };
         while let Some(second) = self.snapshots.get(1).map(Snapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
-            let age = |tick: &TickRecord| newest.since(tick.timing.tick.started);
-            if !self
-                .ticks
-                .get(begin)
-                .is_some_and(|tick| age(tick) >= self.span)
-            {
+            let first = self.ticks.get(begin).map(|tick| tick.timing.tick.started);
+            if first.is_none_or(|first| newest.since(first) < self.span) {
                 return;
             }
             self.ticks.drain(..begin);

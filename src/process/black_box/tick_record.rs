@@ -10,7 +10,8 @@ use crate::realtime::TickTiming;
 pub struct TickRecord {
     /// Counts up by one; the first tick after the start is 1.
     pub number: u64,
-    /// The model that was passed to the cycle before the tick: number of its [`super::OfferRecord`].
+    /// The model that was passed to the cycle before the tick: number of its
+    /// [`super::OfferRecord`].
     pub offered: Option<u64>,
     /// Inputs of the cycle.
     pub inputs: Inputs,

@@ -1,5 +1,4 @@
-//! A domain per test, and a controller without a robot.
-#![allow(dead_code, reason = "every test file uses its own part")]
+//! A domain per test, and a server without a robot.
 
 use std::fs;
 use std::path::PathBuf;
@@ -8,14 +7,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
+use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris::units::Nanos;
 
-/// Long enough for every stall of a busy machine.
-pub const PATIENCE: Nanos = Nanos::from_millis(10_000);
-
 /// A domain that no other test uses, here or in another run.
-pub fn unique() -> Domain {
+pub fn unique_domain() -> Domain {
     Domain::new(&format!("t{:016x}", random_id())).unwrap()
 }
 
@@ -23,45 +20,34 @@ pub fn serve(domain: &Domain) -> Server {
     Server::create(DomainLock::acquire(domain).unwrap()).unwrap()
 }
 
+/// A client of a server that exists.
+pub fn connect(domain: &Domain) -> Client {
+    Client::connect(domain, Nanos::ZERO).unwrap()
+}
+
 /// Everything in /dev/shm that belongs to the domain.
-pub fn remains(domain: &Domain) -> Vec<PathBuf> {
-    let (own, prefix) = (domain.directory().to_owned(), domain.prefix().as_bytes());
-    let ours = |path: &PathBuf| {
-        *path == own
-            || path
-                .file_name()
-                .unwrap()
-                .as_encoded_bytes()
-                .starts_with(prefix)
-    };
-    fs::read_dir("/dev/shm")
-        .unwrap()
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(ours)
-        .collect()
+pub fn files(domain: &Domain) -> Vec<PathBuf> {
+    let prefix = domain.prefix().as_bytes();
+    let entries = fs::read_dir("/dev/shm").unwrap().flatten();
+    let ours = entries.filter(|entry| {
+        entry.path() == domain.directory()
+            || entry.file_name().as_encoded_bytes().starts_with(prefix)
+    });
+    ours.map(|entry| entry.path()).collect()
 }
 
-/// Calls `attempt` until it gives something.
-pub fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
-    let end = clock::now() + PATIENCE;
-    loop {
-        if let Some(value) = attempt() {
-            return value;
-        }
-        assert!(clock::now() < end, "waited in vain: {what}");
-        clock::sleep(Nanos::from_millis(2));
-    }
+pub fn assert_no_files(domain: &Domain) {
+    assert_eq!(files(domain), Vec::<PathBuf>::new());
 }
 
-/// A server in a thread of its own that passes about every millisecond, until dropped.
-pub struct Controller {
+/// A server in its own thread with a pass about every millisecond, until dropped.
+pub struct ServerThread {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Controller {
-    /// Starts and returns once it serves. `pass` is called again and again.
+impl ServerThread {
+    /// Starts and returns once it serves. `pass` is called in every pass.
     pub fn start(
         domain: &Domain,
         mut pass: impl FnMut(&mut Server, Nanos) + Send + 'static,
@@ -81,14 +67,12 @@ impl Controller {
             assert_eq!(server.failures().0, 0, "{:?}", server.failures());
         });
         is_ready.recv().unwrap();
-        Self {
-            stop,
-            thread: Some(thread),
-        }
+        let thread = Some(thread);
+        Self { stop, thread }
     }
 }
 
-impl Drop for Controller {
+impl Drop for ServerThread {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(Err(panic)) = self.thread.take().map(JoinHandle::join)

@@ -1,7 +1,7 @@
-"""Pictures with their stamps, from folders and cameras; what cannot be trusted becomes a gap with its cause.
+"""Frames with their stamps, from folders and cameras. A frame that is not valid becomes a gap with its cause.
 
 The rules are those of ``i2ris vision``: stamps from ``frames.csv`` (file, t_s), from the names (``frame_t12.345.png``) or
-from numbers and a rate; a missing number, another size, an identical picture and a stamp that does not rise are gaps.
+from numbers and a rate; a missing number, another size, an identical image and a stamp that does not rise are gaps.
 """
 
 import csv
@@ -22,25 +22,27 @@ FROZEN = "frozen: identical to the one before"
 SAME_CAMERA = "identical to a picture of the other view"
 OUT_OF_ORDER = "stamp out of order"
 NO_PARTNER = "no picture of the other view at that time"
-NO_PICTURE = "the camera delivers nothing"
+NO_IMAGE = "the camera delivers nothing"
 
-REMEMBERED = 16
-SUSPICION = 128
+#: Number of recent images of each view that are compared.
+RECENT = 16
+#: Number of frames that are gaps after an identical image.
+GAP_FRAMES = 128
 
 
 @dataclass
-class Shot:
-    """A picture, or why there is none."""
+class Frame:
+    """An image with its stamp, or the cause of a gap."""
 
     stamp_ns: int
     name: str
-    picture: np.ndarray | None
+    image: np.ndarray | None
     cause: str | None = None
     digest: bytes = b""
 
 
 def folder(path, fps: float = 30.0):
-    """Yields the shots of a folder in the order of their stamps."""
+    """Yields the frames of a folder in the order of their stamps."""
     path = Path(path)
     names = sorted(p.name for p in path.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
     if not names:
@@ -75,24 +77,24 @@ def _nanoseconds(seconds: str) -> int:
     return int(whole) * 1_000_000_000 + int((part + "0" * 9)[:9])
 
 
-def _load(path: Path, stamp_ns: int, name: str) -> Shot:
+def _load(path: Path, stamp_ns: int, name: str) -> Frame:
     try:
         data = (path / name).read_bytes()
     except FileNotFoundError:
-        return Shot(stamp_ns, name, None, MISSING)
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if _is_whole(data) else None
-    return Shot(stamp_ns, name, picture, None if picture is not None else UNDECODABLE)
+        return Frame(stamp_ns, name, None, MISSING)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE) if _is_whole(data) else None
+    return Frame(stamp_ns, name, image, None if image is not None else UNDECODABLE)
 
 
 def _is_whole(data: bytes) -> bool:
-    """Decoders fill what is missing with grey, so an end that is missing has to be noticed here."""
+    """Decoders fill missing parts with grey, so a truncated file has to be detected here."""
     if data.startswith(b"\x89PNG"):
         return b"IEND" in data[-16:]
     return data.startswith(b"\xff\xd8") and data.rstrip(b"\0\r\n").endswith(b"\xff\xd9")
 
 
 def cameras(devices):
-    """Yields one shot per camera, grabbed right after each other and stamped with the monotonic clock."""
+    """Yields one frame per camera, grabbed right after each other and stamped with the monotonic clock."""
     captures = [cv2.VideoCapture(int(device)) for device in devices]
     for device, capture in zip(devices, captures):
         if not capture.isOpened():
@@ -101,58 +103,58 @@ def cameras(devices):
     while True:
         number += 1
         grabbed = [(capture.grab(), time.monotonic_ns()) for capture in captures]
-        shots = []
+        group = []
         for capture, (has, stamp_ns) in zip(captures, grabbed):
-            good, picture = capture.retrieve() if has else (False, None)
-            name = f"picture {number}"
+            good, image = capture.retrieve() if has else (False, None)
+            name = f"image {number}"
             if good:
-                shots.append(Shot(stamp_ns, name, cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)))
+                group.append(Frame(stamp_ns, name, cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)))
             else:
-                shots.append(Shot(stamp_ns, name, None, NO_PICTURE))
-        yield shots
+                group.append(Frame(stamp_ns, name, None, NO_IMAGE))
+        yield group
 
 
-class Guard:
-    """Looks at the shots of one view one after the other."""
+class FrameCheck:
+    """Checks the frames of one view in order."""
 
     def __init__(self):
         self._size = self._stamp = self._digest = None
 
-    def check(self, shot: Shot) -> Shot:
-        """Turns a picture that cannot be trusted into a gap."""
-        if shot.picture is None:
-            return shot
-        self._size = self._size or shot.picture.shape
-        shot.digest = hashlib.blake2b(shot.picture.tobytes(), digest_size=16).digest()
-        frozen, self._digest = shot.digest == self._digest, shot.digest
-        if shot.picture.shape != self._size:
-            shot.cause = WRONG_SIZE
-        elif self._stamp is not None and shot.stamp_ns <= self._stamp:
-            shot.cause = OUT_OF_ORDER
+    def check(self, frame: Frame) -> Frame:
+        """Turns a frame that is not valid into a gap."""
+        if frame.image is None:
+            return frame
+        self._size = self._size or frame.image.shape
+        frame.digest = hashlib.blake2b(frame.image.tobytes(), digest_size=16).digest()
+        frozen, self._digest = frame.digest == self._digest, frame.digest
+        if frame.image.shape != self._size:
+            frame.cause = WRONG_SIZE
+        elif self._stamp is not None and frame.stamp_ns <= self._stamp:
+            frame.cause = OUT_OF_ORDER
         else:
-            self._stamp = shot.stamp_ns
-            shot.cause = FROZEN if frozen else None
-        return shot
+            self._stamp = frame.stamp_ns
+            frame.cause = FROZEN if frozen else None
+        return frame
 
 
-class Twins:
-    """Tells when both views show the same camera: one identical picture puts all under suspicion for a while."""
+class SameCameraCheck:
+    """Detects that both views show the same camera: after one identical image, all frames are gaps for a while."""
 
     def __init__(self):
-        self._recent = [deque(maxlen=REMEMBERED), deque(maxlen=REMEMBERED)]
-        self._suspicion = 0
+        self._recent = [deque(maxlen=RECENT), deque(maxlen=RECENT)]
+        self._gap_frames = 0
 
-    def are_one(self, view: int, shot: Shot) -> bool:
-        if shot.picture is None or shot.picture.min() == shot.picture.max():
+    def is_same_camera(self, view: int, frame: Frame) -> bool:
+        if frame.image is None or frame.image.min() == frame.image.max():
             return False
-        same = shot.digest in self._recent[1 - view]
-        self._suspicion = SUSPICION if same else max(0, self._suspicion - 1)
-        self._recent[view].append(shot.digest)
-        return self._suspicion > 0
+        same = frame.digest in self._recent[1 - view]
+        self._gap_frames = GAP_FRAMES if same else max(0, self._gap_frames - 1)
+        self._recent[view].append(frame.digest)
+        return self._gap_frames > 0
 
 
 def pairs(first, second, within_ns: int):
-    """Pairs the shots of two views by their stamps; yields [a, b], with None for a partner that is missing."""
+    """Pairs the frames of two views by their stamps; yields [a, b], with None for a partner that is missing."""
     waiting = [next(first, None), next(second, None)]
     sources = [first, second]
     while waiting[0] is not None or waiting[1] is not None:
