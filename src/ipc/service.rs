@@ -80,7 +80,7 @@ pub struct TransportError {
     reason: String,
 }
 
-pub(super) fn transport_error<E: fmt::Debug>(
+pub(super) fn failed<E: fmt::Debug>(
     step: &'static str,
     service: &'static str,
 ) -> impl FnOnce(E) -> TransportError {
@@ -98,17 +98,15 @@ pub(super) fn create_node<S: Service>(
 ) -> Result<Node<S>, TransportError> {
     let config = domain
         .config(boot_id)
-        .map_err(transport_error("configure", "a node"))?;
+        .map_err(failed("configure", "a node"))?;
     let builder = NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled);
-    builder
-        .create()
-        .map_err(transport_error("create", "a node"))
+    builder.create().map_err(failed("create", "a node"))
 }
 
 fn service_name(name: &'static str) -> Result<ServiceName, TransportError> {
-    ServiceName::new(name).map_err(transport_error("name", name))
+    ServiceName::new(name).map_err(failed("name", name))
 }
 
 impl Stream {
@@ -128,7 +126,7 @@ impl Stream {
             .history_size(self.history)
             .enable_safe_overflow(true)
             .create()
-            .map_err(transport_error("create", self.name))
+            .map_err(failed("create", self.name))
     }
 
     /// A client's side: accepts the sizes that the controller chose.
@@ -139,7 +137,7 @@ impl Stream {
         node.service_builder(&service_name(self.name)?)
             .publish_subscribe::<T>()
             .open()
-            .map_err(transport_error("open", self.name))
+            .map_err(failed("open", self.name))
     }
 }
 
@@ -160,7 +158,7 @@ where
         .max_nodes(NODES)
         .max_active_requests_per_client(2)
         .create()
-        .map_err(transport_error("create", name))
+        .map_err(failed("create", name))
 }
 
 /// A client's side of a request.
@@ -176,5 +174,5 @@ where
     node.service_builder(&service_name(name)?)
         .request_response::<Q, R>()
         .open()
-        .map_err(transport_error("open", name))
+        .map_err(failed("open", name))
 }

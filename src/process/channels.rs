@@ -3,8 +3,6 @@
 //! Newest values pass through triple buffers: the writer never waits and the reader gets the latest
 //! value. What must not be lost passes through rings; a full ring drops instead of waiting (H13).
 
-use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -13,8 +11,7 @@ use triple_buffer::triple_buffer;
 use crate::core::model_slots::slots::{Candidate, ModelReply, ModelRequest};
 use crate::core::{Event, External, Report, ServoCommand, StateReply, StateRequest};
 use crate::ipc::payload;
-use crate::model::Model;
-use crate::process::black_box::{OfferRecord, RecorderChannels};
+use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
@@ -123,18 +120,6 @@ pub fn loop_channels(
 
 /// A request about models or its reply, with the token that the server needs for the reply.
 pub type Tokened<T> = (u64, T);
-
-/// A request to the recorder.
-#[derive(Debug)]
-pub enum RecorderRequest {
-    /// A model is on its way to the loop.
-    Offer(Box<OfferRecord>, Arc<Model>),
-    /// Write the file now; the token returns with the reply.
-    Write(u64),
-}
-
-/// The reply to [`RecorderRequest::Write`]: the file and its number of ticks, or why there is none.
-pub type WriteReply = Tokened<Result<(PathBuf, u64), String>>;
 
 /// The queues of the IPC thread to the threads that take long.
 pub struct RequestQueues {

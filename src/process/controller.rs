@@ -13,14 +13,18 @@ use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 
+use rtrb::Consumer;
+
 use crate::clock;
 use crate::config::{Config, ControlConfig};
+use crate::core::Event;
 use crate::core::cycle::Cycle;
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::runner::PortRunner;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
+use crate::model::Model;
 use crate::process::black_box::Recorder;
 use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
@@ -79,59 +83,17 @@ pub fn run(
     let domain = Domain::new(&config.ipc.domain)?;
     let lock = DomainLock::acquire(&domain)?;
     let boot_id = lock.boot_id();
-    let Drives {
-        runners,
-        mut links,
-        identities,
-    } = bring_up_ports(config)?;
-    let (recorder, recorder_channels) = Recorder::new(config, model.as_ref(), &software(), boot_id);
-    let (loop_channels, ipc_channels, model_channels, events) = loop_channels(recorder_channels);
-    let (queues, workers) = request_queues();
-    let history = SharedLoopHistory::new(config, model.as_ref());
-    let manager = ModelManager::new(
-        config.clone(),
-        history.clone(),
-        model_channels,
-        queues.recorder.clone(),
-    );
-    let quit = Arc::new(AtomicBool::new(false));
-    let (lines_in, recorder_lines) = mpsc::channel();
-    let mut others = start_workers(config, recorder, manager, workers, lines_in, &quit)?;
-    let (granted_in, granted_out) = mpsc::channel();
-    let parts = IpcThreadParts {
-        channels: ipc_channels,
-        motors: config.motors() as u32,
-        history,
-        queues,
-        period: config.control.period(),
-    };
-    let (ipc, heartbeat) = start_ipc(config, lock, parts, granted_out, &quit)?;
-    others.push(ipc);
-    let (port_events_in, port_events) = mpsc::channel();
-    for runner in runners {
-        let thread = start_port(&config.control, runner, port_events_in.clone(), &quit)?;
-        others.push(thread);
-    }
-    wait_for_positions(&mut links);
-    let first = clock::now() + START_DELAY;
-    let control_loop = ControlLoop {
-        cycle: Cycle::new(config, model.clone()),
-        channels: loop_channels,
-        links,
-        heartbeat,
-    };
-    let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
-    // Before the log: a log that nobody reads may block. If the IPC thread has ended already, the
-    // main thread detects it below.
-    let _ = granted_in.send((granted.clone(), first));
-    write_granted(log, &granted);
+    let drives = bring_up_ports(config)?;
+    let identities = drives.identities.clone();
+    let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
+    write_granted(log, &threads.granted);
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
         boot_id,
         config,
         model: model.as_ref().map(|model| model.id()),
         drives: &identities,
-        granted: &granted,
+        granted: &threads.granted,
         note,
     });
     if let Err(error) = begun {
@@ -140,32 +102,100 @@ pub fn run(
             format_args!("warning: the run log is not written: {error}"),
         );
     }
-
     let mut main = MainThread {
-        events,
-        port_events,
-        recorder_lines,
+        events: threads.events,
+        port_events: threads.port_events,
+        recorder_lines: threads.recorder_lines,
         run_log,
         domain,
         boot_id,
         log,
     };
-    main.run(&control, &others, shutdown);
-    let control = control.join();
-    quit.store(true, Ordering::Release);
-    // The port threads first: they switch the drives off.
+    main.run(&threads.control, &threads.others, shutdown);
+    let control = threads.control.join();
+    threads.quit.store(true, Ordering::Release);
     let mut ended = Ok(());
-    for thread in others.into_iter().rev() {
+    for thread in threads.others {
         ended = ended.and(thread.join());
     }
     main.write_events();
-    let outcome = if control.is_ok() {
-        "in order"
-    } else {
-        "the control loop ended early"
+    let outcome = match control {
+        Ok(()) => "in order",
+        Err(_) => "the control loop ended early",
     };
     let _ = main.run_log.end(outcome);
     Ok(control.and(ended)?)
+}
+
+/// All threads but the main thread, and what they send to it.
+struct Threads {
+    control: NamedThread,
+    others: Vec<NamedThread>,
+    /// Ends all threads but the control loop.
+    quit: Arc<AtomicBool>,
+    granted: Granted,
+    events: Consumer<Event>,
+    port_events: mpsc::Receiver<PortEvent>,
+    recorder_lines: mpsc::Receiver<String>,
+}
+
+fn start_threads(
+    config: &Config,
+    lock: DomainLock,
+    model: Option<&Arc<Model>>,
+    drives: Drives,
+    shutdown: &Arc<AtomicBool>,
+) -> Result<Threads, ControllerError> {
+    let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
+    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder);
+    let (queues, workers) = request_queues();
+    let history = SharedLoopHistory::new(config, model);
+    let recorder_queue = queues.recorder.clone();
+    let manager = ModelManager::new(
+        config.clone(),
+        history.clone(),
+        model_channels,
+        recorder_queue,
+    );
+    let quit = Arc::new(AtomicBool::new(false));
+    let (lines, recorder_lines) = mpsc::channel();
+    let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
+    let parts = IpcThreadParts {
+        channels: ipc_channels,
+        motors: config.motors() as u32,
+        history,
+        queues,
+        period: config.control.period(),
+    };
+    let (to_ipc, granted) = mpsc::channel();
+    let (ipc, heartbeat) = start_ipc(config, lock, parts, granted, &quit)?;
+    others.push(ipc);
+    let (to_main, port_events) = mpsc::channel();
+    for runner in drives.runners {
+        others.push(start_port(&config.control, runner, to_main.clone(), &quit)?);
+    }
+    let mut links = drives.links;
+    wait_for_positions(&mut links);
+    let first = clock::now() + START_DELAY;
+    let cycle = Cycle::new(config, model.cloned());
+    let control_loop = ControlLoop {
+        cycle,
+        channels,
+        links,
+        heartbeat,
+    };
+    let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
+    // If the IPC thread has ended already, the main thread detects it.
+    let _ = to_ipc.send((granted.clone(), first));
+    Ok(Threads {
+        control,
+        others,
+        quit,
+        granted,
+        events,
+        port_events,
+        recorder_lines,
+    })
 }
 
 /// Starts the threads of the black box and of the models.

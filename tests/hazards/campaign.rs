@@ -24,7 +24,7 @@ use crate::rig::motion::{
     SEND_PERIOD, SetOnDrop, largest_step, linear_model, rig_with_model, stream_angles,
     swing_angles_until,
 };
-use crate::rig::{Rig, TIMEOUT, enable, has, settle, wait_until_holding};
+use crate::rig::{Rig, TIMEOUT, enable, has, settle, wait_for, wait_until_holding};
 
 /// The number of repetitions, or `usual`.
 fn times(usual: u32) -> u32 {
@@ -67,11 +67,9 @@ fn campaign_kills() {
     let mut client = rig.enabled();
     let (mut after_kill, mut constant) = (Vec::new(), 0);
     for _ in 0..times(200) {
-        let before = client.wait_for(TIMEOUT, |_| true).unwrap();
+        let before = wait_for(&mut client, |_| true);
         let mut commander = spawn_commander(&rig.config.ipc.domain);
-        client
-            .wait_for(TIMEOUT, |state| state.accepted > before.accepted + 60)
-            .unwrap();
+        wait_for(&mut client, |state| state.accepted > before.accepted + 60);
         commander.kill().unwrap();
         let killed = clock::now();
         commander.wait().unwrap();
@@ -90,9 +88,7 @@ fn campaign_kills() {
             None => constant += 1,
         }
         // The next commander begins at zero.
-        client
-            .wait_for(TIMEOUT, |state| state.lease_client_id == 0)
-            .unwrap();
+        wait_for(&mut client, |state| state.lease_client_id == 0);
         return_to_zero(&mut client);
     }
     let deadline = rig.config.command.deadline_ms;

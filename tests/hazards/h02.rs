@@ -10,7 +10,7 @@ use i2ris::units::Nanos;
 
 use crate::bench::Bench;
 use crate::rig::motion::{assert_stopped_within, stream_counts, swing};
-use crate::rig::{Rig, TIMEOUT, settle, wait_until_holding};
+use crate::rig::{Rig, TIMEOUT, settle, wait_for, wait_until_holding};
 
 /// The last motion, to the tick: counted time.
 #[test]
@@ -64,9 +64,7 @@ fn h02_the_snake_holds_when_its_commander_is_killed() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
     let mut commander = spawn_commander(&rig.config.ipc.domain);
-    client
-        .wait_for(TIMEOUT, |state| state.accepted > 50)
-        .unwrap();
+    wait_for(&mut client, |state| state.accepted > 50);
     commander.kill().unwrap();
     let killed = clock::now();
     commander.wait().unwrap();
@@ -76,9 +74,7 @@ fn h02_the_snake_holds_when_its_commander_is_killed() {
     let deadline = Nanos::from_millis(rig.config.command.deadline_ms + 250);
     assert_stopped_within(&rig, killed..killed + deadline);
     // The lease becomes free, so the next commander is not locked out.
-    client
-        .wait_for(TIMEOUT, |state| state.lease_client_id == 0)
-        .unwrap();
+    wait_for(&mut client, |state| state.lease_client_id == 0);
     let here = rig.positions();
     stream_counts(&client, 0.5, |_| here);
     let state = settle(&mut client, |state| state.lease_client_id != 0);

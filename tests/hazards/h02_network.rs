@@ -21,7 +21,7 @@ use i2ris_network::{Console, Gate, Key};
 use crate::rig::motion::{
     SEND_PERIOD, assert_constant, assert_stopped_within, setpoints_after, stream_counts, swing,
 };
-use crate::rig::{Rig, TIMEOUT, eventually, settle, wait_until_holding, wait_until_idle};
+use crate::rig::{Rig, TIMEOUT, eventually, settle, wait_for, wait_until_holding, wait_until_idle};
 
 const SECRET: &[u8] = b"a key of this test alone";
 /// Long compared with stalls of the machine, short compared with the timeout of the test.
@@ -180,9 +180,7 @@ fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
         let error = stream_until_it_fails(&remote);
         (remote, error)
     });
-    let moving = client
-        .wait_for(TIMEOUT, |state| state.accepted > 50)
-        .unwrap();
+    let moving = wait_for(&mut client, |state| state.accepted > 50);
     assert_ne!(moving.lease_client_id, 0);
     network.cut.store(true, Ordering::Relaxed);
     let cut = clock::now();
@@ -190,9 +188,7 @@ fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
     // Programs on the far side get an error.
     let (remote, error) = remote.join().unwrap();
     assert!(error.is_absent(), "{error}");
-    client
-        .wait_for(TIMEOUT, |state| state.lease_client_id == 0)
-        .unwrap();
+    wait_for(&mut client, |state| state.lease_client_id == 0);
     assert_stopped_within(&rig, cut..cut + deadline(&rig));
     // When the network is back nothing moves by itself, and new commands are followed.
     drop(remote);
@@ -221,9 +217,7 @@ fn h02_commands_that_the_network_delays_are_refused_as_stale() {
     let (before, began) = (wait_until_idle(&mut client), clock::now());
     stream_counts(&remote, 2.0, swing);
     let refused = before.refused + 10;
-    let after = client
-        .wait_for(TIMEOUT, |state| state.refused > refused)
-        .unwrap();
+    let after = wait_for(&mut client, |state| state.refused > refused);
     assert_eq!(after.accepted, before.accepted);
     assert_eq!(after.last_refusal, Refusal::Stale.number());
     for axis in 0..2 {
@@ -308,15 +302,11 @@ fn computer_of_the_robot() {
     assert!(ip("addr add 10.77.0.1/24 dev robot") && ip("link set robot up"));
     let mut client = rig.enabled();
     let (_, _server) = start_server(&rig, "10.77.0.1:7410".parse().unwrap());
-    client
-        .wait_for(TIMEOUT, |state| state.accepted > 50)
-        .unwrap();
+    wait_for(&mut client, |state| state.accepted > 50);
     assert!(ip("link set robot down"));
     let cut = clock::now();
     wait_until_stopped(&mut client);
-    client
-        .wait_for(TIMEOUT, |state| state.lease_client_id == 0)
-        .unwrap();
+    wait_for(&mut client, |state| state.lease_client_id == 0);
     clock::sleep(Nanos::from_millis(500));
     assert_stopped_within(&rig, cut..cut + deadline(&rig));
     eprintln!("the cable was pulled and the snake held");

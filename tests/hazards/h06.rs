@@ -7,7 +7,7 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
 use crate::bench::Bench;
-use crate::rig::{Rig, TIMEOUT, has, settle_in};
+use crate::rig::{Rig, has, settle_in, wait_for};
 
 #[test]
 fn h06_a_robot_that_loses_its_zero_holds_and_refuses_servo_commands() {
@@ -31,9 +31,7 @@ fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
     client.state_command(StateCommand::Disable).unwrap();
     settle_in(&mut client, OperatingState::Disabled);
     rig.emulator.power_cycle(0);
-    client
-        .wait_for(TIMEOUT, |state| !has(state, OperatingStateMsg::HOMED))
-        .unwrap();
+    wait_for(&mut client, |state| !has(state, OperatingStateMsg::HOMED));
     let restarting = [Refusal::DrivesNotReady, Refusal::Busy, Refusal::State];
     for _ in 0..2000 {
         match client.state_command(StateCommand::Enable).unwrap_err() {

@@ -5,13 +5,13 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::units::Nanos;
 
-use crate::rig::TIMEOUT;
 use crate::rig::motion::rig_with_model;
+use crate::rig::{TIMEOUT, wait_for};
 
 /// Sends a goal until it is refused for this reason.
 fn send_until_refused(client: &mut Client, goal: [f64; 2], refusal: Refusal) {
     let mut commander = client.commander();
-    let before = client.wait_for(TIMEOUT, |_| true).unwrap().refused;
+    let before = wait_for(client, |_| true).refused;
     let start = clock::now();
     loop {
         commander.servo_jp(&goal).unwrap();

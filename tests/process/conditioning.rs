@@ -6,7 +6,7 @@ use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
-use crate::rig::{Rig, TIMEOUT, has, settle_in, wait_until_idle};
+use crate::rig::{Rig, has, settle_in, wait_for, wait_until_idle};
 
 fn is_busy(state: &OperatingStateMsg) -> bool {
     has(state, OperatingStateMsg::BUSY)
@@ -20,7 +20,7 @@ fn the_motors_make_a_decaying_conditioning_cycle_and_end_where_they_began() {
     let mut client = rig.enabled();
     let begin = wait_until_idle(&mut client);
     client.state_command(StateCommand::Condition).unwrap();
-    client.wait_for(TIMEOUT, is_busy).unwrap();
+    wait_for(&mut client, is_busy);
     let refusal = client.state_command(StateCommand::Condition).unwrap_err();
     let busy = Refusal::Busy;
     assert!(matches!(refusal, ClientError::Refused { refusal, .. } if refusal == busy));
@@ -47,7 +47,7 @@ fn pause_stops_the_conditioning_cycle() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
     client.state_command(StateCommand::Condition).unwrap();
-    client.wait_for(TIMEOUT, is_busy).unwrap();
+    wait_for(&mut client, is_busy);
     client.state_command(StateCommand::Pause).unwrap();
     settle_in(&mut client, OperatingState::Paused);
     let paused = rig.positions();

@@ -14,7 +14,7 @@ use nix::sys::signal::Signal;
 
 use crate::ipc_fixture::assert_no_files;
 use crate::rig::motion::{SEND_PERIOD, rig_with_model, stream_counts};
-use crate::rig::{Rig, TIMEOUT, wait_for_end};
+use crate::rig::{Rig, wait_for, wait_for_end};
 
 #[test]
 fn motors_follow_counts_and_the_snake_bends() {
@@ -187,9 +187,7 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
     assert!(on_request.ticks.len() > 100, "{}", on_request.ticks.len());
     rig.emulator.mute(0, true);
     let fault = OperatingState::Fault;
-    client
-        .wait_for(TIMEOUT, |state| state.state == fault.number())
-        .unwrap();
+    wait_for(&mut client, |state| state.state == fault.number());
     rig.emulator.mute(0, false);
     clock::sleep(Nanos::from_millis(1500));
     rig.signal(Signal::SIGTERM);

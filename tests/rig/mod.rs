@@ -257,11 +257,17 @@ pub fn has(state: &OperatingStateMsg, flag: u32) -> bool {
     state.flags & flag != 0
 }
 
+/// Waits until a condition is true.
+pub fn wait_for(
+    client: &mut Client,
+    condition: impl Fn(&OperatingStateMsg) -> bool,
+) -> OperatingStateMsg {
+    client.wait_for(TIMEOUT, condition).unwrap()
+}
+
 /// Waits until the robot holds.
 pub fn wait_until_holding(client: &mut Client) -> OperatingStateMsg {
-    client
-        .wait_for(TIMEOUT, |state| has(state, OperatingStateMsg::HOLDING))
-        .unwrap()
+    wait_for(client, |state| has(state, OperatingStateMsg::HOLDING))
 }
 
 /// Waits until the robot is not busy.
@@ -279,10 +285,9 @@ pub fn settle(
     client: &mut Client,
     condition: impl Fn(&OperatingStateMsg) -> bool,
 ) -> OperatingStateMsg {
-    let idle = |state: &OperatingStateMsg| !has(state, OperatingStateMsg::BUSY);
-    client
-        .wait_for(TIMEOUT, |state| idle(state) && condition(state))
-        .unwrap()
+    wait_for(client, |state| {
+        !has(state, OperatingStateMsg::BUSY) && condition(state)
+    })
 }
 
 fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {

@@ -10,7 +10,7 @@ use super::controller_link::{ClientService, ControllerLink, SessionPort};
 use super::error::ClientError;
 use crate::clock;
 use crate::ipc::payload::{ServoActuator, ServoJp};
-use crate::ipc::service::{self, Stream, transport_error};
+use crate::ipc::service::{self, Stream, failed};
 use crate::units::{MAX_MOTORS, Nanos};
 
 /// A publisher of one stream into the controller.
@@ -36,10 +36,10 @@ impl<T: ZeroCopySend + Debug + Copy + 'static> CommandPublisher<T> {
         let publisher = self.port.get(link, now, |session| {
             let factory = stream.open::<ClientService, T>(&session.node)?;
             let created = factory.publisher_builder().create();
-            created.map_err(transport_error("publish", stream.name))
+            created.map_err(failed("publish", stream.name))
         })?;
         let sent = publisher.send_copy(message(now));
-        match sent.map_err(transport_error("send", stream.name))? {
+        match sent.map_err(failed("send", stream.name))? {
             // The controller subscribes before it announces itself, so it has ended.
             0 => Err(link.lost()),
             _ => Ok(()),

@@ -8,7 +8,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use super::controller_link::{ClientService, ControllerLink, ControllerSession, SessionPort};
 use super::error::ClientError;
 use crate::clock;
-use crate::ipc::service::{TransportError, open_request, transport_error};
+use crate::ipc::service::{TransportError, failed, open_request};
 use crate::units::Nanos;
 
 /// The controller replies within a few ticks; the machine may stall for a tenth of a second.
@@ -50,13 +50,9 @@ where
     pub fn request(&mut self, link: &ControllerLink, request: Q) -> Result<R, ClientError> {
         let (name, start) = (self.name, clock::now());
         let port = self.port.get(link, start, |session| open(session, name))?;
-        let pending = port
-            .send_copy(request)
-            .map_err(transport_error("ask", name))?;
+        let pending = port.send_copy(request).map_err(failed("ask", name))?;
         loop {
-            let received = pending
-                .receive()
-                .map_err(transport_error("receive from", name))?;
+            let received = pending.receive().map_err(failed("receive from", name))?;
             if let Some(reply) = received {
                 return Ok(*reply);
             }
@@ -85,5 +81,5 @@ where
     factory
         .client_builder()
         .create()
-        .map_err(transport_error("ask", name))
+        .map_err(failed("ask", name))
 }

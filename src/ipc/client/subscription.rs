@@ -14,7 +14,7 @@ use crate::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
     ServoActuator, ServoJp,
 };
-use crate::ipc::service::{self, BUFFER, Stream, TransportError, transport_error};
+use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
 
 /// Creates subscriptions to the streams of a controller, and to the commands that it receives.
@@ -178,9 +178,7 @@ impl<T: Message> Subscription<T> {
         let port = self
             .port
             .get(&self.link, now, |session| open(session, stream))?;
-        let received = port
-            .receive()
-            .map_err(transport_error("receive", stream.name))?;
+        let received = port.receive().map_err(failed("receive", stream.name))?;
         let message = received.map(|sample| *sample);
         if self.port.boot_id() != previous {
             self.last = None;
@@ -206,7 +204,7 @@ fn open<T: Message>(
 ) -> Result<Subscriber<ClientService, T, ()>, TransportError> {
     let factory = stream.open::<ClientService, T>(&session.node)?;
     let created = factory.subscriber_builder().create();
-    created.map_err(transport_error("subscribe to", stream.name))
+    created.map_err(failed("subscribe to", stream.name))
 }
 
 /// Keeps the last message of a stream.

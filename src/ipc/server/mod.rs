@@ -28,7 +28,7 @@ use super::payload::{
     StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
-use super::service::{self, TransportError, transport_error};
+use super::service::{self, TransportError, failed};
 use crate::units::{MAX_OUTPUTS, Nanos};
 use creation::{Services, StreamFactory};
 use request_server::RequestServer;
@@ -338,7 +338,7 @@ fn subscribe<T: ZeroCopySend + std::fmt::Debug + 'static>(
     name: &'static str,
 ) -> Result<Subscriber<ipc::Service, T, ()>, TransportError> {
     let created = factory.subscriber_builder().buffer_size(1).create();
-    created.map_err(transport_error("subscribe to", name))
+    created.map_err(failed("subscribe to", name))
 }
 
 /// Reads all messages and keeps the one with the highest rank, the later of two equal ones.
@@ -349,10 +349,7 @@ fn newest_by<T: ZeroCopySend + std::fmt::Debug + Copy + 'static, R: PartialOrd>(
 ) -> Result<Option<T>, TransportError> {
     let mut newest: Option<T> = None;
     for _ in 0..MAX_DRAINED {
-        let Some(sample) = subscriber
-            .receive()
-            .map_err(transport_error("receive", name))?
-        else {
+        let Some(sample) = subscriber.receive().map_err(failed("receive", name))? else {
             break;
         };
         if newest

@@ -8,7 +8,7 @@ use iceoryx2::port::server;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
 
 use super::creation::RequestFactory;
-use crate::ipc::service::{TransportError, transport_error};
+use crate::ipc::service::{TransportError, failed};
 use crate::units::Nanos;
 
 type Active<Q, R> = ActiveRequest<ipc::Service, Q, (), R, ()>;
@@ -43,7 +43,7 @@ where
         Ok(Self {
             pending: BTreeMap::new(),
             next_token: 1,
-            port: port.map_err(transport_error("serve", name))?,
+            port: port.map_err(failed("serve", name))?,
             name,
             timeout,
         })
@@ -54,10 +54,7 @@ where
         self.pending
             .retain(|_, (since, _)| now.since(*since) < self.timeout);
         loop {
-            let received = self
-                .port
-                .receive()
-                .map_err(transport_error("receive", self.name))?;
+            let received = self.port.receive().map_err(failed("receive", self.name))?;
             let Some(active) = received else {
                 return Ok(());
             };
@@ -75,7 +72,7 @@ where
         };
         request
             .send_copy(reply)
-            .map_err(transport_error("answer", self.name))
+            .map_err(failed("answer", self.name))
     }
 
     /// Sends the same reply to all new requests.

@@ -8,7 +8,7 @@ use iceoryx2::prelude::{ZeroCopySend, ipc};
 
 use super::creation::StreamFactory;
 use crate::ipc::message::Outgoing;
-use crate::ipc::service::{Stream, TransportError, transport_error};
+use crate::ipc::service::{Stream, TransportError, failed};
 
 /// Sends a stream; adds boot id and sequence number to every message.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ impl<T: Outgoing> StreamPublisher<T> {
         boot_id: u64,
     ) -> Result<Self, TransportError> {
         let (name, created) = (stream.name, factory.publisher_builder().create());
-        let publisher = created.map_err(transport_error("publish", name))?;
+        let publisher = created.map_err(failed("publish", name))?;
         Ok(Self {
             publisher,
             name,
@@ -40,13 +40,13 @@ impl<T: Outgoing> StreamPublisher<T> {
         let message = message.with_sender(self.boot_id, self.sequence);
         self.publisher
             .send_copy(message)
-            .map_err(transport_error("send", self.name))
+            .map_err(failed("send", self.name))
     }
 
     /// Sends the last message to subscribers that joined since the last send.
     pub fn serve_late_subscribers(&self) -> Result<(), TransportError> {
         self.publisher
             .update_connections()
-            .map_err(transport_error("update", self.name))
+            .map_err(failed("update", self.name))
     }
 }

@@ -23,6 +23,6 @@ mod tick_record;
 
 pub use crate::core::cycle::Snapshot;
 pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
-pub use recorder::{Recorder, RecorderChannels};
+pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};
 pub use tick_record::TickRecord;

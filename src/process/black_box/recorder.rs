@@ -18,7 +18,6 @@ use crate::config::Config;
 use crate::core::EventKind;
 use crate::core::cycle::Snapshot;
 use crate::model::{Model, ModelId};
-use crate::process::channels::{RecorderRequest, WriteReply};
 use crate::robot::OperatingState;
 use crate::units::Nanos;
 use crate::wall_clock;
@@ -35,6 +34,19 @@ const AFTER_FAULT: Nanos = Nanos::from_millis(500);
 const BETWEEN_FAULTS: Nanos = Nanos::from_millis(5000);
 /// Number of offers from which old ones are dropped.
 const OFFERS: usize = 64;
+
+/// A request to the recorder.
+#[derive(Debug)]
+pub enum RecorderRequest {
+    /// A model is on its way to the loop.
+    Offer(Box<OfferRecord>, Arc<Model>),
+    /// Write the file now; the token returns with the reply.
+    Write(u64),
+}
+
+/// The reply to [`RecorderRequest::Write`], with its token: the file and its number of ticks, or why
+/// there is none.
+pub type WriteReply = (u64, Result<(PathBuf, u64), String>);
 
 /// The ends of the loop.
 pub struct RecorderChannels {
