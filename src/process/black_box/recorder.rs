@@ -44,8 +44,8 @@ pub enum RecorderRequest {
     Write(u64),
 }
 
-/// The reply to [`RecorderRequest::Write`], with its token: the file and its number of ticks, or why
-/// there is none.
+/// The reply to [`RecorderRequest::Write`] with its token: the file and its number of ticks, or the
+/// error.
 pub type WriteReply = (u64, Result<(PathBuf, u64), String>);
 
 /// The ends of the loop.
