@@ -16,7 +16,7 @@ use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
 use nix::sys::signal::Signal;
-use rig::{PATIENCE, Rig};
+use rig::{Rig, TIMEOUT as PATIENCE};
 
 /// A rig with a guard that was there first, and an enabled robot.
 struct Guarded {

@@ -59,7 +59,7 @@ fn start() -> Result<(), Failure> {
             let shutdown = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&shutdown);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            Ok(controller::run_with_note(
+            Ok(controller::run(
                 &config,
                 &note,
                 &shutdown,

@@ -13,7 +13,7 @@ use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::Nanos;
-use i2ris::watchdog::{self, Notice, Verdict};
+use i2ris::watchdog::{self, WatchdogEvent};
 use lexopt::Arg::{Long, Short};
 use lexopt::ValueExt;
 
@@ -86,41 +86,9 @@ fn start() -> Result<(), Failure> {
     }
 }
 
-fn report(notice: Notice) {
-    match notice {
-        Notice::Held(device) => print(format_args!("holding {}", device.display())),
-        Notice::NotHeld(device, why) => {
-            print(format_args!("cannot hold {}: {why}", device.display()))
-        }
-        Notice::Watching => print(format_args!("watching the controller")),
-        Notice::Ended => print(format_args!("the controller ended with its drives off")),
-        Notice::Silent(verdict, age) => {
-            let what = if verdict == Verdict::Gone {
-                "is gone"
-            } else {
-                "hangs"
-            };
-            print(format_args!(
-                "the controller {what}; its last heartbeat was {:.1} ms ago",
-                age.as_seconds() * 1e3
-            ));
-        }
-        Notice::Stopped(device, axes) => {
-            for axis in axes {
-                match axis.outcome {
-                    Ok(state) => print(format_args!(
-                        "{}, motor {}: {state:?}",
-                        device.display(),
-                        axis.motor
-                    )),
-                    Err(why) => print(format_args!(
-                        "{}, motor {}: NOT STOPPED, {why}",
-                        device.display(),
-                        axis.motor
-                    )),
-                }
-            }
-        }
+fn report(event: WatchdogEvent) {
+    for line in event.to_string().lines() {
+        print(format_args!("{line}"));
     }
 }
 

@@ -1,38 +1,37 @@
-//! Where the shared memory of one controller lives.
+//! The domain: location of the shared memory of one controller.
 //!
-//! | path | holds |
+//! | path | content |
 //! |---|---|
-//! | `/dev/shm/i2ris-UID-NAME/lock` | the controller's exclusive lock, and its process id for people |
-//! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version and process id of the controller, once it serves |
-//! | `/dev/shm/i2ris-UID-NAME/pulse` | when the control loop last began a tick: see [`super::pulse`] |
+//! | `/dev/shm/i2ris-UID-NAME/lock` | exclusive lock of the controller, and its process id |
+//! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version, process id: [`super::ready`] |
+//! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, [`super::heartbeat`] |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
-//! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | the shared memory of iceoryx2 itself |
+//! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | shared memory of iceoryx2 |
 //!
-//! Every start of the controller has a root and a prefix of its own, by its boot id (16 hexadecimal
-//! digits). It must: a client that outlives a controller and then lets go of its ports is the last
-//! owner of the old services, and iceoryx2 lets the last owner remove their descriptions *by name*.
-//! In a shared root it would remove those of the next start. The same separation keeps new starts
-//! away from whatever a killed one left.
+//! Every start of the controller has its own root and prefix, named by its boot id (16 hexadecimal
+//! digits). This is necessary: a client that outlives a controller is the last owner of the old
+//! services, and iceoryx2 removes the descriptions of a service *by name* with its last owner. In a
+//! shared root it would remove those of the next start. New starts also stay away from the
+//! leftovers of a killed controller.
 //!
-//! A client in another language reads the boot id, the first word of `ready`, and configures
-//! iceoryx2 with the root path and the prefix of the table above (tried with the Python package of
-//! iceoryx2 0.10.0).
+//! A client in another language reads the boot id from `ready` and configures iceoryx2 with the
+//! root path and the prefix of this table.
 //!
-//! The place is always `/dev/shm`: it is a tmpfs, where creating a service takes milliseconds and
-//! no disk is waited for, and it is the same for every process of one user, which `XDG_RUNTIME_DIR`
-//! is not (`sudo`, services).
+//! The location is always `/dev/shm`: it is a tmpfs, so no call waits for a disk, and it is the
+//! same for every process of a user. `XDG_RUNTIME_DIR` is not (`sudo`, services).
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use iceoryx2::prelude::{Config, FileName, SemanticString, SemanticStringError};
 
-/// Where POSIX shared memory is mounted on Linux.
+/// Mount point of POSIX shared memory on Linux.
 pub(super) const SHARED_MEMORY: &str = "/dev/shm";
 
-/// A place in shared memory where one controller and its clients meet.
+/// Name and location of the shared memory that one controller and its clients use.
 ///
-/// Two domains know nothing of each other. Every process of the same user can join; no process of
-/// another user can, root aside.
+/// Domains are independent. Every process of the same user can join; other users cannot, except
+/// root.
 #[derive(Debug, Clone)]
 pub struct Domain {
     name: String,
@@ -43,7 +42,7 @@ pub struct Domain {
 /// Why a domain cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
-    /// The name would not make file names.
+    /// The name cannot be part of a file name.
     #[error("domain name `{name}` is not valid: use 1 to 32 letters, digits or `-`")]
     Name {
         /// The name.
@@ -52,31 +51,44 @@ pub enum DomainError {
     /// Another controller serves this domain.
     #[error("{} serves domain `{name}` already; stop it, or choose another domain", owner(*.pid))]
     Taken {
-        /// The name of the domain.
+        /// Name of the domain.
         name: String,
-        /// Process id of the other controller; `None` if it has only just started.
+        /// Process id of the other controller; `None` if it is still starting.
         pid: Option<u32>,
     },
-    /// The folder of the domain is not ours: someone else could read and write what is in it.
+    /// The directory of the domain belongs to another user, or is open to other users.
     #[error(
-        "{path} is not a folder that only this user can use (mode 0700); remove it, or choose another domain"
+        "{path} is not a folder that only this user can use (mode 0700); remove it, or choose \
+         another domain"
     )]
     Unsafe {
-        /// The folder.
+        /// The directory.
         path: PathBuf,
     },
-    /// The system refused a step.
+    /// A system call failed.
     #[error(
         "cannot {action} {path}: {source}; check the permissions and the free space of /dev/shm"
     )]
     Io {
-        /// What was tried.
+        /// What failed.
         action: &'static str,
-        /// With what.
+        /// File or directory.
         path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
+        /// Cause.
+        source: io::Error,
     },
+}
+
+impl DomainError {
+    /// Maps an I/O error of `action` on `path`.
+    pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io {
+            action,
+            path,
+            source,
+        }
+    }
 }
 
 fn owner(pid: Option<u32>) -> String {
@@ -87,24 +99,23 @@ fn owner(pid: Option<u32>) -> String {
 }
 
 impl Domain {
-    /// The domain of this name for the present user. Touches nothing.
+    /// The domain of this name for the present user. Creates nothing.
     ///
     /// # Errors
     ///
     /// When the name is not 1 to 32 letters, digits or `-`.
     pub fn new(name: &str) -> Result<Self, DomainError> {
         let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+        let name = name.to_owned();
         if !plain || !(1..=32).contains(&name.len()) {
-            return Err(DomainError::Name {
-                name: name.to_owned(),
-            });
+            return Err(DomainError::Name { name });
         }
         let base = format!("i2ris-{}-{name}", nix::unistd::geteuid());
         let directory = Path::new(SHARED_MEMORY).join(&base);
         // No name contains `_`, so no prefix is the start of another one.
         let prefix = format!("{base}_");
         Ok(Self {
-            name: name.to_owned(),
+            name,
             directory,
             prefix,
         })
@@ -116,55 +127,41 @@ impl Domain {
         &self.name
     }
 
-    /// The folder of the domain.
+    /// The directory of the domain.
     #[must_use]
     pub fn directory(&self) -> &Path {
         &self.directory
     }
 
-    /// How the names of all shared memory of this domain begin, in `/dev/shm`.
+    /// First part of the names of all shared memory of this domain in `/dev/shm`.
     #[must_use]
     pub fn prefix(&self) -> &str {
         &self.prefix
     }
 
-    /// The configuration of iceoryx2 for one start of the controller. Complete: no file is searched
-    /// for.
+    /// Complete configuration of iceoryx2 for one start of the controller; no file is read.
     pub(super) fn config(&self, boot_id: u64) -> Result<Config, SemanticStringError> {
         let mut config = Config::default();
-        let root = self.root(boot_id);
-        config.global.set_root_path(&iceoryx2::prelude::Path::new(
-            root.as_os_str().as_encoded_bytes(),
-        )?);
-        config.global.prefix = FileName::new(format!("{}{boot_id:016x}_", self.prefix).as_bytes())?;
-        // Only the controller cleans up after dead processes, at its own pace. A client that did it
-        // would need the time itself, and would meet the endless loop of iceoryx2 0.10 on leftovers
-        // of size zero.
-        config.global.node.cleanup_dead_nodes_on_creation = false;
-        config.global.node.cleanup_dead_nodes_on_destruction = false;
-        config.global.service.cleanup_dead_nodes_on_open = false;
+        let root = self.directory.join(format!("{boot_id:016x}"));
+        let root = root.as_os_str().as_encoded_bytes();
+        let global = &mut config.global;
+        global.set_root_path(&iceoryx2::prelude::Path::new(root)?);
+        global.prefix = FileName::new(format!("{}{boot_id:016x}_", self.prefix).as_bytes())?;
+        // Only the controller cleans up after dead processes, at its own pace. A client would need
+        // the time itself, and iceoryx2 0.10 loops endlessly on leftovers of size zero.
+        global.node.cleanup_dead_nodes_on_creation = false;
+        global.node.cleanup_dead_nodes_on_destruction = false;
+        global.service.cleanup_dead_nodes_on_open = false;
         Ok(config)
     }
 
-    /// Where iceoryx2 keeps the descriptions of one start.
-    fn root(&self, boot_id: u64) -> PathBuf {
-        self.directory.join(format!("{boot_id:016x}"))
+    /// A file in the directory of the domain.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.directory.join(name)
     }
 
     pub(super) fn lock_file(&self) -> PathBuf {
-        self.directory.join("lock")
-    }
-
-    pub(super) fn ready_file(&self) -> PathBuf {
-        self.directory.join("ready")
-    }
-
-    pub(super) fn pulse_file(&self) -> PathBuf {
-        self.directory.join("pulse")
-    }
-
-    pub(super) fn ready_draft(&self) -> PathBuf {
-        self.directory.join("ready.draft")
+        self.file("lock")
     }
 }
 
@@ -173,27 +170,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_becomes_paths_in_shared_memory() {
+    fn the_name_determines_the_paths_in_shared_memory() {
         let domain = Domain::new("left-eye").unwrap();
-        let uid = nix::unistd::geteuid();
-        assert_eq!(
-            domain.directory(),
-            Path::new(&format!("/dev/shm/i2ris-{uid}-left-eye"))
-        );
-        assert_eq!(domain.prefix(), format!("i2ris-{uid}-left-eye_"));
+        let base = format!("i2ris-{}-left-eye", nix::unistd::geteuid());
+        assert_eq!(domain.directory(), Path::new(&format!("/dev/shm/{base}")));
+        assert_eq!(domain.prefix(), format!("{base}_"));
         let global = domain.config(0xb007).unwrap().global;
-        assert_eq!(
-            global.root_path().to_string(),
-            format!("/dev/shm/i2ris-{uid}-left-eye/000000000000b007")
-        );
+        let root = format!("/dev/shm/{base}/000000000000b007");
+        assert_eq!(global.root_path().to_string(), root);
         assert_eq!(
             global.prefix.to_string(),
-            format!("i2ris-{uid}-left-eye_000000000000b007_")
+            format!("{base}_000000000000b007_")
         );
     }
 
     #[test]
-    fn names_that_would_leave_the_folder_are_refused() {
+    fn names_that_would_leave_the_directory_are_refused() {
         for name in ["", "a/b", "..", "a_b", "with space", &"x".repeat(33)] {
             let text = Domain::new(name).unwrap_err().to_string();
             assert!(text.contains(name) && text.contains("letters"), "{text}");
@@ -201,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_names_the_process_that_serves() {
+    fn the_error_of_a_taken_domain_names_the_controller() {
         let taken = |pid| {
             DomainError::Taken {
                 name: "eye".to_owned(),
@@ -211,7 +203,8 @@ mod tests {
         };
         assert_eq!(
             taken(Some(7)),
-            "the controller with process id 7 serves domain `eye` already; stop it, or choose another domain"
+            "the controller with process id 7 serves domain `eye` already; stop it, or choose \
+             another domain"
         );
         assert!(taken(None).starts_with("another controller serves"));
     }

@@ -1,5 +1,8 @@
-//! The controller's hold on its domain: one controller at a time, a clean start, nothing left
-//! behind.
+//! Exclusive possession of a domain: one controller at a time, a clean start, no leftovers.
+//!
+//! The lock is an open-file-description lock on the lock file. The kernel releases it when the
+//! process ends for any reason. Unlike `flock(2)` it can be queried without taking it, so a client
+//! that checks for a controller never delays the start of one.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io::{self, Read, Write};
@@ -7,40 +10,42 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsE
 use std::path::{Path, PathBuf};
 
 use nix::errno::Errno;
+use nix::fcntl::{FcntlArg, fcntl};
+use nix::libc::{self, flock};
 
 use super::domain::{Domain, DomainError, SHARED_MEMORY};
-use super::identity::random_id;
-use super::lock;
+use super::random_id::random_id;
 
 /// Exclusive possession of a domain.
 ///
-/// Taking it refuses a second controller and wipes whatever a killed one left; dropping it removes
-/// everything again. Clients that still hold memory of a former controller keep their own mappings
-/// and find out by [`super::ready::Ready`].
+/// [`DomainLock::acquire`] refuses a second controller and removes the leftovers of a killed one;
+/// drop removes everything. Clients that still map memory of a previous controller detect its end
+/// by [`super::ready::Ready`].
 #[derive(Debug)]
-pub struct DomainGuard {
+pub struct DomainLock {
     domain: Domain,
     boot_id: u64,
     lock: File,
 }
 
-impl DomainGuard {
-    /// Takes the domain and wipes leftovers.
+impl DomainLock {
+    /// Locks the domain and removes leftovers.
     ///
     /// # Errors
     ///
-    /// When another controller holds the domain, when the folder belongs to someone else, or when
-    /// the system refuses.
+    /// When another controller holds the domain, when the directory belongs to another user, or
+    /// when a system call fails.
     pub fn acquire(domain: &Domain) -> Result<Self, DomainError> {
-        create_folder(domain.directory())?;
+        create_directory(domain.directory())?;
         let lock = lock_domain(domain)?;
-        let guard = Self {
-            domain: domain.clone(),
+        let domain = domain.clone();
+        let held = Self {
+            domain,
             boot_id: random_id(),
             lock,
         };
-        guard.wipe()?;
-        Ok(guard)
+        held.remove_files()?;
+        Ok(held)
     }
 
     /// The domain.
@@ -49,52 +54,49 @@ impl DomainGuard {
         &self.domain
     }
 
-    /// Names this start of the controller.
+    /// Identifies this start of the controller.
     #[must_use]
     pub fn boot_id(&self) -> u64 {
         self.boot_id
     }
 
-    /// Wipes, and goes on under another boot id: what hangs in the old one can no longer reach the
-    /// new one.
+    /// Removes all files and continues with a new boot id, which a call that hangs under the old
+    /// one cannot reach.
     ///
     /// # Errors
     ///
-    /// When the system refuses.
+    /// When a system call fails.
     pub fn renew(&mut self) -> Result<(), DomainError> {
         self.boot_id = random_id();
-        self.wipe()
+        self.remove_files()
     }
 
-    /// Removes everything of the domain except the lock. Nobody else serves it while the lock is
-    /// ours, so nothing that is alive is lost: clients of a former controller open everything anew.
-    ///
-    /// # Errors
-    ///
-    /// When the system refuses.
-    fn wipe(&self) -> Result<(), DomainError> {
+    /// Removes everything of the domain except the lock. Nothing in use is lost: no other
+    /// controller serves the domain, and clients of a previous one reopen everything.
+    fn remove_files(&self) -> Result<(), DomainError> {
         for entry in entries(self.domain.directory())? {
             if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-                remove_folder(&entry.path())?;
+                remove_directory(&entry.path())?;
             } else if entry.path() != self.domain.lock_file() {
                 remove_file(&entry.path())?;
             }
         }
-        self.shared_memory()?
-            .iter()
-            .try_for_each(|file| remove_file(file))
+        for file in self.shared_memory()? {
+            remove_file(&file)?;
+        }
+        Ok(())
     }
 
-    /// Takes away the access of other users to what iceoryx2 creates for everyone: its counter of
-    /// nodes.
+    /// Removes the access of other users to files that iceoryx2 creates for everyone: its counter
+    /// of nodes.
     ///
     /// # Errors
     ///
-    /// When the system refuses.
+    /// When a system call fails.
     pub fn restrict(&self) -> Result<(), DomainError> {
         for file in self.shared_memory()? {
             let restricted = fs::set_permissions(&file, Permissions::from_mode(0o600));
-            absent_is_fine(restricted).map_err(io_error("restrict the access to", &file))?;
+            ignore_absent(restricted).map_err(DomainError::io("restrict the access to", &file))?;
         }
         Ok(())
     }
@@ -102,87 +104,99 @@ impl DomainGuard {
     fn shared_memory(&self) -> Result<Vec<PathBuf>, DomainError> {
         let prefix = self.domain.prefix().as_bytes();
         let ours = |entry: &fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(prefix);
-        Ok(entries(Path::new(SHARED_MEMORY))?
-            .filter(ours)
-            .map(|entry| entry.path())
-            .collect())
+        let files = entries(Path::new(SHARED_MEMORY))?.filter(ours);
+        Ok(files.map(|entry| entry.path()).collect())
     }
 }
 
-impl Drop for DomainGuard {
-    /// The lock file goes last, while it is still locked: see `lock_domain`.
+impl Drop for DomainLock {
+    /// Removes the lock file last, while it is still locked: see `lock_domain`.
     fn drop(&mut self) {
-        let _ = self.wipe();
+        let _ = self.remove_files();
         let _ = fs::remove_file(self.domain.lock_file());
         let _ = fs::remove_dir(self.domain.directory());
-        let _ = lock::release(&self.lock);
+        let _ = fcntl(
+            &self.lock,
+            FcntlArg::F_OFD_SETLK(&whole_file(libc::F_UNLCK)),
+        );
     }
 }
 
-fn create_folder(path: &Path) -> Result<(), DomainError> {
+/// Whether a controller holds the lock of this domain.
+pub(super) fn is_locked(domain: &Domain) -> bool {
+    let mut probe = whole_file(libc::F_WRLCK);
+    File::open(domain.lock_file()).is_ok_and(|file| {
+        fcntl(file, FcntlArg::F_OFD_GETLK(&mut probe)).is_ok()
+            && probe.l_type != libc::F_UNLCK as i16
+    })
+}
+
+fn whole_file(kind: i32) -> flock {
+    flock {
+        l_type: kind as i16,
+        l_whence: libc::SEEK_SET as i16,
+        l_start: 0,
+        l_len: 0,
+        l_pid: 0,
+    }
+}
+
+fn create_directory(path: &Path) -> Result<(), DomainError> {
     match DirBuilder::new().mode(0o700).create(path) {
-        Ok(()) => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => check_folder(path),
-        Err(error) => Err(io_error("create", path)(error)),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => check_directory(path),
+        outcome => outcome.map_err(DomainError::io("create", path)),
     }
 }
 
-/// Anyone may create names in `/dev/shm`: what stands there under our name must be ours and closed
-/// to others.
-fn check_folder(path: &Path) -> Result<(), DomainError> {
-    let metadata = fs::symlink_metadata(path).map_err(io_error("look at", path))?;
-    let ours = metadata.is_dir()
-        && metadata.uid() == nix::unistd::geteuid().as_raw()
-        && metadata.mode() & 0o077 == 0;
-    if ours {
-        Ok(())
-    } else {
-        Err(DomainError::Unsafe {
-            path: path.to_owned(),
-        })
+/// Every user can create names in `/dev/shm`: the directory must be ours and closed to others.
+fn check_directory(path: &Path) -> Result<(), DomainError> {
+    let metadata = fs::symlink_metadata(path).map_err(DomainError::io("inspect", path))?;
+    let owned = metadata.is_dir() && metadata.uid() == nix::unistd::geteuid().as_raw();
+    if owned && metadata.mode() & 0o077 == 0 {
+        return Ok(());
     }
+    Err(DomainError::Unsafe {
+        path: path.to_owned(),
+    })
 }
 
 /// Opens and locks the lock file. A controller that ends removes the file while it still holds the
-/// lock, so a lock that we get on a file that is no longer in the folder is worth nothing: look
-/// again.
+/// lock, so a lock on a file that is no longer in the directory is void: try again.
 fn lock_domain(domain: &Domain) -> Result<File, DomainError> {
     let path = domain.lock_file();
+    let mut options = OpenOptions::new();
+    options
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .mode(0o600);
     loop {
-        let opened = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .mode(0o600)
-            .open(&path);
-        let mut file = match opened {
+        let mut file = match options.open(&path) {
             Ok(file) => file,
-            // A controller that ends took the folder away between our two steps.
+            // A controller that ends removed the directory between our two steps.
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                create_folder(domain.directory())?;
+                create_directory(domain.directory())?;
                 continue;
             }
-            Err(error) => return Err(io_error("open", &path)(error)),
+            Err(error) => return Err(DomainError::io("open", &path)(error)),
         };
-        match lock::take(&file) {
-            Ok(()) => {}
+        match fcntl(&file, FcntlArg::F_OFD_SETLK(&whole_file(libc::F_WRLCK))) {
+            Ok(_) => {}
             Err(Errno::EACCES | Errno::EAGAIN) => {
-                return Err(DomainError::Taken {
-                    name: domain.name().to_owned(),
-                    pid: read_pid(&mut file),
-                });
+                let (name, pid) = (domain.name().to_owned(), read_pid(&mut file));
+                return Err(DomainError::Taken { name, pid });
             }
-            Err(errno) => return Err(io_error("lock", &path)(errno.into())),
+            Err(errno) => return Err(DomainError::io("lock", &path)(errno.into())),
         }
-        if same_file(&file, &path) {
-            write_pid(&mut file).map_err(io_error("write", &path))?;
+        if is_same_file(&file, &path) {
+            write_pid(&mut file).map_err(DomainError::io("write", &path))?;
             return Ok(file);
         }
     }
 }
 
-fn same_file(file: &File, path: &Path) -> bool {
+fn is_same_file(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(ours), Ok(there)) => (ours.dev(), ours.ino()) == (there.dev(), there.ino()),
         _ => false,
@@ -200,41 +214,32 @@ fn read_pid(file: &mut File) -> Option<u32> {
     text.trim().parse().ok()
 }
 
-fn entries(folder: &Path) -> Result<impl Iterator<Item = fs::DirEntry>, DomainError> {
-    Ok(fs::read_dir(folder)
-        .map_err(io_error("list", folder))?
-        .flatten())
+fn entries(directory: &Path) -> Result<impl Iterator<Item = fs::DirEntry>, DomainError> {
+    let entries = fs::read_dir(directory).map_err(DomainError::io("list", directory))?;
+    Ok(entries.flatten())
 }
 
 fn remove_file(path: &Path) -> Result<(), DomainError> {
-    absent_is_fine(fs::remove_file(path)).map_err(io_error("remove", path))
+    ignore_absent(fs::remove_file(path)).map_err(DomainError::io("remove", path))
 }
 
-fn remove_folder(path: &Path) -> Result<(), DomainError> {
-    // A client that is just connecting may add a file between listing and removing: try again.
+fn remove_directory(path: &Path) -> Result<(), DomainError> {
     let mut outcome = fs::remove_dir_all(path);
     for _ in 0..20 {
+        // A client that connects may add a file between listing and removing: try again.
         match &outcome {
             Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => {
-                outcome = fs::remove_dir_all(path)
+                outcome = fs::remove_dir_all(path);
             }
             _ => break,
         }
     }
-    absent_is_fine(outcome).map_err(io_error("remove", path))
+    ignore_absent(outcome).map_err(DomainError::io("remove", path))
 }
 
-fn absent_is_fine(outcome: io::Result<()>) -> io::Result<()> {
+fn ignore_absent(outcome: io::Result<()>) -> io::Result<()> {
     match outcome {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         other => other,
-    }
-}
-
-pub(super) fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> DomainError {
-    move |source| DomainError::Io {
-        action,
-        path: path.to_owned(),
-        source,
     }
 }

@@ -4,7 +4,7 @@ use crate::drive::AxisPhase;
 
 /// The number of a drive phase in [`crate::ipc::payload::ActuatorState::phase`].
 #[must_use]
-pub const fn axis_phase(phase: AxisPhase) -> u8 {
+pub const fn phase_number(phase: AxisPhase) -> u8 {
     match phase {
         AxisPhase::Starting => 0,
         AxisPhase::Disabled => 1,
@@ -18,7 +18,7 @@ pub const fn axis_phase(phase: AxisPhase) -> u8 {
     }
 }
 
-/// What people read for a number of [`crate::ipc::payload::ActuatorState::phase`].
+/// The text for a number of [`crate::ipc::payload::ActuatorState::phase`].
 #[must_use]
 pub const fn phase_text(number: u8) -> &'static str {
     match number {
@@ -41,8 +41,8 @@ mod tests {
 
     #[test]
     fn every_phase_has_a_text() {
-        assert_eq!(phase_text(axis_phase(AxisPhase::Enabled)), "enabled");
-        assert_eq!(phase_text(axis_phase(AxisPhase::Lost)), "lost");
-        assert_eq!(phase_text(axis_phase(AxisPhase::Lost) + 1), "unknown");
+        assert_eq!(phase_text(phase_number(AxisPhase::Enabled)), "enabled");
+        assert_eq!(phase_text(phase_number(AxisPhase::Lost)), "lost");
+        assert_eq!(phase_text(phase_number(AxisPhase::Lost) + 1), "unknown");
     }
 }

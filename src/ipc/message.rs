@@ -1,4 +1,4 @@
-//! What messages have in common.
+//! Properties that all messages of the streams share.
 
 use std::fmt::Debug;
 
@@ -10,12 +10,12 @@ use super::payload::{
 };
 use crate::units::Nanos;
 
-/// A message of a stream that clients watch.
+/// A message of a stream that clients can subscribe to.
 pub trait Message: ZeroCopySend + Debug + Copy + Send + Sync + 'static {
     /// Counts up by one per message of one sender.
     fn sequence(&self) -> u64;
 
-    /// The instant that the values belong to.
+    /// Time of the values.
     fn stamp(&self) -> Nanos;
 
     /// Age of the values at `now`.
@@ -26,14 +26,14 @@ pub trait Message: ZeroCopySend + Debug + Copy + Send + Sync + 'static {
 
 /// A message that the controller sends.
 pub(super) trait Outgoing: Message {
-    /// The same message with number and sender.
+    /// The message with the boot id and the sequence number of its sender.
     #[must_use]
-    fn marked(self, boot_id: u64, sequence: u64) -> Self;
+    fn with_sender(self, boot_id: u64, sequence: u64) -> Self;
 }
 
 macro_rules! message {
-    ($($name:ident),*) => {
-        $(impl Message for $name {
+    ($($name:ident),*) => {$(
+        impl Message for $name {
             fn sequence(&self) -> u64 {
                 self.sequence
             }
@@ -41,29 +41,23 @@ macro_rules! message {
             fn stamp(&self) -> Nanos {
                 Nanos(self.stamp_ns)
             }
-        })*
-    };
+        }
+    )*};
 }
 
 macro_rules! outgoing {
-    ($($name:ident),*) => {
-        $(impl Outgoing for $name {
-            fn marked(self, boot_id: u64, sequence: u64) -> Self {
+    ($($name:ident),*) => {$(
+        message!($name);
+
+        impl Outgoing for $name {
+            fn with_sender(self, boot_id: u64, sequence: u64) -> Self {
                 Self { boot_id, sequence, ..self }
             }
-        })*
-    };
+        }
+    )*};
 }
 
-message!(
-    ActuatorState,
-    ExternalPosition,
-    JointState,
-    OperatingStateMsg,
-    PeriodStatistics,
-    ServoActuator,
-    ServoJp
-);
+message!(ExternalPosition, ServoActuator, ServoJp);
 outgoing!(
     ActuatorState,
     JointState,

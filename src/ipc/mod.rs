@@ -1,41 +1,42 @@
-//! Shared memory: what other processes may say and see, and the services that carry it.
+//! Shared memory: messages, services, the server in the controller and the client library.
 //!
-//! Names follow the Collaborative Robotics Toolkit (CRTK). Angles are radians, times nanoseconds of
-//! the monotonic clock that all processes of one machine share, motor positions encoder counts.
+//! Names follow the Collaborative Robotics Toolkit (CRTK). Angles are radians, times are
+//! nanoseconds of the monotonic clock that all processes of one machine share, motor positions are
+//! encoder counts.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
 //! | `payload` | the messages, field by field, with fixed layout |
-//! | `word` | the numbers inside them as enums: states, commands, refusals |
-//! | `domain` | where the shared memory of one controller lives, and its clean-up |
-//! | `domain_lock` | the controller's exclusive hold on a domain |
-//! | `ready` | how clients learn which start of which controller serves |
-//! | `pulse` | the pulse of the control loop, for the guard |
+//! | `message` | properties that all messages share |
+//! | `drive_phase` | drive phases as numbers in messages |
+//! | `domain` | location of the shared memory of one controller |
+//! | `domain_lock` | exclusive possession of a domain, and its clean-up |
+//! | `ready` | announcement of the controller that serves a domain |
+//! | `heartbeat` | heartbeat of the control loop, for the watchdog |
 //! | `service` | names and sizes of the services |
-//! | `caller` | who a client is: process, user, program |
-//! | `server` | the controller's side: owns every publisher, subscriber and server |
+//! | `client_process` | process, user and program of a client |
+//! | `server` | the controller's side: all publishers, subscribers and request servers |
 //! | `client` | the public client library |
 
-mod caller;
 pub mod client;
+mod client_process;
 pub mod domain;
 pub mod domain_lock;
 pub mod drive_phase;
-mod identity;
-mod lock;
+pub mod heartbeat;
 mod message;
 pub mod payload;
-pub mod pulse;
+mod random_id;
 pub mod ready;
 pub mod server;
 mod service;
 
 pub use crate::robot::{Fault, ModelAction, OperatingState, Refusal, StateCommand};
-pub use caller::{Caller, look_up};
+pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError};
-pub use domain_lock::DomainGuard;
-pub use drive_phase::{axis_phase, phase_text};
-pub use identity::random_id;
+pub use domain_lock::DomainLock;
+pub use drive_phase::{phase_number, phase_text};
 pub use message::Message;
+pub use random_id::random_id;
 pub use server::{IpcError, Server};
-pub use service::Transport;
+pub use service::TransportError;

@@ -1,5 +1,4 @@
-//! The services: their names and sizes. The controller creates them, clients only open what they
-//! find.
+//! The services: names and sizes. The controller creates them; clients open them.
 
 use std::fmt;
 
@@ -13,45 +12,42 @@ use super::domain::Domain;
 /// A publish-subscribe service.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stream {
-    /// Under `i2ris/`.
     pub name: &'static str,
-    /// Who may publish at the same time.
+    /// Maximum number of publishers.
     pub publishers: usize,
-    /// Who may subscribe at the same time.
+    /// Maximum number of subscribers.
     pub subscribers: usize,
-    /// Messages that a subscriber can leave unread before the oldest are overwritten. It may choose
-    /// to keep fewer.
-    pub buffer: usize,
-    /// Messages that a late joiner is given. An old command is none.
+    /// Number of messages that a late subscriber receives at once. For commands 0: an old command
+    /// must not be executed.
     pub history: usize,
 }
 
-/// Someone commands, others may try to.
+/// Clients that command, or try to.
 const COMMANDERS: usize = 8;
-/// Monitors, recorders, graphical interfaces.
+/// Monitors, recorders, user interfaces.
 const WATCHERS: usize = 24;
-/// At 1 kHz a watcher may look away for an eighth of a second and still misses nothing.
-const WATCHER_BUFFER: usize = 128;
-/// Processes that can take part.
+/// Unread messages of a subscriber before the oldest are overwritten: at 1 kHz an eighth of a
+/// second.
+pub(super) const BUFFER: usize = 128;
+/// Maximum number of processes.
 const NODES: usize = 48;
 
-/// The controller, and a few that record what is commanded.
+/// A stream into the controller; recorders can subscribe, too.
 const fn command(name: &'static str) -> Stream {
     Stream {
         name,
         publishers: COMMANDERS,
         subscribers: 4,
-        buffer: WATCHER_BUFFER,
         history: 0,
     }
 }
 
+/// A stream out of the controller.
 const fn state(name: &'static str) -> Stream {
     Stream {
         name,
         publishers: 1,
         subscribers: WATCHERS,
-        buffer: WATCHER_BUFFER,
         history: 1,
     }
 }
@@ -75,52 +71,42 @@ pub(super) const MODEL: &str = "i2ris/model";
 pub(super) const MOVE_JP: &str = "i2ris/move_jp";
 pub(super) const VERSION: &str = "i2ris/version";
 
-/// What went wrong inside iceoryx2: which step, and its own word for the reason.
-#[derive(Debug, Clone)]
-pub struct Transport {
+/// A call into iceoryx2 failed: the step, the service, and the reason that iceoryx2 gives.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("cannot {step} {service}: iceoryx2 says {reason}")]
+pub struct TransportError {
     step: &'static str,
     service: &'static str,
     reason: String,
 }
 
-impl fmt::Display for Transport {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "cannot {} {}: iceoryx2 says {}",
-            self.step, self.service, self.reason
-        )
-    }
-}
-
-impl std::error::Error for Transport {}
-
-pub(super) fn transport<E: fmt::Debug>(
+pub(super) fn failed<E: fmt::Debug>(
     step: &'static str,
     service: &'static str,
-) -> impl FnOnce(E) -> Transport {
-    move |error| Transport {
+) -> impl FnOnce(E) -> TransportError {
+    move |error| TransportError {
         step,
         service,
         reason: format!("{error:?}"),
     }
 }
 
-/// A node that leaves signals alone: iceoryx2 would replace the handler that stops the robot
-/// cleanly.
-pub(super) fn create_node<S: Service>(domain: &Domain, boot_id: u64) -> Result<Node<S>, Transport> {
+/// A node that does not handle signals: iceoryx2 would replace the handler that stops the robot.
+pub(super) fn create_node<S: Service>(
+    domain: &Domain,
+    boot_id: u64,
+) -> Result<Node<S>, TransportError> {
     let config = domain
         .config(boot_id)
-        .map_err(transport("configure", "a node"))?;
-    NodeBuilder::new()
+        .map_err(failed("configure", "a node"))?;
+    let builder = NodeBuilder::new()
         .config(&config)
-        .signal_handling_mode(SignalHandlingMode::Disabled)
-        .create()
-        .map_err(transport("create", "a node"))
+        .signal_handling_mode(SignalHandlingMode::Disabled);
+    builder.create().map_err(failed("create", "a node"))
 }
 
-fn service_name(name: &'static str) -> Result<ServiceName, Transport> {
-    ServiceName::new(name).map_err(transport("name", name))
+fn service_name(name: &'static str) -> Result<ServiceName, TransportError> {
+    ServiceName::new(name).map_err(failed("name", name))
 }
 
 impl Stream {
@@ -128,31 +114,30 @@ impl Stream {
     pub fn create<S: Service, T: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
-    ) -> Result<publish_subscribe::PortFactory<S, T, ()>, Transport> {
+    ) -> Result<publish_subscribe::PortFactory<S, T, ()>, TransportError> {
         node.service_builder(&service_name(self.name)?)
             .publish_subscribe::<T>()
             .max_publishers(self.publishers)
             .max_subscribers(self.subscribers)
             .max_nodes(NODES)
-            .subscriber_max_buffer_size(self.buffer)
-            // In languages that collect garbage a subscriber still holds the message before, or
-            // two.
+            .subscriber_max_buffer_size(BUFFER)
+            // A garbage-collected language may still hold the last one or two messages.
             .subscriber_max_borrowed_samples(4)
             .history_size(self.history)
             .enable_safe_overflow(true)
             .create()
-            .map_err(transport("create", self.name))
+            .map_err(failed("create", self.name))
     }
 
-    /// A client's side: whatever sizes the controller chose.
+    /// A client's side: accepts the sizes that the controller chose.
     pub fn open<S: Service, T: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
-    ) -> Result<publish_subscribe::PortFactory<S, T, ()>, Transport> {
+    ) -> Result<publish_subscribe::PortFactory<S, T, ()>, TransportError> {
         node.service_builder(&service_name(self.name)?)
             .publish_subscribe::<T>()
             .open()
-            .map_err(transport("open", self.name))
+            .map_err(failed("open", self.name))
     }
 }
 
@@ -160,7 +145,7 @@ impl Stream {
 pub(super) fn create_request<S, Q, R>(
     node: &Node<S>,
     name: &'static str,
-) -> Result<request_response::PortFactory<S, Q, (), R, ()>, Transport>
+) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
 where
     S: Service,
     Q: ZeroCopySend + fmt::Debug,
@@ -173,13 +158,14 @@ where
         .max_nodes(NODES)
         .max_active_requests_per_client(2)
         .create()
-        .map_err(transport("create", name))
+        .map_err(failed("create", name))
 }
+
 /// A client's side of a request.
 pub(super) fn open_request<S, Q, R>(
     node: &Node<S>,
     name: &'static str,
-) -> Result<request_response::PortFactory<S, Q, (), R, ()>, Transport>
+) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
 where
     S: Service,
     Q: ZeroCopySend + fmt::Debug,
@@ -188,5 +174,5 @@ where
     node.service_builder(&service_name(name)?)
         .request_response::<Q, R>()
         .open()
-        .map_err(transport("open", name))
+        .map_err(failed("open", name))
 }

@@ -1,139 +1,160 @@
-//! What passes between the threads: wait-free on the side of the loop, in both directions.
+//! Channels between the threads: wait-free on the side of the loop, in both directions.
 //!
-//! Newest-value lanes are triple buffers: the writer never waits and the reader sees the latest
-//! value only. What must not be lost goes through rings; a full ring counts what it drops instead
-//! of waiting (H13).
+//! Newest values pass through triple buffers: the writer never waits and the reader gets the latest
+//! value. What must not be lost passes through rings; a full ring drops instead of waiting (H13).
+
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::triple_buffer;
 
-use crate::core::{CycleEvent, CycleReport, ExternalPose, ServoCommand, StateReply, StateRequest};
-use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
-use crate::ipc::pulse::Pulse;
-use crate::process::black_box::RecorderEnds;
+use crate::core::model_slots::slots::{Candidate, ModelReply, ModelRequest};
+use crate::core::{Event, External, Report, ServoCommand, StateReply, StateRequest};
+use crate::ipc::payload;
+use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
 
-/// Ticks that the relay may fall behind before reports are dropped: a quarter of a second at 1 kHz.
+/// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
 const REPORTS: usize = 256;
-/// Events that the log may fall behind.
+/// Events that the log may lag.
 const EVENTS: usize = 1024;
-/// State commands under way; a client sends one and waits for its answer.
+/// State commands in flight; a client sends one and waits for its reply.
 const COMMANDS: usize = 32;
-
-/// Models on their way in or out; one waits for the other.
+/// Models in flight; they are staged one at a time.
 const MODELS: usize = 8;
 
 /// A model for the loop.
 #[derive(Debug)]
-pub struct Offer {
+pub struct ModelOffer {
     /// Counts up by one per offer.
     pub number: u64,
-    /// The pointer.
-    pub candidate: ModelCandidate,
+    /// The model with its memory.
+    pub candidate: Candidate,
 }
 
-/// One tick as the relay publishes it.
+/// One tick for the IPC thread.
 #[derive(Debug, Clone, Copy)]
-pub struct Record {
-    /// What the cycle shows.
-    pub report: CycleReport,
-    /// When it ran.
+pub struct TickReport {
+    /// Report of the cycle.
+    pub report: Report,
+    /// Timing of the tick.
     pub timing: TickTiming,
 }
 
-/// The ends that the loop holds.
-pub struct LoopEnds {
-    /// Newest servo command.
+/// The ends of the control loop.
+pub struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
-    /// Newest picture of the snake.
-    pub external: triple_buffer::Output<Option<ExternalPose>>,
-    /// State commands in order.
+    pub external: triple_buffer::Output<Option<External>>,
     pub requests: Consumer<StateRequest>,
-    /// Answers in order.
     pub replies: Producer<StateReply>,
-    /// Models to stage.
-    pub offers: Consumer<Offer>,
-    /// Changes of the model in use, in order.
-    pub model_requests: Consumer<ModelSwapRequest>,
-    /// Answers in order.
-    pub model_replies: Producer<ModelSwapReply>,
-    /// Models to be freed.
-    pub retired: Producer<ModelCandidate>,
-    /// Every tick.
-    pub records: Producer<Record>,
-    /// The same with all that it saw and did, for the black box.
-    pub recorder: RecorderEnds,
-    /// Every event.
-    pub events: Producer<CycleEvent>,
-    /// What the guard feels; there is none before shared memory is up.
-    pub pulse: Option<Pulse>,
+    pub offers: Consumer<ModelOffer>,
+    pub model_requests: Consumer<ModelRequest>,
+    pub model_replies: Producer<ModelReply>,
+    /// Models that the model manager frees.
+    pub retired: Producer<Candidate>,
+    pub reports: Producer<TickReport>,
+    pub recorder: RecorderChannels,
+    pub events: Producer<Event>,
 }
 
-/// The ends that the thread of shared memory holds.
-pub struct RelayEnds {
-    /// Newest servo command.
+/// The ends of the IPC thread.
+pub struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
-    /// Newest picture of the snake.
-    pub external: triple_buffer::Input<Option<ExternalPose>>,
-    /// State commands in order.
+    pub external: triple_buffer::Input<Option<External>>,
     pub requests: Producer<StateRequest>,
-    /// Answers in order.
     pub replies: Consumer<StateReply>,
-    /// Every tick.
-    pub records: Consumer<Record>,
+    pub reports: Consumer<TickReport>,
 }
 
-/// The ends that the thread of the models holds.
-pub struct KeeperEnds {
-    /// Models to stage.
-    pub offers: Producer<Offer>,
-    /// Changes of the model in use, in order.
-    pub requests: Producer<ModelSwapRequest>,
-    /// Answers in order.
-    pub replies: Consumer<ModelSwapReply>,
-    /// Models to be freed.
-    pub retired: Consumer<ModelCandidate>,
+/// The ends of the model manager.
+pub struct ModelChannels {
+    pub offers: Producer<ModelOffer>,
+    pub requests: Producer<ModelRequest>,
+    pub replies: Consumer<ModelReply>,
+    pub retired: Consumer<Candidate>,
 }
 
-/// All lanes between the loop, the thread of shared memory, and the log.
+/// All channels of the loop, and the events for the log.
 #[must_use]
-pub fn lanes(recorder: RecorderEnds) -> (LoopEnds, RelayEnds, KeeperEnds, Consumer<CycleEvent>) {
-    let (servo_in, servo_out) = triple_buffer(&None);
-    let (external_in, external_out) = triple_buffer(&None);
-    let (requests_in, requests_out) = RingBuffer::new(COMMANDS);
-    let (replies_in, replies_out) = RingBuffer::new(COMMANDS);
-    let (records_in, records_out) = RingBuffer::new(REPORTS);
-    let (events_in, events_out) = RingBuffer::new(EVENTS);
-    let (offers_in, offers_out) = RingBuffer::new(MODELS);
-    let (model_requests_in, model_requests_out) = RingBuffer::new(MODELS);
-    let (model_replies_in, model_replies_out) = RingBuffer::new(MODELS);
-    let (retired_in, retired_out) = RingBuffer::new(MODELS);
-    let of_loop = LoopEnds {
-        servo: servo_out,
-        external: external_out,
-        requests: requests_out,
-        replies: replies_in,
-        offers: offers_out,
-        model_requests: model_requests_out,
-        model_replies: model_replies_in,
-        retired: retired_in,
-        records: records_in,
+pub fn loop_channels(
+    recorder: RecorderChannels,
+) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<Event>) {
+    let (servo_in, servo) = triple_buffer(&None);
+    let (external_in, external) = triple_buffer(&None);
+    let (requests_in, requests) = RingBuffer::new(COMMANDS);
+    let (replies, replies_out) = RingBuffer::new(COMMANDS);
+    let (reports, reports_out) = RingBuffer::new(REPORTS);
+    let (events, events_out) = RingBuffer::new(EVENTS);
+    let (offers_in, offers) = RingBuffer::new(MODELS);
+    let (model_requests_in, model_requests) = RingBuffer::new(MODELS);
+    let (model_replies, model_replies_out) = RingBuffer::new(MODELS);
+    let (retired, retired_out) = RingBuffer::new(MODELS);
+    let control_loop = LoopChannels {
+        servo,
+        external,
+        requests,
+        replies,
+        offers,
+        model_requests,
+        model_replies,
+        retired,
+        reports,
         recorder,
-        events: events_in,
-        pulse: None,
+        events,
     };
-    let of_relay = RelayEnds {
+    let ipc = IpcChannels {
         servo: servo_in,
         external: external_in,
         requests: requests_in,
         replies: replies_out,
-        records: records_out,
+        reports: reports_out,
     };
-    let of_keeper = KeeperEnds {
+    let models = ModelChannels {
         offers: offers_in,
         requests: model_requests_in,
         replies: model_replies_out,
         retired: retired_out,
     };
-    (of_loop, of_relay, of_keeper, events_out)
+    (control_loop, ipc, models, events_out)
+}
+
+/// A request about models or its reply, with the token that the server needs for the reply.
+pub type Tokened<T> = (u64, T);
+
+/// The queues of the IPC thread to the threads that take long.
+pub struct RequestQueues {
+    pub models: Sender<Tokened<payload::ModelRequest>>,
+    pub model_replies: Receiver<Tokened<payload::ModelReply>>,
+    pub recorder: Sender<RecorderRequest>,
+    pub recorder_replies: Receiver<WriteReply>,
+}
+
+/// The other ends of [`RequestQueues`].
+pub struct WorkerQueues {
+    pub models: Receiver<Tokened<payload::ModelRequest>>,
+    pub model_replies: Sender<Tokened<payload::ModelReply>>,
+    pub recorder: Receiver<RecorderRequest>,
+    pub recorder_replies: Sender<WriteReply>,
+}
+
+/// All queues of slow requests.
+#[must_use]
+pub fn request_queues() -> (RequestQueues, WorkerQueues) {
+    let (models, models_out) = channel();
+    let (model_replies_in, model_replies) = channel();
+    let (recorder, recorder_out) = channel();
+    let (recorder_replies_in, recorder_replies) = channel();
+    let ipc = RequestQueues {
+        models,
+        model_replies,
+        recorder,
+        recorder_replies,
+    };
+    let workers = WorkerQueues {
+        models: models_out,
+        model_replies: model_replies_in,
+        recorder: recorder_out,
+        recorder_replies: recorder_replies_in,
+    };
+    (ipc, workers)
 }

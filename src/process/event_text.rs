@@ -1,17 +1,17 @@
-//! What happened, as lines for a person.
+//! Events as lines of the log.
 
 use std::fmt;
 
-use crate::core::{CycleEvent, CycleEventKind};
+use crate::core::{Event, EventKind};
 use crate::robot::Fault;
 
-impl fmt::Display for CycleEvent {
+impl fmt::Display for Event {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "[{:12.6}] {}", self.stamp.as_seconds(), self.kind)
     }
 }
 
-impl fmt::Display for CycleEventKind {
+impl fmt::Display for EventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::State {
@@ -30,10 +30,10 @@ impl fmt::Display for CycleEventKind {
                 Ok(())
             }
             Self::StaleStop { client_id, age } => {
+                let ms = age.as_seconds() * 1e3;
                 write!(
                     f,
-                    "stopped: client {client_id:016x} has been silent for {:.1} ms",
-                    age.as_seconds() * 1e3
+                    "stopped: client {client_id:016x} has been silent for {ms:.1} ms"
                 )
             }
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
@@ -41,27 +41,21 @@ impl fmt::Display for CycleEventKind {
             Self::Refused { client_id, refusal } => {
                 write!(f, "refused client {client_id:016x}: {refusal}")
             }
-            Self::Model {
-                from: Some(from),
-                to,
-            } => write!(f, "model {to} took over from {from}"),
-            Self::Model { from: None, to } => write!(f, "model {to} took over"),
-            Self::Axis {
-                motor,
-                from,
-                to,
-                error_code: 0,
-            } => write!(f, "motor {motor}: {from:?} -> {to:?}"),
+            Self::Model { from, to } => {
+                write!(f, "model {to} took over")?;
+                from.map_or(Ok(()), |from| write!(f, " from {from}"))
+            }
             Self::Axis {
                 motor,
                 from,
                 to,
                 error_code,
             } => {
-                write!(
-                    f,
-                    "motor {motor}: {from:?} -> {to:?}, error 0x{error_code:04X}"
-                )
+                write!(f, "motor {motor}: {from:?} -> {to:?}")?;
+                match error_code {
+                    0 => Ok(()),
+                    code => write!(f, ", error 0x{code:04X}"),
+                }
             }
         }
     }

@@ -1,99 +1,98 @@
-//! The thread of shared memory: clients on one side, the loop on the other.
+//! The IPC thread: shared memory on one side, the loop on the other.
 //!
-//! It takes newest commands and requests to the loop and publishes every tick that the loop
-//! reports. Calls into shared memory may take a hundred microseconds when a client comes or goes;
-//! that is why they are here and not in the loop.
+//! It passes the newest commands and all requests to the loop and publishes every tick that the
+//! loop reports. Calls into shared memory may take a hundred microseconds when a client comes or
+//! goes, so they are here and not in the loop.
 
-use std::sync::mpsc::{Receiver, Sender};
+use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::clock;
 use crate::core::{ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
 use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
-use crate::model::{Model, ModelId};
-use crate::process::black_box::{Wish, Written};
-use crate::process::channels::{Record, RelayEnds};
-use crate::process::loop_history::SharedChronicle;
-use crate::process::model_manager::{Answer, Question};
-use crate::process::payload_conversion::{self, Identity};
-use crate::realtime::{Granted, LoopStatistics};
+use crate::ipc::server::COMMAND_POLL_LEAD;
+use crate::model::ModelId;
+use crate::process::black_box::RecorderRequest;
+use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
+use crate::process::loop_history::SharedLoopHistory;
+use crate::process::payload_conversion as convert;
+use crate::realtime::{Granted, LoopStatistics, Ticker};
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
-/// Length of a window of the loop's statistics.
+/// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
-/// In the token of a `move_jp`; tokens count up from 1.
+/// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
 
-/// What the relay keeps between two passes.
-pub struct Relay {
+/// What the IPC thread needs besides the server.
+pub struct IpcThreadParts {
+    pub channels: IpcChannels,
+    pub motors: u32,
+    pub history: SharedLoopHistory,
+    pub queues: RequestQueues,
+    /// Period of the loop.
+    pub period: Nanos,
+}
+
+/// State of the IPC thread between two passes.
+pub struct IpcThread {
     server: Server,
-    ends: RelayEnds,
-    identity: Identity,
+    parts: IpcThreadParts,
     granted: Granted,
     statistics: LoopStatistics,
-    chronicle: SharedChronicle,
-    desk: Desk,
     model: Option<ModelId>,
     lease_client_id: u64,
     state: OperatingState,
 }
 
-/// The way to the threads that take long, and back.
-pub struct Desk {
-    /// To it.
-    pub questions: Sender<Question>,
-    /// From it.
-    pub answers: Receiver<Answer>,
-    /// To the thread of the black box.
-    pub wishes: Sender<Wish>,
-    /// From it.
-    pub written: Receiver<Written>,
-}
-
-impl Relay {
-    /// A relay over a running server. `granted` is what the loop was granted, as read back by the
-    /// loop.
+impl IpcThread {
+    /// `granted`: scheduling of the loop, as read back by the loop.
     #[must_use]
-    pub fn new(
-        server: Server,
-        ends: RelayEnds,
-        identity: Identity,
-        chronicle: SharedChronicle,
-        desk: Desk,
-        granted: Granted,
-        period: Nanos,
-    ) -> Self {
-        let model = chronicle.lock().slots.active;
-        let mut relay = Self {
+    pub fn new(server: Server, parts: IpcThreadParts, granted: Granted) -> Self {
+        let model = parts.history.lock().slots.active;
+        let mut thread = Self {
             server,
-            ends,
-            identity,
-            statistics: LoopStatistics::new(period, STATISTICS_WINDOW, granted.clone()),
+            statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
+            parts,
             granted,
-            chronicle,
-            desk,
             model: None,
             lease_client_id: 0,
             state: OperatingState::Disabled,
         };
-        relay.describe(model);
-        relay
+        thread.describe(model);
+        thread
     }
 
-    /// One pass: commands in, answers and ticks out, housekeeping.
-    pub fn pass(&mut self, now: Nanos) {
-        self.take_servo();
-        self.take_external();
-        self.take_requests(now);
-        self.take_moves(now);
-        self.take_models(now);
-        self.take_black_boxes(now);
-        while let Ok(reply) = self.ends.replies.pop() {
-            self.answer(reply);
+    /// Makes one pass shortly before every tick of the loop, until `quit`. `first` is the first
+    /// tick of the loop.
+    pub fn run(mut self, first: Nanos, quit: &AtomicBool) {
+        let mut ticker = Ticker::new(first - COMMAND_POLL_LEAD, self.parts.period, Nanos::ZERO);
+        while !quit.load(Ordering::Acquire) {
+            let tick = ticker.wait();
+            self.pass(tick.started);
         }
-        while let Ok(record) = self.ends.records.pop() {
-            self.publish(&record);
+        self.pass(clock::now());
+    }
+
+    /// One pass: commands in, replies and messages out, housekeeping.
+    fn pass(&mut self, now: Nanos) {
+        self.take_servo();
+        if let Some(seen) = self.server.poll_external()
+            && let Some(external) = convert::external(&seen)
+        {
+            self.parts.channels.external.write(Some(external));
+        }
+        self.take_state_commands(now);
+        self.take_moves(now);
+        self.take_model_requests(now);
+        self.take_black_box_requests(now);
+        while let Ok(reply) = self.parts.channels.replies.pop() {
+            self.reply(reply);
+        }
+        while let Ok(report) = self.parts.channels.reports.pop() {
+            self.publish(&report);
         }
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
@@ -102,184 +101,136 @@ impl Relay {
     }
 
     fn take_servo(&mut self) {
-        let joint = self
-            .server
-            .poll_servo(self.lease_client_id)
-            .as_ref()
-            .map(ServoCommand::from);
-        let actuator = self
-            .server
-            .poll_actuator(self.lease_client_id)
-            .as_ref()
-            .map(ServoCommand::from);
-        // A client that mixes both kinds gets the one that it sent last.
-        if let Some(command) = [joint, actuator]
-            .into_iter()
-            .flatten()
-            .max_by_key(|command| command.stamp)
-        {
-            self.ends.servo.write(Some(command));
+        let joint = self.server.poll_servo(self.lease_client_id);
+        let actuator = self.server.poll_actuator(self.lease_client_id);
+        let joint = joint.as_ref().map(ServoCommand::from);
+        let actuator = actuator.as_ref().map(ServoCommand::from);
+        // If a client sends both kinds, the last one counts.
+        let commands = joint.into_iter().chain(actuator);
+        if let Some(command) = commands.max_by_key(|command| command.stamp) {
+            self.parts.channels.servo.write(Some(command));
         }
     }
 
-    fn take_external(&mut self) {
-        if let Some(seen) = self
-            .server
-            .poll_external()
-            .as_ref()
-            .and_then(payload_conversion::external)
-        {
-            self.ends.external.write(Some(seen));
+    fn take_state_commands(&mut self, now: Nanos) {
+        let mut new = Vec::new();
+        self.server
+            .poll_state_commands(now, |id, raw| new.push((id, state_request(id, &raw))));
+        for (id, request) in new {
+            self.request(id, request);
         }
     }
 
-    fn take_requests(&mut self, now: Nanos) {
-        let (requests, state) = (&mut self.ends.requests, self.state);
-        let mut refused = Vec::new();
-        self.server.poll_state_commands(now, |id, raw| {
-            if let Err(refusal) = hand_over(requests, id, raw) {
-                refused.push(StateReply { id, refusal, state });
-            }
+    /// `move_jp` goes to the loop as a state command, with a bit in its id that identifies the
+    /// reply.
+    fn take_moves(&mut self, now: Nanos) {
+        let mut new = Vec::new();
+        self.server.poll_moves(now, |token, raw| {
+            new.push(StateRequest {
+                id: token | MOVE,
+                client_id: raw.client_id,
+                command: StateCommand::Move,
+                pose: Some((raw.position, raw.count)),
+            });
         });
-        refused.into_iter().for_each(|reply| self.answer(reply));
+        for request in new {
+            self.request(request.id, Ok(request));
+        }
     }
 
-    /// Requests about models take long, so they go to a thread of their own.
-    fn take_models(&mut self, now: Nanos) {
-        let questions = &self.desk.questions;
+    /// Passes a request to the loop, or replies with the refusal.
+    fn request(&mut self, id: u64, request: Result<StateRequest, Refusal>) {
+        let requests = &mut self.parts.channels.requests;
+        let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
+        if let Err(refusal) = pushed {
+            let state = self.state;
+            self.reply(StateReply { id, refusal, state });
+        }
+    }
+
+    fn take_model_requests(&mut self, now: Nanos) {
+        let queues = &self.parts.queues;
         self.server.poll_models(now, |token, request| {
-            // A keeper that is gone answers nothing, and the client is told so.
-            let _ = questions.send((token, request));
+            // If the model manager has ended, the client gets a timeout.
+            let _ = queues.models.send((token, request));
         });
-        while let Ok((token, reply)) = self.desk.answers.try_recv() {
+        while let Ok((token, reply)) = queues.model_replies.try_recv() {
             self.server.reply_model(token, reply);
         }
     }
 
-    fn take_black_boxes(&mut self, now: Nanos) {
-        let wishes = &self.desk.wishes;
+    fn take_black_box_requests(&mut self, now: Nanos) {
+        let queues = &self.parts.queues;
         self.server.poll_black_boxes(now, |token, _| {
-            let _ = wishes.send(Wish::Write(token));
+            let _ = queues.recorder.send(RecorderRequest::Write(token));
         });
-        while let Ok(Written { token, outcome }) = self.desk.written.try_recv() {
-            let reply = match outcome {
-                Ok((path, ticks)) => BlackBoxReply {
-                    ticks,
-                    text: padded_text(&path.to_string_lossy()),
-                },
-                Err(reason) => BlackBoxReply {
-                    ticks: 0,
-                    text: padded_text(&reason),
-                },
+        while let Ok((token, outcome)) = queues.recorder_replies.try_recv() {
+            let (ticks, text) = match outcome {
+                Ok((path, ticks)) => (ticks, padded_text(&path.to_string_lossy())),
+                Err(reason) => (0, padded_text(&reason)),
             };
-            self.server.reply_black_box(token, reply);
+            self.server
+                .reply_black_box(token, BlackBoxReply { ticks, text });
         }
     }
 
-    /// Tells clients about another model.
+    /// Sets robot and model in the reply to `version`.
     fn describe(&mut self, model: Option<ModelId>) {
         self.model = model;
-        let chronicle = self.chronicle.lock();
-        let known = chronicle.model(model).map(|known| known.model.as_ref());
-        let names: Vec<&str> = known.map(names).unwrap_or_default();
+        let history = self.parts.history.lock();
+        let outputs = history
+            .model(model)
+            .map_or(&[][..], |known| &known.model.file().outputs);
+        let mut names = [[0; 16]; MAX_OUTPUTS];
+        for (name, output) in names.iter_mut().zip(outputs) {
+            *name = padded_text(&output.name);
+        }
         let shape = [
-            self.identity.motors as u8,
-            names.len().min(MAX_OUTPUTS) as u8,
+            self.parts.motors as u8,
+            outputs.len().min(MAX_OUTPUTS) as u8,
         ];
         self.server
-            .describe(shape, model.unwrap_or_default().0, output_names(&names));
+            .describe(shape, model.unwrap_or_default().0, names);
     }
 
-    /// Ways to a pose go to the loop as state commands, with a mark on the token that tells their
-    /// answers apart.
-    fn take_moves(&mut self, now: Nanos) {
-        let (requests, state) = (&mut self.ends.requests, self.state);
-        let mut refused = Vec::new();
-        self.server.poll_moves(now, |token, raw| {
-            let (id, pose) = (token | MOVE, Some((raw.position, raw.count)));
-            let request = StateRequest {
-                id,
-                client_id: raw.client_id,
-                command: StateCommand::Move,
-                pose,
-            };
-            if requests.push(request).is_err() {
-                refused.push(StateReply {
-                    id,
-                    refusal: Refusal::Busy,
-                    state,
-                });
-            }
-        });
-        refused.into_iter().for_each(|reply| self.answer(reply));
-    }
-
-    fn answer(&mut self, reply: StateReply) {
-        let answer = StateCommandReply {
+    fn reply(&mut self, reply: StateReply) {
+        let payload = StateCommandReply {
             refusal: reply.refusal.number(),
             state: reply.state.number(),
         };
         match reply.id & MOVE {
-            0 => self.server.reply(reply.id, answer),
-            _ => self.server.reply_move(reply.id & !MOVE, answer),
+            0 => self.server.reply(reply.id, payload),
+            _ => self.server.reply_move(reply.id & !MOVE, payload),
         }
     }
 
-    fn publish(&mut self, record: &Record) {
-        let report = &record.report;
+    fn publish(&mut self, tick: &TickReport) {
+        let report = &tick.report;
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
-        self.statistics.record(record.timing);
-        self.chronicle.lock().note(report);
+        self.statistics.record(tick.timing);
+        self.parts.history.lock().update(report);
         if report.models.active != self.model {
             self.describe(report.models.active);
         }
-        let [goal, setpoint, measured] = payload_conversion::joint_states(report);
-        self.server.publish_goal(goal);
-        self.server.publish_setpoint(setpoint);
-        self.server.publish_measured(measured);
-        self.server
-            .publish_actuators(payload_conversion::actuator_state(report, &self.identity));
-        self.server
-            .publish_operating_state(payload_conversion::operating_state(report, &self.granted));
+        let [goal, setpoint, measured] = convert::joint_states(report);
+        let (server, motors) = (&mut self.server, self.parts.motors);
+        server.publish_goal(goal);
+        server.publish_setpoint(setpoint);
+        server.publish_measured(measured);
+        server.publish_actuators(convert::actuator_state(report, motors));
+        server.publish_operating_state(convert::operating_state(report, &self.granted));
     }
 }
 
-fn hand_over(
-    requests: &mut rtrb::Producer<StateRequest>,
-    id: u64,
-    raw: StateCommandRequest,
-) -> Result<(), Refusal> {
+fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
     if raw.client_id == 0 {
         return Err(Refusal::Malformed);
     }
-    requests
-        .push(StateRequest {
-            id,
-            client_id: raw.client_id,
-            command,
-            pose: None,
-        })
-        .map_err(|_| Refusal::Busy)
-}
-
-/// Names of a model's outputs.
-fn names(model: &Model) -> Vec<&str> {
-    model
-        .file()
-        .outputs
-        .iter()
-        .map(|output| output.name.as_str())
-        .collect()
-}
-
-/// Names of the outputs as the `version` reply carries them.
-fn output_names(names: &[&str]) -> [[u8; 16]; MAX_OUTPUTS] {
-    let mut padded = [[0; 16]; MAX_OUTPUTS];
-    for (slot, name) in padded.iter_mut().zip(names) {
-        slot.iter_mut()
-            .zip(name.bytes())
-            .for_each(|(to, from)| *to = from);
-    }
-    padded
+    Ok(StateRequest {
+        id,
+        client_id: raw.client_id,
+        command,
+        pose: None,
+    })
 }

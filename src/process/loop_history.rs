@@ -1,77 +1,88 @@
-//! What slower threads know of the motors and the models: written by the thread of shared memory,
-//! tick by tick, and read by whoever stages models. The loop has no part in it.
+//! Motor positions and loaded models, for the slower threads. The IPC thread updates it tick by
+//! tick; the model manager reads it to stage models. The loop does not use it.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use crate::core::HistoryCursor;
-use crate::core::{CycleReport, ModelSlots};
+use crate::config::Config;
+use crate::core::model_slots::motion_history::Mark;
+use crate::core::{ModelSlots, Report};
 use crate::model::{History, Model, ModelId};
 use crate::units::MotorVec;
 
-/// A model that the loop has or may have, and where it comes from.
+/// A model that the loop has or may have.
 #[derive(Debug, Clone)]
-pub struct Known {
+pub struct LoadedModel {
     /// The model.
     pub model: Arc<Model>,
     /// Its file.
     pub file: PathBuf,
 }
 
-/// The way of the motors, and the models at hand.
+/// Motor positions and loaded models.
 #[derive(Debug, Default)]
-pub struct Chronicle {
-    /// Where the motors have been, up to `mark`.
+pub struct LoopHistory {
+    /// Past positions of the motors, up to `mark`.
     pub history: History,
-    /// How far along the trail of the loop that is.
-    pub mark: HistoryCursor,
-    /// Where the motors are, counts.
+    /// Cursor in the motion history of the loop.
+    pub mark: Mark,
+    /// Present position of the motors, counts.
     pub position: MotorVec,
-    /// The models at hand in the newest tick.
+    /// The models of the loop in the newest tick.
     pub slots: ModelSlots,
-    /// Every model that is at hand, or on its way.
-    pub known: BTreeMap<ModelId, Known>,
+    /// Every model that is loaded, or on its way to the loop.
+    pub known: BTreeMap<ModelId, LoadedModel>,
 }
 
-impl Chronicle {
-    /// Takes note of a tick. Ticks that were lost on the way leave a gap in the history, and a
-    /// memory that is rebuilt from a history with a gap would be wrong without saying so: then it
-    /// starts anew.
-    pub fn note(&mut self, report: &CycleReport) {
+impl LoopHistory {
+    /// Adds a tick. If ticks were lost, the history starts again: a memory that is rebuilt from a
+    /// history with a gap would be wrong without an error.
+    pub fn update(&mut self, report: &Report) {
         self.slots = report.models;
         if report.mark == self.mark {
             return;
         }
-        let next = HistoryCursor {
-            recorded: self.mark.recorded + 1,
-            ..self.mark
-        };
-        if report.mark != next {
+        let noted = self.mark.noted + 1;
+        if report.mark != (Mark { noted, ..self.mark }) {
             self.history.forget();
         }
-        self.position
-            .iter_mut()
-            .zip(&report.feedback)
-            .for_each(|(to, drive)| *to = drive.position.as_f64());
+        for (position, drive) in self.position.iter_mut().zip(&report.feedback) {
+            *position = drive.position.as_f64();
+        }
         self.history.note(&self.position);
         self.mark = report.mark;
     }
 
-    /// A model at hand.
+    /// A loaded model.
     #[must_use]
-    pub fn model(&self, id: Option<ModelId>) -> Option<&Known> {
+    pub fn model(&self, id: Option<ModelId>) -> Option<&LoadedModel> {
         self.known.get(&id?)
     }
 }
 
-/// The chronicle, shared among slower threads.
+/// The loop history, shared among the slower threads.
 #[derive(Debug, Clone, Default)]
-pub struct SharedChronicle(Arc<Mutex<Chronicle>>);
+pub struct SharedLoopHistory(Arc<Mutex<LoopHistory>>);
 
-impl SharedChronicle {
+impl SharedLoopHistory {
+    /// The history at the start; `model` is the model of the configuration.
+    #[must_use]
+    pub fn new(config: &Config, model: Option<&Arc<Model>>) -> Self {
+        let shared = Self::default();
+        if let Some(model) = model {
+            let file = config.control.model.clone().unwrap_or_default();
+            let model = Arc::clone(model);
+            let id = model.id();
+            let mut history = shared.lock();
+            history.slots.active = Some(id);
+            history.known.insert(id, LoadedModel { model, file });
+        }
+        shared
+    }
+
     /// Exclusive access. Held for microseconds only.
-    pub fn lock(&self) -> MutexGuard<'_, Chronicle> {
+    pub fn lock(&self) -> MutexGuard<'_, LoopHistory> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -79,50 +90,32 @@ impl SharedChronicle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
-    use crate::core::CycleInputs;
-    use crate::core::cycle::ControlCycle;
+    use crate::core::Inputs;
+    use crate::core::cycle::Cycle;
     use crate::units::{Counts, Nanos};
 
-    fn report(epoch: u64, recorded: u64, position: i32) -> CycleReport {
-        let text = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\n[[ports.axes]]\nmotor = 0\nnode_id = 0\n\
-                    serial_number = 1\nposition_min_counts = -9\nposition_max_counts = 9\n";
-        let config = Config::parse(text, "r.toml".as_ref()).unwrap();
-        let mut report = ControlCycle::new(&config, None)
-            .step(Nanos(1), &CycleInputs::default())
-            .report;
-        report.mark = HistoryCursor { epoch, recorded };
-        report.feedback[0].position = Counts(position);
-        report
-    }
-
-    fn way(chronicle: &Chronicle) -> Vec<f64> {
-        chronicle
-            .history
-            .positions()
-            .map(|counts| counts[0])
-            .collect()
-    }
-
     #[test]
-    fn a_gap_or_a_zero_that_moves_starts_the_history_anew() {
-        let mut chronicle = Chronicle::default();
-        for (recorded, position) in [(1, 0), (1, 0), (2, 5), (3, 3)] {
-            chronicle.note(&report(0, recorded, position));
-        }
-        assert_eq!(way(&chronicle), [0.0, 5.0, 3.0]);
-        chronicle.note(&report(0, 5, 4));
-        assert_eq!(way(&chronicle), [4.0]);
-        chronicle.note(&report(1, 6, 8));
-        assert_eq!(
-            (way(&chronicle), chronicle.mark),
-            (
-                vec![8.0],
-                HistoryCursor {
-                    epoch: 1,
-                    recorded: 6
-                }
-            )
-        );
+    fn a_gap_or_a_new_zero_restarts_the_history() {
+        let text = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\n[[ports.axes]]\n\
+                    motor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -9\n\
+                    position_max_counts = 9\n";
+        let config = Config::parse(text, "r.toml".as_ref()).unwrap();
+        let mut cycle = Cycle::new(&config, None);
+        let mut report = cycle.step(Nanos(1), &Inputs::default()).report;
+        let mut history = LoopHistory::default();
+        let mut update = |epoch, noted, position| {
+            report.mark = Mark { epoch, noted };
+            report.feedback[0].position = Counts(position);
+            history.update(&report);
+            assert_eq!(history.mark, report.mark);
+            let positions = history.history.positions();
+            positions.map(|counts| counts[0]).collect::<Vec<f64>>()
+        };
+        assert_eq!(update(0, 1, 0), [0.0]);
+        assert_eq!(update(0, 1, 0), [0.0]);
+        assert_eq!(update(0, 2, 5), [0.0, 5.0]);
+        assert_eq!(update(0, 3, 3), [0.0, 5.0, 3.0]);
+        assert_eq!(update(0, 5, 4), [4.0], "a gap");
+        assert_eq!(update(1, 6, 8), [8.0], "a new zero");
     }
 }

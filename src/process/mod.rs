@@ -1,12 +1,33 @@
-//! The controller process: threads, channels, files. What it decides is in [`crate::core`].
+//! The controller process: threads, channels, files. Decisions are made in [`crate::core`].
+//!
+//! | file | content |
+//! |---|---|
+//! | `controller` | start and end of the process, in order |
+//! | `start_up` | model, ports and drives at the start |
+//! | `threads` | starting, naming and joining threads |
+//! | `control_loop` | the real-time loop thread; the only place that runs the cycle |
+//! | `ipc_thread` | shared memory: commands in, messages out |
+//! | `model_manager` | the model thread: reads, checks, compares, frees |
+//! | `model_comparison` | difference between two models, in counts |
+//! | `loop_history` | motor positions and loaded models, shared by the slower threads |
+//! | `main_thread` | the log, and waiting for the end |
+//! | `channels` | everything that passes between the threads |
+//! | `payload_conversion` | conversion between payloads and values of the core |
+//! | `event_text` | events as lines of the log |
+//! | [`black_box`] | the last seconds of every tick: recorder, file, replay |
+//! | [`run_log`] | one line of JSON per start, end and change of state |
 
 pub mod black_box;
 mod channels;
+mod control_loop;
 pub mod controller;
 mod event_text;
 mod ipc_thread;
 mod loop_history;
+mod main_thread;
 mod model_comparison;
 mod model_manager;
 mod payload_conversion;
 pub mod run_log;
+mod start_up;
+mod threads;

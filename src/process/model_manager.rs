@@ -1,8 +1,8 @@
-//! The thread that keeps the models: reads, checks and compares them, hands them to the loop, and
-//! frees what comes back.
+//! The model thread: reads, checks and compares models, passes them to the loop, and frees the
+//! models that the loop returns.
 //!
-//! Everything that takes time or memory about a model happens here, under normal scheduling. The
-//! loop is given a pointer and gives one back.
+//! All slow work on models happens here, under normal scheduling. The loop receives a pointer and
+//! returns one.
 
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
@@ -11,32 +11,27 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
+use crate::file_permissions;
 use crate::clock;
 use crate::config::Config;
-use crate::core::{ModelCandidate, ModelChange, ModelSwapRequest};
-use crate::file_permissions;
+use crate::core::model_slots::slots::{Candidate, ModelChange, ModelRequest};
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
 use crate::model::{Model, ModelError, ModelId};
-use crate::process::black_box::{OfferRecord, Wish};
-use crate::process::channels::{KeeperEnds, Offer};
-use crate::process::loop_history::{Chronicle, Known, SharedChronicle};
-use crate::process::model_comparison::{Remembering, difference};
+use crate::process::black_box::{OfferRecord, RecorderRequest};
+use crate::process::channels::{ModelChannels, ModelOffer, Tokened};
+use crate::process::loop_history::{LoadedModel, LoopHistory, SharedLoopHistory};
+use crate::process::model_comparison::{ModelState, difference};
 use crate::robot::{ModelAction, Refusal};
 use crate::units::Nanos;
 
-/// How long the loop may take to answer: a tick, unless the machine stalls.
-const ANSWER: Nanos = Nanos::from_millis(2000);
-/// How often its answer is looked for.
-const POLL: Nanos = Nanos::from_micros(500);
-/// How often models that came back are freed while nothing is asked.
-const IDLE: Duration = Duration::from_millis(100);
+/// Timeout for the reply of the loop: it takes a tick, unless the machine stalls.
+const REPLY_TIMEOUT: Nanos = Nanos::from_millis(2000);
+/// Polling period for the reply.
+const POLL_PERIOD: Nanos = Nanos::from_micros(500);
+/// Period of freeing returned models while there are no requests.
+const IDLE_PERIOD: Duration = Duration::from_millis(100);
 
-/// A request, with the token that the answer needs.
-pub type Question = (u64, payload::ModelRequest);
-/// An answer, with its token.
-pub type Answer = (u64, payload::ModelReply);
-
-/// Why a request is refused.
+/// Why a request is refused; the message may be empty.
 struct Refused {
     refusal: Refusal,
     message: String,
@@ -44,68 +39,66 @@ struct Refused {
 
 impl From<Refusal> for Refused {
     fn from(refusal: Refusal) -> Self {
-        Self {
-            refusal,
-            message: String::new(),
-        }
+        let message = String::new();
+        Self { refusal, message }
     }
 }
 
-/// Keeps the models.
-pub struct Keeper {
+/// Manages the models.
+pub struct ModelManager {
     config: Config,
-    chronicle: SharedChronicle,
-    ends: KeeperEnds,
-    /// To the black box, which has to know of every model before the loop does.
-    wishes: Sender<Wish>,
+    history: SharedLoopHistory,
+    channels: ModelChannels,
+    /// To the black box, which must know every model before the loop does.
+    recorder: Sender<RecorderRequest>,
     requests: u64,
     offers: u64,
 }
 
-impl Keeper {
-    /// A keeper that knows what the loop began with.
+impl ModelManager {
+    /// A manager that knows the model at the start.
     #[must_use]
     pub fn new(
         config: Config,
-        chronicle: SharedChronicle,
-        ends: KeeperEnds,
-        wishes: Sender<Wish>,
+        history: SharedLoopHistory,
+        channels: ModelChannels,
+        recorder: Sender<RecorderRequest>,
     ) -> Self {
         Self {
             config,
-            chronicle,
-            ends,
-            wishes,
+            history,
+            channels,
+            recorder,
             requests: 0,
             offers: 0,
         }
     }
 
-    /// Answers until `quit`, or until nobody can ask any more.
+    /// Replies to requests until `quit`, or until the request queue is closed.
     pub fn run(
         mut self,
         quit: &AtomicBool,
-        questions: &Receiver<Question>,
-        answers: &Sender<Answer>,
+        requests: &Receiver<Tokened<payload::ModelRequest>>,
+        replies: &Sender<Tokened<payload::ModelReply>>,
     ) {
         while !quit.load(Ordering::Acquire) {
-            match questions.recv_timeout(IDLE) {
+            match requests.recv_timeout(IDLE_PERIOD) {
                 Ok((token, request)) => {
-                    let reply = self.answer(&request);
-                    // Whoever asked may be gone.
-                    let _ = answers.send((token, reply));
+                    let reply = self.reply(&request);
+                    // The IPC thread may have ended.
+                    let _ = replies.send((token, reply));
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            self.free();
+            self.free_retired();
         }
     }
 
-    fn answer(&mut self, request: &payload::ModelRequest) -> payload::ModelReply {
-        let outcome = self.obey(request);
+    fn reply(&mut self, request: &payload::ModelRequest) -> payload::ModelReply {
+        let outcome = self.execute(request);
         let mut reply = payload::ModelReply {
-            slots: shown(&self.chronicle.lock()),
+            slots: model_slots(&self.history.lock()),
             ..payload::ModelReply::default()
         };
         match outcome {
@@ -118,7 +111,7 @@ impl Keeper {
         reply
     }
 
-    fn obey(
+    fn execute(
         &mut self,
         request: &payload::ModelRequest,
     ) -> Result<Option<ModelDifference>, Refused> {
@@ -126,14 +119,13 @@ impl Keeper {
             return Err(Refusal::Malformed.into());
         }
         let forced = request.flags & payload::ModelRequest::FORCE != 0;
-        match ModelAction::from_number(request.action).ok_or(Refusal::Malformed)? {
-            ModelAction::List => Ok(None),
-            ModelAction::Stage => self.stage(&path(&request.path)?),
-            ModelAction::Activate => self
-                .change(ModelChange::Activate(ModelId(request.model_id)), forced)
-                .map(|()| None),
-            ModelAction::Rollback => self.change(ModelChange::Rollback, forced).map(|()| None),
-        }
+        let change = match ModelAction::from_number(request.action).ok_or(Refusal::Malformed)? {
+            ModelAction::List => return Ok(None),
+            ModelAction::Stage => return self.stage(&path(&request.path)?),
+            ModelAction::Activate => ModelChange::Activate(ModelId(request.model_id)),
+            ModelAction::Rollback => ModelChange::Rollback,
+        };
+        self.change(change, forced).map(|()| None)
     }
 
     fn stage(&mut self, file: &Path) -> Result<Option<ModelDifference>, Refused> {
@@ -144,22 +136,16 @@ impl Keeper {
         file_permissions::check(file).map_err(|error| bad(format!("model file {error}")))?;
         let model = self.load(file).map_err(|error| bad(error.to_string()))?;
         let (history, active, position) = {
-            let chronicle = self.chronicle.lock();
-            let active = chronicle
-                .model(chronicle.slots.active)
+            let shared = self.history.lock();
+            let active = shared
+                .model(shared.slots.active)
                 .map(|known| Arc::clone(&known.model));
-            (chronicle.history.clone(), active, chronicle.position)
+            (shared.history.clone(), active, shared.position)
         };
         let difference = active.and_then(|active| {
             let (old, new) = (active.recall(&history), model.recall(&history));
-            let old = Remembering {
-                model: &active,
-                memory: &old,
-            };
-            let new = Remembering {
-                model: &model,
-                memory: &new,
-            };
+            let old = ModelState::new(&active, &old);
+            let new = ModelState::new(&model, &new);
             difference(old, new, &position, self.config.compensation.factor)
         });
         self.offer(model, file.to_owned())?;
@@ -172,37 +158,36 @@ impl Keeper {
         Ok(Arc::new(model))
     }
 
-    /// Hands a model to the loop and waits until it is led along.
+    /// Passes a model to the loop and waits until the loop has staged it.
     fn offer(&mut self, model: Arc<Model>, file: PathBuf) -> Result<(), Refused> {
         let id = model.id();
-        let (history, mark) = {
-            let mut chronicle = self.chronicle.lock();
-            chronicle.known.insert(
-                id,
-                Known {
-                    model: Arc::clone(&model),
-                    file,
-                },
-            );
-            (chronicle.history.clone(), chronicle.mark)
+        let loaded = LoadedModel {
+            model: Arc::clone(&model),
+            file,
         };
-        let candidate = ModelCandidate::new(Arc::clone(&model), &self.config, &history, mark);
+        let (history, mark) = {
+            let mut shared = self.history.lock();
+            shared.known.insert(id, loaded);
+            (shared.history.clone(), shared.mark)
+        };
+        let candidate = Candidate::new(Arc::clone(&model), &self.config, &history, mark);
         self.offers += 1;
         let number = self.offers;
         let record = Box::new(OfferRecord {
             number,
             model: id,
-            carried: candidate.state(),
+            carried: candidate.carried(),
         });
-        // Without a recorder there is no black box, and the robot goes on.
-        let _ = self.wishes.send(Wish::Offer(record, model));
-        self.ends
+        // If the recorder has ended there is no black box, and the robot continues.
+        let _ = self.recorder.send(RecorderRequest::Offer(record, model));
+        let offer = ModelOffer { number, candidate };
+        self.channels
             .offers
-            .push(Offer { number, candidate })
+            .push(offer)
             .map_err(|_| Refusal::Busy)?;
-        self.wait(|keeper| {
-            keeper.free();
-            (keeper.chronicle.lock().slots.staged == Some(id)).then_some(())
+        self.wait_for(|manager| {
+            manager.free_retired();
+            (manager.history.lock().slots.staged == Some(id)).then_some(())
         })
     }
 
@@ -211,54 +196,52 @@ impl Keeper {
         let id = self.requests;
         let to = match change {
             ModelChange::Activate(to) => Some(to),
-            ModelChange::Rollback => self.chronicle.lock().slots.previous,
+            ModelChange::Rollback => self.history.lock().slots.former,
         };
-        self.ends
+        let request = ModelRequest { id, change, forced };
+        self.channels
             .requests
-            .push(ModelSwapRequest { id, change, forced })
+            .push(request)
             .map_err(|_| Refusal::Busy)?;
-        let refusal = self.wait(|keeper| {
-            let reply = keeper.ends.replies.pop().ok()?;
+        let refusal = self.wait_for(|manager| {
+            let reply = manager.channels.replies.pop().ok()?;
             (reply.id == id).then_some(reply.refusal)
         })?;
         if refusal != Refusal::None {
             return Err(refusal.into());
         }
-        // Until it shows in what everybody sees.
-        self.wait(|keeper| (keeper.chronicle.lock().slots.active == to).then_some(()))
+        // Until the change is visible to clients.
+        self.wait_for(|manager| (manager.history.lock().slots.active == to).then_some(()))
     }
 
-    fn wait<T>(&mut self, mut look: impl FnMut(&mut Self) -> Option<T>) -> Result<T, Refused> {
+    fn wait_for<T>(&mut self, mut poll: impl FnMut(&mut Self) -> Option<T>) -> Result<T, Refused> {
         let start = clock::now();
         loop {
-            if let Some(found) = look(self) {
+            if let Some(found) = poll(self) {
                 return Ok(found);
             }
-            if clock::now().since(start) > ANSWER {
+            if clock::now().since(start) > REPLY_TIMEOUT {
                 return Err(Refused {
                     refusal: Refusal::Busy,
                     message: "the control loop does not answer".to_owned(),
                 });
             }
-            clock::sleep(POLL);
+            clock::sleep(POLL_PERIOD);
         }
     }
 
-    /// Frees what came back, and forgets models that are no longer at hand.
-    fn free(&mut self) {
-        let mut any = false;
-        while let Ok(candidate) = self.ends.retired.pop() {
-            drop(candidate);
-            any = true;
+    /// Frees returned models, and forgets models that are no longer loaded.
+    fn free_retired(&mut self) {
+        if self.channels.retired.is_empty() {
+            return;
         }
-        if any {
-            let mut chronicle = self.chronicle.lock();
-            let slots = chronicle.slots;
-            let at_hand = [slots.active, slots.staged, slots.previous];
-            chronicle.known.retain(|id, known| {
-                at_hand.contains(&Some(*id)) || Arc::strong_count(&known.model) > 1
-            });
-        }
+        while self.channels.retired.pop().is_ok() {}
+        let mut history = self.history.lock();
+        let slots = history.slots;
+        let loaded = [slots.active, slots.staged, slots.former];
+        history
+            .known
+            .retain(|id, known| loaded.contains(&Some(*id)) || Arc::strong_count(&known.model) > 1);
     }
 }
 
@@ -266,58 +249,53 @@ impl Keeper {
 fn path(field: &[u8]) -> Result<PathBuf, Refusal> {
     let bytes = field.split(|byte| *byte == 0).next().unwrap_or_default();
     let path = PathBuf::from(std::ffi::OsStr::from_bytes(bytes));
-    if path.is_absolute() && bytes.len() < field.len() {
-        Ok(path)
-    } else {
-        Err(Refusal::Malformed)
+    if !path.is_absolute() || bytes.len() == field.len() {
+        return Err(Refusal::Malformed);
     }
+    Ok(path)
 }
 
-/// The models at hand as clients see them.
-fn shown(chronicle: &Chronicle) -> [ModelSlot; 3] {
-    let slots = chronicle.slots;
-    let known = [true, slots.staged_known, true];
-    let mut shown = [ModelSlot::default(); 3];
-    for ((slot, id), known) in shown
-        .iter_mut()
-        .zip([slots.active, slots.staged, slots.previous])
-        .zip(known)
-    {
-        if let (Some(id), Some(model)) = (id, chronicle.model(id)) {
-            *slot = describe(id, model, known);
-        }
-    }
-    shown
+/// The loaded models as clients see them.
+fn model_slots(history: &LoopHistory) -> [ModelSlot; 3] {
+    let slots = history.slots;
+    let models = [
+        (slots.active, true),
+        (slots.staged, slots.staged_known),
+        (slots.former, true),
+    ];
+    models.map(|(id, memory_known)| {
+        let loaded = history.model(id);
+        loaded
+            .map(|loaded| model_slot(loaded, memory_known))
+            .unwrap_or_default()
+    })
 }
 
-fn describe(id: ModelId, known: &Known, memory_known: bool) -> ModelSlot {
-    let file = known.model.file();
-    let kind = serde_json::to_value(&file.family).unwrap_or_default();
-    let family = kind
+fn model_slot(loaded: &LoadedModel, memory_known: bool) -> ModelSlot {
+    let file = loaded.model.file();
+    let family = serde_json::to_value(&file.family).unwrap_or_default();
+    let kind = family
         .get("kind")
         .and_then(|kind| kind.as_str())
         .unwrap_or_default();
+    let known = if memory_known {
+        ModelSlot::MEMORY_KNOWN
+    } else {
+        0
+    };
     let mut slot = ModelSlot {
-        model_id: id.0,
-        family: padded_text(family),
-        file: padded_text(&tail(&known.file.to_string_lossy(), 120)),
+        model_id: loaded.model.id().0,
+        family: padded_text(kind),
+        file: padded_text(tail(&loaded.file.to_string_lossy(), 120)),
         outputs: file.outputs.len() as u32,
-        flags: ModelSlot::PRESENT
-            | if memory_known {
-                ModelSlot::MEMORY_KNOWN
-            } else {
-                0
-            },
+        flags: ModelSlot::PRESENT | known,
         ..ModelSlot::default()
     };
-    for ((training, held_out), metrics) in slot
-        .training_rms
-        .iter_mut()
-        .zip(&mut slot.held_out_rms)
-        .zip(&file.metrics)
-    {
-        *training = metrics.training.rmsd;
-        *held_out = metrics
+    for (rms, metrics) in slot.training_rms.iter_mut().zip(&file.metrics) {
+        *rms = metrics.training.rmsd;
+    }
+    for (rms, metrics) in slot.held_out_rms.iter_mut().zip(&file.metrics) {
+        *rms = metrics
             .held_out
             .as_ref()
             .map_or(0.0, |metrics| metrics.rmsd);
@@ -325,13 +303,13 @@ fn describe(id: ModelId, known: &Known, memory_known: bool) -> ModelSlot {
     slot
 }
 
-/// The last characters of a text, at most so many bytes.
-fn tail(text: &str, bytes: usize) -> String {
-    let start =
-        (text.len().saturating_sub(bytes)..=text.len()).find(|start| text.is_char_boundary(*start));
-    text.get(start.unwrap_or(0)..)
+/// The last characters of a text, at most `bytes` bytes.
+fn tail(text: &str, bytes: usize) -> &str {
+    let mut starts = text.len().saturating_sub(bytes)..=text.len();
+    let start = starts.find(|start| text.is_char_boundary(*start));
+    start
+        .and_then(|start| text.get(start..))
         .unwrap_or_default()
-        .to_owned()
 }
 
 #[cfg(test)]
@@ -339,21 +317,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_path_is_absolute_and_ends_within_its_field() {
-        assert_eq!(
-            path(&padded_text::<16>("/a/b.json")).unwrap(),
-            Path::new("/a/b.json")
-        );
-        assert_eq!(
-            path(&padded_text::<16>("a/b.json")).unwrap_err(),
-            Refusal::Malformed
-        );
-        assert_eq!(path(&[b'/'; 16]).unwrap_err(), Refusal::Malformed);
-        assert_eq!(path(&[]).unwrap_err(), Refusal::Malformed);
+    fn a_path_must_be_absolute_and_end_within_its_field() {
+        let field = padded_text::<16>("/a/b.json");
+        assert_eq!(path(&field).unwrap(), Path::new("/a/b.json"));
+        for field in [&padded_text::<16>("a/b.json")[..], &[b'/'; 16], &[]] {
+            assert_eq!(path(field).unwrap_err(), Refusal::Malformed);
+        }
     }
 
     #[test]
-    fn a_long_name_shows_its_end() {
+    fn a_long_path_is_reduced_to_its_end() {
         assert_eq!(tail("/models/snake.json", 10), "snake.json");
         assert_eq!(tail("snake.json", 100), "snake.json");
         assert_eq!(tail("äb", 2), "b");

@@ -1,21 +1,13 @@
-//! Between the payloads of shared memory and the values of the cycle. Nothing is judged here: the
-//! cycle does that, and the server of shared memory adds sequence and boot id.
+//! Conversion between payloads and values of the core. Nothing is checked here: the core does that,
+//! and the server sets sequence and boot id.
 
-use crate::core::{CycleReport, ExternalPose, JointReport, ServoCommand, ServoGoal};
-use crate::drive::AxisFeedback;
-use crate::ipc::drive_phase::axis_phase;
+use crate::core::{External, Goal, Report, ServoCommand};
+use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
 };
 use crate::realtime::Granted;
-use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
-
-/// What the messages say about the robot.
-#[derive(Debug, Clone, Copy)]
-pub struct Identity {
-    /// Motors of the robot.
-    pub motors: u32,
-}
+use crate::units::{Counts, MAX_OUTPUTS, Nanos, OutputVec};
 
 impl From<&ServoJp> for ServoCommand {
     fn from(raw: &ServoJp) -> Self {
@@ -24,7 +16,7 @@ impl From<&ServoJp> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: ServoGoal::Joint(raw.position, raw.count),
+            goal: Goal::Joint(raw.position, raw.count),
             clutched: raw.flags & ServoJp::CLUTCH != 0,
         }
     }
@@ -37,17 +29,17 @@ impl From<&ServoActuator> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: ServoGoal::Actuator(raw.position_counts.map(Counts), raw.count),
+            goal: Goal::Actuator(raw.position_counts.map(Counts), raw.count),
             clutched: false,
         }
     }
 }
 
-/// What a camera saw, if it saw something.
+/// The measurement of a camera, if it is valid.
 #[must_use]
-pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
+pub fn external(raw: &ExternalPosition) -> Option<External> {
     let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
-    let seen = ExternalPose {
+    let seen = External {
         stamp: Nanos(raw.stamp_ns),
         position: raw.position,
         outputs: raw.count,
@@ -55,24 +47,21 @@ pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
     (valid && raw.position.iter().all(|value| value.is_finite())).then_some(seen)
 }
 
-/// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are there, but not
-/// valid.
+/// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are not valid.
 #[must_use]
-pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
-    let base = JointState {
+pub fn joint_states(report: &Report) -> [JointState; 3] {
+    let mut base = JointState {
         stamp_ns: report.now.0,
         ..JointState::default()
     };
     let Some(joint) = report.joint else {
         return [base; 3];
     };
-    let flags = joint_flags(&joint, report.clipped);
-    let base = JointState {
-        model_id: joint.model.0,
-        count: joint.outputs,
-        flags,
-        ..base
-    };
+    base.model_id = joint.model.0;
+    base.count = joint.outputs;
+    base.flags = JointState::VALID
+        | flag(joint.memory_known, JointState::MEMORY_KNOWN)
+        | flag(report.clipped, JointState::CLIPPED);
     let state = |position: OutputVec, velocity: OutputVec, deviation: OutputVec| JointState {
         position,
         velocity,
@@ -87,46 +76,37 @@ pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
     ]
 }
 
-fn joint_flags(joint: &JointReport, clipped: bool) -> u32 {
-    JointState::VALID
-        | flag(joint.memory_known, JointState::MEMORY_KNOWN)
-        | flag(clipped, JointState::CLIPPED)
-}
-
 const fn flag(set: bool, value: u32) -> u32 {
     if set { value } else { 0 }
 }
 
-/// `actuators/measured_js` of one tick.
+/// `actuators/measured_js` of one tick, for this number of motors.
 #[must_use]
-pub fn actuator_state(report: &CycleReport, identity: &Identity) -> ActuatorState {
-    let written = report.feedback.map(|axis| axis.written.unwrap_or_default());
+pub fn actuator_state(report: &Report, motors: u32) -> ActuatorState {
+    let feedback = &report.feedback;
+    let written = feedback.map(|axis| axis.written.unwrap_or_default());
     ActuatorState {
         stamp_ns: report.now.0,
-        measured_stamp_ns: report.feedback.map(|axis| axis.stamp.0),
+        measured_stamp_ns: feedback.map(|axis| axis.stamp.0),
         written_stamp_ns: written.map(|write| write.stamp.0),
         command_stamp_ns: written.map(|write| write.command_stamp.0),
         command_sequence: written.map(|write| write.command_sequence),
-        exchanges: report.feedback.map(|axis| axis.counters.exchanges),
-        measured_counts: report.feedback.map(|axis| axis.position.0),
+        exchanges: feedback.map(|axis| axis.counters.exchanges),
+        measured_counts: feedback.map(|axis| axis.position.0),
         setpoint_counts: report.setpoints.map(|counts| counts.0),
         written_counts: written.map(|write| write.target.0),
-        current_ma: report.feedback.map(|axis| axis.current_ma),
-        statusword: report.feedback.map(|axis| axis.statusword),
-        error_code: report.feedback.map(|axis| axis.error_code),
-        phase: phases(&report.feedback),
-        count: identity.motors,
+        current_ma: feedback.map(|axis| axis.current_ma),
+        statusword: feedback.map(|axis| axis.statusword),
+        error_code: feedback.map(|axis| axis.error_code),
+        phase: feedback.map(|axis| phase_number(axis.phase)),
+        count: motors,
         ..ActuatorState::default()
     }
 }
 
-fn phases(feedback: &[AxisFeedback; MAX_MOTORS]) -> [u8; MAX_MOTORS] {
-    feedback.map(|axis| axis_phase(axis.phase))
-}
-
 /// `operating_state` of one tick.
 #[must_use]
-pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStateMsg {
+pub fn operating_state(report: &Report, granted: &Granted) -> OperatingStateMsg {
     let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
     let flags = [
         flag(report.homed, OperatingStateMsg::HOMED),

@@ -1,5 +1,5 @@
-//! The log of runs: what ran, on what, and every change of state with its cause. JSON, one object a
-//! line, only ever added to.
+//! The run log: one JSON object per line for every start and end of the controller and every change
+//! of state with its cause. Lines are only ever appended.
 
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Write};
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::config::Config;
-use crate::core::{CycleEvent, CycleEventKind};
+use crate::core::{Event, EventKind};
 use crate::drive::AxisIdentity;
 use crate::model::ModelId;
 use crate::realtime::Granted;
@@ -19,80 +19,83 @@ use crate::wall_clock;
 /// Name of the file in the folder of the records.
 pub const FILE: &str = "runs.jsonl";
 
-/// What a run is known by.
+/// What identifies a run.
 #[derive(Debug)]
-pub struct Run<'a> {
+pub struct RunHeader<'a> {
     /// Version and commit.
     pub software: &'a str,
-    /// This start of the controller.
+    /// Identifies this start of the controller.
     pub boot_id: u64,
-    /// The configuration in use.
+    /// The configuration.
     pub config: &'a Config,
-    /// The model in use at the start.
+    /// The model at the start.
     pub model: Option<ModelId>,
-    /// The drives that were found.
+    /// The drives.
     pub drives: &'a [AxisIdentity],
-    /// What the loop was granted.
+    /// Scheduling of the loop.
     pub granted: &'a Granted,
-    /// What the operator had to say.
+    /// Note of the operator.
     pub note: &'a str,
 }
 
 /// The log of one run. Without a file it writes nothing: a full disk does not stop the robot.
 #[derive(Debug)]
-pub struct Audit {
+pub struct RunLog {
     file: Option<File>,
     boot_id: u64,
 }
 
-impl Audit {
+impl RunLog {
     /// Opens the log and writes the header of a run.
     ///
     /// # Errors
     ///
-    /// When the file cannot be written. The answer then comes with a log that writes nothing.
-    pub fn begin(run: &Run<'_>) -> (Self, io::Result<()>) {
-        let mut audit = Self {
+    /// When the file cannot be written. The result then contains a log that writes nothing.
+    pub fn begin(run: &RunHeader<'_>) -> (Self, io::Result<()>) {
+        let boot_id = run.boot_id;
+        let mut log = Self {
             file: None,
-            boot_id: run.boot_id,
+            boot_id,
         };
         let opened = open(run.config).and_then(|file| {
-            audit.file = Some(file);
-            audit.write(header(run))
+            log.file = Some(file);
+            log.write("begin", header(run))
         });
-        (audit, opened)
+        (log, opened)
     }
 
-    /// Writes what is worth keeping of an event: changes of state and of the model, who commands,
-    /// and stops for silence. `caller` is who a lease went to, if that is known.
+    /// Writes an event if it belongs to the run log: changes of state and of the model, the lease,
+    /// stops after a deadline, errors of drives. `client`: process that took a lease, if known.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn note(&mut self, event: &CycleEvent, caller: Option<&str>) -> io::Result<()> {
-        let Some(what) = worth_keeping(&event.kind, caller) else {
+    pub fn write_event(&mut self, event: &Event, client: Option<&str>) -> io::Result<()> {
+        let Some((name, fields)) = event_fields(&event.kind, client) else {
             return Ok(());
         };
-        let when = json!({ "run": run_name(self.boot_id), "time": wall_clock::now().to_string(), "monotonic_ns": event.stamp.0 });
-        self.write(merged(when, what))
+        let stamp = json!({ "monotonic_ns": event.stamp.0 });
+        self.write(name, merge(stamp, fields))
     }
 
-    /// Writes that the run has ended.
+    /// Writes the end of the run.
     ///
     /// # Errors
     ///
     /// When the file cannot be written.
     pub fn end(&mut self, outcome: &str) -> io::Result<()> {
-        let time = wall_clock::now().to_string();
-        self.write(json!({ "run": run_name(self.boot_id), "time": time, "event": "end", "outcome": outcome }))
+        self.write("end", json!({ "outcome": outcome }))
     }
 
-    fn write(&mut self, line: Value) -> io::Result<()> {
-        match &mut self.file {
-            // One call, so that two controllers never mix their lines.
-            Some(file) => file.write_all(format!("{line}\n").as_bytes()),
-            None => Ok(()),
-        }
+    fn write(&mut self, event: &str, fields: Value) -> io::Result<()> {
+        let Some(file) = &mut self.file else {
+            return Ok(());
+        };
+        let run = format!("{:016x}", self.boot_id);
+        let time = wall_clock::now().to_string();
+        let line = merge(json!({ "run": run, "time": time, "event": event }), fields);
+        // One call, so that lines of two controllers are never mixed.
+        file.write_all(format!("{line}\n").as_bytes())
     }
 }
 
@@ -111,17 +114,10 @@ fn open(config: &Config) -> io::Result<File> {
         .open(folder.join(FILE))
 }
 
-fn run_name(boot_id: u64) -> String {
-    format!("{boot_id:016x}")
-}
-
-fn header(run: &Run<'_>) -> Value {
+fn header(run: &RunHeader<'_>) -> Value {
     let text = toml::to_string(run.config).unwrap_or_default();
     let drives: Vec<Value> = run.drives.iter().map(drive).collect();
     json!({
-        "run": run_name(run.boot_id),
-        "time": wall_clock::now().to_string(),
-        "event": "begin",
         "software": run.software,
         "config_sha256": ModelId(Sha256::digest(text.as_bytes()).into()).to_string(),
         "robot_id": run.config.robot_id,
@@ -147,44 +143,54 @@ fn drive(axis: &AxisIdentity) -> Value {
     })
 }
 
-fn worth_keeping(kind: &CycleEventKind, caller: Option<&str>) -> Option<Value> {
-    match kind {
-        CycleEventKind::State {
+/// Name and fields of an event that belongs to the run log.
+fn event_fields(kind: &EventKind, client: Option<&str>) -> Option<(&'static str, Value)> {
+    let id = |client_id: &u64| format!("{client_id:016x}");
+    Some(match kind {
+        EventKind::State {
             from,
             to,
             command,
             fault,
-        } => Some(json!({
-            "event": "state",
-            "from": from.text(),
-            "to": to.text(),
-            "command": command.map(|command| command.text()),
-            "fault": (*fault != Fault::None).then(|| fault.text()),
-        })),
-        CycleEventKind::Model { from, to } => Some(json!({
-            "event": "model",
-            "from": from.map(|from| from.to_string()),
-            "to": to.to_string(),
-        })),
-        CycleEventKind::Lease { client_id } => Some(
-            json!({ "event": "lease", "client": format!("{client_id:016x}"), "caller": caller }),
+        } => {
+            let command = command.map(|command| command.text());
+            let fault = (*fault != Fault::None).then(|| fault.text());
+            let (from, to) = (from.text(), to.text());
+            let fields = json!({ "from": from, "to": to, "command": command, "fault": fault });
+            ("state", fields)
+        }
+        EventKind::Model { from, to } => {
+            let from = from.map(|from| from.to_string());
+            ("model", json!({ "from": from, "to": to.to_string() }))
+        }
+        EventKind::Lease { client_id } => (
+            "lease",
+            json!({ "client": id(client_id), "caller": client }),
         ),
-        CycleEventKind::StaleStop { client_id, age } => Some(json!({
-            "event": "stop", "client": format!("{client_id:016x}"), "silent_ms": age.as_seconds() * 1e3,
-        })),
-        CycleEventKind::Axis {
+        EventKind::StaleStop { client_id, age } => {
+            let silent_ms = age.as_seconds() * 1e3;
+            (
+                "stop",
+                json!({ "client": id(client_id), "silent_ms": silent_ms }),
+            )
+        }
+        EventKind::Axis {
             motor,
             to,
             error_code,
             ..
-        } if *error_code != 0 => Some(json!({
-            "event": "drive", "motor": motor, "phase": format!("{to:?}"), "error_code": format!("{error_code:04X}"),
-        })),
-        CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => None,
-    }
+        } if *error_code != 0 => {
+            let (phase, code) = (format!("{to:?}"), format!("{error_code:04X}"));
+            (
+                "drive",
+                json!({ "motor": motor, "phase": phase, "error_code": code }),
+            )
+        }
+        EventKind::Axis { .. } | EventKind::Refused { .. } => return None,
+    })
 }
 
-fn merged(mut first: Value, second: Value) -> Value {
+fn merge(mut first: Value, second: Value) -> Value {
     if let (Value::Object(first), Value::Object(second)) = (&mut first, second) {
         first.extend(second);
     }

@@ -1,100 +1,85 @@
-//! The guard: a second process that stops the drives when the controller dies or hangs.
+//! The watchdog: a second process that stops the drives when the controller dies or hangs.
 //!
-//! A drive on a serial line does not notice that its host is gone: it stays powered and holds its
-//! last demand. The guard watches the pulse of the control loop in shared memory
-//! ([`crate::ipc::pulse`]). When the controller is killed, or its loop has been silent for too
-//! long, the guard sends quick stop over the same ports.
+//! A drive on a serial line does not detect the loss of its host: it stays powered and holds its
+//! last target. The watchdog monitors the heartbeat of the control loop in shared memory
+//! ([`crate::ipc::heartbeat`]). When the controller is killed, or its loop is silent for too long,
+//! the watchdog sends quick stop over the same ports.
 //!
-//! | file | holds |
+//! | file | content |
 //! |---|---|
-//! | `watch` | when the controller counts as gone; a pure function of what was felt |
-//! | `port` | a port that is held open without taking it from the controller, and the stop |
+//! | `heartbeat_monitor` | status of the controller: a pure function of heartbeats and time |
+//! | `shared_port` | a port that is open beside the controller, and quick stop through it |
+//! | `event` | events for the log |
 //!
-//! The guard opens its ports before the controller does and keeps them: a port that the controller
-//! has opened is locked for everyone who comes later, also when the controller hangs. So the guard
-//! is started first, and a port that it cannot open yet is tried again and again.
+//! The watchdog opens its ports before the controller does and keeps them open: a port that the
+//! controller has opened is locked for later processes, also when the controller hangs. So the
+//! watchdog starts first, and retries ports that it cannot open yet.
 //!
-//! What it cannot do: anything when the host loses power, hangs as a whole, or its cable is pulled.
-//! That takes a watchdog of hardware on the safe-torque-off input of the drives, see the README.
+//! Limits: the watchdog is ineffective when the host loses power, hangs as a whole, or its cable is
+//! disconnected. That needs a hardware watchdog on the safe-torque-off input of the drives, see the
+//! README.
 
-mod port;
-mod watch;
+mod event;
+mod heartbeat_monitor;
+mod shared_port;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
 use crate::config::Config;
 use crate::ipc::Domain;
-use crate::ipc::pulse::Finger;
+use crate::ipc::heartbeat::HeartbeatReader;
 use crate::units::Nanos;
 
-pub use port::{GuardedPort, Stopped};
-pub use watch::{Heartbeat, Verdict};
+pub use event::{AxisStop, WatchdogEvent};
+pub use heartbeat_monitor::{ControllerStatus, HeartbeatMonitor};
+pub use shared_port::SharedPort;
 
-/// How often the heartbeat is looked at.
-const LOOK: Nanos = Nanos::from_millis(2);
+/// Period of reading the heartbeat.
+const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// How often a port is tried that could not be opened.
-const TRY_PORTS: Nanos = Nanos::from_millis(100);
+/// Period of trying to open ports.
+const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
-/// Silence of the loop after which the guard acts, unless told otherwise.
+/// Default silence of the loop after which the watchdog acts.
 pub const DEFAULT_SILENCE: Nanos = Nanos::from_millis(40);
 
-/// What the guard tells, for the log.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Notice {
-    /// A port is held.
-    Held(std::path::PathBuf),
-    /// A port cannot be held now, and why.
-    NotHeld(std::path::PathBuf, String),
-    /// The controller is there, and watched from now on.
-    Watching,
-    /// The controller is gone, or hangs, for this long.
-    Silent(Verdict, Nanos),
-    /// What came of stopping a port.
-    Stopped(std::path::PathBuf, Vec<Stopped>),
-    /// The controller ended with its drives off.
-    Ended,
-}
-
-/// Watches until `stop`. Every notice goes to `tell`.
+/// Monitors the controller until `stop` is set. Passes every event to `report`.
 pub fn run(
     config: &Config,
     domain: &Domain,
     silence: Nanos,
     stop: &AtomicBool,
-    tell: &mut dyn FnMut(Notice),
+    report: &mut dyn FnMut(WatchdogEvent),
 ) {
-    let mut ports: Vec<GuardedPort> = config.ports.iter().map(GuardedPort::new).collect();
-    let mut finger = Finger::new(domain);
-    let mut heartbeat = Heartbeat::new(silence);
-    let mut next_try = Nanos::ZERO;
+    let mut ports: Vec<SharedPort> = config.ports.iter().map(SharedPort::new).collect();
+    let mut reader = HeartbeatReader::new(domain);
+    let mut monitor = HeartbeatMonitor::new(silence);
+    let mut next_open = Nanos::ZERO;
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
-        if now >= next_try {
-            next_try = now + TRY_PORTS;
-            ports
-                .iter_mut()
-                .filter_map(GuardedPort::hold)
-                .for_each(&mut *tell);
-        }
-        let felt = finger.feel();
-        let verdict = heartbeat.judge(felt, clock::now());
-        match verdict {
-            Verdict::Waiting | Verdict::Alive => {}
-            Verdict::Arrived => tell(Notice::Watching),
-            Verdict::Ended => tell(Notice::Ended),
-            Verdict::Gone | Verdict::Hangs => {
-                let age = heartbeat.age(clock::now());
-                // The stop comes before the talk.
-                let stopped: Vec<Notice> = ports
-                    .iter_mut()
-                    .map(|port| Notice::Stopped(port.device().to_owned(), port.stop()))
-                    .collect();
-                tell(Notice::Silent(verdict, age));
-                stopped.into_iter().for_each(&mut *tell);
+        if now >= next_open {
+            next_open = now + OPEN_PERIOD;
+            for event in ports.iter_mut().filter_map(SharedPort::open) {
+                report(event);
             }
         }
-        clock::sleep(LOOK);
+        let heartbeat = reader.read();
+        let status = monitor.update(heartbeat, clock::now());
+        match status {
+            ControllerStatus::Absent | ControllerStatus::Alive => {}
+            ControllerStatus::Started => report(WatchdogEvent::Monitoring),
+            ControllerStatus::Ended => report(WatchdogEvent::ControllerEnded),
+            ControllerStatus::Died | ControllerStatus::Hangs => {
+                let age = monitor.age(clock::now());
+                // Sends quick stop to every axis before it reports: the log may block.
+                let stopped: Vec<_> = ports.iter_mut().map(SharedPort::quick_stop).collect();
+                report(WatchdogEvent::ControllerLost(status, age));
+                for event in stopped {
+                    report(event);
+                }
+            }
+        }
+        clock::sleep(POLL_PERIOD);
     }
 }

@@ -70,7 +70,7 @@ fn a_command_may_set_its_own_deadline() {
 /// A deadline beyond the lease would leave a robot that moves without a client.
 #[test]
 fn no_command_outlives_the_lease() {
-    let mut bench = Bench::enabled_with(config("[command]\nlease_ms = 60"), None);
+    let mut bench = Bench::enabled_with(config("[command]\nlease_timeout_ms = 60"), None);
     let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
         [i2ris::units::Counts(250); 2],
         2,
@@ -171,7 +171,7 @@ fn a_stop_that_takes_too_long_ends_with_the_power_off() {
     let limits = "[limits]\nacceleration_counts_s2 = 200.0\nstop_deceleration_counts_s2 = 200.0";
     let mut bench = Bench::enabled_with(
         config(&format!(
-            "{limits}\n[command]\ndeadline_ms = 1000\nlease_ms = 1000"
+            "{limits}\n[command]\ndeadline_ms = 1000\nlease_timeout_ms = 1000"
         )),
         None,
     );

@@ -3,28 +3,32 @@
 //! as for any commander.
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
+use std::collections::VecDeque;
+use std::fs;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState, Refusal};
 use i2ris::units::Nanos;
 use i2ris_network::{Console, Gate, Key};
 
-use crate::live::stream_counts;
-use crate::rig::{PATIENCE, Rig, settle};
+use crate::rig::motion::{
+    SEND_PERIOD, assert_constant, assert_stopped_within, setpoints_after, stream_counts, swing,
+};
+use crate::rig::{Rig, TIMEOUT, eventually, settle, wait_for, wait_until_holding, wait_until_idle};
 
 const SECRET: &[u8] = b"a key of this test alone";
-/// Long against stalls of the machine, short against the patience of the test.
+/// Long compared with stalls of the machine, short compared with the timeout of the test.
 const LOST_AFTER: Nanos = Nanos::from_millis(1500);
+const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
 
-/// A thread that is told to end, and waited for, when dropped.
+/// A thread that is stopped and joined on drop.
 struct Running {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -34,10 +38,8 @@ impl Running {
     fn start(work: impl FnOnce(Arc<AtomicBool>) + Send + 'static) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
-        Self {
-            stop,
-            thread: Some(thread::spawn(move || work(flag))),
-        }
+        let thread = Some(thread::spawn(move || work(flag)));
+        Self { stop, thread }
     }
 }
 
@@ -48,7 +50,7 @@ impl Drop for Running {
     }
 }
 
-fn start_gate(rig: &Rig, listen: SocketAddr) -> (SocketAddr, Running) {
+fn start_server(rig: &Rig, listen: SocketAddr) -> (SocketAddr, Running) {
     let gate = Gate {
         domain: rig.domain(),
         listen,
@@ -65,7 +67,7 @@ fn start_gate(rig: &Rig, listen: SocketAddr) -> (SocketAddr, Running) {
     )
 }
 
-fn start_console(domain: &Domain, gate: SocketAddr) -> Running {
+fn start_client(domain: &Domain, gate: SocketAddr) -> Running {
     let console = Console {
         domain: domain.clone(),
         gate,
@@ -75,8 +77,8 @@ fn start_console(domain: &Domain, gate: SocketAddr) -> Running {
     Running::start(move |stop| console.run(|| stop.load(Ordering::Relaxed), drop).unwrap())
 }
 
-/// A network between a console and a gate, which can be cut and slowed down. Only the way to the
-/// gate is slow.
+/// A network between client and server that can be cut and delayed. Only the direction to the
+/// server is delayed.
 struct Network {
     cut: Arc<AtomicBool>,
     delay_ms: Arc<AtomicU64>,
@@ -85,19 +87,18 @@ struct Network {
 }
 
 impl Network {
-    fn to(gate: SocketAddr) -> Self {
-        let near = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        let far = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-        far.connect(gate).unwrap();
+    fn to(server: SocketAddr) -> Self {
+        let near = UdpSocket::bind(ANY_PORT).unwrap();
+        let far = UdpSocket::bind(ANY_PORT).unwrap();
+        far.connect(server).unwrap();
         near.set_nonblocking(true).unwrap();
         far.set_nonblocking(true).unwrap();
         let address = near.local_addr().unwrap();
-        let (cut, delay_ms) = (
-            Arc::new(AtomicBool::new(false)),
-            Arc::new(AtomicU64::new(0)),
-        );
+        let (cut, delay_ms) = <(Arc<AtomicBool>, Arc<AtomicU64>)>::default();
         let switches = (Arc::clone(&cut), Arc::clone(&delay_ms));
-        let running = Running::start(move |stop| carry(&near, &far, &switches, &stop));
+        let running = Running::start(move |stop| {
+            carry(&near, &far, &switches.0, &switches.1, &stop);
+        });
         Self {
             cut,
             delay_ms,
@@ -107,244 +108,173 @@ impl Network {
     }
 }
 
+/// Carries packets until `stop`.
 fn carry(
     near: &UdpSocket,
     far: &UdpSocket,
-    (cut, delay_ms): &(Arc<AtomicBool>, Arc<AtomicU64>),
+    cut: &AtomicBool,
+    delay_ms: &AtomicU64,
     stop: &AtomicBool,
 ) {
-    let (mut console, mut buffer, mut waiting) =
-        (None, [0; 2048], std::collections::VecDeque::new());
+    let (mut client, mut buffer, mut delayed) = (None, [0; 2048], VecDeque::new());
     while !stop.load(Ordering::Relaxed) {
         while let Ok((length, from)) = near.recv_from(&mut buffer) {
-            console = Some(from);
+            client = Some(from);
             let due = clock::now() + Nanos::from_millis(delay_ms.load(Ordering::Relaxed));
-            waiting.push_back((due, buffer[..length].to_vec()));
+            delayed.push_back((due, buffer[..length].to_vec()));
         }
-        while waiting.front().is_some_and(|(due, _)| *due <= clock::now()) {
-            let (_, packet) = waiting.pop_front().unwrap();
+        let is_due = |(due, _): &(Nanos, Vec<u8>)| *due <= clock::now();
+        while let Some((_, packet)) = delayed.front().filter(|delayed| is_due(delayed)) {
             if !cut.load(Ordering::Relaxed) {
-                let _ = far.send(&packet);
+                let _ = far.send(packet);
             }
+            delayed.pop_front();
         }
         while let Ok(length) = far.recv(&mut buffer) {
-            if let (false, Some(console)) = (cut.load(Ordering::Relaxed), console) {
-                let _ = near.send_to(&buffer[..length], console);
+            if let (false, Some(client)) = (cut.load(Ordering::Relaxed), client) {
+                let _ = near.send_to(&buffer[..length], client);
             }
         }
         clock::sleep(Nanos::from_micros(500));
     }
 }
 
-fn swing(t: f64) -> [i32; 2] {
-    [
-        (600.0 * (t * 2.0).sin()) as i32,
-        (600.0 * (t * 1.7).sin()) as i32,
-    ]
-}
-
-/// Streams until nobody takes it any more; the reason.
+/// Streams until it fails; the error.
 fn stream_until_it_fails(client: &Client) -> ClientError {
     let (mut commander, start) = (client.commander(), clock::now());
     loop {
         let now = clock::now();
         match commander.servo_actuators(&swing((now - start).as_seconds())) {
-            Ok(_) => assert!(now.since(start) < PATIENCE, "it goes on for ever"),
+            Ok(_) => assert!(now.since(start) < TIMEOUT, "it never fails"),
             Err(error) => return error,
         }
-        clock::sleep_until(now + Nanos::from_millis(5));
+        clock::sleep_until(now + SEND_PERIOD);
     }
 }
 
-fn is_holding(state: &OperatingStateMsg) -> bool {
-    state.flags & OperatingStateMsg::HOLDING != 0
+/// The time from a cut until the setpoints must be constant.
+fn deadline(rig: &Rig) -> Nanos {
+    Nanos::from_millis(rig.config.command.deadline_ms + 250)
 }
 
-/// The set-points that an axis received after an instant: some at least, however slow the machine
-/// is.
-fn setpoints_after(rig: &Rig, axis: usize, instant: Nanos) -> Vec<i32> {
-    let end = clock::now() + PATIENCE;
-    loop {
-        let setpoints = rig.setpoints(axis);
-        let after: Vec<i32> = setpoints
-            .iter()
-            .filter(|(stamp, _)| *stamp > instant)
-            .map(|(_, counts)| *counts)
-            .collect();
-        if after.len() > 20 {
-            return after;
-        }
-        assert!(
-            clock::now() < end,
-            "set-points are still sent to axis {axis}"
-        );
-        thread::sleep(Duration::from_millis(20));
-    }
-}
-
-/// The set-points moved before the cut, and stand from the deadline on: in the log of the emulated
-/// drives.
-fn moved_before_and_held_after(rig: &Rig, cut: Nanos) {
-    let quiet = cut + Nanos::from_millis(rig.config.command.deadline_ms + 250);
-    for axis in 0..2 {
-        let setpoints = rig.setpoints(axis);
-        let before = setpoints
-            .iter()
-            .filter(|(stamp, _)| *stamp < cut)
-            .map(|(_, counts)| counts);
-        assert!(
-            before.clone().max().unwrap() - before.min().unwrap() > 20,
-            "axis {axis} moved before"
-        );
-        let after = setpoints_after(rig, axis, quiet);
-        assert!(
-            after.iter().all(|counts| counts == &after[0]),
-            "axis {axis} holds: {after:?}"
-        );
-    }
+/// Waits until the robot holds because its commander has fallen silent.
+fn wait_until_stopped(client: &mut Client) -> u64 {
+    let held = wait_until_holding(client);
+    assert!(held.state == OperatingState::Enabled.number() && held.stale_stops >= 1);
+    held.accepted
 }
 
 #[test]
 fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
-    let (gate, _gate) = start_gate(&rig, (Ipv4Addr::LOCALHOST, 0).into());
-    let network = Network::to(gate);
+    let (server, _server) = start_server(&rig, ANY_PORT.into());
+    let network = Network::to(server);
     let far = rig.another_domain("far");
-    let _console = start_console(&far, network.address);
-    let mut remote = Client::connect(&far, PATIENCE).unwrap();
-    let end = clock::now() + PATIENCE;
-    while remote.version().unwrap().shape[0] != 2 {
-        assert!(
-            clock::now() < end,
-            "how many motors there are is told over the network"
-        );
-    }
-    let remote = thread::spawn(move || {
-        let failed = stream_until_it_fails(&remote);
-        (remote, failed)
+    let _client = start_client(&far, network.address);
+    let mut remote = Client::connect(&far, TIMEOUT).unwrap();
+    eventually("the number of motors arrives over the network", || {
+        (remote.version().unwrap().shape[0] == 2).then_some(())
     });
-    let moving = client
-        .wait_for(PATIENCE, |state| state.accepted > 50)
-        .unwrap();
+    let remote = thread::spawn(move || {
+        let error = stream_until_it_fails(&remote);
+        (remote, error)
+    });
+    let moving = wait_for(&mut client, |state| state.accepted > 50);
     assert_ne!(moving.lease_client_id, 0);
     network.cut.store(true, Ordering::Relaxed);
     let cut = clock::now();
-    let held = client.wait_for(PATIENCE, is_holding).unwrap();
-    assert!(held.state == OperatingState::Enabled.number() && held.stale_stops >= 1);
-    // Programs at the console see the controller go, and end.
-    let (remote, failed) = remote.join().unwrap();
-    assert!(failed.is_absent(), "{failed}");
-    client
-        .wait_for(PATIENCE, |state| state.lease_client_id == 0)
-        .unwrap();
-    moved_before_and_held_after(&rig, cut);
-    // When the link is back nothing moves by itself, and whoever begins anew is followed.
+    let accepted = wait_until_stopped(&mut client);
+    // Programs on the far side get an error.
+    let (remote, error) = remote.join().unwrap();
+    assert!(error.is_absent(), "{error}");
+    wait_for(&mut client, |state| state.lease_client_id == 0);
+    assert_stopped_within(&rig, cut..cut + deadline(&rig));
+    // When the network is back nothing moves by itself, and new commands are followed.
     drop(remote);
     network.cut.store(false, Ordering::Relaxed);
-    let again = Client::connect(&far, PATIENCE).unwrap();
+    let again = Client::connect(&far, TIMEOUT).unwrap();
     clock::sleep(Nanos::from_millis(300));
-    moved_before_and_held_after(&rig, cut);
-    let here = rig.emulator.snapshot().axes.map(|axis| axis.drive.position);
+    assert_stopped_within(&rig, cut..cut + deadline(&rig));
+    let here = rig.positions();
     stream_counts(&again, 0.5, |_| here);
-    assert!(settle(&mut client, |state| state.accepted > held.accepted).lease_client_id != 0);
+    assert!(settle(&mut client, |state| state.accepted > accepted).lease_client_id != 0);
 }
 
 #[test]
-fn h02_commands_that_the_network_holds_up_arrive_old_and_are_refused() {
+fn h02_commands_that_the_network_delays_are_refused_as_stale() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
-    let (gate, _gate) = start_gate(&rig, (Ipv4Addr::LOCALHOST, 0).into());
-    let network = Network::to(gate);
+    let (server, _server) = start_server(&rig, ANY_PORT.into());
+    let network = Network::to(server);
     let far = rig.another_domain("far");
-    let _console = start_console(&far, network.address);
-    let remote = Client::connect(&far, PATIENCE).unwrap();
+    let _client = start_client(&far, network.address);
+    let remote = Client::connect(&far, TIMEOUT).unwrap();
     // Three times the deadline, but below the silence after which the link counts as lost.
-    network
-        .delay_ms
-        .store(3 * rig.config.command.deadline_ms, Ordering::Relaxed);
-    clock::sleep(Nanos::from_millis(4 * rig.config.command.deadline_ms));
-    let (before, began) = (settle(&mut client, |_| true), clock::now());
+    let deadline_ms = rig.config.command.deadline_ms;
+    network.delay_ms.store(3 * deadline_ms, Ordering::Relaxed);
+    clock::sleep(Nanos::from_millis(4 * deadline_ms));
+    let (before, began) = (wait_until_idle(&mut client), clock::now());
     stream_counts(&remote, 2.0, swing);
-    let after = client
-        .wait_for(PATIENCE, |state| state.refused > before.refused + 10)
-        .unwrap();
-    assert_eq!(
-        (after.accepted, after.last_refusal),
-        (before.accepted, Refusal::Stale.number())
-    );
+    let refused = before.refused + 10;
+    let after = wait_for(&mut client, |state| state.refused > refused);
+    assert_eq!(after.accepted, before.accepted);
+    assert_eq!(after.last_refusal, Refusal::Stale.number());
     for axis in 0..2 {
-        let since = setpoints_after(&rig, axis, began);
-        assert!(
-            since.iter().all(|counts| counts == &since[0]),
-            "axis {axis} moved: {since:?}"
-        );
+        assert_constant(&setpoints_after(&rig, axis, began), axis);
     }
 }
 
-/// `None`, with the reason on the screen: this machine does not allow it.
-fn command_in_a_namespace(test: &str) -> Option<Command> {
-    let allowed = Command::new("unshare")
+/// A command that runs a test of this binary in new namespaces.
+fn command_in_a_namespace(options: &str, test: &str) -> Command {
+    let mut command = Command::new("unshare");
+    command.arg(options).arg(std::env::current_exe().unwrap());
+    command
+        .args(["--ignored", "--exact", "--nocapture", test])
+        .stdin(Stdio::null());
+    command
+}
+
+fn ip(arguments: &str) -> bool {
+    let status = Command::new("ip").args(arguments.split(' ')).status();
+    status.is_ok_and(|status| status.success())
+}
+
+/// Two network namespaces with only a virtual cable between them: two computers for the network.
+#[test]
+fn h02_the_snake_holds_when_the_cable_between_two_computers_is_pulled() {
+    let mut allowed = Command::new("unshare");
+    let allowed = allowed
         .args(["-Urn", "true"])
         .stderr(Stdio::null())
         .status();
     if !allowed.is_ok_and(|status| status.success()) {
-        eprintln!("skipped: this machine allows no network namespaces (`unshare -Urn true` fails)");
-        return None;
+        return eprintln!(
+            "skipped: this machine allows no network namespaces (`unshare -Urn true` fails)"
+        );
     }
-    let mut command = Command::new("unshare");
-    command.arg("-Urn").arg(std::env::current_exe().unwrap());
-    command
-        .args(["--ignored", "--exact", "--nocapture", test])
-        .stdin(Stdio::null());
-    Some(command)
-}
-
-fn ip(arguments: &str) -> bool {
-    Command::new("ip")
-        .args(arguments.split(' '))
-        .status()
-        .is_ok_and(|status| status.success())
-}
-
-/// Two network namespaces with nothing but a virtual cable between them: for the network they are
-/// two computers.
-#[test]
-fn h02_the_snake_holds_when_the_cable_between_two_computers_is_pulled() {
-    let Some(mut command) = command_in_a_namespace("h02_network::computer_of_the_robot") else {
-        return;
-    };
+    let mut command = command_in_a_namespace("-Urn", "h02_network::computer_of_the_robot");
     let output = command.env("RIG_NAMESPACE", "1").output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
-    if let Some(reason) = text.lines().find(|line| line.contains("skipped:")) {
-        eprintln!("{reason}");
-    } else {
-        assert!(text.contains("the cable was pulled"), "{text}");
+    match text.lines().find(|line| line.contains("skipped:")) {
+        Some(reason) => eprintln!("{reason}"),
+        None => assert!(text.contains("the cable was pulled"), "{text}"),
     }
 }
 
-/// Ends a child of the test, also when the test fails.
-struct Ended(Child);
+/// Kills a child on drop.
+struct KilledOnDrop(Child);
 
-impl Drop for Ended {
+impl Drop for KilledOnDrop {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
-fn namespace_of(process: &str) -> Option<std::path::PathBuf> {
-    std::fs::read_link(format!("/proc/{process}/ns/net")).ok()
-}
-
-/// Waits for something that takes other processes a moment.
-fn eventually(what: &str, done: impl Fn() -> bool) {
-    let end = clock::now() + PATIENCE;
-    while !done() {
-        assert!(clock::now() < end, "waited in vain: {what}");
-        thread::sleep(Duration::from_millis(5));
-    }
+fn namespace(process: &str) -> Option<PathBuf> {
+    fs::read_link(format!("/proc/{process}/ns/net")).ok()
 }
 
 /// Not a test of its own: one end of the cable.
@@ -356,45 +286,29 @@ fn computer_of_the_robot() {
     }
     let mut rig = Rig::new();
     let far = rig.another_domain("far");
-    let console = Command::new("unshare")
-        .arg("-n")
-        .arg(std::env::current_exe().unwrap())
-        .args([
-            "--ignored",
-            "--exact",
-            "--nocapture",
-            "h02_network::computer_of_the_surgeon",
-        ])
-        .env("RIG_FAR_DOMAIN", far.name())
-        .stdin(Stdio::null())
-        .spawn()
-        .unwrap();
-    let console = Ended(console);
-    let id = console.0.id().to_string();
+    let mut surgeon = command_in_a_namespace("-n", "h02_network::computer_of_the_surgeon");
+    surgeon.env("RIG_FAR_DOMAIN", far.name());
+    let surgeon = KilledOnDrop(surgeon.spawn().unwrap());
+    let id = surgeon.0.id().to_string();
+    let own = namespace("self");
     eventually("another namespace", || {
-        namespace_of(&id).is_some_and(|there| Some(there) != namespace_of("self"))
+        namespace(&id).filter(|there| Some(there) != own.as_ref())
     });
     if !ip(&format!(
         "link add robot type veth peer name surgeon netns {id}"
     )) {
-        eprintln!("skipped: this kernel has no virtual cables (veth)");
-        return;
+        return eprintln!("skipped: this kernel has no virtual cables (veth)");
     }
     assert!(ip("addr add 10.77.0.1/24 dev robot") && ip("link set robot up"));
     let mut client = rig.enabled();
-    let (_, _gate) = start_gate(&rig, "10.77.0.1:7410".parse().unwrap());
-    client
-        .wait_for(PATIENCE, |state| state.accepted > 50)
-        .unwrap();
+    let (_, _server) = start_server(&rig, "10.77.0.1:7410".parse().unwrap());
+    wait_for(&mut client, |state| state.accepted > 50);
     assert!(ip("link set robot down"));
     let cut = clock::now();
-    let held = client.wait_for(PATIENCE, is_holding).unwrap();
-    assert!(held.state == OperatingState::Enabled.number() && held.stale_stops >= 1);
-    client
-        .wait_for(PATIENCE, |state| state.lease_client_id == 0)
-        .unwrap();
+    wait_until_stopped(&mut client);
+    wait_for(&mut client, |state| state.lease_client_id == 0);
     clock::sleep(Nanos::from_millis(500));
-    moved_before_and_held_after(&rig, cut);
+    assert_stopped_within(&rig, cut..cut + deadline(&rig));
     eprintln!("the cable was pulled and the snake held");
 }
 
@@ -406,12 +320,10 @@ fn computer_of_the_surgeon() {
         return;
     };
     let far = Domain::new(&domain).unwrap();
-    eventually("the cable", || {
-        std::path::Path::new("/sys/class/net").exists() && ip("link show surgeon")
-    });
+    eventually("the cable", || ip("link show surgeon").then_some(()));
     assert!(ip("addr add 10.77.0.2/24 dev surgeon") && ip("link set surgeon up"));
-    let _console = start_console(&far, "10.77.0.1:7410".parse().unwrap());
-    let client = Client::connect(&far, PATIENCE).unwrap();
-    let failed = stream_until_it_fails(&client);
-    assert!(failed.is_absent(), "{failed}");
+    let _client = start_client(&far, "10.77.0.1:7410".parse().unwrap());
+    let client = Client::connect(&far, TIMEOUT).unwrap();
+    let error = stream_until_it_fails(&client);
+    assert!(error.is_absent(), "{error}");
 }

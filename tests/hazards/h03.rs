@@ -1,27 +1,28 @@
-//! H03: the controller hangs or is killed. A drive in a position mode goes to its last set-point, a
+//! H03: the controller hangs or is killed. A drive in a position mode goes to its last setpoint, a
 //! small step away, and holds.
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use nix::sys::signal::Signal;
 
-use crate::live::{SetAtEnd, stream_counts};
-use crate::rig::Rig;
+use crate::rig::motion::{SetOnDrop, stream_counts};
+use crate::rig::{Rig, wait_until_holding};
 
-/// Both at full speed: killed at once, or stopped in its tracks.
-fn ends_at_the_last_set_point(signal: Signal) {
+/// The drives hold after a signal to the controller during fast motion.
+fn check_drives_hold_after(signal: Signal) {
     let mut rig = Rig::new();
     let client = rig.enabled();
-    let done = std::sync::atomic::AtomicBool::new(false);
+    let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let _end = SetAtEnd(&done);
+        let _end = SetOnDrop(&done);
         scope.spawn(|| {
-            let mut commander = client.commander();
-            let start = clock::now();
-            // Once the controller is gone there is no one to send to.
-            while !done.load(std::sync::atomic::Ordering::Relaxed) {
+            let (mut commander, start) = (client.commander(), clock::now());
+            while !done.load(Ordering::Relaxed) {
                 let t = (clock::now() - start).as_seconds();
+                // Fails when the controller has ended.
                 let _ = commander.servo_actuators(&[(1500.0 * t).min(1500.0) as i32, 0]);
                 clock::sleep(Nanos::from_millis(5));
             }
@@ -30,24 +31,22 @@ fn ends_at_the_last_set_point(signal: Signal) {
         rig.signal(signal);
         clock::sleep(Nanos::from_millis(700));
     });
-    let (_, last) = *rig.setpoints(0).last().unwrap();
+    let setpoints = rig.setpoints(0);
+    let (_, last) = *setpoints.last().unwrap();
     let drive = rig.emulator.snapshot().axes[0].drive;
     assert_eq!(drive.state, State::OperationEnabled, "it holds under power");
+    assert!((100..1500).contains(&last), "{last}");
     assert!(
-        (drive.position - last).abs() <= 3 && last > 100 && last < 1500,
-        "{drive:?}, told {last}"
+        (drive.position - last).abs() <= 3,
+        "{drive:?}, setpoint {last}"
     );
-    let count = rig.setpoints(0).len();
     clock::sleep(Nanos::from_millis(300));
     assert_eq!(
         rig.setpoints(0).len(),
-        count,
-        "nobody tells it anything any more"
+        setpoints.len(),
+        "no further setpoints"
     );
-    assert_eq!(
-        rig.emulator.snapshot().axes[0].drive.position,
-        drive.position
-    );
+    assert_eq!(rig.positions()[0], drive.position);
     if signal == Signal::SIGSTOP {
         rig.signal(Signal::SIGKILL);
     }
@@ -56,17 +55,17 @@ fn ends_at_the_last_set_point(signal: Signal) {
 
 #[test]
 fn h03_the_drives_hold_when_the_controller_is_killed() {
-    ends_at_the_last_set_point(Signal::SIGKILL);
+    check_drives_hold_after(Signal::SIGKILL);
 }
 
 #[test]
 fn h03_the_drives_hold_when_the_controller_hangs() {
-    ends_at_the_last_set_point(Signal::SIGSTOP);
+    check_drives_hold_after(Signal::SIGSTOP);
 }
 
-/// One that hung and goes on does not make up for what it missed.
+/// A controller that hung and continues does not catch up.
 #[test]
-fn h03_a_controller_that_hung_goes_on_by_holding() {
+fn h03_a_controller_that_hung_continues_by_holding() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
     stream_counts(&client, 0.3, |t| [(900.0 * t) as i32, 0]);
@@ -74,13 +73,11 @@ fn h03_a_controller_that_hung_goes_on_by_holding() {
     clock::sleep(Nanos::from_millis(800));
     let before = rig.setpoints(0).len();
     rig.signal(Signal::SIGCONT);
-    crate::rig::settle(&mut client, |state| {
-        state.flags & i2ris::ipc::payload::OperatingStateMsg::HOLDING != 0
-    });
+    wait_until_holding(&mut client);
     clock::sleep(Nanos::from_millis(200));
     let setpoints = rig.setpoints(0);
     let (old, new) = setpoints.split_at(before);
     let (first, last) = (old.last().unwrap().1, new.last().unwrap().1);
-    // At most the way of the ticks between its last write and the tick that saw the deadline.
+    // At most the motion of the ticks between its last write and the tick that sees the deadline.
     assert!((last - first).abs() <= 60, "{first} {last}");
 }

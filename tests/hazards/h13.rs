@@ -1,20 +1,20 @@
-//! H13: logger, terminal or disk blocks. The loop has nothing of that in it: it drops and counts.
+//! H13: logger, terminal or disk blocks. The loop uses none of them; other threads drop and count.
 
 use std::fs;
 use std::io::Read;
+use std::os::fd::AsFd;
 use std::process::Stdio;
 
-use i2ris::clock;
 use i2ris::ipc::OperatingState;
-use i2ris::units::Nanos;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::sys::signal::Signal;
 
-use crate::live::stream_counts;
-use crate::rig::{PATIENCE, Rig, enable, home};
+use crate::rig::motion::stream_counts;
+use crate::rig::{Rig, enable, eventually, home};
 
-/// Standard error is a pipe that nobody reads and that is full already; the folder of the black
-/// boxes is a file.
+/// Standard error is a full pipe that nobody reads; the folder of the black boxes is a file.
 #[test]
-fn h13_a_log_that_nobody_reads_and_a_folder_that_is_none_do_not_stop_the_loop() {
+fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
     let mut rig = Rig::new();
     fs::write(rig.folder.path().join("records"), "in the way").unwrap();
     let (mut reader, writer) = std::io::pipe().unwrap();
@@ -25,46 +25,29 @@ fn h13_a_log_that_nobody_reads_and_a_folder_that_is_none_do_not_stop_the_loop() 
     enable(&mut client);
     stream_counts(&client, 1.0, |t| [(200.0 * t) as i32, 0]);
     let mut statistics = client.watcher().period_statistics();
-    let start = clock::now();
-    let mut windows = 0;
-    while windows < 3 {
-        windows += u32::from(
-            statistics
-                .newest()
-                .unwrap()
-                .is_some_and(|message| message.ticks > 100),
-        );
-        assert!(
-            clock::now().since(start) < PATIENCE,
-            "the loop does not tick"
-        );
-        clock::sleep(Nanos::from_millis(20));
+    for _ in 0..3 {
+        eventually("a second with ticks of the loop", || {
+            let newest = statistics.newest().unwrap();
+            newest.filter(|message| message.ticks > 100)
+        });
     }
-    assert!(
-        client
-            .write_black_box()
-            .unwrap_err()
-            .to_string()
-            .contains("cannot write black box")
-    );
+    let error = client.write_black_box().unwrap_err().to_string();
+    assert!(error.contains("cannot write black box"), "{error}");
     let state = client.operating_state().unwrap().unwrap();
     assert_eq!(state.state, OperatingState::Enabled.number());
-    // Read at last, it says what it had to say.
+    // When the log is read, the controller can end.
     std::thread::spawn(move || {
         let mut text = Vec::new();
         let _ = reader.read_to_end(&mut text);
     });
-    rig.signal(nix::sys::signal::Signal::SIGTERM);
+    rig.signal(Signal::SIGTERM);
     assert_eq!(rig.wait_for_end().code(), Some(0));
 }
 
-/// Fills a pipe to its brim.
 fn fill(pipe: &std::io::PipeWriter) {
-    use std::os::fd::AsFd;
-    let flags =
-        |flags| nix::fcntl::fcntl(pipe.as_fd(), nix::fcntl::FcntlArg::F_SETFL(flags)).unwrap();
-    flags(nix::fcntl::OFlag::O_NONBLOCK);
+    let set_flags = |flags| fcntl(pipe.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
+    set_flags(OFlag::O_NONBLOCK);
     while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
     while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}
-    flags(nix::fcntl::OFlag::empty());
+    set_flags(OFlag::empty());
 }

@@ -4,10 +4,10 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 
 use crate::bench::Bench;
 
-/// A client that went on sending meanwhile has moved its goal away: it has to come back to where
-/// the snake is.
+/// A client that continues to send while paused moves its goal away: the goal has to return to the
+/// pose of the snake.
 #[test]
-fn h14_resume_does_not_move_and_a_goal_that_went_away_meanwhile_is_refused() {
+fn h14_resume_does_not_move_and_a_goal_that_moved_away_is_refused() {
     let mut bench = Bench::moving();
     assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
     bench.idle();
@@ -37,9 +37,5 @@ fn h14_after_a_fault_the_operator_acknowledges_enables_and_commands_before_anyth
     bench.enable();
     bench.run(500);
     assert_eq!(bench.targets(), before);
-    assert_eq!(
-        bench.joints().goal,
-        bench.joints().setpoint,
-        "the goal is where it stands"
-    );
+    assert_eq!(bench.joints().goal, bench.joints().setpoint);
 }

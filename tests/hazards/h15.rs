@@ -1,56 +1,48 @@
 //! H15: two controllers. Ports and shared memory belong to one.
 
 use i2ris::ipc::OperatingState;
+use i2ris_emulator::log::EventKind;
 
-use crate::rig::{Rig, settle, wait_for_end};
+use crate::rig::{Rig, wait_for_end, wait_until_idle};
 
-#[test]
-fn h15_a_second_controller_is_refused_and_harms_nothing() {
+/// Starts a second controller on a domain and returns the text of its refusal. The first controller
+/// stays enabled.
+fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
-    let mut second = rig.spawn_controller("second");
-    assert_eq!(
-        wait_for_end(&mut second).expect("it ends at once").code(),
-        Some(1)
-    );
-    let text = rig.said("second");
-    assert!(
-        text.starts_with("error: ") && text.lines().count() == 1,
-        "{text}"
-    );
-    assert_eq!(
-        settle(&mut client, |_| true).state,
-        OperatingState::Enabled.number()
-    );
-}
-
-/// The same ports under another name.
-#[test]
-fn h15_a_second_controller_in_another_domain_gets_no_port() {
-    let mut rig = Rig::new();
-    let mut client = rig.enabled();
-    let before = rig.emulator.log().len();
-    let other = format!("{}-b", rig.domain().name());
-    let domain = std::mem::replace(&mut rig.config.ipc.domain, other);
+    let events = rig.emulator.log().len();
+    let domain = rig.config.ipc.domain.clone();
+    change_domain(&mut rig.config.ipc.domain);
     let mut second = rig.spawn_controller("second");
     rig.config.ipc.domain = domain;
     assert_eq!(
         wait_for_end(&mut second).expect("it ends at once").code(),
         Some(1)
     );
+    let state = wait_until_idle(&mut client).state;
+    assert_eq!(state, OperatingState::Enabled.number());
+    let log = rig.emulator.log();
     assert!(
-        rig.said("second").contains("in use"),
-        "{}",
-        rig.said("second")
+        !log[events..]
+            .iter()
+            .any(|event| matches!(event.kind, EventKind::Line(_)))
     );
-    assert_eq!(
-        settle(&mut client, |_| true).state,
-        OperatingState::Enabled.number()
-    );
-    let kinds = rig.emulator.log().into_iter().skip(before);
+    let text = rig.log_text("second");
     assert!(
-        kinds
-            .into_iter()
-            .all(|event| !matches!(event.kind, i2ris_emulator::log::EventKind::Line(_)))
+        text.starts_with("error: ") && text.lines().count() == 1,
+        "{text}"
     );
+    text
+}
+
+#[test]
+fn h15_a_second_controller_is_refused_and_changes_nothing() {
+    let text = refusal_of_second(|_| {});
+    assert!(text.contains("already"), "{text}");
+}
+
+#[test]
+fn h15_a_second_controller_in_another_domain_gets_no_port() {
+    let text = refusal_of_second(|domain| domain.push_str("-b"));
+    assert!(text.contains("in use"), "{text}");
 }

@@ -1,15 +1,15 @@
-//! H18: restart after kill -9. Leftovers are cleaned away, clients find the new controller, and the
-//! zero is still known.
+//! H18: restart after kill -9. Leftovers are removed, clients find the new controller, and the zero
+//! is still known.
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, StateCommand};
 use nix::sys::signal::Signal;
 
-use crate::live::stream_counts;
-use crate::rig::{Rig, enable, settle};
+use crate::rig::motion::stream_counts;
+use crate::rig::{Rig, enable, has, settle_in};
 
 #[test]
-fn h18_a_killed_controller_is_started_anew_and_goes_on_with_the_same_client_and_zero() {
+fn h18_a_killed_controller_is_restarted_and_continues_with_the_same_client_and_zero() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
     for _ in 0..3 {
@@ -17,18 +17,14 @@ fn h18_a_killed_controller_is_started_anew_and_goes_on_with_the_same_client_and_
         rig.wait_for_end();
         rig.start_controller();
         rig.client();
-        let state = settle(&mut client, |state| {
-            state.state == OperatingState::Disabled.number()
-        });
+        let state = settle_in(&mut client, OperatingState::Disabled);
         assert!(
-            state.flags & OperatingStateMsg::HOMED != 0,
+            has(&state, OperatingStateMsg::HOMED),
             "the drives kept their zero"
         );
         enable(&mut client);
         stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
     }
     client.state_command(StateCommand::Disable).unwrap();
-    settle(&mut client, |state| {
-        state.state == OperatingState::Disabled.number()
-    });
+    settle_in(&mut client, OperatingState::Disabled);
 }

@@ -1,13 +1,13 @@
 //! The hazards of the design, one module per id, at least one test in each: see the table in
 //! `README.md` beside this file.
 //!
-//! Where real processes prove more, the controller runs as a process against emulated drives
-//! ([`rig`]); where the exact tick matters, the cycle runs on counted time ([`bench`]).
+//! Most tests run the controller as a process against emulated drives ([`rig`]); where the exact
+//! tick matters, the cycle runs on counted time ([`bench`]).
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::print_stdout,
-    reason = "tests, and campaigns that print figures"
+    reason = "tests, and campaigns that print numbers"
 )]
 
 #[allow(
@@ -16,18 +16,17 @@
 )]
 #[path = "../cycle/bench.rs"]
 mod bench;
-#[path = "../cycle/invariants.rs"]
-mod invariants;
-mod live;
-mod noise;
-#[path = "../rig/mod.rs"]
-mod rig;
 #[allow(
     dead_code,
     reason = "shared with the tests of the cycle, which use all of it"
 )]
-#[path = "../cycle/simulated_drive.rs"]
-mod simulated_drive;
+#[path = "../cycle/drive.rs"]
+mod drive;
+#[path = "../cycle/invariant.rs"]
+mod invariant;
+mod noise;
+#[path = "../rig/mod.rs"]
+mod rig;
 
 mod campaign;
 mod coverage;

@@ -1,9 +1,9 @@
-//! A line between controller and drive that spoils bytes: a pseudo-terminal with a thread that
+//! A line between controller and drive that corrupts bytes: a pseudo-terminal with a thread that
 //! copies in both directions.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,52 +11,49 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 use nix::unistd::ttyname;
 
-/// See above. Ends with its test.
+/// See above. Ends on drop.
 pub struct NoisyLine {
-    /// What the controller opens.
+    /// The device for the controller.
     pub device: PathBuf,
-    spoilt: Arc<AtomicU64>,
+    corrupted: Arc<AtomicU64>,
     noisy: Arc<AtomicBool>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
-    /// Open as long as the line, or the pseudo-terminal hangs up.
-    _end: OwnedFd,
+    /// Keeps the pseudo-terminal from hanging up.
+    _slave: OwnedFd,
 }
 
 impl NoisyLine {
-    /// Will spoil one byte in `every`, in either direction, from [`NoisyLine::begin`] on.
-    pub fn on(drive: &Path, every: u64) -> Self {
+    /// Corrupts one byte in `every`, in either direction, from [`NoisyLine::begin`] on.
+    pub fn new(drive: &Path, every: u64) -> Self {
         let pty = openpty(None, None).unwrap();
-        let mut settings = tcgetattr(&pty.slave).unwrap();
-        cfmakeraw(&mut settings);
-        tcsetattr(&pty.slave, SetArg::TCSANOW, &settings).unwrap();
         let device = ttyname(&pty.slave).unwrap();
-        let drive = OpenOptions::new()
+        let flags = (OFlag::O_NONBLOCK | OFlag::O_NOCTTY).bits();
+        let mut options = OpenOptions::new();
+        let mut drive = options
             .read(true)
             .write(true)
-            .custom_flags(0o4000 | 0o400)
+            .custom_flags(flags)
             .open(drive)
             .unwrap();
-        let mut settings = tcgetattr(&drive).unwrap();
-        cfmakeraw(&mut settings);
-        tcsetattr(&drive, SetArg::TCSANOW, &settings).unwrap();
-        let (spoilt, noisy, stop) = <(Arc<AtomicU64>, Arc<AtomicBool>, Arc<AtomicBool>)>::default();
+        make_raw(&pty.slave);
+        make_raw(&drive);
+        fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
+        let mut host = File::from(pty.master);
+        let (corrupted, noisy, stop) =
+            <(Arc<AtomicU64>, Arc<AtomicBool>, Arc<AtomicBool>)>::default();
         let mut noise = Noise {
             every,
             state: 0x2545_F491_4F6C_DD1D,
-            spoilt: Arc::clone(&spoilt),
+            corrupted: Arc::clone(&corrupted),
             noisy: Arc::clone(&noisy),
         };
-        let (flag, mut host, mut drive) = (Arc::clone(&stop), File::from(pty.master), drive);
-        nix::fcntl::fcntl(
-            &host,
-            nix::fcntl::FcntlArg::F_SETFL(nix::fcntl::OFlag::O_NONBLOCK),
-        )
-        .unwrap();
+        let flag = Arc::clone(&stop);
         let thread = std::thread::spawn(move || {
             while !flag.load(Ordering::Relaxed) {
                 let moved = noise.copy(&mut host, &mut drive) + noise.copy(&mut drive, &mut host);
@@ -67,22 +64,22 @@ impl NoisyLine {
         });
         Self {
             device,
-            spoilt,
+            corrupted,
             noisy,
             stop,
             thread: Some(thread),
-            _end: pty.slave,
+            _slave: pty.slave,
         }
     }
 
-    /// From now on it is noisy.
+    /// Starts the noise.
     pub fn begin(&self) {
         self.noisy.store(true, Ordering::Relaxed);
     }
 
-    /// Bytes spoilt so far.
-    pub fn spoilt(&self) -> u64 {
-        self.spoilt.load(Ordering::Relaxed)
+    /// Number of corrupted bytes.
+    pub fn corrupted(&self) -> u64 {
+        self.corrupted.load(Ordering::Relaxed)
     }
 }
 
@@ -93,10 +90,16 @@ impl Drop for NoisyLine {
     }
 }
 
+fn make_raw(terminal: &impl AsFd) {
+    let mut settings = tcgetattr(terminal).unwrap();
+    cfmakeraw(&mut settings);
+    tcsetattr(terminal, SetArg::TCSANOW, &settings).unwrap();
+}
+
 struct Noise {
     every: u64,
     state: u64,
-    spoilt: Arc<AtomicU64>,
+    corrupted: Arc<AtomicU64>,
     noisy: Arc<AtomicBool>,
 }
 
@@ -107,23 +110,26 @@ impl Noise {
             return 0;
         };
         let bytes = &mut bytes[..count];
-        bytes.iter_mut().for_each(|byte| *byte = self.spoil(*byte));
+        for byte in bytes.iter_mut() {
+            *byte = self.corrupt(*byte);
+        }
         let mut rest = &bytes[..];
-        while let Some(written) = (!rest.is_empty()).then(|| to.write(rest).unwrap_or(0)) {
+        while !rest.is_empty() {
+            let written = to.write(rest).unwrap_or(0);
             rest = &rest[written..];
         }
         count
     }
 
     /// Xorshift (G. Marsaglia 2003): the same noise in every run.
-    fn spoil(&mut self, byte: u8) -> u8 {
+    fn corrupt(&mut self, byte: u8) -> u8 {
         self.state ^= self.state << 13;
         self.state ^= self.state >> 7;
         self.state ^= self.state << 17;
         if !self.state.is_multiple_of(self.every) || !self.noisy.load(Ordering::Relaxed) {
             return byte;
         }
-        self.spoilt.fetch_add(1, Ordering::Relaxed);
+        self.corrupted.fetch_add(1, Ordering::Relaxed);
         byte ^ (1 << (self.state >> 32 & 7))
     }
 }

@@ -1,36 +1,34 @@
-//! A rig for integration tests: emulated drives and snake in this process, the controller as a
-//! process of its own, each rig in a domain and a folder of its own. Dropping it ends and removes
+//! A rig for tests with real processes: emulated drives and snake in this process, the controller
+//! as a process of its own. Every rig has its own domain and folder; drop ends and removes
 //! everything.
 #![allow(
     dead_code,
     clippy::unwrap_used,
     clippy::expect_used,
-    reason = "a test rig of which every test file uses its own part"
+    reason = "a test rig of which every test binary uses a part"
 )]
+
+pub mod motion;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
 
-use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
-    PortConfig, RecordConfig,
-};
+use i2ris::clock;
+use i2ris::config::{AxisConfig, Config, PortConfig};
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Domain, OperatingState, StateCommand};
+use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::log::{Event, EventKind};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
+use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
-/// Anything that takes milliseconds on a quiet machine; a loaded one with other tests beside may
-/// need this long.
-pub const PATIENCE: Nanos = Nanos::from_millis(20_000);
+/// Time limit for operations that take milliseconds on an idle machine.
+pub const TIMEOUT: Nanos = Nanos::from_millis(20_000);
 
 static RIGS: AtomicU32 = AtomicU32::new(0);
 
@@ -40,99 +38,66 @@ pub struct Rig {
     pub config: Config,
     pub folder: TempDir,
     controller: Option<Child>,
-    /// The last to go: everything that had a part in the domain has gone by then.
-    sweeps: Vec<Sweep>,
+    /// Dropped last, when no other part uses the domains any more.
+    clean_ups: Vec<CleanUp>,
 }
 
-/// Removes the shared memory of a domain, also what a killed process left for a controller that
-/// never came.
-struct Sweep(Domain);
+/// Removes the shared memory of a domain, also the leftovers of a killed process.
+struct CleanUp(Domain);
 
-impl Drop for Sweep {
+impl Drop for CleanUp {
     fn drop(&mut self) {
-        drop(i2ris::ipc::DomainGuard::acquire(&self.0));
+        drop(DomainLock::acquire(&self.0));
     }
 }
 
 impl Rig {
-    /// A domain of another controller or console, swept at the end as the rig's own.
-    #[allow(dead_code, reason = "not every test has one")]
-    pub fn another_domain(&mut self, name: &str) -> Domain {
-        let domain = Domain::new(&format!("{}-{name}", self.config.ipc.domain)).unwrap();
-        self.sweeps.push(Sweep(domain.clone()));
-        domain
-    }
-
     /// Drives and snake, no controller yet.
     pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let emulation = EmulatorConfig::new(
-            SnakeConfig::load(&snake).unwrap(),
-            &folder.path().join("ports"),
-        );
+        let snake = SnakeConfig::load(&snake).unwrap();
+        let emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
         let serial_numbers = emulation.drives.clone().map(|drive| drive.serial_number);
         let mut emulator = Emulator::start(emulation).unwrap();
-        let domain = format!(
-            "rig-{}-{}",
-            std::process::id(),
-            RIGS.fetch_add(1, Ordering::Relaxed)
-        );
-        let for_camera = Domain::new(&domain).unwrap();
-        emulator
-            .start_camera(move || {
-                let mut publisher = ExternalPublisher::new(&for_camera);
-                move |seen| {
-                    // No controller yet, or no longer: nobody looks.
-                    let _ = publisher.publish(
-                        Nanos(seen.stamp_ns),
-                        &seen.position[..2],
-                        &seen.deviation[..2],
-                    );
-                }
-            })
-            .unwrap();
-        let ports = (0..2)
-            .map(|axis| port(emulator.device(axis), axis, serial_numbers[axis]))
-            .collect();
-        let config = Config {
-            robot_id: "rig".to_owned(),
-            // Tests share the machine: nobody spins, and the scheduler decides.
-            control: ControlConfig {
-                spin_us: 0,
-                priority: 0,
-                lock_memory: false,
-                ..ControlConfig::default()
-            },
-            ipc: IpcConfig { domain },
-            command: CommandConfig {
-                deadline_ms: 200,
-                lease_timeout_ms: 1000,
-                ..CommandConfig::default()
-            },
-            // A stall of the machine is not what these tests are about.
-            limits: LimitConfig {
-                feedback_stale_ms: 2000,
-                feedback_lost_ms: 10_000,
-                ..LimitConfig::default()
-            },
-            compensation: CompensationConfig::default(),
-            conditioning: ConditioningConfig::default(),
-            model_swap: ModelSwapConfig::default(),
-            joint_limits: JointLimitConfig::default(),
-            move_jp: MoveConfig::default(),
-            plausibility: PlausibilityConfig::default(),
-            record: RecordConfig::default(),
-            ports,
-        };
-        let sweep = Sweep(Domain::new(&config.ipc.domain).unwrap());
+        let number = RIGS.fetch_add(1, Ordering::Relaxed);
+        let domain = Domain::new(&format!("rig-{}-{number}", std::process::id())).unwrap();
+        let mut publisher = ExternalPublisher::new(&domain);
+        let camera = emulator.start_camera(move || {
+            move |seen| {
+                let (position, deviation) = (&seen.position[..2], &seen.deviation[..2]);
+                // Fails while there is no controller.
+                let _ = publisher.publish(Nanos(seen.stamp_ns), position, deviation);
+            }
+        });
+        camera.unwrap();
+        let ports = (0..2).map(|axis| port(emulator.device(axis), axis, serial_numbers[axis]));
+        let mut config: Config = toml::from_str("robot_id = \"rig\"\nports = []").unwrap();
+        config.ports = ports.collect();
+        config.ipc.domain = domain.name().to_owned();
+        // Tests share the machine.
+        config.control.spin_us = 0;
+        config.control.priority = 0;
+        config.control.lock_memory = false;
+        config.command.deadline_ms = 200;
+        config.command.lease_timeout_ms = 1000;
+        // Stalls of the machine must not cause faults.
+        config.limits.feedback_stale_ms = 2000;
+        config.limits.feedback_lost_ms = 10_000;
         Self {
             emulator,
             config,
             folder,
             controller: None,
-            sweeps: vec![sweep],
+            clean_ups: vec![CleanUp(domain)],
         }
+    }
+
+    /// A domain for another server, removed at the end.
+    pub fn another_domain(&mut self, name: &str) -> Domain {
+        let domain = Domain::new(&format!("{}-{name}", self.config.ipc.domain)).unwrap();
+        self.clean_ups.push(CleanUp(domain.clone()));
+        domain
     }
 
     /// Starts a controller on the rig's configuration. Its log goes to a file.
@@ -141,37 +106,33 @@ impl Rig {
         self.controller = Some(self.spawn_controller("controller"));
     }
 
-    /// The same with another place for what it says.
+    /// The same with another standard error.
     pub fn start_controller_with(&mut self, stderr: Stdio) {
         assert!(self.controller.is_none(), "one at a time");
         self.controller = Some(self.spawn(stderr));
     }
 
-    /// Starts a controller without keeping it: for tests about second ones.
+    /// Starts a controller that the rig does not own: for tests about second ones.
     pub fn spawn_controller(&self, name: &str) -> Child {
-        self.spawn(Stdio::from(
-            fs::File::options()
-                .create(true)
-                .append(true)
-                .open(self.log_file(name))
-                .unwrap(),
-        ))
+        let mut options = fs::File::options();
+        let log = options.create(true).append(true).open(self.log_file(name));
+        self.spawn(Stdio::from(log.unwrap()))
     }
 
     fn spawn(&self, stderr: Stdio) -> Child {
         let file = self.folder.path().join("robot.toml");
         fs::write(&file, toml::to_string(&self.config).unwrap()).unwrap();
-        Command::new(env!("CARGO_BIN_EXE_i2ris-control"))
-            .args([Path::new("--config"), &file])
+        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
+        command.args([Path::new("--config"), &file]);
+        command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(stderr)
-            .spawn()
-            .unwrap()
+            .stderr(stderr);
+        command.spawn().unwrap()
     }
 
-    /// What a controller has said so far.
-    pub fn said(&self, name: &str) -> String {
+    /// The log of a controller.
+    pub fn log_text(&self, name: &str) -> String {
         fs::read_to_string(self.log_file(name)).unwrap_or_default()
     }
 
@@ -185,29 +146,25 @@ impl Rig {
 
     /// A client of the running controller.
     pub fn client(&mut self) -> Client {
-        let start = Instant::now();
+        let start = clock::now();
         loop {
-            if let Some(status) = self
-                .controller
-                .as_mut()
-                .and_then(|child| child.try_wait().unwrap())
+            let log = self.log_text("controller");
+            if let Some(child) = &mut self.controller
+                && let Some(status) = child.try_wait().unwrap()
             {
-                panic!(
-                    "the controller ended ({status}):\n{}",
-                    self.said("controller")
-                );
+                panic!("the controller ended ({status}):\n{log}");
             }
             match Client::connect(&self.domain(), Nanos::from_millis(200)) {
                 Ok(client) => return client,
-                Err(error) if start.elapsed() < Duration::from_secs(20) => {
-                    assert!(error.is_absent(), "{error}")
+                Err(error) => {
+                    let wait = error.is_absent() && clock::now() - start < TIMEOUT;
+                    assert!(wait, "{error}:\n{log}");
                 }
-                Err(error) => panic!("{error}:\n{}", self.said("controller")),
             }
         }
     }
 
-    /// A controller that runs, is homed and enabled, with a client.
+    /// A client of a controller that runs, is homed and enabled.
     pub fn enabled(&mut self) -> Client {
         self.start_controller();
         let mut client = self.client();
@@ -217,19 +174,19 @@ impl Rig {
     }
 
     /// Sends a signal to the controller.
-    pub fn signal(&self, signal: nix::sys::signal::Signal) {
+    pub fn signal(&self, signal: Signal) {
         let id = self.controller.as_ref().expect("a controller runs").id();
-        nix::sys::signal::kill(nix::unistd::Pid::from_raw(id as i32), signal).unwrap();
+        kill(nix::unistd::Pid::from_raw(id as i32), signal).unwrap();
     }
 
     /// Waits until the controller has ended.
     pub fn wait_for_end(&mut self) -> ExitStatus {
-        wait_for_end(self.controller.as_mut().expect("a controller runs"))
-            .inspect(|_| self.controller = None)
-            .unwrap_or_else(|| panic!("the controller does not end:\n{}", self.said("controller")))
+        let ended = wait_for_end(self.controller.as_mut().expect("a controller runs"));
+        self.controller = ended.map_or(self.controller.take(), |_| None);
+        ended.unwrap_or_else(|| panic!("it does not end:\n{}", self.log_text("controller")))
     }
 
-    /// The set-points that an axis received, oldest first.
+    /// The setpoints that an axis received, oldest first.
     pub fn setpoints(&self, axis: usize) -> Vec<(Nanos, i32)> {
         let setpoint = |event: Event| match event.kind {
             EventKind::Setpoint(counts) if event.axis == axis => Some((event.stamp, counts)),
@@ -240,6 +197,14 @@ impl Rig {
             .into_iter()
             .filter_map(setpoint)
             .collect()
+    }
+
+    /// The encoder positions of the drives.
+    pub fn positions(&self) -> [i32; 2] {
+        self.emulator
+            .snapshot()
+            .axes
+            .map(|axis| axis.drive.position)
     }
 }
 
@@ -252,50 +217,83 @@ impl Drop for Rig {
     }
 }
 
-/// Waits for a child, but not for ever.
+/// Waits for a child, with a time limit.
 pub fn wait_for_end(child: &mut Child) -> Option<ExitStatus> {
-    let start = Instant::now();
-    while start.elapsed() < Duration::from_secs(20) {
+    let start = clock::now();
+    while clock::now() - start < TIMEOUT {
         if let Some(status) = child.try_wait().unwrap() {
             return Some(status);
         }
-        std::thread::sleep(Duration::from_millis(5));
+        clock::sleep(Nanos::from_millis(5));
     }
     None
 }
 
+/// Calls `attempt` until it returns a value.
+pub fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let end = clock::now() + TIMEOUT;
+    loop {
+        if let Some(value) = attempt() {
+            return value;
+        }
+        assert!(clock::now() < end, "never: {what}");
+        clock::sleep(Nanos::from_millis(2));
+    }
+}
+
 pub fn home(client: &mut Client) {
-    settle(client, |_| true);
+    wait_until_idle(client);
     client.state_command(StateCommand::Home).unwrap();
-    settle(client, |state| state.flags & OperatingStateMsg::HOMED != 0);
+    settle(client, |state| has(state, OperatingStateMsg::HOMED));
 }
 
 pub fn enable(client: &mut Client) {
     client.state_command(StateCommand::Enable).unwrap();
-    settle(client, |state| {
-        state.state == OperatingState::Enabled.number()
-    });
+    settle_in(client, OperatingState::Enabled);
 }
 
-/// Waits until nothing is under way and a condition holds.
+/// Whether a flag of the operating state is set.
+pub fn has(state: &OperatingStateMsg, flag: u32) -> bool {
+    state.flags & flag != 0
+}
+
+/// Waits until a condition is true.
+pub fn wait_for(
+    client: &mut Client,
+    condition: impl Fn(&OperatingStateMsg) -> bool,
+) -> OperatingStateMsg {
+    client.wait_for(TIMEOUT, condition).unwrap()
+}
+
+/// Waits until the robot holds.
+pub fn wait_until_holding(client: &mut Client) -> OperatingStateMsg {
+    wait_for(client, |state| has(state, OperatingStateMsg::HOLDING))
+}
+
+/// Waits until the robot is not busy.
+pub fn wait_until_idle(client: &mut Client) -> OperatingStateMsg {
+    settle(client, |_| true)
+}
+
+/// Waits until the robot is not busy and in a state.
+pub fn settle_in(client: &mut Client, state: OperatingState) -> OperatingStateMsg {
+    settle(client, |message| message.state == state.number())
+}
+
+/// Waits until the robot is not busy and a condition is true.
 pub fn settle(
     client: &mut Client,
     condition: impl Fn(&OperatingStateMsg) -> bool,
 ) -> OperatingStateMsg {
-    client
-        .wait_for(PATIENCE, |state| {
-            state.flags & OperatingStateMsg::BUSY == 0 && condition(state)
-        })
-        .unwrap()
+    wait_for(client, |state| {
+        !has(state, OperatingStateMsg::BUSY) && condition(state)
+    })
 }
 
 fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
-    let axis = AxisConfig {
-        motor_speed_rpm: 10_000,
-        ..AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)])
-    };
-    PortConfig {
-        reply_timeout_ms: 500,
-        ..PortConfig::new(device.to_owned(), vec![axis])
-    }
+    let mut axis = AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]);
+    axis.motor_speed_rpm = 10_000;
+    let mut port = PortConfig::new(device.to_owned(), vec![axis]);
+    port.reply_timeout_ms = 500;
+    port
 }

@@ -2,92 +2,54 @@
 //!
 //! One thread creates a [`Server`] and uses it: its ports cannot change threads. Calls may map
 //! memory when a client comes or goes, and sending allocates, so that thread is never the control
-//! loop. The server knows no control logic: raw payloads in and out.
+//! loop. The server passes raw payloads and contains no control logic.
 //!
-//! # The way of a servo command
-//!
-//! The thread of the server polls the newest command once per tick, [`RELAY_LEAD`] ahead of it, and
-//! leaves it in a mailbox for the loop. The rival is a blackboard, which the loop reads itself.
-//! Measured with `cargo run --release --package i2ris-cli --example servo_path`, 1 kHz, loop under
-//! SCHED_FIFO 80, relay under 60, on two virtual processors under a foreign load of 13 to 16; age
-//! of the command when the loop has it, and what looking costs the loop, ranges of three runs,
-//! microseconds:
-//!
-//! | way | age p50 | age p99 | age p99.9 | look p99 | look max |
-//! |---|---|---|---|---|---|
-//! | relay, once, 100 us ahead of the tick | 580-590 | 1103-1109 | 1583-1976 | 0.6-0.8 | 4-113 |
-//! | relay, every 250 us | 711-717 | 1223-1229 | 1308-1361 | 0.9-1.1 | 4-76 |
-//! | relay, faulty client that sends as fast as it can | | | | 0.4-0.8 | 1-79 |
-//! | blackboard | 448-451 | 984-989 | 1000-1045 | 0.8-1.0 | 20-118 |
-//! | blackboard, faulty client | | | | 5-17 | 434-1420 |
-//!
-//! The blackboard is 0.1 ms quicker, and that is what the relay costs. It was turned down because
-//! the loop would depend on the good conduct of every client: the read repeats for as long as the
-//! value changes under it, without a bound, so a faulty client holds up the loop; a writer that is
-//! killed keeps its entry for ever, so each commander would need a blackboard of its own, handed to
-//! the loop and taken back; and commands could not be watched. Behind the relay a client can do no
-//! more than be refused.
+//! The thread of the server polls the newest servo command once per tick, [`COMMAND_POLL_LEAD`]
+//! before it, and passes it to the loop through a triple buffer. A blackboard that the loop reads
+//! itself would be 0.1 ms faster (median age of a command 450 us instead of 585 us at 1 kHz), but a
+//! faulty client could then delay the loop without bound (1.4 ms measured), and a killed client
+//! would keep its entry.
 
-mod birth;
-mod out;
-mod requests;
+mod creation;
+mod error;
+mod request_server;
+mod stream_publisher;
 
 use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
 
 use super::domain::DomainError;
-use super::domain_lock::DomainGuard;
+use super::domain_lock::DomainLock;
+use super::heartbeat::HeartbeatWriter;
 use super::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
     ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
     StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
-use super::pulse::Pulse;
 use super::ready::{INTERFACE_VERSION, Ready};
-use super::service::{self, Transport, transport};
+use super::service::{self, TransportError, failed};
 use crate::units::{MAX_OUTPUTS, Nanos};
-use birth::Services;
-use out::Out;
-use requests::Requests;
+use creation::{Services, StreamFactory};
+use request_server::RequestServer;
+use stream_publisher::StreamPublisher;
 
-/// How long before each tick to poll servo commands, under SCHED_FIFO. Later than this, waking up
-/// now and then takes too long and the command waits for the next tick: at 50 microseconds the 99th
-/// percentile is a whole tick worse.
-pub const RELAY_LEAD: Nanos = Nanos::from_micros(100);
-/// How often late joiners are served the last message of a stream that is not sent just now.
-const JOIN_PERIOD: Nanos = Nanos::from_millis(50);
-/// How often the leftovers of killed clients are cleared. Costs 0.4 ms, and about 1 ms per killed
+pub use error::IpcError;
+
+/// Time before each tick at which to poll servo commands, under SCHED_FIFO. With 50 us the thread
+/// sometimes wakes too late and the 99th percentile of the age of a command grows by one tick.
+pub const COMMAND_POLL_LEAD: Nanos = Nanos::from_micros(100);
+/// Period of serving late subscribers with the last message of streams that are not sent now.
+const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
+/// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
 /// client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
-/// Age of a request at which nobody waits for an answer any more.
-const FORGET_AFTER: Nanos = Nanos::from_millis(2000);
-/// The same for requests that take long: a model is checked over its whole hull, a file is forced
-/// to the disk.
-const FORGET_SLOW_AFTER: Nanos = Nanos::from_millis(60_000);
-/// More commands than this at once can only come from a client that sends as fast as we read.
+/// Age of a request at which its client has given up.
+const REQUEST_TIMEOUT: Nanos = Nanos::from_millis(2000);
+/// The same for slow requests: checking a model over its whole hull, syncing a file to the disk.
+const SLOW_REQUEST_TIMEOUT: Nanos = Nanos::from_millis(60_000);
+/// Maximum number of commands read at once; only a faulty client sends more.
 const MAX_DRAINED: usize = 64;
-
-/// Why the controller has no shared memory.
-#[derive(Debug, thiserror::Error)]
-pub enum IpcError {
-    /// The domain cannot be used.
-    #[error(transparent)]
-    Domain(#[from] DomainError),
-    /// iceoryx2 refused a step.
-    #[error("{0}; if other programs left files in /dev/shm, remove those of this domain")]
-    Transport(#[from] Transport),
-    /// Creating the services did not end, twice.
-    #[error(
-        "creating the shared memory of domain `{domain}` did not end within {seconds} s, also after a clean-up"
-    )]
-    Hangs {
-        /// The domain.
-        domain: String,
-        /// How long was waited.
-        seconds: u64,
-    },
-}
 
 /// All ports of the controller.
 #[derive(Debug)]
@@ -95,25 +57,25 @@ pub struct Server {
     servo_jp: Subscriber<ipc::Service, ServoJp, ()>,
     servo_actuators: Subscriber<ipc::Service, ServoActuator, ()>,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
-    measured: Out<JointState>,
-    setpoint: Out<JointState>,
-    goal: Out<JointState>,
-    actuators: Out<ActuatorState>,
-    operating_state: Out<OperatingStateMsg>,
-    period_statistics: Out<PeriodStatistics>,
-    state_commands: Requests<StateCommandRequest, StateCommandReply>,
-    black_boxes: Requests<BlackBoxRequest, BlackBoxReply>,
-    models: Requests<ModelRequest, ModelReply>,
-    moves: Requests<MoveRequest, StateCommandReply>,
-    versions: Requests<VersionRequest, Version>,
+    measured: StreamPublisher<JointState>,
+    setpoint: StreamPublisher<JointState>,
+    goal: StreamPublisher<JointState>,
+    actuators: StreamPublisher<ActuatorState>,
+    operating_state: StreamPublisher<OperatingStateMsg>,
+    period_statistics: StreamPublisher<PeriodStatistics>,
+    state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
+    black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
+    models: RequestServer<ModelRequest, ModelReply>,
+    moves: RequestServer<MoveRequest, StateCommandReply>,
+    versions: RequestServer<VersionRequest, Version>,
     version: Version,
     failures: u64,
-    last_failure: Option<Transport>,
-    next_join: Nanos,
+    last_failure: Option<TransportError>,
+    next_late_subscribers: Nanos,
     next_cleanup: Nanos,
     node: Node<ipc::Service>,
     // Dropped last: it removes the files that the ports above still use.
-    guard: DomainGuard,
+    lock: DomainLock,
 }
 
 impl Server {
@@ -122,227 +84,199 @@ impl Server {
     ///
     /// # Errors
     ///
-    /// When iceoryx2 or the system refuses, or when creation hangs even after a second clean-up.
-    pub fn create(mut guard: DomainGuard) -> Result<Self, IpcError> {
-        let services = birth::create(&mut guard)?;
-        let server = Self::with_ports(services, guard)?;
-        server.guard.restrict()?;
-        Ready::announce(&server.guard)?;
+    /// When iceoryx2 or a system call fails, or when creation hangs even after a second clean-up.
+    pub fn create(mut lock: DomainLock) -> Result<Self, IpcError> {
+        let services = creation::create(&mut lock)?;
+        let server = Self::with_ports(services, lock)?;
+        server.lock.restrict()?;
+        Ready::announce(&server.lock)?;
         Ok(server)
     }
 
-    /// The pulse of the loop, for the loop to write.
+    /// Creates the heartbeat, for the loop to write.
     ///
     /// # Errors
     ///
-    /// When the system refuses the file.
-    pub fn pulse(&self) -> Result<Pulse, DomainError> {
-        Pulse::create(&self.guard)
+    /// When a system call fails.
+    pub fn heartbeat(&self) -> Result<HeartbeatWriter, DomainError> {
+        HeartbeatWriter::create(&self.lock)
     }
 
-    fn with_ports(services: Services, guard: DomainGuard) -> Result<Self, Transport> {
-        let boot_id = guard.boot_id();
+    fn with_ports(from: Services, lock: DomainLock) -> Result<Self, TransportError> {
+        use service::{ACTUATORS, GOAL_JS, MEASURED_JS, OPERATING_STATE, SETPOINT_JS};
+        let boot_id = lock.boot_id();
+        let (fast, slow) = (REQUEST_TIMEOUT, SLOW_REQUEST_TIMEOUT);
         Ok(Self {
-            servo_jp: subscribe(&services.servo_jp, service::SERVO_JP.name)?,
-            servo_actuators: subscribe(&services.servo_actuators, service::SERVO_ACTUATORS.name)?,
-            external: subscribe(&services.external, service::EXTERNAL.name)?,
-            measured: Out::new(&services.measured, service::MEASURED_JS, boot_id)?,
-            setpoint: Out::new(&services.setpoint, service::SETPOINT_JS, boot_id)?,
-            goal: Out::new(&services.goal, service::GOAL_JS, boot_id)?,
-            actuators: Out::new(&services.actuators, service::ACTUATORS, boot_id)?,
-            operating_state: Out::new(
-                &services.operating_state,
-                service::OPERATING_STATE,
-                boot_id,
-            )?,
-            period_statistics: Out::new(
-                &services.period_statistics,
+            servo_jp: subscribe(&from.servo_jp, service::SERVO_JP.name)?,
+            servo_actuators: subscribe(&from.servo_actuators, service::SERVO_ACTUATORS.name)?,
+            external: subscribe(&from.external, service::EXTERNAL.name)?,
+            measured: StreamPublisher::new(&from.measured, MEASURED_JS, boot_id)?,
+            setpoint: StreamPublisher::new(&from.setpoint, SETPOINT_JS, boot_id)?,
+            goal: StreamPublisher::new(&from.goal, GOAL_JS, boot_id)?,
+            actuators: StreamPublisher::new(&from.actuators, ACTUATORS, boot_id)?,
+            operating_state: StreamPublisher::new(&from.operating_state, OPERATING_STATE, boot_id)?,
+            period_statistics: StreamPublisher::new(
+                &from.period_statistics,
                 service::PERIOD_STATISTICS,
                 boot_id,
             )?,
-            state_commands: Requests::new(
-                &services.state_commands,
-                service::STATE_COMMAND,
-                FORGET_AFTER,
-            )?,
-            black_boxes: Requests::new(
-                &services.black_boxes,
-                service::BLACK_BOX,
-                FORGET_SLOW_AFTER,
-            )?,
-            models: Requests::new(&services.models, service::MODEL, FORGET_SLOW_AFTER)?,
-            moves: Requests::new(&services.moves, service::MOVE_JP, FORGET_AFTER)?,
-            versions: Requests::new(&services.versions, service::VERSION, FORGET_AFTER)?,
+            state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
+            black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
+            models: RequestServer::new(&from.models, service::MODEL, slow)?,
+            moves: RequestServer::new(&from.moves, service::MOVE_JP, fast)?,
+            versions: RequestServer::new(&from.versions, service::VERSION, fast)?,
             version: version(boot_id),
             failures: 0,
             last_failure: None,
-            next_join: Nanos::ZERO,
+            next_late_subscribers: Nanos::ZERO,
             next_cleanup: Nanos::ZERO,
-            node: services.node,
-            guard,
+            node: from.node,
+            lock,
         })
-    }
-}
-
-impl Server {
-    /// The domain.
-    #[must_use]
-    pub fn guard(&self) -> &DomainGuard {
-        &self.guard
     }
 
     /// The newest `servo_jp` command since the last call.
     ///
-    /// If several clients sent, the one that holds the lease comes first, so that nobody else can
-    /// crowd it out; pass 0 while nobody holds it.
+    /// If several clients sent one, the holder of the lease comes first, so that other clients
+    /// cannot displace it; pass 0 while nobody holds the lease.
     pub fn poll_servo(&mut self, lease_client_id: u64) -> Option<ServoJp> {
         let rank = |command: &ServoJp| {
-            (
-                command.client_id == lease_client_id,
-                command.stamp_ns,
-                command.sequence,
-            )
+            let holds_lease = command.client_id == lease_client_id;
+            (holds_lease, command.stamp_ns, command.sequence)
         };
-        let newest = newest_by(&self.servo_jp, rank);
-        self.count(newest, service::SERVO_JP.name)
+        let newest = newest_by(&self.servo_jp, service::SERVO_JP.name, rank);
+        self.count_failure(newest)
     }
 
-    /// The same for `actuators/servo_jp`.
+    /// The newest `actuators/servo_jp` command, as [`Server::poll_servo`].
     pub fn poll_actuator(&mut self, lease_client_id: u64) -> Option<ServoActuator> {
         let rank = |command: &ServoActuator| {
-            (
-                command.client_id == lease_client_id,
-                command.stamp_ns,
-                command.sequence,
-            )
+            let holds_lease = command.client_id == lease_client_id;
+            (holds_lease, command.stamp_ns, command.sequence)
         };
-        let newest = newest_by(&self.servo_actuators, rank);
-        self.count(newest, service::SERVO_ACTUATORS.name)
+        let newest = newest_by(&self.servo_actuators, service::SERVO_ACTUATORS.name, rank);
+        self.count_failure(newest)
     }
 
     /// The newest `external/measured_jp` since the last call.
     pub fn poll_external(&mut self) -> Option<ExternalPosition> {
-        let newest = newest_by(&self.external, |position| position.stamp_ns);
-        self.count(newest, service::EXTERNAL.name)
+        let newest = newest_by(&self.external, service::EXTERNAL.name, |seen| seen.stamp_ns);
+        self.count_failure(newest)
     }
 
-    /// Hands every new state command to `take`, with the token that [`Server::reply`] wants.
-    /// Requests that nobody answered within 2 s are dropped; the client has given up by then.
+    /// Passes every new state command to `take`, with the token for [`Server::reply`]. Requests
+    /// without reply are dropped after 2 s; their clients have given up by then.
     pub fn poll_state_commands(&mut self, now: Nanos, take: impl FnMut(u64, StateCommandRequest)) {
         let polled = self.state_commands.poll(now, take);
-        self.count(polled, service::STATE_COMMAND);
+        self.count_failure(polled);
     }
 
-    /// Answers a state command. A token that is unknown, answered or too old is ignored.
+    /// Replies to a state command. A token that is unknown, answered or too old is ignored.
     pub fn reply(&mut self, token: u64, reply: StateCommandReply) {
         let sent = self.state_commands.reply(token, reply);
-        self.count(sent, service::STATE_COMMAND);
+        self.count_failure(sent);
     }
 
-    /// The same for `move_jp`.
+    /// Passes every new `move_jp` request to `take`.
     pub fn poll_moves(&mut self, now: Nanos, take: impl FnMut(u64, MoveRequest)) {
         let polled = self.moves.poll(now, take);
-        self.count(polled, service::MOVE_JP);
+        self.count_failure(polled);
     }
 
-    /// Answers a `move_jp`.
+    /// Replies to a `move_jp` request.
     pub fn reply_move(&mut self, token: u64, reply: StateCommandReply) {
         let sent = self.moves.reply(token, reply);
-        self.count(sent, service::MOVE_JP);
+        self.count_failure(sent);
     }
 
-    /// The same for requests about models, which may take longer.
+    /// Passes every new request about models to `take`. These may take up to 60 s.
     pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
         let polled = self.models.poll(now, take);
-        self.count(polled, service::MODEL);
+        self.count_failure(polled);
     }
 
-    /// Answers a request about models.
+    /// Replies to a request about models.
     pub fn reply_model(&mut self, token: u64, reply: ModelReply) {
         let sent = self.models.reply(token, reply);
-        self.count(sent, service::MODEL);
+        self.count_failure(sent);
     }
 
-    /// The same for wishes for a black box.
+    /// Passes every new request for a black box to `take`. These may take up to 60 s.
     pub fn poll_black_boxes(&mut self, now: Nanos, take: impl FnMut(u64, BlackBoxRequest)) {
         let polled = self.black_boxes.poll(now, take);
-        self.count(polled, service::BLACK_BOX);
+        self.count_failure(polled);
     }
 
-    /// Answers a wish for a black box.
+    /// Replies to a request for a black box.
     pub fn reply_black_box(&mut self, token: u64, reply: BlackBoxReply) {
         let sent = self.black_boxes.reply(token, reply);
-        self.count(sent, service::BLACK_BOX);
+        self.count_failure(sent);
     }
 
-    /// `measured_js`. As with every message that goes out, `sequence` and `boot_id` are filled in
-    /// here.
+    /// Publishes `measured_js`. For all streams the server sets `sequence` and `boot_id`.
     pub fn publish_measured(&mut self, message: JointState) {
         let sent = self.measured.send(message);
-        self.count(sent, service::MEASURED_JS.name);
+        self.count_failure(sent);
     }
 
-    /// `setpoint_js`.
+    /// Publishes `setpoint_js`.
     pub fn publish_setpoint(&mut self, message: JointState) {
         let sent = self.setpoint.send(message);
-        self.count(sent, service::SETPOINT_JS.name);
+        self.count_failure(sent);
     }
 
-    /// `goal_js`.
+    /// Publishes `goal_js`.
     pub fn publish_goal(&mut self, message: JointState) {
         let sent = self.goal.send(message);
-        self.count(sent, service::GOAL_JS.name);
+        self.count_failure(sent);
     }
 
-    /// `actuators/measured_js`.
+    /// Publishes `actuators/measured_js`.
     pub fn publish_actuators(&mut self, message: ActuatorState) {
         let sent = self.actuators.send(message);
-        self.count(sent, service::ACTUATORS.name);
+        self.count_failure(sent);
     }
 
-    /// `operating_state`.
+    /// Publishes `operating_state`.
     pub fn publish_operating_state(&mut self, message: OperatingStateMsg) {
         let sent = self.operating_state.send(message);
-        self.count(sent, service::OPERATING_STATE.name);
+        self.count_failure(sent);
     }
 
-    /// `period_statistics`.
+    /// Publishes `period_statistics`.
     pub fn publish_period_statistics(&mut self, message: PeriodStatistics) {
         let sent = self.period_statistics.send(message);
-        self.count(sent, service::PERIOD_STATISTICS.name);
+        self.count_failure(sent);
     }
 
-    /// Names this start of the controller; also in every message that goes out.
+    /// Identifies this start of the controller; also in every message that the server sends.
     #[must_use]
     pub fn boot_id(&self) -> u64 {
-        self.guard.boot_id()
+        self.lock.boot_id()
     }
 
-    /// What the controller answers to `version` about its robot and its model: motors and outputs,
-    /// identity of the model (all 0: none), names of the outputs (UTF-8, padded with 0).
+    /// Sets the part of the `version` reply that describes robot and model: number of motors and
+    /// outputs, SHA-256 of the model (all 0: none), names of the outputs (UTF-8, padded with 0).
     pub fn describe(
         &mut self,
         shape: [u8; 2],
         model_id: [u8; 32],
         output_names: [[u8; 16]; MAX_OUTPUTS],
     ) {
-        self.version = Version {
-            shape,
-            model_id,
-            output_names,
-            ..self.version
-        };
+        self.version.shape = shape;
+        self.version.model_id = model_id;
+        self.version.output_names = output_names;
     }
 
-    /// Housekeeping, to be called in every pass: answers `version`, gives late joiners the last
-    /// message of every stream, and twice a second clears what killed clients left.
+    /// Housekeeping, to be called in every pass: replies to `version`, sends the last message of
+    /// every stream to late subscribers, and twice a second removes what killed clients left.
     pub fn maintain(&mut self, now: Nanos) {
-        let answered = self.versions.answer_all(now, self.version);
-        self.count(answered, service::VERSION);
-        if now >= self.next_join {
-            self.next_join = now + JOIN_PERIOD;
-            let joined = self.join();
-            self.count(joined, "its subscribers");
+        let replied = self.versions.reply_to_all(now, self.version);
+        self.count_failure(replied);
+        if now >= self.next_late_subscribers {
+            self.next_late_subscribers = now + LATE_SUBSCRIBER_PERIOD;
+            let served = self.serve_late_subscribers();
+            self.count_failure(served);
         }
         if now >= self.next_cleanup {
             self.next_cleanup = now + CLEANUP_PERIOD;
@@ -350,43 +284,39 @@ impl Server {
         }
     }
 
-    /// Calls into iceoryx2 that failed since the start, and the last of them. The controller goes
-    /// on without the message; a client that was killed at a bad moment can cause one.
+    /// Number of failed calls into iceoryx2 since the start, and the last error. The controller
+    /// continues without the message; a client that is killed at a bad moment can cause one.
     #[must_use]
-    pub fn failures(&self) -> (u64, Option<&Transport>) {
+    pub fn failures(&self) -> (u64, Option<&TransportError>) {
         (self.failures, self.last_failure.as_ref())
     }
 
-    fn join(&self) -> Result<(), Transport> {
-        self.measured.join()?;
-        self.setpoint.join()?;
-        self.goal.join()?;
-        self.actuators.join()?;
-        self.operating_state.join()?;
-        self.period_statistics.join()
+    fn serve_late_subscribers(&self) -> Result<(), TransportError> {
+        self.measured.serve_late_subscribers()?;
+        self.setpoint.serve_late_subscribers()?;
+        self.goal.serve_late_subscribers()?;
+        self.actuators.serve_late_subscribers()?;
+        self.operating_state.serve_late_subscribers()?;
+        self.period_statistics.serve_late_subscribers()
     }
 
-    fn count<T: Default, E: std::fmt::Debug>(
-        &mut self,
-        outcome: Result<T, E>,
-        service: &'static str,
-    ) -> T {
+    fn count_failure<T: Default>(&mut self, outcome: Result<T, TransportError>) -> T {
         outcome.unwrap_or_else(|error| {
             self.failures = self.failures.saturating_add(1);
-            self.last_failure = Some(transport("use", service)(error));
+            self.last_failure = Some(error);
             T::default()
         })
     }
 }
 
 impl Drop for Server {
-    /// Tells clients first, so that none tries to open what is about to vanish.
+    /// Withdraws the announcement first, so that no client opens what is about to be removed.
     fn drop(&mut self) {
-        Ready::withdraw(&self.guard);
+        Ready::withdraw(&self.lock);
     }
 }
 
-/// This process and this software; the model's fields are 0.
+/// This process and this software; the fields of the model are 0.
 fn version(boot_id: u64) -> Version {
     let number = |text: &str| text.parse().unwrap_or(0);
     Version {
@@ -402,42 +332,32 @@ fn version(boot_id: u64) -> Version {
     }
 }
 
-/// Of every sender only the newest message counts: a queue would be delay.
-fn subscribe<T>(
-    factory: &birth::PubSub<T>,
+/// A subscriber that keeps only the newest message of every sender: a queue would add delay.
+fn subscribe<T: ZeroCopySend + std::fmt::Debug + 'static>(
+    factory: &StreamFactory<T>,
     name: &'static str,
-) -> Result<Subscriber<ipc::Service, T, ()>, Transport>
-where
-    T: ZeroCopySend + std::fmt::Debug + 'static,
-{
-    factory
-        .subscriber_builder()
-        .buffer_size(1)
-        .create()
-        .map_err(transport("subscribe to", name))
+) -> Result<Subscriber<ipc::Service, T, ()>, TransportError> {
+    let created = factory.subscriber_builder().buffer_size(1).create();
+    created.map_err(failed("subscribe to", name))
 }
 
-/// Reads everything and keeps the message with the highest rank; later ones win a tie.
-fn newest_by<T, R>(
+/// Reads all messages and keeps the one with the highest rank, the later of two equal ones.
+fn newest_by<T: ZeroCopySend + std::fmt::Debug + Copy + 'static, R: PartialOrd>(
     subscriber: &Subscriber<ipc::Service, T, ()>,
+    name: &'static str,
     rank: impl Fn(&T) -> R,
-) -> Result<Option<T>, iceoryx2::port::ReceiveError>
-where
-    T: ZeroCopySend + std::fmt::Debug + Copy + 'static,
-    R: PartialOrd,
-{
-    let mut best: Option<T> = None;
+) -> Result<Option<T>, TransportError> {
+    let mut newest: Option<T> = None;
     for _ in 0..MAX_DRAINED {
-        let Some(sample) = subscriber.receive()? else {
+        let Some(sample) = subscriber.receive().map_err(failed("receive", name))? else {
             break;
         };
-        let candidate = *sample;
-        if best
+        if newest
             .as_ref()
-            .is_none_or(|best| rank(&candidate) >= rank(best))
+            .is_none_or(|newest| rank(&sample) >= rank(newest))
         {
-            best = Some(candidate);
+            newest = Some(*sample);
         }
     }
-    Ok(best)
+    Ok(newest)
 }

@@ -1,15 +1,17 @@
 //! The file of a black box.
 //!
-//! | bytes | hold |
+//! | bytes | content |
 //! |---|---|
 //! | 8 | `I2RISBOX` |
 //! | 4 | version of the format, little-endian |
 //! | 8 | length of the content, little-endian |
 //! | 32 | SHA-256 of the content |
-//! | the rest | the content, in the format of postcard 1 (<https://postcard.jamesmunns.com/wire-format>) |
+//! | the rest | the content, in the [format of postcard 1][postcard] |
 //!
-//! The content has no field names in it, so another version of it cannot be read: any change of
-//! [`Content`] or of anything inside raises [`VERSION`].
+//! [postcard]: https://postcard.jamesmunns.com/wire-format
+//!
+//! The content has no field names, so only its own version can be read: any change of [`BlackBox`]
+//! or of a type inside it raises [`VERSION`].
 
 use std::fs::OpenOptions;
 use std::io::{self, Write};
@@ -19,76 +21,78 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{CycleSnapshot, TickRecord};
-use crate::core::CandidateState;
+use super::tick_record::TickRecord;
+use crate::core::cycle::Snapshot;
+use crate::core::model_slots::slots::Carried;
 use crate::model::ModelId;
 
 /// The first bytes of every file.
 const MAGIC: [u8; 8] = *b"I2RISBOX";
-/// The version that this software writes, and the only one that it reads.
+/// The only version that this software writes and reads.
 pub const VERSION: u32 = 1;
 /// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
 
-/// Everything in a file.
+/// The content of a file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Content {
-    /// Where it comes from.
-    pub header: Header,
+pub struct BlackBox {
+    /// Origin.
+    pub header: BlackBoxHeader,
     /// The configuration, as TOML.
     pub config: String,
-    /// Every model that was at hand, in canonical form.
+    /// Every loaded model, in canonical form.
     pub models: Vec<Vec<u8>>,
-    /// Models that were handed to the cycle.
+    /// Models that were passed to the cycle.
     pub offers: Vec<OfferRecord>,
-    /// The state of the cycle, now and then.
-    pub snapshots: Vec<CycleSnapshot>,
+    /// The state of the cycle, once a second.
+    pub snapshots: Vec<Snapshot>,
     /// Every tick.
     pub ticks: Vec<TickRecord>,
 }
 
-/// Where a file comes from.
+/// Origin of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Header {
+pub struct BlackBoxHeader {
     /// Version of the software, with its commit.
     pub software: String,
-    /// This start of the controller.
+    /// Identifies the start of the controller.
     pub boot_id: u64,
-    /// Why it was written.
+    /// Why the file was written.
     pub cause: String,
-    /// When, UTC, by the clock of the wall.
+    /// Date and time, UTC, of the wall clock.
     pub written: String,
-    /// Ticks that the recorder was too slow for, since the start.
+    /// Ticks lost since the start because the recorder was too slow.
     pub lost: u64,
 }
 
-/// A model as it was handed to the cycle.
+/// A model as it was passed to the cycle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OfferRecord {
     /// [`TickRecord::offered`].
     pub number: u64,
-    /// Which.
+    /// The model.
     pub model: ModelId,
-    /// What it remembered.
-    pub carried: CandidateState,
+    /// State of the model.
+    pub carried: Carried,
 }
 
 /// Why a file cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum BlackBoxError {
-    /// The system refuses.
+    /// A system call failed.
     #[error("cannot {action} black box {path}: {source}")]
     Io {
         /// `read` or `write`.
         action: &'static str,
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Cause.
         source: io::Error,
     },
     /// Another kind of file.
     #[error(
-        "{path} is no black box: it does not begin with `I2RISBOX`; name a file that i2ris-control wrote"
+        "{path} is no black box: it does not begin with `I2RISBOX`; name a file that \
+         i2ris-control wrote"
     )]
     Foreign {
         /// The file.
@@ -96,22 +100,23 @@ pub enum BlackBoxError {
     },
     /// A file of another version of this software.
     #[error(
-        "black box {path} has format {found}, and this software reads {VERSION} only; use the software named in it"
+        "black box {path} has format {found}, and this software reads {VERSION} only; use the \
+         software named in it"
     )]
     Version {
         /// The file.
         path: PathBuf,
-        /// What stands there.
+        /// Its version.
         found: u32,
     },
-    /// The end is missing, or there is something behind it.
+    /// The file is too short or too long.
     #[error("black box {path} is incomplete: {found} bytes instead of {expected}; copy it again")]
     Length {
         /// The file.
         path: PathBuf,
-        /// As it says.
+        /// Length according to its header.
         expected: u64,
-        /// As it is.
+        /// Length of the file.
         found: u64,
     },
     /// The checksum is wrong.
@@ -120,73 +125,72 @@ pub enum BlackBoxError {
         /// The file.
         path: PathBuf,
     },
-    /// The checksum is right, and yet it cannot be read.
+    /// The checksum is right, but the content cannot be read.
     #[error(
-        "black box {path} holds what this software does not know ({reason}); use the software that wrote it"
+        "black box {path} holds what this software does not know ({reason}); use the software \
+         that wrote it"
     )]
-    Content {
+    Decode {
         /// The file.
         path: PathBuf,
-        /// What failed.
+        /// Cause.
         reason: String,
     },
 }
 
-impl Content {
+impl BlackBoxError {
+    pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io {
+            action,
+            path,
+            source,
+        }
+    }
+}
+
+impl BlackBox {
     /// The file as bytes.
     ///
     /// # Errors
     ///
-    /// As postcard may fail; for these types it does not.
+    /// When postcard fails; for these types it does not.
     pub fn to_bytes(&self) -> Result<Vec<u8>, postcard::Error> {
         let body = postcard::to_allocvec(self)?;
-        let mut bytes = Vec::with_capacity(HEAD + body.len());
-        bytes.extend_from_slice(&MAGIC);
-        bytes.extend_from_slice(&VERSION.to_le_bytes());
-        bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
-        bytes.extend_from_slice(&Sha256::digest(&body));
-        bytes.extend_from_slice(&body);
-        Ok(bytes)
+        Ok(with_head(&body))
     }
 
     /// Reads the bytes of a file; `path` is for messages only.
     ///
     /// # Errors
     ///
-    /// When they are no black box of this version, or not as they were written.
+    /// When they are no black box of this version, or damaged.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, BlackBoxError> {
         let path = || path.to_owned();
-        let foreign = || BlackBoxError::Foreign { path: path() };
-        let rest = bytes.strip_prefix(&MAGIC).ok_or_else(foreign)?;
-        let cut = |expected| BlackBoxError::Length {
+        let wrong_length = |expected| BlackBoxError::Length {
             path: path(),
             expected,
             found: bytes.len() as u64,
         };
-        let (version, rest) = rest
-            .split_first_chunk::<4>()
-            .ok_or_else(|| cut(HEAD as u64))?;
+        let too_short = || wrong_length(HEAD as u64);
+        let foreign = || BlackBoxError::Foreign { path: path() };
+        let rest = bytes.strip_prefix(&MAGIC).ok_or_else(foreign)?;
+        let (version, rest) = rest.split_first_chunk::<4>().ok_or_else(too_short)?;
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
-            return Err(BlackBoxError::Version {
-                path: path(),
-                found,
-            });
+            let path = path();
+            return Err(BlackBoxError::Version { path, found });
         }
-        let (length, rest) = rest
-            .split_first_chunk::<8>()
-            .ok_or_else(|| cut(HEAD as u64))?;
-        let (digest, body) = rest
-            .split_first_chunk::<32>()
-            .ok_or_else(|| cut(HEAD as u64))?;
+        let (length, rest) = rest.split_first_chunk::<8>().ok_or_else(too_short)?;
+        let (digest, body) = rest.split_first_chunk::<32>().ok_or_else(too_short)?;
         let length = u64::from_le_bytes(*length);
         if body.len() as u64 != length {
-            return Err(cut(length.saturating_add(HEAD as u64)));
+            return Err(wrong_length(length.saturating_add(HEAD as u64)));
         }
         if Sha256::digest(body).as_slice() != digest {
             return Err(BlackBoxError::Damaged { path: path() });
         }
-        postcard::from_bytes(body).map_err(|error| BlackBoxError::Content {
+        postcard::from_bytes(body).map_err(|error| BlackBoxError::Decode {
             path: path(),
             reason: error.to_string(),
         })
@@ -196,24 +200,25 @@ impl Content {
     ///
     /// # Errors
     ///
-    /// As [`Content::from_bytes`], and when the system refuses.
+    /// As [`BlackBox::from_bytes`], and when the file cannot be read.
     pub fn read(path: &Path) -> Result<Self, BlackBoxError> {
-        let bytes = std::fs::read(path).map_err(|source| io_error("read", path, source))?;
+        let bytes = std::fs::read(path).map_err(BlackBoxError::io("read", path))?;
         Self::from_bytes(&bytes, path)
     }
 
-    /// Writes a new file, for its owner alone.
+    /// Writes a new file, for its owner only.
     ///
     /// # Errors
     ///
-    /// When there is one of this name, or the system refuses.
+    /// When a file of this name exists, or cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), BlackBoxError> {
-        let bytes = self.to_bytes().map_err(|error| BlackBoxError::Content {
+        let bytes = self.to_bytes().map_err(|error| BlackBoxError::Decode {
             path: path.to_owned(),
             reason: error.to_string(),
         })?;
         let write = || -> io::Result<()> {
-            let mut file = OpenOptions::new()
+            let mut options = OpenOptions::new();
+            let mut file = options
                 .write(true)
                 .create_new(true)
                 .mode(0o600)
@@ -221,16 +226,14 @@ impl Content {
             file.write_all(&bytes)?;
             file.sync_all()
         };
-        write().map_err(|source| io_error("write", path, source))
+        write().map_err(BlackBoxError::io("write", path))
     }
 }
 
-fn io_error(action: &'static str, path: &Path, source: io::Error) -> BlackBoxError {
-    BlackBoxError::Io {
-        action,
-        path: path.to_owned(),
-        source,
-    }
+fn with_head(body: &[u8]) -> Vec<u8> {
+    let length = (body.len() as u64).to_le_bytes();
+    let digest = Sha256::digest(body);
+    [&MAGIC[..], &VERSION.to_le_bytes(), &length, &digest, body].concat()
 }
 
 #[cfg(test)]
@@ -239,13 +242,13 @@ mod tests {
 
     use super::*;
 
-    fn content() -> Content {
-        let header = Header {
+    fn example() -> BlackBox {
+        let header = BlackBoxHeader {
             software: "test".to_owned(),
             cause: "a test".to_owned(),
-            ..Header::default()
+            ..BlackBoxHeader::default()
         };
-        Content {
+        BlackBox {
             header,
             config: "robot_id = 1".to_owned(),
             models: vec![vec![1, 2, 3]],
@@ -256,36 +259,27 @@ mod tests {
     }
 
     fn error(bytes: &[u8]) -> String {
-        Content::from_bytes(bytes, Path::new("x.box"))
-            .unwrap_err()
-            .to_string()
+        let error = BlackBox::from_bytes(bytes, Path::new("x.box")).unwrap_err();
+        error.to_string()
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn a_file_is_read_as_it_was_written_and_never_overwritten() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.box");
-        content().write(&path).unwrap();
-        assert_eq!(Content::read(&path).unwrap(), content());
-        assert!(
-            content()
-                .write(&path)
-                .unwrap_err()
-                .to_string()
-                .contains("File exists"),
-            "never written over"
-        );
-        assert!(
-            Content::read(&folder.path().join("b.box"))
-                .unwrap_err()
-                .to_string()
-                .contains("cannot read")
-        );
+        example().write(&path).unwrap();
+        assert_eq!(BlackBox::read(&path).unwrap(), example());
+        let error = example().write(&path).unwrap_err().to_string();
+        assert!(error.contains("File exists"), "{error}");
+        let error = BlackBox::read(&folder.path().join("b.box"))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains("cannot read"), "{error}");
     }
 
     #[test]
-    fn a_file_that_is_not_whole_gets_one_clear_error() {
-        let bytes = content().to_bytes().unwrap();
+    fn incomplete_and_foreign_files_are_reported_as_such() {
+        let bytes = example().to_bytes().unwrap();
         for length in 8..bytes.len() {
             let text = error(&bytes[..length]);
             assert!(text.contains("incomplete"), "{length}: {text}");
@@ -301,25 +295,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_damage_goes_unnoticed(place in HEAD..HEAD + 30, bit in 0..8_u32) {
-            let mut bytes = content().to_bytes().unwrap();
-            let place = place.min(bytes.len() - 1);
-            bytes[place] ^= 1 << bit;
+        fn every_damage_is_detected(index in HEAD..HEAD + 30, bit in 0..8_u32) {
+            let mut bytes = example().to_bytes().unwrap();
+            let index = index.min(bytes.len() - 1);
+            bytes[index] ^= 1 << bit;
             prop_assert!(error(&bytes).contains("damaged"));
         }
 
         #[test]
-        fn no_bytes_make_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
-            let framed = {
-                let mut framed = MAGIC.to_vec();
-                framed.extend_from_slice(&VERSION.to_le_bytes());
-                framed.extend_from_slice(&(bytes.len() as u64).to_le_bytes());
-                framed.extend_from_slice(&Sha256::digest(&bytes));
-                framed.extend_from_slice(&bytes);
-                framed
-            };
-            let _ = Content::from_bytes(&framed, Path::new("x.box"));
-            let _ = Content::from_bytes(&bytes, Path::new("x.box"));
+        fn no_bytes_cause_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let _ = BlackBox::from_bytes(&with_head(&bytes), Path::new("x.box"));
+            let _ = BlackBox::from_bytes(&bytes, Path::new("x.box"));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The thread that keeps the black box: takes every tick from the loop, and writes the file.
+//! The recorder of the black box: takes every tick from the loop, and writes the file.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs::{self, DirBuilder};
@@ -10,53 +10,50 @@ use std::sync::mpsc::{Receiver, Sender};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::file::{BlackBoxError, Content, Header, OfferRecord};
+use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
 use super::ring::Ring;
-use super::{CycleSnapshot, TickRecord};
+use super::tick_record::TickRecord;
 use crate::clock;
 use crate::config::Config;
+use crate::core::EventKind;
+use crate::core::cycle::Snapshot;
 use crate::model::{Model, ModelId};
 use crate::robot::OperatingState;
 use crate::units::Nanos;
 use crate::wall_clock;
 
-/// Ticks that the recorder may fall behind: four seconds at 1 kHz.
+/// Ticks that the recorder may lag: four seconds at 1 kHz.
 const TICKS: usize = 4096;
-/// Snapshots on their way; the loop makes one a second.
+/// Snapshots in flight; the loop makes one per second.
 const SNAPSHOTS: usize = 4;
-/// How often the recorder looks.
+/// Polling period of the recorder.
 const PERIOD: Nanos = Nanos::from_millis(20);
-/// What happens in the half second after a fault belongs to it.
-const AFTERMATH: Nanos = Nanos::from_millis(500);
-/// A fault that comes back again and again does not fill the disk.
+/// Time after a fault that its file includes.
+const AFTER_FAULT: Nanos = Nanos::from_millis(500);
+/// Minimum time between the files of two faults: a repeated fault must not fill the disk.
 const BETWEEN_FAULTS: Nanos = Nanos::from_millis(5000);
-/// Offers that are kept before those of forgotten ticks are dropped.
+/// Number of offers from which old ones are dropped.
 const OFFERS: usize = 64;
 
-/// What reaches the recorder.
+/// A request to the recorder.
 #[derive(Debug)]
-pub enum Wish {
+pub enum RecorderRequest {
     /// A model is on its way to the loop.
     Offer(Box<OfferRecord>, Arc<Model>),
-    /// Write the file now; the token goes back with the answer.
+    /// Write the file now; the token returns with the reply.
     Write(u64),
 }
 
-/// The answer to [`Wish::Write`].
-#[derive(Debug)]
-pub struct Written {
-    /// The token of the wish.
-    pub token: u64,
-    /// The file and how many ticks are in it, or why there is none.
-    pub outcome: Result<(PathBuf, u64), String>,
-}
+/// The reply to [`RecorderRequest::Write`] with its token: the file and its number of ticks, or the
+/// error.
+pub type WriteReply = (u64, Result<(PathBuf, u64), String>);
 
-/// The ends that the loop holds.
-pub struct RecorderEnds {
+/// The ends of the loop.
+pub struct RecorderChannels {
     /// Every tick.
     pub ticks: Producer<TickRecord>,
     /// The state of the cycle, once a second.
-    pub snapshots: Producer<CycleSnapshot>,
+    pub snapshots: Producer<Snapshot>,
 }
 
 /// Fills the ring and writes the file.
@@ -65,26 +62,30 @@ pub struct Recorder {
     software: String,
     boot_id: u64,
     ticks: Consumer<TickRecord>,
-    snapshots: Consumer<CycleSnapshot>,
-    waiting: Option<CycleSnapshot>,
+    snapshots: Consumer<Snapshot>,
+    /// A snapshot whose next tick has not arrived.
+    waiting: Option<Snapshot>,
     ring: Ring,
     models: BTreeMap<ModelId, Arc<Model>>,
     offers: VecDeque<OfferRecord>,
+    /// Number of the newest tick.
     newest: u64,
     lost: u64,
+    /// Time of a fault without a file.
     fault: Option<Nanos>,
+    /// Time of the last file of a fault.
     last_fault: Option<Nanos>,
 }
 
 impl Recorder {
-    /// A recorder, and the ends for the loop. `model` is what the loop begins with.
+    /// A recorder, and the ends for the loop. `model` is the model at the start.
     #[must_use]
     pub fn new(
         config: &Config,
         model: Option<&Arc<Model>>,
         software: &str,
         boot_id: u64,
-    ) -> (Self, RecorderEnds) {
+    ) -> (Self, RecorderChannels) {
         let (ticks_in, ticks) = RingBuffer::new(TICKS);
         let (snapshots_in, snapshots) = RingBuffer::new(SNAPSHOTS);
         let recorder = Self {
@@ -96,8 +97,8 @@ impl Recorder {
             waiting: None,
             ring: Ring::new(Nanos::from_millis(config.record.seconds * 1000)),
             models: model
-                .map(|model| (model.id(), Arc::clone(model)))
                 .into_iter()
+                .map(|model| (model.id(), Arc::clone(model)))
                 .collect(),
             offers: VecDeque::new(),
             newest: 0,
@@ -105,100 +106,96 @@ impl Recorder {
             fault: None,
             last_fault: None,
         };
-        (
-            recorder,
-            RecorderEnds {
-                ticks: ticks_in,
-                snapshots: snapshots_in,
-            },
-        )
+        let channels = RecorderChannels {
+            ticks: ticks_in,
+            snapshots: snapshots_in,
+        };
+        (recorder, channels)
     }
 
-    /// Records until `quit`, then writes what there is. What went wrong while writing goes to
-    /// `tell`.
+    /// Records until `quit`, then writes the last file. Results of writing are passed to `report`.
     pub fn run(
         mut self,
         quit: &AtomicBool,
-        wishes: &Receiver<Wish>,
-        answers: &Sender<Written>,
-        mut tell: impl FnMut(String),
+        requests: &Receiver<RecorderRequest>,
+        replies: &Sender<WriteReply>,
+        mut report: impl FnMut(String),
     ) {
         loop {
             let last = quit.load(Ordering::Acquire);
-            self.drain(wishes, answers);
+            self.drain(requests, replies);
             let now = clock::now();
             if self
                 .fault
-                .is_some_and(|fault| last || now.since(fault) >= AFTERMATH)
+                .is_some_and(|fault| last || now.since(fault) >= AFTER_FAULT)
             {
                 self.fault = None;
                 self.last_fault = Some(now);
-                self.write_and_tell("fault", &mut tell);
+                self.write_and_report("fault", &mut report);
             }
             if last {
-                return self.write_and_tell("exit", &mut tell);
+                return self.write_and_report("exit", &mut report);
             }
             clock::sleep(PERIOD);
         }
     }
 
-    fn drain(&mut self, wishes: &Receiver<Wish>, answers: &Sender<Written>) {
-        // A model is announced before the loop gets it, so its offer is known before its tick is.
+    fn drain(&mut self, requests: &Receiver<RecorderRequest>, replies: &Sender<WriteReply>) {
+        // The model manager announces a model before it sends it to the loop, so an offer is read
+        // before its tick.
         let mut writes = Vec::new();
-        for wish in wishes.try_iter() {
-            match wish {
-                Wish::Offer(offer, model) => {
+        for request in requests.try_iter() {
+            match request {
+                RecorderRequest::Offer(offer, model) => {
                     self.models.insert(offer.model, model);
                     self.offers.push_back(*offer);
                 }
-                Wish::Write(token) => writes.push(token),
+                RecorderRequest::Write(token) => writes.push(token),
             }
         }
         while let Ok(tick) = self.ticks.pop() {
-            self.take(tick);
+            self.add(tick);
         }
-        self.forget();
+        self.drop_unused_models();
         for token in writes {
-            // Whoever asked may be gone.
-            let _ = answers.send(Written {
-                token,
-                outcome: self.write("request").map_err(|error| error.to_string()),
-            });
+            let outcome = self.write("request").map_err(|error| error.to_string());
+            // The IPC thread may have ended.
+            let _ = replies.send((token, outcome));
         }
     }
 
-    fn take(&mut self, tick: TickRecord) {
+    fn add(&mut self, tick: TickRecord) {
         self.lost += tick.number.saturating_sub(self.newest + 1);
         self.newest = tick.number;
-        let to_fault = tick.outputs.events.iter().flatten().any(|event| {
-            matches!(
-                event.kind,
-                crate::core::CycleEventKind::State {
-                    to: OperatingState::Fault,
-                    ..
-                }
-            )
-        });
+        let to_fault = |kind| {
+            let fault = OperatingState::Fault;
+            matches!(kind, EventKind::State { to, .. } if to == fault)
+        };
+        let faulted = tick
+            .outputs
+            .events
+            .iter()
+            .flatten()
+            .any(|event| to_fault(event.kind));
+        let now = clock::now();
         let quiet = self
             .last_fault
-            .is_none_or(|last| clock::now().since(last) >= BETWEEN_FAULTS);
-        if to_fault && quiet && self.fault.is_none() {
-            self.fault = Some(clock::now());
+            .is_none_or(|last| now.since(last) >= BETWEEN_FAULTS);
+        if faulted && quiet && self.fault.is_none() {
+            self.fault = Some(now);
         }
         // A snapshot comes before the tick after it.
         self.waiting = self.waiting.take().or_else(|| self.snapshots.pop().ok());
-        while let Some(snapshot) = self
-            .waiting
-            .take_if(|snapshot| snapshot.ticks() < tick.number)
-        {
-            self.ring.begin(snapshot);
+        let is_due = |snapshot: &mut Snapshot| snapshot.ticks() < tick.number;
+        while let Some(snapshot) = self.waiting.take_if(is_due) {
+            self.ring.push_snapshot(snapshot);
             self.waiting = self.snapshots.pop().ok();
         }
         self.ring.push(tick);
     }
 
-    /// Forgets models that no tick in the ring knows of.
-    fn forget(&mut self) {
+    /// Drops models that no tick in the ring uses.
+    fn drop_unused_models(&mut self) {
         if self.offers.len() <= OFFERS {
             return;
         }
@@ -206,21 +203,21 @@ impl Recorder {
         if let Some(oldest) = oldest {
             self.offers.retain(|offer| offer.number >= oldest);
         }
-        let kept: Vec<ModelId> = self.named().collect();
-        self.models.retain(|id, _| kept.contains(id));
+        let used: Vec<ModelId> = self.used_models().collect();
+        self.models.retain(|id, _| used.contains(id));
     }
 
-    /// The models that the ring and the offers name.
-    fn named(&self) -> impl Iterator<Item = ModelId> {
-        let in_snapshots = self.ring.snapshots().flat_map(CycleSnapshot::models);
+    /// The models of the ring and of the offers.
+    fn used_models(&self) -> impl Iterator<Item = ModelId> {
+        let in_snapshots = self.ring.snapshots().flat_map(Snapshot::models);
         in_snapshots.chain(self.offers.iter().map(|offer| offer.model))
     }
 
-    fn write_and_tell(&mut self, cause: &str, tell: &mut impl FnMut(String)) {
+    fn write_and_report(&self, cause: &str, report: &mut impl FnMut(String)) {
         if self.ring.ticks().next().is_none() {
             return;
         }
-        tell(match self.write(cause) {
+        report(match self.write(cause) {
             Ok((path, ticks)) => {
                 format!("black box of {ticks} ticks written to {}", path.display())
             }
@@ -250,11 +247,11 @@ impl Recorder {
         Ok((path, ticks))
     }
 
-    fn content(&self, cause: &str, written: &str) -> Content {
-        let named: Vec<ModelId> = self.named().collect();
-        let models = self.models.iter().filter(|(id, _)| named.contains(id));
-        Content {
-            header: Header {
+    fn content(&self, cause: &str, written: &str) -> BlackBox {
+        let used: Vec<ModelId> = self.used_models().collect();
+        let models = self.models.iter().filter(|(id, _)| used.contains(id));
+        BlackBox {
+            header: BlackBoxHeader {
                 software: self.software.clone(),
                 boot_id: self.boot_id,
                 cause: cause.to_owned(),
@@ -272,15 +269,11 @@ impl Recorder {
     }
 }
 
-/// A folder for its owner alone, unless it is there already.
+/// Creates a folder for its owner only, unless it exists.
 fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     if fs::metadata(folder).is_ok_and(|metadata| metadata.is_dir()) {
         return Ok(());
     }
     let created = DirBuilder::new().recursive(true).mode(0o700).create(folder);
-    created.map_err(|source| BlackBoxError::Io {
-        action: "write",
-        path: folder.to_owned(),
-        source,
-    })
+    created.map_err(BlackBoxError::io("write", folder))
 }

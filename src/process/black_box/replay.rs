@@ -1,67 +1,68 @@
-//! The same ticks through the same cycle.
+//! Replay of a black box: the same ticks through the same cycle.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::file::{Content, OfferRecord};
-use super::{CycleSnapshot, TickRecord};
+use super::file::{BlackBox, OfferRecord};
+use super::tick_record::TickRecord;
 use crate::config::{Config, ConfigError};
-use crate::core::CycleOutputs;
-use crate::core::ModelCandidate;
-use crate::core::cycle::ControlCycle;
+use crate::core::Outputs;
+use crate::core::cycle::{Cycle, Snapshot};
+use crate::core::model_slots::slots::Candidate;
 use crate::model::file::ModelFile;
 use crate::model::{Model, ModelError, ModelId};
+use crate::robot::Refusal;
 
-/// Why a black box cannot be run again.
+/// Why a black box cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// The configuration in it is not one.
+    /// The configuration is not valid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// A model in it is not one.
+    /// A model is not valid.
     #[error("a model in the black box: {0}")]
     Model(#[from] ModelError),
-    /// A model is named but not there.
+    /// A model is missing.
     #[error("the black box names model {0} and does not hold it")]
     NoModel(ModelId),
-    /// There is nothing to begin with.
+    /// No snapshot precedes the ticks.
     #[error("the black box holds no state of the controller to begin with")]
     NoSnapshot,
 }
 
-/// What came of it.
+/// Result of a replay.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Replayed {
-    /// Ticks that were run again.
+pub struct ReplayResult {
+    /// Number of replayed ticks.
     pub ticks: u64,
-    /// Of those, ticks at which a model took over.
+    /// Of those, ticks with a model swap.
     pub swaps: u64,
-    /// Ticks in the file that could not be run, because ticks before them are missing.
+    /// Ticks that cannot be replayed, because ticks before them are missing.
     pub skipped: u64,
-    /// The first tick that came out otherwise; `None`: all are the same to the bit.
-    pub difference: Option<Difference>,
+    /// The first tick with different outputs; `None`: all bits are equal.
+    pub difference: Option<ReplayDifference>,
 }
 
-/// A tick that came out otherwise.
+/// A tick with different outputs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Difference {
+pub struct ReplayDifference {
     /// The tick.
     pub number: u64,
-    /// The field of [`CycleOutputs`] that differs first.
+    /// The first field of [`Outputs`] that differs.
     pub field: &'static str,
-    /// What was recorded.
+    /// Recorded value.
     pub recorded: String,
-    /// What came out now.
+    /// Replayed value.
     pub replayed: String,
 }
 
-/// Runs the ticks of a black box again, up to the first that comes out otherwise.
+/// Replays the ticks of a black box, up to the first with different outputs.
 ///
 /// # Errors
 ///
-/// When the configuration, a model or the first state is missing or cannot be used.
-pub fn replay(content: &Content) -> Result<Replayed, ReplayError> {
+/// When the configuration, a model or the first snapshot is missing or not valid.
+pub fn replay(content: &BlackBox) -> Result<ReplayResult, ReplayError> {
     let config = Config::parse(&content.config, Path::new("in the black box"))?;
     let models = models(content)?;
     let mut player = Player {
@@ -71,25 +72,23 @@ pub fn replay(content: &Content) -> Result<Replayed, ReplayError> {
         cycle: None,
         next: 0,
     };
-    let mut replayed = Replayed {
+    let mut replayed = ReplayResult {
         ticks: 0,
         swaps: 0,
         skipped: 0,
         difference: None,
     };
     for tick in &content.ticks {
-        if !player.reach(tick)? {
+        if !player.restore_before(tick)? {
             replayed.skipped += 1;
             continue;
         }
         let outputs = player.step(tick)?;
         replayed.ticks += 1;
-        let before_and_after = (outputs.model_reply, outputs.report.models);
-        replayed.swaps += u64::from(
-            before_and_after
-                .0
-                .is_some_and(|reply| reply.refusal.number() == 0),
-        );
+        let swapped = outputs
+            .model_reply
+            .is_some_and(|reply| reply.refusal == Refusal::None);
+        replayed.swaps += u64::from(swapped);
         if let Some(difference) = difference(tick, &outputs) {
             replayed.difference = Some(difference);
             return Ok(replayed);
@@ -101,7 +100,7 @@ pub fn replay(content: &Content) -> Result<Replayed, ReplayError> {
     Ok(replayed)
 }
 
-fn models(content: &Content) -> Result<BTreeMap<ModelId, Arc<Model>>, ReplayError> {
+fn models(content: &BlackBox) -> Result<BTreeMap<ModelId, Arc<Model>>, ReplayError> {
     let mut models = BTreeMap::new();
     for bytes in &content.models {
         let model = Model::from_file(ModelFile::parse(&String::from_utf8_lossy(bytes))?)?;
@@ -111,33 +110,32 @@ fn models(content: &Content) -> Result<BTreeMap<ModelId, Arc<Model>>, ReplayErro
 }
 
 struct Player<'a> {
-    content: &'a Content,
+    content: &'a BlackBox,
     config: Config,
     models: BTreeMap<ModelId, Arc<Model>>,
-    cycle: Option<ControlCycle>,
-    /// The tick that comes next.
+    cycle: Option<Cycle>,
+    /// Number of the next tick.
     next: u64,
 }
 
 impl Player<'_> {
-    /// Brings the cycle to the state before a tick, if that is possible.
-    fn reach(&mut self, tick: &TickRecord) -> Result<bool, ReplayError> {
+    /// Sets the cycle to the state before a tick. Returns whether that is possible.
+    fn restore_before(&mut self, tick: &TickRecord) -> Result<bool, ReplayError> {
         if self.cycle.is_some() && self.next == tick.number {
             return Ok(true);
         }
         self.cycle = None;
-        let here = |snapshot: &&CycleSnapshot| snapshot.ticks() + 1 == tick.number;
-        let Some(snapshot) = self.content.snapshots.iter().find(here) else {
+        let precedes = |snapshot: &&Snapshot| snapshot.ticks() + 1 == tick.number;
+        let Some(snapshot) = self.content.snapshots.iter().find(precedes) else {
             return Ok(false);
         };
         let model = |id: ModelId| self.models.get(&id).map(Arc::clone);
-        let cycle =
-            ControlCycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
+        let cycle = Cycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
         (self.cycle, self.next) = (Some(cycle), tick.number);
         Ok(true)
     }
 
-    fn step(&mut self, tick: &TickRecord) -> Result<CycleOutputs, ReplayError> {
+    fn step(&mut self, tick: &TickRecord) -> Result<Outputs, ReplayError> {
         let candidate = tick
             .offered
             .map(|number| self.candidate(number))
@@ -146,15 +144,15 @@ impl Player<'_> {
             return Err(ReplayError::NoSnapshot);
         };
         if let Some(candidate) = candidate {
-            cycle.stage_model(candidate);
+            cycle.offer(candidate);
         }
         let outputs = cycle.step(tick.timing.tick.started, &tick.inputs);
-        drop(cycle.take_retired());
+        drop(cycle.retired());
         self.next += 1;
         Ok(outputs)
     }
 
-    fn candidate(&self, number: u64) -> Result<ModelCandidate, ReplayError> {
+    fn candidate(&self, number: u64) -> Result<Candidate, ReplayError> {
         let missing = || ReplayError::NoModel(ModelId::default());
         let of_number = |offer: &&OfferRecord| offer.number == number;
         let offer = self
@@ -167,7 +165,7 @@ impl Player<'_> {
             .models
             .get(&offer.model)
             .ok_or(ReplayError::NoModel(offer.model))?;
-        Ok(ModelCandidate::restored(
+        Ok(Candidate::restored(
             Arc::clone(model),
             &self.config,
             offer.carried,
@@ -175,10 +173,13 @@ impl Player<'_> {
     }
 }
 
-/// The first field that differs. Numbers are compared by their bits: as text with all digits, in
-/// which no two numbers look the same, and the sign of zero shows.
-fn difference(tick: &TickRecord, now: &CycleOutputs) -> Option<Difference> {
+/// The first field that differs. The bits decide; the text, which shows all digits and the sign of
+/// zero, names the field.
+fn difference(tick: &TickRecord, now: &Outputs) -> Option<ReplayDifference> {
     let before = &tick.outputs;
+    if bits(before) == bits(now) {
+        return None;
+    }
     let fields = [
         ("requests", text(&before.requests), text(&now.requests)),
         ("reply", text(&before.reply), text(&now.reply)),
@@ -196,12 +197,9 @@ fn difference(tick: &TickRecord, now: &CycleOutputs) -> Option<Difference> {
         ("report", text(&before.report), text(&now.report)),
         ("finished", text(&before.finished), text(&now.finished)),
     ];
-    if bits(before) == bits(now) {
-        return None;
-    }
     let differs = fields.into_iter().find(|(_, before, now)| before != now);
     let (field, recorded, replayed) = differs.unwrap_or(("a bit", text(before), text(now)));
-    Some(Difference {
+    Some(ReplayDifference {
         number: tick.number,
         field,
         recorded,
@@ -214,6 +212,6 @@ fn text(value: &impl std::fmt::Debug) -> String {
 }
 
 /// Every bit of every field.
-fn bits(outputs: &CycleOutputs) -> Vec<u8> {
+fn bits(outputs: &Outputs) -> Vec<u8> {
     postcard::to_allocvec(outputs).unwrap_or_default()
 }

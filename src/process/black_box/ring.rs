@@ -2,19 +2,20 @@
 
 use std::collections::VecDeque;
 
-use super::{CycleSnapshot, TickRecord};
+use super::tick_record::TickRecord;
+use crate::core::cycle::Snapshot;
 use crate::units::Nanos;
 
-/// The last seconds, tick by tick, from a snapshot on. Grows to its size once and then no more.
+/// The last seconds, tick by tick, from a snapshot on. Grows to its full size once.
 #[derive(Debug)]
 pub struct Ring {
     span: Nanos,
     ticks: VecDeque<TickRecord>,
-    snapshots: VecDeque<CycleSnapshot>,
+    snapshots: VecDeque<Snapshot>,
 }
 
 impl Ring {
-    /// Keeps `span` or a little more: up to the interval between two snapshots.
+    /// Keeps `span`, plus up to one interval between two snapshots.
     #[must_use]
     pub fn new(span: Nanos) -> Self {
         Self {
@@ -24,25 +25,21 @@ impl Ring {
         }
     }
 
-    /// Takes in a tick.
+    /// Adds a tick.
     pub fn push(&mut self, tick: TickRecord) {
         self.ticks.push_back(tick);
     }
 
-    /// Takes in a snapshot, and drops what is older than the last snapshot that is old enough to
-    /// begin with.
-    pub fn begin(&mut self, snapshot: CycleSnapshot) {
+    /// Adds a snapshot, and drops everything before the last snapshot that is older than the span.
+    pub fn push_snapshot(&mut self, snapshot: Snapshot) {
         self.snapshots.push_back(snapshot);
         let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
             return;
         };
-        while let Some(second) = self.snapshots.get(1).map(CycleSnapshot::ticks) {
+        while let Some(second) = self.snapshots.get(1).map(Snapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
-            let old_enough = self
-                .ticks
-                .get(begin)
-                .is_some_and(|tick| newest.since(tick.timing.tick.started) >= self.span);
-            if !old_enough {
+            let first = self.ticks.get(begin).map(|tick| tick.timing.tick.started);
+            if first.is_none_or(|first| newest.since(first) < self.span) {
                 return;
             }
             self.ticks.drain(..begin);
@@ -50,13 +47,13 @@ impl Ring {
         }
     }
 
-    /// The ticks, oldest first. Where numbers jump, ticks were lost.
+    /// The ticks, oldest first. A gap in the numbers means lost ticks.
     pub fn ticks(&self) -> impl Iterator<Item = &TickRecord> {
         self.ticks.iter()
     }
 
     /// The snapshots, oldest first.
-    pub fn snapshots(&self) -> impl Iterator<Item = &CycleSnapshot> {
+    pub fn snapshots(&self) -> impl Iterator<Item = &Snapshot> {
         self.snapshots.iter()
     }
 }

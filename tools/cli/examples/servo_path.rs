@@ -24,7 +24,7 @@ use hdrhistogram::Histogram;
 use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ServoJp;
-use i2ris::ipc::{Domain, DomainGuard, Server, random_id, server};
+use i2ris::ipc::{Domain, DomainLock, Server, random_id, server};
 use i2ris::realtime::{self, Ticker, Wanted};
 use i2ris::units::Nanos;
 use iceoryx2::node::Node;
@@ -65,10 +65,10 @@ fn measure() {
     relay(
         "relay, once ahead of every tick",
         PERIOD,
-        server::RELAY_LEAD,
+        server::COMMAND_POLL_LEAD,
         "steady",
     );
-    relay("relay, faulty client", PERIOD, server::RELAY_LEAD, "faulty");
+    relay("relay, faulty client", PERIOD, server::COMMAND_POLL_LEAD, "faulty");
     blackboard("blackboard", "steady");
     blackboard("blackboard, faulty client", "faulty");
     kill_a_writer();
@@ -136,7 +136,7 @@ fn relay(title: &str, period: Nanos, lead: Nanos, pace: &str) {
         let (stop, domain) = (Arc::clone(&stop), domain.clone());
         move || {
             realtime::keep_normal(Some(LOOP_CPU));
-            let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+            let mut server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
             let _ = realtime::request(Wanted {
                 priority: 60,
                 ..Wanted::default()

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use i2ris::core::{CycleEventKind, CycleOutputs};
 use i2ris::ipc::client::Client;
-use i2ris::process::black_box::{Content, Difference, Replayed, replay};
+use i2ris::process::black_box::{BlackBox, ReplayDifference, ReplayResult, replay};
 use i2ris::units::Nanos;
 
 use i2ris_terminal::DomainOption;
@@ -48,13 +48,13 @@ pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
 
 /// Runs a black box again. A tick that comes out otherwise is a failure.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let content = while_working("reading", || Content::read(&arguments.file))?;
+    let content = while_working("reading", || BlackBox::read(&arguments.file))?;
     header(&content);
     if arguments.events {
         content.ticks.iter().for_each(|tick| events(&tick.outputs));
     }
     let replayed = while_working("replaying", || replay(&content))?;
-    let Replayed {
+    let ReplayResult {
         ticks,
         swaps,
         skipped,
@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn header(content: &Content) {
+fn header(content: &BlackBox) {
     let header = &content.header;
     println!("software   {}", header.software);
     println!("written    {}, on {}", header.written, header.cause);
@@ -116,8 +116,8 @@ fn events(outputs: &CycleOutputs) {
     }
 }
 
-fn describe(difference: &Difference, ticks: u64) -> String {
-    let Difference {
+fn describe(difference: &ReplayDifference, ticks: u64) -> String {
+    let ReplayDifference {
         number,
         field,
         recorded,

@@ -81,7 +81,7 @@ impl Rig {
         let (config, shutdown) = (self.config.clone(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&shutdown);
         let thread =
-            thread::spawn(move || controller::run(&config, &asked, &mut std::io::sink()).unwrap());
+            thread::spawn(move || controller::run(&config, "", &asked, &mut std::io::sink()).unwrap());
         self.controller = Some((shutdown, thread));
     }
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 
@@ -38,7 +38,7 @@ fn frames_reach_every_controller_of_the_domain() {
     emulator.publish_camera(&domain).unwrap();
     let mut last = 0;
     for _ in 0..2 {
-        let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+        let mut server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
         for _ in 0..3 {
             let frame = next_frame(&mut server);
             assert_eq!((frame.count, frame.flags), (2, ExternalPosition::VALID));

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::payload::{ModelSlot, text_of};
+use i2ris::ipc::payload::{ModelSlot, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
@@ -71,8 +71,8 @@ impl Models {
         let id = ModelId(slot.model_id);
         Some(Named {
             id,
-            name: format!("{} {}", text_of(&slot.family), short_id(id)),
-            file: text_of(&slot.file),
+            name: format!("{} {}", unpadded_text(&slot.family), short_id(id)),
+            file: unpadded_text(&slot.file),
             memory_known: slot.flags & ModelSlot::MEMORY_KNOWN != 0,
         })
     }

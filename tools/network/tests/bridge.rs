@@ -21,7 +21,7 @@ impl Far {
 
 impl Drop for Far {
     fn drop(&mut self) {
-        drop(i2ris::ipc::DomainGuard::acquire(&self.0));
+        drop(i2ris::ipc::DomainLock::acquire(&self.0));
     }
 }
 

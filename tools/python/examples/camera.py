@@ -2,7 +2,7 @@
 
     python examples/camera.py --domain i2ris
 
-``angles`` stands for whatever measures: replace it. The stamp is the instant at which the picture was taken, on the
+``angles`` stands for whatever measures: replace it. The stamp is the instant at which the image was taken, on the
 monotonic clock of this machine. Where nothing was seen, say so: an old value is worse than none.
 """
 

@@ -1,6 +1,6 @@
 """Python side of i2ris, the controller of the I2RIS snake robot.
 
-Modules are imported by name, so that none asks for packages that another one needs:
+Import the modules by name, so that each needs only its own packages:
 
 - ``i2ris.arm``: commanding and watching the robot (extra ``client``)
 - ``i2ris.payload``: the messages in shared memory

@@ -12,9 +12,9 @@
             time.sleep(0.005)
         print(arm.measured_js().position)
 
-Commands have to come faster than their deadline (50 ms unless told otherwise), or the robot stops and holds. At the end
-of the ``with`` block the lease is free and the robot holds. Nothing here waits for the controller but ``state_command``,
-``version`` and ``wait_for``.
+Send commands faster than their deadline (default 50 ms), or the robot stops and holds. At the end of the ``with`` block
+the lease is free and the robot holds. Only ``state_command``, ``version``, ``wait_for`` and requests about models wait
+for the controller.
 """
 
 from __future__ import annotations
@@ -103,20 +103,20 @@ FAULTS = {
     7: "the model gave a value that is not finite",
 }
 
-#: How long an answer may take, s.
-PATIENCE_S = 1.0
-#: A model is read and checked over its whole hull, s.
-MODEL_PATIENCE_S = 30.0
-#: How often it is looked for one, s.
+#: Timeout for a reply, s.
+REPLY_TIMEOUT_S = 1.0
+#: Timeout for requests about models, which are checked over their whole hull, s.
+MODEL_REPLY_TIMEOUT_S = 30.0
+#: Polling period for replies, s.
 POLL_S = 0.001
 
 
 class Refused(Exception):
-    """The controller refuses a command, and says why."""
+    """The controller refuses a command; the message holds the reason."""
 
 
 class NoReply(Exception):
-    """The controller does not answer."""
+    """The controller does not reply."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Joints:
     valid: bool
     #: The estimate is on the right branch of the hysteresis loop.
     memory_known: bool
-    #: The goal lay outside the calibrated hull.
+    #: The goal was outside the calibrated hull.
     clipped: bool
     sequence: int
 
@@ -153,7 +153,7 @@ class Actuators:
 
 @dataclass(frozen=True)
 class Model:
-    """A model at hand."""
+    """A loaded model."""
 
     #: SHA-256, hexadecimal.
     id: str
@@ -167,16 +167,16 @@ class Model:
 
 @dataclass(frozen=True)
 class Models:
-    """The models at hand; None where there is none."""
+    """The loaded models; None for an empty slot."""
 
     active: Model | None
     staged: Model | None
-    former: Model | None
+    previous: Model | None
 
 
 @dataclass(frozen=True)
 class OperatingState:
-    """What state the controller is in."""
+    """State of the controller."""
 
     stamp_ns: int
     state: str
@@ -185,12 +185,12 @@ class OperatingState:
     busy: bool
     holding: bool
     memory_known: bool
-    #: Whether this client holds the lease, and whether anybody does.
+    #: This client holds the lease; any client holds it.
     lease: bool
     taken: bool
     accepted: int
     refused: int
-    #: Why the last refused command was refused; empty if none was.
+    #: Reason of the last refusal; empty if there was none.
     last_refusal: str
 
 
@@ -207,13 +207,13 @@ class Arm:
         self._commanded = False
         #: Motors one by one, without a model.
         self.actuators = ActuatorArm(self)
-        #: Models: what is in use, and changing it.
+        #: Requests about models.
         self.model = ModelArm(self)
 
     def __enter__(self) -> "Arm":
-        """Connects. What the controller tells arrives from here on, the first of it within 50 ms."""
-        for look in (self.measured_js, self.setpoint_js, self.goal_js, self.operating_state, self.external_jp):
-            look()
+        """Connects. Messages of the controller arrive from here on, the first within 50 ms."""
+        for subscribe in (self.measured_js, self.setpoint_js, self.goal_js, self.operating_state, self.external_jp):
+            subscribe()
         self.actuators.measured_js()
         return self
 
@@ -224,18 +224,18 @@ class Arm:
         """Gives the lease back, if this client commanded, and disconnects. The robot holds."""
         try:
             if self._commanded:
-                # A command that is still on its way would take the lease again; well below its deadline.
+                # A command in flight would take the lease again. This is well below its deadline.
                 time.sleep(0.02)
                 self.state_command("release")
         except (NoController, NoReply, Refused):
-            # Nobody there, or not ours any more: it is free, then.
+            # No controller, or another client holds the lease.
             pass
         finally:
             self._commanded = False
             self._link.close()
 
     def servo_jp(self, position: Sequence[float]) -> int:
-        """Go to these angles now, rad. Returns the number of the command. To be called again and again."""
+        """Go to these angles now, rad. Returns the sequence number. Call it repeatedly."""
         if not 1 <= len(position) <= 3:
             raise ValueError("1 to 3 values")
         command = self._stamped(ServoJp, len(position))
@@ -251,19 +251,19 @@ class Arm:
         return self._joints("i2ris/setpoint_js")
 
     def goal_js(self) -> Joints | None:
-        """What was asked, after clipping to the calibrated hull."""
+        """The requested goal, clipped to the calibrated hull."""
         return self._joints("i2ris/goal_js")
 
     def external_jp(self) -> ExternalPosition | None:
-        """What a camera saw last, as it was sent."""
+        """The last measurement of a camera, as it was sent."""
         return self._newest("i2ris/external/measured_jp", ExternalPosition)
 
     def period_statistics(self) -> PeriodStatistics | None:
-        """How real-time the loop was in the last second."""
+        """Timing of the control loop in the last second."""
         return self._newest("i2ris/period_statistics", PeriodStatistics)
 
     def operating_state(self) -> OperatingState | None:
-        """What state the controller is in; None until it has told."""
+        """State of the controller; None until the first message has arrived."""
         message = self._newest("i2ris/operating_state", OperatingStateMsg)
         if message is None:
             return None
@@ -284,21 +284,21 @@ class Arm:
         )
 
     def state_command(self, command: str) -> str:
-        """Asks for a change of state and returns the state right after: enable, disable, pause, resume, home, unhome,
-        condition, acknowledge, release. Raises Refused with the reason. What takes longer goes on after the answer: see
+        """Requests a change of state and returns the state right after: enable, disable, pause, resume, home, unhome,
+        condition, acknowledge, release. Raises Refused with the reason. Longer operations continue after the reply: see
         ``OperatingState.busy`` and ``wait_for``.
         """
         if command not in COMMANDS:
             raise ValueError(f"no such command: {command!r}; one of {', '.join(COMMANDS)}")
         request = StateCommandRequest(client_id=self._client_id, command=COMMANDS[command])
-        reply = self._ask("i2ris/state_command", request, StateCommandReply)
+        reply = self._request("i2ris/state_command", request, StateCommandReply)
         state = STATES.get(reply.state, f"unknown state {reply.state}")
         if reply.refusal:
             raise Refused(f"the controller refuses {command!r} in state {state}: {_refusal(reply.refusal)}")
         return state
 
     def wait_for(self, wanted: Callable[[OperatingState], bool], timeout_s: float = 15.0) -> OperatingState:
-        """Waits until the operating state is as wanted. Raises TimeoutError."""
+        """Waits until the operating state fulfils a condition. Raises TimeoutError."""
         end = time.monotonic() + timeout_s
         while time.monotonic() < end:
             state = self.operating_state()
@@ -308,15 +308,15 @@ class Arm:
         raise TimeoutError(f"the state was not as wanted within {timeout_s} s")
 
     def version(self) -> Version:
-        """Who serves the domain."""
-        return self._ask("i2ris/version", VersionRequest(), Version)
+        """Version of the controller of the domain."""
+        return self._request("i2ris/version", VersionRequest(), Version)
 
     def _next(self) -> int:
         self._sequence += 1
         return self._sequence
 
     def _stamped(self, kind: type, count: int):
-        """A command of this kind for so many values, from this client and of now."""
+        """A command with this number of values, from this client and of now."""
         return kind(
             sequence=self._next(),
             stamp_ns=time.monotonic_ns(),
@@ -330,17 +330,17 @@ class Arm:
         self._commanded = True
         return command.sequence
 
-    def _ask(self, service: str, request, reply, patience_s: float = PATIENCE_S):
+    def _request(self, service: str, request, reply, timeout_s: float = REPLY_TIMEOUT_S):
         port = client(self._link, service, type(request), reply)
         pending = port.send_copy(request)
-        end = time.monotonic() + patience_s
+        end = time.monotonic() + timeout_s
         while time.monotonic() < end:
             response = pending.receive()
             if response is not None:
                 return reply.from_buffer_copy(response.payload().contents)
             self._link.refresh()
             time.sleep(POLL_S)
-        raise NoReply(f"{service} does not answer within {patience_s} s")
+        raise NoReply(f"{service} does not answer within {timeout_s} s")
 
     def _newest(self, service: str, payload):
         boot = self._link.refresh()
@@ -348,7 +348,7 @@ class Arm:
         while (sample := port.receive()) is not None:
             self._latest[service] = (boot, payload.from_buffer_copy(sample.payload().contents))
         latest = self._latest.get(service)
-        # What a controller said that is gone is forgotten.
+        # The message of a controller that has ended is dropped.
         return latest[1] if latest is not None and latest[0] == boot else None
 
     def _joints(self, service: str) -> Joints | None:
@@ -375,7 +375,7 @@ class ActuatorArm:
         self._arm = arm
 
     def servo_jp(self, counts: Sequence[int]) -> int:
-        """Turn the motors to these encoder positions now. To be called again and again."""
+        """Turn the motors to these encoder positions now. Call it repeatedly."""
         if not 1 <= len(counts) <= 2:
             raise ValueError("1 or 2 values")
         command = self._arm._stamped(ServoActuator, len(counts))
@@ -406,32 +406,32 @@ class ModelArm:
         self._arm = arm
 
     def list(self) -> Models:
-        """What is in use, staged, and was in use before."""
-        return self._ask(1)
+        """The models in use, staged and previously in use."""
+        return self._request(1)
 
     def stage(self, path: str | os.PathLike) -> Models:
-        """Has the controller read and check a model file. The model in use stays in use."""
+        """Lets the controller read and check a model file. The model in use stays in use."""
         name = os.fsencode(os.path.abspath(path))
         if len(name) >= 1024:
             raise ValueError(f"{path} is too long a path")
-        return self._ask(2, path=name)
+        return self._request(2, path=name)
 
     def activate(self, model_id: str, force: bool = False) -> Models:
-        """Lets the staged model take over, if it has this id. ``force``: also while its memory is unknown."""
-        return self._ask(3, model_id=bytes.fromhex(model_id), force=force)
+        """Takes the staged model into use, if it has this id. ``force``: also while its memory is unknown."""
+        return self._request(3, model_id=bytes.fromhex(model_id), force=force)
 
     def rollback(self, force: bool = False) -> Models:
-        """Lets the model that was in use before take over again."""
-        return self._ask(4, force=force)
+        """Takes the previous model into use again."""
+        return self._request(4, force=force)
 
-    def _ask(self, action: int, model_id: bytes = b"", path: bytes = b"", force: bool = False) -> Models:
+    def _request(self, action: int, model_id: bytes = b"", path: bytes = b"", force: bool = False) -> Models:
         if len(model_id) not in (0, 32):
             raise ValueError("a model id has 64 hexadecimal digits")
         flags = ModelRequest.FORCE if force else 0
         request = ModelRequest(client_id=self._arm._client_id, action=action, flags=flags)
         request.model_id[: len(model_id)] = model_id
         request.path[: len(path)] = path
-        reply = self._arm._ask("i2ris/model", request, ModelReply, MODEL_PATIENCE_S)
+        reply = self._arm._request("i2ris/model", request, ModelReply, MODEL_REPLY_TIMEOUT_S)
         if reply.refusal:
             raise Refused(f"{_refusal(reply.refusal)}: {_text(reply.message)}")
         return Models(*(_model(slot) for slot in reply.slots))

@@ -1,4 +1,4 @@
-"""Telling the controller what a camera saw: the stream ``external/measured_jp``."""
+"""Publishing measurements of a camera: the stream ``external/measured_jp``."""
 
 from .link import Link, NoController, publisher
 from .payload import ExternalPosition
@@ -9,16 +9,16 @@ SERVICE = "i2ris/external/measured_jp"
 
 
 class ExternalPublisher:
-    """Publishes observations; finds a controller that starts later or anew."""
+    """Publishes measurements; finds a controller that starts later or restarts."""
 
     def __init__(self, domain: str = "i2ris"):
         self._link = Link(domain)
         self._sequence = 0
 
     def publish(self, stamp_ns: int, position, deviation=(), quality: float = 0.0) -> None:
-        """Publishes angles, rad, that were true at ``stamp_ns`` (``time.monotonic_ns()``).
+        """Publishes angles, rad, measured at ``stamp_ns`` (``time.monotonic_ns()``).
 
-        Raises NoController while nobody serves the domain; the message is lost then.
+        Raises NoController while no controller serves the domain; the message is then lost.
         """
         if not 1 <= len(position) <= 3 or len(deviation) > 3:
             raise ValueError("1 to 3 values")
@@ -30,7 +30,7 @@ class ExternalPublisher:
         self._send(message)
 
     def publish_nothing(self, stamp_ns: int) -> None:
-        """Publishes that the sensor looked but saw nothing."""
+        """Publishes that the sensor has no detection."""
         self._send(ExternalPosition(stamp_ns=stamp_ns))
 
     def _send(self, message: ExternalPosition) -> None:

@@ -1,4 +1,4 @@
-"""From what both views show to pitch and yaw; the same formulas as ``tools/vision/src/joint.rs``.
+"""Pitch and yaw from the angles of both views; the same formulas as ``tools/vision/src/joint.rs``.
 
 View i shows the bend in the direction phi_i, turned from pitch towards yaw:
 ``tan view_i = cos phi_i tan pitch + sin phi_i tan yaw``.
@@ -24,7 +24,7 @@ class View:
 
 
 def parse_view(text: str, turn_deg: float = 0.0) -> View:
-    """``pitch``, ``yaw``, or with a minus in front where positive bends clockwise in the picture."""
+    """``pitch``, ``yaw``, or with a minus in front where positive bends clockwise in the image."""
     axis = text.removeprefix("-")
     if axis not in ("pitch", "yaw"):
         raise ValueError(f"{text} is no axis; write pitch, yaw, -pitch or -yaw")

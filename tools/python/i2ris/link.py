@@ -1,7 +1,7 @@
 """The connection to whatever controller serves a domain, across its restarts.
 
-Where the shared memory of a domain lies is told in ``src/ipc/domain.rs``. Every start of the controller has shared
-memory of its own; ports that belong to an old one are opened anew.
+``src/ipc/domain.rs`` documents the location of the shared memory of a domain. Every start of the controller has its own
+shared memory; ports of an old one are opened again.
 """
 
 import fcntl
@@ -14,36 +14,36 @@ from pathlib import Path
 import iceoryx2 as iox2
 
 INTERFACE_VERSION = 1
-#: How often it is looked which controller serves, s.
+#: Period of reading the announcement of the controller, s.
 PROBE_S = 0.02
 
 
 class NoController(Exception):
-    """Nobody serves the domain now; it may come."""
+    """No controller serves the domain now; it may start later."""
 
 
 class OtherInterface(Exception):
-    """The controller speaks another version; install the package that belongs to it."""
+    """The controller has another version; install the package of its release."""
 
 
 class Link:
-    """The way to the controller of a domain. Opens nothing before it is asked."""
+    """The connection to the controller of a domain. Opens nothing before its first use."""
 
     def __init__(self, domain: str = "i2ris", client_id: int | None = None):
-        """``client_id``: the number under which this process commands, for people who want to know who does."""
+        """``client_id``: identity in the commands of this process, for logs that name it."""
         if not re.fullmatch(r"[A-Za-z0-9-]{1,32}", domain):
             raise ValueError(f"domain name {domain!r} is not valid: use 1 to 32 letters, digits or -")
         self.domain = domain
         self.directory = Path(f"/dev/shm/i2ris-{os.geteuid()}-{domain}")
         self._client_id = client_id
-        self._note = None
+        self._pid_file = None
         self._boot = None
         self._node = None
         self._ports = {}
         self._next_probe = 0.0
 
     def port(self, key, opened):
-        """The port of this key; ``opened(node)`` makes it, again after a restart of the controller."""
+        """The port of this key; ``opened(node)`` creates it, again after a restart of the controller."""
         self.refresh()
         if key not in self._ports:
             self._ports[key] = opened(self._node)
@@ -59,33 +59,33 @@ class Link:
         if boot != self._boot:
             self.close()
             self._node = self._create_node(boot)
-            self._leave_note(boot)
+            self._write_pid_file(boot)
             self._boot = boot
         return boot
 
     def close(self) -> None:
-        """Lets go of everything. The next use connects anew."""
+        """Closes everything. The next use connects again."""
         # In this order: a port must not outlive its node.
         for port in self._ports.values():
             port.clear()
         self._ports.clear()
         self._node = None
         self._boot = None
-        if self._note is not None:
-            self._note.unlink(missing_ok=True)
-            self._note = None
+        if self._pid_file is not None:
+            self._pid_file.unlink(missing_ok=True)
+            self._pid_file = None
 
-    def _leave_note(self, boot: str) -> None:
-        """Tells who has this client's number, as ``src/ipc/caller.rs`` says; the controller looks the process up by it."""
+    def _write_pid_file(self, boot: str) -> None:
+        """Writes the process id of this client, as ``src/ipc/client_process.rs`` documents."""
         if self._client_id is None:
             return
-        note = self.directory / f"client-{self._client_id:016x}-{boot}"
+        path = self.directory / f"client-{self._client_id:016x}-{boot}"
         try:
-            with open(os.open(note, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
+            with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as file:
                 file.write(f"{os.getpid()}\n")
-            self._note = note
+            self._pid_file = path
         except OSError:
-            # Without a note the client is not known by name, and that is all.
+            # Without this file the client only has no name.
             pass
 
     def _create_node(self, boot: str):
@@ -140,7 +140,7 @@ def subscriber(link: Link, service: str, payload):
 
 
 def client(link: Link, service: str, request, reply):
-    """A client of a service that answers."""
+    """A client of a request service."""
 
     def opened(node):
         builder = node.service_builder(iox2.ServiceName.new(service)).request_response(request, reply)
@@ -155,7 +155,7 @@ def _streams(node, service: str, payload):
 
 
 def _is_held(lock) -> bool:
-    """Whether a controller holds its lock: the file alone may have been left behind. Asks without taking it."""
+    """Whether a controller holds its lock, without taking it: the file alone may be a leftover."""
     layout = "hhqqi4x"
     probe = struct.pack(layout, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
     answer = fcntl.fcntl(lock, fcntl.F_OFD_GETLK, probe)

@@ -1,9 +1,9 @@
 """Bending angles from square markers: ``python -m i2ris.markers``.
 
 One ArUco marker (DICT_4X4_250) per view sits on the tip, its upper and lower side along the snake. The direction of
-these two sides in the picture, relative to the straight pose, is the bending angle of that view, also while the snake
+these two sides in the image, relative to the straight pose, is the bending angle of that view, also while the snake
 bends towards the camera; the other two sides would then be degrees off. No camera matrix is needed. (Angles out of the
-plane, from a narrow lens, are useless.) The id is checked. Where the marker is not seen the row has no angle: an old
+plane, from a narrow lens, are too inaccurate.) The id is checked. Where the marker is not detected the row has no angle: an old
 value is never repeated.
 
 Writes the columns of ``i2ris vision`` and publishes the same stream.
@@ -17,21 +17,21 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from . import pictures
+from . import frames
 from .joint import View, parse_view, solve
 
 SMALLEST_PX = 28.0
-"""Markers with shorter sides are hardly found in blurred pictures, and then turned by degrees."""
+"""Markers with shorter sides are hardly found in blurred images, and then turned by degrees."""
 GOOD = 0.5
 FEWEST_AT_REST = 5
 MOST_SPREAD_DEG = 0.5
 SQUARE = np.array([-1 - 1j, 1 - 1j, 1 + 1j, -1 + 1j])
-"""Corners of a marker that is not turned, in the order of OpenCV; the imaginary part runs down, as in pictures."""
+"""Corners of a marker that is not turned, in the order of OpenCV; the imaginary part runs down, as in images."""
 
 
 @dataclass(frozen=True)
 class Marker:
-    """A marker in a picture."""
+    """A marker in an image."""
 
     angle: float
     """Direction of its upper and lower side, rad, counter-clockwise as seen."""
@@ -53,20 +53,20 @@ def detector() -> cv2.aruco.ArucoDetector:
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_250), parameters)
 
 
-def find(picture: np.ndarray, marker_id: int, using: cv2.aruco.ArucoDetector):
-    """The marker of this id in a grey picture, or in words why there is none."""
-    corners, ids, _ = using.detectMarkers(picture)
+def find(image: np.ndarray, marker_id: int, using: cv2.aruco.ArucoDetector):
+    """The marker of this id in a grey image, or the cause in words."""
+    corners, ids, _ = using.detectMarkers(image)
     found = [] if ids is None else [int(i) for i in np.ravel(ids)]
     count = found.count(marker_id)
     if count == 0:
         return f"marker {marker_id} not seen" + (f" but {sorted(set(found))}" if found else "")
     if count > 1:
         return f"marker {marker_id} seen {count} times"
-    marker = measure(picture, corners[found.index(marker_id)].reshape(4, 2).astype(float))
+    marker = measure(image, corners[found.index(marker_id)].reshape(4, 2).astype(float))
     return marker if marker.quality >= GOOD else f"marker {marker_id} too small or distorted"
 
 
-def measure(picture: np.ndarray, corners: np.ndarray) -> Marker:
+def measure(image: np.ndarray, corners: np.ndarray) -> Marker:
     """Turn and size of a marker whose corners are roughly known.
 
     The corners give size and shape; the angle comes from lines through the two sides along the snake, whose many edge
@@ -80,14 +80,14 @@ def measure(picture: np.ndarray, corners: np.ndarray) -> Marker:
     off = np.sqrt(np.mean(np.abs(points - fit * SQUARE) ** 2)) / side
     quality = min(1.0, 0.5 * side / SMALLEST_PX) / (1.0 + (off / 0.3) ** 2)
     # Right-hand sides of the walk from corner to corner lie inside: the lower side is walked backwards.
-    upper, lower = edge(picture, corners[0], corners[1]), edge(picture, corners[2], corners[3])
+    upper, lower = edge(image, corners[0], corners[1]), edge(image, corners[2], corners[3])
     if upper is None or lower is None:
         return Marker(0.0, float(side), 0.0, corners)
     back = np.exp(1j * lower) * -1.0
     return Marker(-float(np.angle(np.exp(1j * upper) + back)), float(side), float(quality), corners)
 
 
-def edge(picture: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | None:
+def edge(image: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | None:
     """Direction from ``start`` to ``end``, rad, clockwise as seen, by a line through the edge between them.
 
     Each edge point is where a sharp step would leave the same area under the brightness across; blur does not move it.
@@ -98,18 +98,18 @@ def edge(picture: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | Non
     out = np.array([along[1], -along[0]])
     # The black frame and the white rim are a sixth of the side wide.
     reach = min(max(0.11 * length, 2.5), 8.0)
-    places = np.linspace(0.1, 0.9, max(8, int(0.8 * length))) * length
+    positions = np.linspace(0.1, 0.9, max(8, int(0.8 * length))) * length
     slope = offset = 0.0
     for _ in range(3):
-        middle = offset + slope * (places - 0.5 * length)
+        middle = offset + slope * (positions - 0.5 * length)
         steps = np.linspace(-reach, reach, 8 * int(np.ceil(reach)) + 1)
-        at = start + places[:, None, None] * along + (middle[:, None, None] + steps[None, :, None]) * out
-        values = cv2.remap(picture, at.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        at = start + positions[:, None, None] * along + (middle[:, None, None] + steps[None, :, None]) * out
+        values = cv2.remap(image, at.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         values = values.astype(float)
         tenth = max(2, len(steps) // 10)
         # The light may change along the edge: straight lines through the levels on both sides of it.
         inside, outside = (
-            np.polyval(np.polyfit(places, np.median(part, axis=1), 1), places)[:, None]
+            np.polyval(np.polyfit(positions, np.median(part, axis=1), 1), positions)[:, None]
             for part in (values[:, :tenth], values[:, -tenth:])
         )
         if np.min(outside - inside) < 25.0:
@@ -120,8 +120,8 @@ def edge(picture: np.ndarray, start: np.ndarray, end: np.ndarray) -> float | Non
         for _ in range(2):
             if keep.sum() < 6:
                 return None
-            slope, offset = np.polyfit(places[keep] - 0.5 * length, found[keep], 1)
-            left = np.abs(found - offset - slope * (places - 0.5 * length))
+            slope, offset = np.polyfit(positions[keep] - 0.5 * length, found[keep], 1)
+            left = np.abs(found - offset - slope * (positions - 0.5 * length))
             keep = left < max(0.05, 3.0 * 1.4826 * np.median(left))
     # `out` is to the left of the walk as seen, which is counter-clockwise.
     return float(np.arctan2(along[1], along[0]) - np.arctan(slope))
@@ -141,9 +141,9 @@ class Reference:
 
 
 def reference(name: str, angles) -> Reference:
-    """The straight pose from some pictures; ValueError if they are too few or moved."""
+    """The straight pose from some images; ValueError if they are too few or moved."""
     if len(angles) < FEWEST_AT_REST:
-        raise ValueError(f"view {name}: the marker is seen in {len(angles)} pictures at rest, {FEWEST_AT_REST} are needed")
+        raise ValueError(f"view {name}: the marker is seen in {len(angles)} images at rest, {FEWEST_AT_REST} are needed")
     mean = np.angle(np.mean(np.exp(1j * np.asarray(angles))))
     turns = np.array([turn(angle, mean) for angle in angles])
     middle = np.median(turns)
@@ -156,7 +156,7 @@ def reference(name: str, angles) -> Reference:
 
 
 class Session:
-    """Shots of one or two views in, rows out; the first ones are the reference and are held back until it is known."""
+    """Frames of one or two views in, rows out. The first frames give the reference; their rows are held until it is known."""
 
     def __init__(self, views: list[View], ids, names, rest_ns: int):
         self.views, self.ids, self.names, self.rest_ns = views, ids, names, rest_ns
@@ -164,20 +164,20 @@ class Session:
         self.causes = Counter()
         self.good = self.rows = 0
         self._using = detector()
-        self._guards = [pictures.Guard() for _ in views]
-        self._twins = pictures.Twins()
+        self._checks = [frames.FrameCheck() for _ in views]
+        self._same_camera = frames.SameCameraCheck()
         self._held = []
 
-    def look(self, view: int, shot):
-        """(stamp, marker or cause) of a shot."""
-        shot = self._guards[view].check(shot)
-        twins = len(self.views) == 2 and self._twins.are_one(view, shot)
-        cause = pictures.SAME_CAMERA if twins else shot.cause
-        return shot.stamp_ns, cause or find(shot.picture, self.ids[view], self._using)
+    def measure(self, view: int, frame):
+        """(stamp, marker or cause) of a frame."""
+        frame = self._checks[view].check(frame)
+        same = len(self.views) == 2 and self._same_camera.is_same_camera(view, frame)
+        cause = frames.SAME_CAMERA if same else frame.cause
+        return frame.stamp_ns, cause or find(frame.image, self.ids[view], self._using)
 
-    def take(self, shots):
-        """Takes one shot per view (None: no partner) and returns the rows that are certain by now."""
-        seen = [None if shot is None else self.look(view, shot) for view, shot in enumerate(shots)]
+    def take(self, group):
+        """Takes one frame per view (None: no partner) and returns the finished rows."""
+        seen = [None if frame is None else self.measure(view, frame) for view, frame in enumerate(group)]
         if self.references:
             return [self._row(seen)]
         stamp = _stamp(seen)
@@ -187,11 +187,11 @@ class Session:
         return self.finish() + [self._row(seen)]
 
     def finish(self):
-        """The rows that were held back; at the end, or when the reference is complete."""
+        """The rows that were held; at the end, or when the reference is complete."""
         if self.references:
             return []
         if not self._held:
-            raise ValueError("no picture came")
+            raise ValueError("no image came")
         for view, name in enumerate(self.names):
             looks = [seen[view][1] for seen in self._held if seen[view] is not None]
             self.references.append(reference(name, [look.angle for look in looks if isinstance(look, Marker)]))
@@ -203,7 +203,7 @@ class Session:
         causes = []
         for view, look in enumerate(seen):
             if look is None and any(isinstance(s[1], Marker) for s in seen if s is not None):
-                causes.append((self.names[view], pictures.NO_PARTNER))
+                causes.append((self.names[view], frames.NO_PARTNER))
             elif look is not None and not isinstance(look[1], Marker):
                 causes.append((self.names[view], look[1]))
         stamp = _stamp(seen)
@@ -212,7 +212,7 @@ class Session:
             return {"stamp_ns": stamp, "cause": "; ".join(f"{name}: {cause}" for name, cause in causes)}
         self.good += 1
         turns = [turn(look[1].angle, self.references[view].angle) for view, look in enumerate(seen)]
-        # What a single picture scatters by, measured at rest; never better than the corners allow.
+        # What a single image scatters by, measured at rest; never better than the corners allow.
         spreads = [max(r.spread, 0.05 / look[1].side_px) for r, look in zip(self.references, seen)]
         angles, deviations = solve(self.views, turns, spreads)
         return {
@@ -253,21 +253,21 @@ class Table:
         print(",".join(cells), file=self._to, flush=True)
 
 
-def overlay(picture: np.ndarray, look) -> np.ndarray:
-    """A picture with what was found in it, for a person to look at."""
-    paper = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+def overlay(image: np.ndarray, look) -> np.ndarray:
+    """The image with the detection drawn in it."""
+    canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     text, colour = (look, (80, 80, 255)) if isinstance(look, str) else (
         f"{np.degrees(look.angle):+.2f} deg  {look.side_px:.0f} px  Q {look.quality:.2f}", (80, 255, 80))
     if isinstance(look, Marker):
-        cv2.polylines(paper, [np.round(look.corners).astype(np.int32)], True, (0, 255, 255), 1, cv2.LINE_AA)
-        cv2.circle(paper, np.round(look.corners[0]).astype(int).tolist(), 5, (0, 0, 255), 2, cv2.LINE_AA)
-    cv2.putText(paper, text, (8, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, 2, cv2.LINE_AA)
-    return paper
+        cv2.polylines(canvas, [np.round(look.corners).astype(np.int32)], True, (0, 255, 255), 1, cv2.LINE_AA)
+        cv2.circle(canvas, np.round(look.corners[0]).astype(int).tolist(), 5, (0, 0, 255), 2, cv2.LINE_AA)
+    cv2.putText(canvas, text, (8, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, 2, cv2.LINE_AA)
+    return canvas
 
 
 def parser() -> argparse.ArgumentParser:
     options = argparse.ArgumentParser(prog="python -m i2ris.markers", description=__doc__.split("\n")[0])
-    options.add_argument("pictures", nargs="+", help="one or two: folders of pictures, or numbers of cameras")
+    options.add_argument("sources", nargs="+", help="one or two: folders of images, or numbers of cameras")
     options.add_argument("--ids", type=int, nargs="+", default=[9, 14], help="marker of each view (default: 9 top, 14 side)")
     options.add_argument("--axes", nargs="+", default=["pitch", "yaw"],
                          help="axis that each view shows, with - in front where positive bends clockwise; "
@@ -275,7 +275,7 @@ def parser() -> argparse.ArgumentParser:
     options.add_argument("--turn-deg", type=float, nargs="+", default=[0.0, 0.0],
                          help="angle from the axis to what each view shows, from pitch towards yaw")
     options.add_argument("--fps", type=float, default=30.0, help="rate of numbered folders")
-    options.add_argument("--rest-s", type=float, default=2.0, help="the pictures begin at rest for this long")
+    options.add_argument("--rest-s", type=float, default=2.0, help="the images begin at rest for this long")
     options.add_argument("--pair-ms", type=float, default=12.0, help="stamps of a pair differ by no more")
     options.add_argument("--output", "-o", help="CSV file (default: standard output)")
     options.add_argument("--publish", action="store_true", help="publish the angles as external/measured_jp; cameras only")
@@ -284,15 +284,15 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(arguments) -> None:
-    count = len(arguments.pictures)
+    count = len(arguments.sources)
     if count > 2 or len(arguments.ids) < count or len(arguments.axes) < count or len(arguments.turn_deg) < count:
-        raise ValueError("one or two sources of pictures; for each an id, an axis and a turn")
+        raise ValueError("one or two sources of images; for each an id, an axis and a turn")
     views = [parse_view(axis, deg) for axis, deg in zip(arguments.axes[:count], arguments.turn_deg)]
     if count == 2 and abs(np.sin(views[0].plane - views[1].plane)) < 0.25:
         raise ValueError("both views show nearly the same axis")
-    live = all(source.isdigit() for source in arguments.pictures)
+    live = all(source.isdigit() for source in arguments.sources)
     if arguments.publish and not live:
-        raise ValueError("--publish needs pictures as they are taken: numbers of cameras")
+        raise ValueError("--publish needs images as they are taken: numbers of cameras")
     if arguments.publish and count == 1 and views[0].axis == "yaw":
         raise ValueError("--publish needs pitch: external/measured_jp has no way to say yaw alone")
     publish = _publisher(arguments.domain) if arguments.publish else lambda row: None
@@ -306,8 +306,8 @@ def run(arguments) -> None:
             publish(row)
 
     try:
-        for shots in _shots(arguments, live):
-            put(session.take(shots))
+        for group in _frames(arguments, live):
+            put(session.take(group))
         put(session.finish())
     finally:
         _report(session)
@@ -315,13 +315,13 @@ def run(arguments) -> None:
         raise ValueError("not one angle could be measured")
 
 
-def _shots(arguments, live: bool):
+def _frames(arguments, live: bool):
     if live:
-        return pictures.cameras(arguments.pictures)
-    folders = [pictures.folder(source, arguments.fps) for source in arguments.pictures]
+        return frames.cameras(arguments.sources)
+    folders = [frames.folder(source, arguments.fps) for source in arguments.sources]
     if len(folders) == 1:
-        return ([shot] for shot in folders[0])
-    return pictures.pairs(*folders, int(arguments.pair_ms * 1e6))
+        return ([frame] for frame in folders[0])
+    return frames.pairs(*folders, int(arguments.pair_ms * 1e6))
 
 
 def _publisher(domain: str):

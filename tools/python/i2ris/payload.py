@@ -1,4 +1,4 @@
-"""The messages, byte for byte as in ``src/ipc/payload.rs``; what the fields mean is told there.
+"""The messages, byte for byte as in ``src/ipc/payload``; the fields are documented there.
 
 Angles are radians, stamps are nanoseconds of the monotonic clock (``time.monotonic_ns()``), motors turn in counts.
 A test compares names, sizes and offsets with those of the controller.
@@ -18,15 +18,15 @@ class Payload(ctypes.Structure):
         return cls.NAME
 
     def __repr__(self) -> str:
-        def shown(value):
+        def text_of_value(value):
             if not isinstance(value, ctypes.Array):
                 return value
             if value._type_ is c_uint8:
                 text = bytes(value).rstrip(b"\0")
                 return text.decode() if text.isascii() and text.decode().isprintable() else bytes(value).hex()
-            return [shown(entry) for entry in value]
+            return [text_of_value(entry) for entry in value]
 
-        fields = ", ".join(f"{name}={shown(getattr(self, name))}" for name, _ in self._fields_)
+        fields = ", ".join(f"{name}={text_of_value(getattr(self, name))}" for name, _ in self._fields_)
         return f"{type(self).__name__}({fields})"
 
 
@@ -106,7 +106,7 @@ class ActuatorState(Payload):
 
 
 class OperatingStateMsg(Payload):
-    """``operating_state``, out: what state the controller is in, and why."""
+    """``operating_state``, out: state of the controller and its reason."""
 
     NAME = "I2risOperatingStateV1"
     HOMED = 1
@@ -135,7 +135,7 @@ class OperatingStateMsg(Payload):
 
 
 class SpanSummary(Payload):
-    """A distribution of spans, nanoseconds."""
+    """Percentiles of a distribution of durations, ns."""
 
     NAME = "I2risSpanSummaryV1"
     _fields_ = [
@@ -148,7 +148,7 @@ class SpanSummary(Payload):
 
 
 class PeriodStatistics(Payload):
-    """``period_statistics``, out, once a second: how real-time the loop is."""
+    """``period_statistics``, out, once a second: timing of the control loop."""
 
     NAME = "I2risPeriodStatisticsV1"
     _fields_ = [
@@ -172,7 +172,7 @@ class PeriodStatistics(Payload):
 
 
 class ExternalPosition(Payload):
-    """``external/measured_jp``, in: angles seen by a sensor; all zero but the stamp where it saw nothing."""
+    """``external/measured_jp``, in: angles measured by a sensor; without a detection all fields but the stamp are zero."""
 
     NAME = "I2risExternalPositionV2"
     VALID = 1
@@ -209,7 +209,7 @@ class VersionRequest(Payload):
 
 
 class Version(Payload):
-    """``version``, reply: who serves this domain."""
+    """``version``, reply: identity of the controller of this domain."""
 
     NAME = "I2risVersionV1"
     _fields_ = [
@@ -238,7 +238,7 @@ class ModelRequest(Payload):
 
 
 class ModelSlot(Payload):
-    """A model at hand."""
+    """A loaded model."""
 
     NAME = "I2risModelSlotV1"
     PRESENT = 1
@@ -255,7 +255,7 @@ class ModelSlot(Payload):
 
 
 class ModelDifference(Payload):
-    """How a staged model differs from the one in use."""
+    """Difference between the staged model and the model in use."""
 
     NAME = "I2risModelDifferenceV1"
     _fields_ = [
@@ -269,7 +269,7 @@ class ModelDifference(Payload):
 
 
 class ModelReply(Payload):
-    """``model``, reply: the models in use, staged, and in use before."""
+    """``model``, reply: the models in use, staged and previously in use."""
 
     NAME = "I2risModelReplyV1"
     _fields_ = [

@@ -1,4 +1,4 @@
-"""Pictures of markers at known angles: a pinhole camera, blur, noise, uneven light. Shares nothing with the detector."""
+"""Images of markers at known angles: a pinhole camera, blur, noise, uneven light. Shares nothing with the detector."""
 
 import cv2
 import numpy as np
@@ -6,9 +6,9 @@ import numpy as np
 OVERSAMPLING = 4
 
 
-def picture(marker_id, angle_deg, side_px, rng, *, size=(480, 640), tilt_deg=0.0, blur_px=1.0, noise=3.0,
+def image(marker_id, angle_deg, side_px, rng, *, size=(480, 640), tilt_deg=0.0, blur_px=1.0, noise=3.0,
             centre=None, ground=190.0, ink=40.0, distance=60.0):
-    """A marker turned counter-clockwise by ``angle_deg`` in the picture; ``tilt_deg`` out of its plane.
+    """A marker turned counter-clockwise by ``angle_deg`` in the image; ``tilt_deg`` out of its plane.
 
     ``distance`` is that of the camera in sides of the marker. The light falls off towards the corners.
     """

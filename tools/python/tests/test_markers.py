@@ -1,4 +1,4 @@
-"""Marker angles against pictures at known angles, and everything that must be a gap."""
+"""Marker angles against images at known angles, and everything that must be a gap."""
 
 import io
 import itertools
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scene
-from i2ris import markers, pictures
+from i2ris import frames, markers
 from i2ris.joint import View, parse_view, solve
 
 USING = markers.detector()
@@ -22,7 +22,7 @@ def errors(side_px, count=40, **conditions):
     for _ in range(count):
         angle = rng.uniform(-45, 45)
         truth = np.arctan(np.tan(np.radians(angle)) / tilt)
-        look = markers.find(scene.picture(9, angle, side_px, rng, **conditions), 9, USING)
+        look = markers.find(scene.image(9, angle, side_px, rng, **conditions), 9, USING)
         if isinstance(look, markers.Marker):
             found.append(np.degrees(markers.turn(look.angle, truth)))
         else:
@@ -50,14 +50,14 @@ def test_a_marker_that_is_bent_towards_the_camera_still_shows_the_angle_of_the_s
 
 def test_the_id_is_checked_and_what_is_not_seen_is_no_angle():
     rng = np.random.default_rng(1)
-    other = scene.picture(14, 10, 80, rng)
+    other = scene.image(14, 10, 80, rng)
     assert markers.find(other, 9, USING) == "marker 9 not seen but [14]"
     assert isinstance(markers.find(other, 14, USING), markers.Marker)
     empty = np.clip(rng.normal(150, 5, (480, 640)), 0, 255).astype(np.uint8)
     assert markers.find(empty, 9, USING) == "marker 9 not seen"
-    twice = np.hstack([scene.picture(9, 10, 80, rng), scene.picture(9, 20, 80, rng)])
+    twice = np.hstack([scene.image(9, 10, 80, rng), scene.image(9, 20, 80, rng)])
     assert markers.find(twice, 9, USING) == "marker 9 seen 2 times"
-    small = markers.find(scene.picture(9, 10, 20, rng, blur_px=0.5), 9, USING)
+    small = markers.find(scene.image(9, 10, 20, rng, blur_px=0.5), 9, USING)
     assert isinstance(small, str), "too small to be trusted"
 
 
@@ -72,16 +72,16 @@ def film(count=14):
     views = ([], [])
     for number in range(count):
         for view, (marker_id, angle, askew) in enumerate(zip((9, 14), pose(number), (4.0, -7.0))):
-            picture = scene.picture(marker_id, angle + askew, 80, rng)
-            views[view].append(pictures.Shot(number * 33_000_000, str(number), picture))
+            image = scene.image(marker_id, angle + askew, 80, rng)
+            views[view].append(frames.Frame(number * 33_000_000, str(number), image))
     return views
 
 
 def run(views):
     session = markers.Session([View("pitch"), View("yaw")], [9, 14], ["top", "side"], 8 * 33_000_000)
     rows = []
-    for shots in pictures.pairs(iter(views[0]), iter(views[1]), 12_000_000):
-        rows += session.take(shots)
+    for group in frames.pairs(iter(views[0]), iter(views[1]), 12_000_000):
+        rows += session.take(group)
     return rows + session.finish(), session
 
 
@@ -100,11 +100,11 @@ def test_two_views_give_angles_from_the_straight_pose():
 
 
 def spoil_frozen(views):
-    views[0][11].picture = views[0][10].picture
+    views[0][11].image = views[0][10].image
 
 
 def spoil_size(views):
-    views[0][11].picture = views[0][11].picture[:-2]
+    views[0][11].image = views[0][11].image[:-2]
 
 
 def spoil_order(views):
@@ -116,20 +116,20 @@ def spoil_missing(views):
 
 
 def spoil_marker(views):
-    views[1][11].picture = np.random.default_rng(9).integers(100, 110, (480, 640)).astype(np.uint8)
+    views[1][11].image = np.random.default_rng(9).integers(100, 110, (480, 640)).astype(np.uint8)
 
 
 def spoil_file(views):
-    views[0][11] = pictures.Shot(views[0][11].stamp_ns, "11", None, pictures.MISSING)
+    views[0][11] = frames.Frame(views[0][11].stamp_ns, "11", None, frames.MISSING)
 
 
 @pytest.mark.parametrize("spoil, cause", [
-    (spoil_frozen, pictures.FROZEN),
-    (spoil_size, pictures.WRONG_SIZE),
-    (spoil_order, pictures.OUT_OF_ORDER),
-    (spoil_missing, pictures.NO_PARTNER),
+    (spoil_frozen, frames.FROZEN),
+    (spoil_size, frames.WRONG_SIZE),
+    (spoil_order, frames.OUT_OF_ORDER),
+    (spoil_missing, frames.NO_PARTNER),
     (spoil_marker, "marker 14 not seen"),
-    (spoil_file, pictures.MISSING),
+    (spoil_file, frames.MISSING),
 ])
 def test_bad_pictures_are_named_and_counted_and_never_an_angle(spoil, cause):
     views = film()
@@ -146,10 +146,10 @@ def test_bad_pictures_are_named_and_counted_and_never_an_angle(spoil, cause):
 def test_one_camera_in_both_views_is_noticed():
     first, second = film()
     for number in range(10, 14):
-        second[number].picture = first[number].picture
+        second[number].image = first[number].image
     rows, session = run((first, second))
     assert [("angles" in row) for row in rows] == [True] * 10 + [False] * 4
-    assert any(words == pictures.SAME_CAMERA for _, words in session.causes)
+    assert any(words == frames.SAME_CAMERA for _, words in session.causes)
 
 
 def test_a_snake_that_moves_at_first_is_no_reference():
@@ -158,7 +158,7 @@ def test_a_snake_that_moves_at_first_is_no_reference():
 
 
 def test_no_picture_is_an_error():
-    with pytest.raises(ValueError, match="no picture"):
+    with pytest.raises(ValueError, match="no image"):
         run([[], []])
 
 
@@ -181,7 +181,7 @@ def folder(path, numbers, marker_id=9):
     path.mkdir()
     rng = np.random.default_rng(4)
     for number in numbers:
-        cv2.imwrite(str(path / f"image_{number:04}.png"), scene.picture(marker_id, max(0, number - 7), 80, rng))
+        cv2.imwrite(str(path / f"image_{number:04}.png"), scene.image(marker_id, max(0, number - 7), 80, rng))
     return path
 
 
@@ -189,11 +189,11 @@ def test_a_folder_says_what_is_missing_and_what_is_broken(tmp_path):
     path = folder(tmp_path / "top", [3, 4, 6, 7])
     whole = (path / "image_0007.png").read_bytes()
     (path / "image_0007.png").write_bytes(whole[: len(whole) // 2])
-    shots = list(pictures.folder(path, 30.0))
-    assert [shot.cause for shot in shots] == [None, None, pictures.MISSING, None, pictures.UNDECODABLE]
-    assert shots[3].stamp_ns == 100_000_000
+    group = list(frames.folder(path, 30.0))
+    assert [frame.cause for frame in group] == [None, None, frames.MISSING, None, frames.UNDECODABLE]
+    assert group[3].stamp_ns == 100_000_000
     with pytest.raises(ValueError, match="no PNG or JPEG"):
-        list(pictures.folder(tmp_path))
+        list(frames.folder(tmp_path))
 
 
 def test_the_command_writes_the_columns_of_the_other_tool(tmp_path, capsys):
@@ -211,7 +211,7 @@ def test_the_command_writes_the_columns_of_the_other_tool(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("words, reason", [
-    (["{top}", "--ids", "10"], "seen in 0 pictures at rest"),
+    (["{top}", "--ids", "10"], "seen in 0 images at rest"),
     (["{top}", "--publish"], "numbers of cameras"),
     (["{top}", "{top}", "--axes", "pitch", "pitch"], "same axis"),
     (["{top}", "{top}", "{top}"], "one or two"),
@@ -224,8 +224,8 @@ def test_wrong_use_is_refused_with_a_reason(tmp_path, words, reason):
 
 
 def test_pairs_need_stamps_that_are_near():
-    shot = lambda ms: pictures.Shot(ms * 1_000_000, "", None)
-    seen = list(pictures.pairs(iter([shot(0), shot(33), shot(66)]), iter([shot(2), shot(65)]), 12_000_000))
+    frame = lambda ms: frames.Frame(ms * 1_000_000, "", None)
+    seen = list(frames.pairs(iter([frame(0), frame(33), frame(66)]), iter([frame(2), frame(65)]), 12_000_000))
     assert [[s and s.stamp_ns // 1_000_000 for s in pair] for pair in seen] == [[0, 2], [33, None], [66, 65]]
 
 

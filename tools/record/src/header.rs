@@ -9,7 +9,7 @@ use crate::layout::{Kind, Payload, SPAN_MEMBERS, payloads};
 #[must_use]
 pub fn header() -> String {
     let mut text = String::from(
-        "// The messages of i2ris in shared memory, byte for byte as in src/ipc/payload.rs, where fields are explained.\n\
+        "// The messages of i2ris in shared memory, byte for byte as in src/ipc/payload, where fields are explained.\n\
          // Written by `cargo run -p i2ris-record --example header`; a test compares and compiles
          // it.\n\
          #pragma once\n\n#include <cstddef>\n#include <cstdint>\n\nnamespace i2ris {\n\n",

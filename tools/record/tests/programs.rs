@@ -331,10 +331,10 @@ fn the_log_of_the_run_goes_into_the_recording() {
     let (folder, file) = place();
     let config = folder.path().join("robot.toml");
     let emulator = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
-    let text_of = fs::read_to_string(emulator)
+    let unpadded_text = fs::read_to_string(emulator)
         .unwrap()
         .replace("../target/records", "records");
-    fs::write(&config, text_of).unwrap();
+    fs::write(&config, unpadded_text).unwrap();
     let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
     let run = format!("{:016x}", client.version().unwrap().boot_id);
     fs::create_dir(folder.path().join("records")).unwrap();

@@ -10,7 +10,7 @@ use i2ris::ipc::payload::{
     PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, padded_text,
 };
 use i2ris::ipc::{
-    Domain, DomainGuard, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
+    Domain, DomainLock, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
     random_id,
 };
 use i2ris::units::Nanos;
@@ -234,7 +234,7 @@ impl Controller {
         let thread = thread::spawn({
             let (domain, robot, stop) = (domain.clone(), Arc::clone(&robot), Arc::clone(&stop));
             move || {
-                let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+                let mut server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
                 server.describe([2, 0], [0; 32], Default::default());
                 ready.send(()).unwrap();
                 while !stop.load(Ordering::Relaxed) {

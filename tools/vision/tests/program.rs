@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris::units::Nanos;
 use i2ris_vision::accuracy::setup;
 use i2ris_vision::drawing::save_grey;
@@ -311,7 +311,7 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     bytes[length - 640 * 480..].fill(100);
     let name = format!("t{:016x}", random_id());
     let mut server =
-        Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
+        Server::create(DomainLock::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
     let setup = place.name("one.toml");
     let before = clock::now();
     // Every frame says when it was taken: a millisecond after the one before.

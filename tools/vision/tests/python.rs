@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 
 /// A Python that can import these modules, at work in the package's folder. `None`, said aloud:
 /// there is none.
@@ -56,7 +56,7 @@ fn what_python_publishes_reaches_the_controller() {
     };
     let name = format!("t{:016x}", random_id());
     let mut server =
-        Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
+        Server::create(DomainLock::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
     let script = "
 import sys, time
 from i2ris.external import ExternalPublisher, NoController

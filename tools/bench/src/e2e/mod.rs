@@ -24,7 +24,7 @@ mod process;
 
 use std::path::{Path, PathBuf};
 
-use i2ris::ipc::{Domain, DomainGuard};
+use i2ris::ipc::{Domain, DomainLock};
 use i2ris::units::Nanos;
 
 use crate::error::BenchError;
@@ -88,7 +88,7 @@ struct Sweep(Domain);
 
 impl Drop for Sweep {
     fn drop(&mut self) {
-        drop(DomainGuard::acquire(&self.0));
+        drop(DomainLock::acquire(&self.0));
     }
 }
 

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use i2ris::ipc::{Domain, DomainGuard, random_id};
+use i2ris::ipc::{Domain, DomainLock, random_id};
 use i2ris::units::Nanos;
 use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
@@ -107,7 +107,7 @@ pub fn waiting(run: Run) -> Result<Spans, BenchError> {
 
 fn either(run: Run, woken: bool) -> Result<Spans, BenchError> {
     let domain = domain()?;
-    let _guard = DomainGuard::acquire(&domain)?;
+    let _guard = DomainLock::acquire(&domain)?;
     let sender = || {
         let node = node(&domain)?;
         let publisher = stream(&node)?

@@ -3,7 +3,7 @@
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Subscription};
 use i2ris::ipc::payload::JointState;
-use i2ris::ipc::{Domain, DomainGuard, Server};
+use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
 use super::pair::{Run, measure};
@@ -25,7 +25,7 @@ struct Served {
 impl Served {
     fn start(domain: &Domain) -> Result<Self, BenchError> {
         Ok(Self {
-            server: Server::create(DomainGuard::acquire(domain)?)?,
+            server: Server::create(DomainLock::acquire(domain)?)?,
             next: clock::now(),
         })
     }
@@ -95,7 +95,7 @@ pub fn to_client(run: Run) -> Result<Spans, BenchError> {
 /// offers none: it would have to notify every sleeper at every tick.
 pub fn to_client_woken(run: Run) -> Result<Spans, BenchError> {
     let (streams, bells) = (domain()?, domain()?);
-    let _guard = DomainGuard::acquire(&bells)?;
+    let _guard = DomainLock::acquire(&bells)?;
     let sender = || {
         let mut served = Served::start(&streams)?;
         let node = node(&bells)?;

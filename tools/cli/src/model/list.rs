@@ -1,7 +1,7 @@
 //! `i2ris model list`, and how the models of a controller are shown.
 
 use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::{ModelReply, ModelSlot, text_of};
+use i2ris::ipc::payload::{ModelReply, ModelSlot, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 use serde_json::{Value, json};
@@ -54,8 +54,8 @@ fn model(slot: &ModelSlot) -> Value {
     let outputs = (slot.outputs as usize).min(slot.training_rms.len());
     json!({
         "id": ModelId(slot.model_id).to_string(),
-        "family": text_of(&slot.family),
-        "file": text_of(&slot.file),
+        "family": unpadded_text(&slot.family),
+        "file": unpadded_text(&slot.file),
         "memory_known": slot.flags & ModelSlot::MEMORY_KNOWN != 0,
         "training_rms": slot.training_rms[..outputs],
         "held_out_rms": slot.held_out_rms[..outputs],
@@ -89,7 +89,7 @@ fn line(slot: &ModelSlot) -> String {
         true => format!("rms held out {}", rms(&slot.held_out_rms)),
         false => format!("rms in training {}", rms(&slot.training_rms)),
     };
-    let (family, file) = (text_of(&slot.family), text_of(&slot.file));
+    let (family, file) = (unpadded_text(&slot.family), unpadded_text(&slot.file));
     format!(
         "{}  {family}, {error}{memory}  {file}",
         ModelId(slot.model_id)

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::config::Config;
-use i2ris::ipc::{Domain, DomainGuard, random_id};
+use i2ris::ipc::{Domain, DomainLock, random_id};
 use i2ris::process::controller;
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
@@ -57,7 +57,7 @@ impl Robot {
         );
         let asked = Arc::clone(&stop);
         let controller =
-            thread::spawn(move || controller::run(&config, &asked, &mut std::io::sink()).unwrap());
+            thread::spawn(move || controller::run(&config, "", &asked, &mut std::io::sink()).unwrap());
         Self {
             domain,
             folder,
@@ -72,7 +72,7 @@ impl Drop for Robot {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         let _ = self.controller.take().map(JoinHandle::join);
-        drop(DomainGuard::acquire(&self.domain));
+        drop(DomainLock::acquire(&self.domain));
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use i2ris::ipc::client::Client;
-use i2ris::ipc::{Domain, DomainGuard, StateCommand, look_up, random_id};
+use i2ris::ipc::{Domain, DomainLock, StateCommand, find_client_process, random_id};
 use i2ris::units::Nanos;
 
 use i2ris_testing::Controller;
@@ -124,7 +124,7 @@ fn who_commands_from_python_is_known_by_name() {
     let lease = controller.robot().lease;
     let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
     let boot_id = client.version().unwrap().boot_id;
-    let caller = look_up(&controller.domain, boot_id, lease).unwrap();
+    let caller = find_client_process(&controller.domain, boot_id, lease).unwrap();
     assert_eq!(
         (caller.pid, caller.program.starts_with("python")),
         (child.id(), true),
@@ -133,7 +133,7 @@ fn who_commands_from_python_is_known_by_name() {
     drop(child.stdin.take());
     assert!(child.wait().unwrap().success());
     assert_eq!(
-        look_up(&controller.domain, boot_id, lease),
+        find_client_process(&controller.domain, boot_id, lease),
         None,
         "gone with the client"
     );
@@ -157,7 +157,7 @@ fn a_controller_of_another_version_is_refused_plainly() {
         return;
     };
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
-    let _guard = DomainGuard::acquire(&domain).unwrap();
+    let _guard = DomainLock::acquire(&domain).unwrap();
     fs::write(domain.directory().join("ready"), "000000000000b007 99 1\n").unwrap();
     let output = command
         .args(["-c", FOREIGN, domain.name()])

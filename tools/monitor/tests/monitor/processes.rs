@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use i2ris::config::Config;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Domain, DomainGuard, OperatingState, StateCommand, random_id};
+use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand, random_id};
 use i2ris::process::controller;
 use i2ris::units::Nanos;
 use nix::sys::signal::{Signal, kill};
@@ -41,7 +41,7 @@ fn the_controller_when_asked_to_be_one() {
     let shutdown = Arc::new(AtomicBool::new(false));
     let asked = Arc::clone(&shutdown);
     ctrlc::set_handler(move || asked.store(true, Ordering::Release)).unwrap();
-    controller::run(&config, &shutdown, &mut std::io::stderr()).unwrap();
+    controller::run(&config, "", &shutdown, &mut std::io::stderr()).unwrap();
 }
 
 /// A process that does not outlive the test.
@@ -161,7 +161,7 @@ impl Drop for Robot {
         let _ = self.controller.0.kill();
         let _ = self.controller.0.wait();
         // What a killed one left is wiped by taking the domain and giving it back.
-        drop(DomainGuard::acquire(&self.domain));
+        drop(DomainLock::acquire(&self.domain));
     }
 }
 

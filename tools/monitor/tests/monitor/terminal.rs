@@ -5,7 +5,7 @@ use std::fs;
 
 use i2ris::clock;
 use i2ris::ipc::{
-    Domain, DomainGuard, Fault, ModelAction, OperatingState, StateCommand, random_id,
+    Domain, DomainLock, Fault, ModelAction, OperatingState, StateCommand, random_id,
 };
 use nix::sys::signal::{Signal, kill};
 
@@ -206,7 +206,7 @@ fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_
     );
 
     let domain = domain();
-    let guard = DomainGuard::acquire(&domain).unwrap();
+    let guard = DomainLock::acquire(&domain).unwrap();
     fs::write(
         domain.directory().join("ready"),
         format!("{:016x} 2 1", guard.boot_id()),

@@ -2,7 +2,7 @@
 
 use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::payload::{ExternalPosition, ServoActuator, ServoJp};
-use i2ris::ipc::{Domain, DomainGuard, Server};
+use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
 use crate::NetworkError;
@@ -25,7 +25,7 @@ pub(super) struct Service {
 impl Service {
     /// Serves, for the controller with this boot id.
     pub fn start(domain: &Domain, boot_id: u64) -> Result<Self, NetworkError> {
-        let server = Server::create(DomainGuard::acquire(domain)?)?;
+        let server = Server::create(DomainLock::acquire(domain)?)?;
         Ok(Self {
             server,
             external: ExternalPublisher::new(domain),
@@ -77,7 +77,7 @@ impl Service {
             (seen.count as usize).min(seen.position.len()),
         );
         let _ = if seen.flags & ExternalPosition::VALID != 0 {
-            self.external.publish_judged(
+            self.external.publish_with_quality(
                 stamp,
                 &seen.position[..count],
                 &seen.deviation[..count],

@@ -277,7 +277,7 @@ impl AngleOutput {
         let outcome = match &row.seen {
             Ok(joints) => {
                 let (angles, deviations) = (known(joints.angle_rad), known(joints.std_rad));
-                publisher.publish_judged(row.stamp, &angles, &deviations, joints.quality)
+                publisher.publish_with_quality(row.stamp, &angles, &deviations, joints.quality)
             }
             Err(_) => publisher.publish_nothing(row.stamp),
         };

@@ -10,7 +10,7 @@ use std::sync::mpsc::TrySendError;
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::ipc::{Domain, DomainGuard, Server};
+use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 use i2ris_vision::scene::{JointPose, Rig};
 
@@ -28,7 +28,7 @@ pub fn run(
     paths: &[PathBuf],
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
-    let mut server = Server::create(DomainGuard::acquire(&Domain::new(domain)?)?)?;
+    let mut server = Server::create(DomainLock::acquire(&Domain::new(domain)?)?)?;
     let fifos = Fifos::make(paths)?;
     let (mut number, mut dropped) = (0_u64, 0_u64);
     while !interrupt.came() {

@@ -1,0 +1,241 @@
+//! Requests to the controller: version, changes of state, black boxes; waiting for a state.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::commander::{Commander, padded};
+use super::controller_link::ControllerLink;
+use super::error::ClientError;
+use super::request_client::{REPLY_TIMEOUT, RequestClient, SLOW_REPLY_TIMEOUT};
+use super::subscription::{Latest, Watcher};
+use crate::clock;
+use crate::ipc::domain::Domain;
+use crate::ipc::payload::{
+    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest, unpadded_text,
+};
+use crate::ipc::service;
+use crate::robot::{OperatingState, Refusal, StateCommand};
+use crate::units::Nanos;
+
+/// Polling period of calls that wait.
+const POLL_PERIOD: Nanos = Nanos::from_millis(2);
+
+/// A client of a controller, with the identity that can hold the lease.
+#[derive(Debug)]
+pub struct Client {
+    pub(super) link: Arc<ControllerLink>,
+    state_commands: RequestClient<StateCommandRequest, StateCommandReply>,
+    black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
+    pub(super) models: RequestClient<ModelRequest, ModelReply>,
+    moves: RequestClient<MoveRequest, StateCommandReply>,
+    versions: RequestClient<VersionRequest, Version>,
+    operating_state: Latest<OperatingStateMsg>,
+}
+
+impl Client {
+    /// Connects to the controller of a domain; waits for one up to `timeout`.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::NoController`] when there is none in time, [`ClientError::Interface`] when it
+    /// has another version, [`ClientError::Transport`] when iceoryx2 fails.
+    pub fn connect(domain: &Domain, timeout: Nanos) -> Result<Self, ClientError> {
+        let link = ControllerLink::new(domain);
+        let start = clock::now();
+        while let Err(error) = link.session(clock::now()) {
+            if !error.is_absent() || clock::now().since(start) >= timeout {
+                return Err(error);
+            }
+            clock::sleep(POLL_PERIOD);
+        }
+        Ok(Self {
+            operating_state: Latest::new(Watcher::with_link(&link).operating_state()),
+            state_commands: RequestClient::new(service::STATE_COMMAND, REPLY_TIMEOUT),
+            black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
+            models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
+            moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
+            versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
+            link,
+        })
+    }
+
+    /// The identity in commands: random, not 0.
+    #[must_use]
+    pub fn id(&self) -> u64 {
+        self.link.client_id()
+    }
+
+    /// Version of the controller of the domain. Waits for the reply, at most 1 s.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::NoController`], [`ClientError::NoReply`], [`ClientError::Transport`].
+    pub fn version(&mut self) -> Result<Version, ClientError> {
+        self.versions.request(&self.link, VersionRequest::default())
+    }
+
+    /// Requests a change of state and returns the state right after it. Waits for the reply, at
+    /// most 1 s; longer operations continue after it, see [`OperatingStateMsg::BUSY`] and
+    /// [`Client::wait_for`].
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Refused`] with the reason; [`ClientError::NoController`],
+    /// [`ClientError::NoReply`], [`ClientError::Transport`].
+    pub fn state_command(&mut self, command: StateCommand) -> Result<OperatingState, ClientError> {
+        let request = StateCommandRequest {
+            client_id: self.id(),
+            command: command.number(),
+            reserved: 0,
+        };
+        let reply = self.state_commands.request(&self.link, request)?;
+        check_reply(command, reply)
+    }
+
+    /// Requests a motion to a pose (pitch and yaw, rad), from rest to rest on a straight line with
+    /// limited jerk, and returns the state right after the request. The robot is busy until it
+    /// arrives: [`OperatingStateMsg::BUSY`], [`Client::wait_for`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::state_command`], and [`ClientError::Count`] for a wrong number of values.
+    pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
+        let (position, count) = padded(position)?;
+        let request = MoveRequest {
+            client_id: self.id(),
+            position,
+            count,
+            reserved: 0,
+        };
+        let reply = self.moves.request(&self.link, request)?;
+        check_reply(StateCommand::Move, reply)
+    }
+
+    /// The newest `operating_state`; `None` until the first one arrives, up to 50 ms after
+    /// connecting.
+    ///
+    /// # Errors
+    ///
+    /// As [`super::Subscription::read`].
+    pub fn operating_state(&mut self) -> Result<Option<OperatingStateMsg>, ClientError> {
+        self.operating_state
+            .refresh()
+            .map(|message| message.copied())
+    }
+
+    /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it.
+    /// States from before the call are ignored: they may precede a request that was just answered.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Timeout`] when it does not, and as [`super::Subscription::read`] when the
+    /// controller ends.
+    pub fn wait_for(
+        &mut self,
+        timeout: Nanos,
+        condition: impl Fn(&OperatingStateMsg) -> bool,
+    ) -> Result<OperatingStateMsg, ClientError> {
+        let start = clock::now();
+        loop {
+            match self.operating_state()? {
+                Some(state) if state.stamp_ns > start.0 && condition(&state) => return Ok(state),
+                _ if clock::now().since(start) > timeout => {
+                    return Err(ClientError::Timeout { waited: timeout });
+                }
+                _ => clock::sleep(POLL_PERIOD),
+            }
+        }
+    }
+
+    /// Lets the controller write a black box and returns the path of the file. Waits for the reply,
+    /// up to 30 s.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::BlackBox`] with the reason; [`ClientError::NoController`],
+    /// [`ClientError::NoReply`], [`ClientError::Transport`].
+    pub fn write_black_box(&mut self) -> Result<PathBuf, ClientError> {
+        let client_id = self.id();
+        let reply = self
+            .black_boxes
+            .request(&self.link, BlackBoxRequest { client_id })?;
+        let text = unpadded_text(&reply.text);
+        if reply.ticks == 0 {
+            return Err(ClientError::BlackBox { reason: text });
+        }
+        Ok(text.into())
+    }
+
+    /// A sender of servo commands with the identity of this client.
+    #[must_use]
+    pub fn commander(&self) -> Commander {
+        Commander::new(&self.link)
+    }
+
+    /// Access to all streams of the controller.
+    #[must_use]
+    pub fn watcher(&self) -> Watcher {
+        Watcher::with_link(&self.link)
+    }
+}
+
+fn check_reply(
+    command: StateCommand,
+    reply: StateCommandReply,
+) -> Result<OperatingState, ClientError> {
+    let request = service::STATE_COMMAND;
+    let unknown = |number| ClientError::Unknown { request, number };
+    let state = OperatingState::from_number(reply.state);
+    match Refusal::from_number(reply.refusal).ok_or_else(|| unknown(reply.refusal))? {
+        Refusal::None => state.ok_or_else(|| unknown(reply.state)),
+        refusal => Err(ClientError::Refused {
+            command,
+            refusal,
+            state,
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reply(refusal: u32, state: u32) -> Result<OperatingState, ClientError> {
+        check_reply(StateCommand::Enable, StateCommandReply { refusal, state })
+    }
+
+    #[test]
+    fn a_refusal_becomes_a_sentence_with_the_reason() {
+        let disabled = OperatingState::Disabled.number();
+        let error = reply(Refusal::NotHomed.number(), disabled).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the controller refuses `enable` in state DISABLED: not homed: an axis does not know \
+             its zero"
+        );
+    }
+
+    #[test]
+    fn an_accepted_command_returns_the_state() {
+        let enabled = OperatingState::Enabled;
+        assert_eq!(reply(0, enabled.number()).unwrap(), enabled);
+    }
+
+    #[test]
+    fn unknown_numbers_are_errors() {
+        for (refusal, state, unknown) in [(99, 0, 99), (0, 42, 42)] {
+            let error = reply(refusal, state).unwrap_err();
+            assert!(matches!(error, ClientError::Unknown { number, .. } if number == unknown));
+        }
+    }
+
+    #[test]
+    fn clients_can_change_threads() {
+        fn is_send<T: Send>() {}
+        is_send::<Client>();
+        is_send::<Commander>();
+        is_send::<Latest<OperatingStateMsg>>();
+        is_send::<crate::ipc::client::ExternalPublisher>();
+    }
+}

@@ -1,0 +1,162 @@
+//! Forwarding commands of remote clients under their own identities.
+//!
+//! For programs between a controller and clients that cannot reach its memory, for example on
+//! another computer. Payloads are forwarded unchanged: identity, sequence and deadline are those of
+//! the client, so the controller checks lease and deadlines as usual. **The stamp must be on the
+//! clock of this machine**, and no younger than the command.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::commander::CommandPublisher;
+use super::controller_link::ControllerLink;
+use super::error::ClientError;
+use super::request_client::{REPLY_TIMEOUT, RequestClient, SLOW_REPLY_TIMEOUT};
+use crate::clock;
+use crate::ipc::client_process::PidFile;
+use crate::ipc::domain::Domain;
+use crate::ipc::payload::{
+    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, ServoActuator, ServoJp,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+};
+use crate::ipc::service;
+
+/// Maximum number of remote clients with a process id file. More are served, but have no name.
+const PID_FILES: usize = 32;
+
+/// Forwards streams of servo commands. The controller sees the id of the remote client; the process
+/// of that id is this one.
+#[derive(Debug)]
+pub struct Forwarder {
+    link: Arc<ControllerLink>,
+    domain: Domain,
+    servo: CommandPublisher<ServoJp>,
+    actuators: CommandPublisher<ServoActuator>,
+    /// By boot id and client id.
+    pid_files: BTreeMap<(u64, u64), PidFile>,
+}
+
+impl Forwarder {
+    /// A forwarder into this domain. Opens nothing yet.
+    #[must_use]
+    pub fn new(domain: &Domain) -> Self {
+        Self {
+            link: ControllerLink::new(domain),
+            domain: domain.clone(),
+            servo: CommandPublisher::new(service::SERVO_JP),
+            actuators: CommandPublisher::new(service::SERVO_ACTUATORS),
+            pid_files: BTreeMap::new(),
+        }
+    }
+
+    /// Forwards `servo_jp`.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::NoController`] while no controller serves the domain,
+    /// [`ClientError::Interface`] when the controller has another version,
+    /// [`ClientError::Transport`] when iceoryx2 fails.
+    pub fn servo_jp(&mut self, command: ServoJp) -> Result<(), ClientError> {
+        self.write_pid_file(command.client_id)?;
+        self.servo.send(&self.link, |_| command)
+    }
+
+    /// Forwards `actuators/servo_jp`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Forwarder::servo_jp`].
+    pub fn servo_actuators(&mut self, command: ServoActuator) -> Result<(), ClientError> {
+        self.write_pid_file(command.client_id)?;
+        self.actuators.send(&self.link, |_| command)
+    }
+
+    /// Writes a process id file for the client, once per start of the controller.
+    fn write_pid_file(&mut self, client_id: u64) -> Result<(), ClientError> {
+        let boot_id = self.link.session(clock::now())?.ready.boot_id;
+        let key = (boot_id, client_id);
+        if !self.pid_files.contains_key(&key) {
+            self.pid_files.retain(|(boot, _), _| *boot == boot_id);
+            if self.pid_files.len() < PID_FILES {
+                let file = PidFile::write(&self.domain, boot_id, client_id);
+                self.pid_files.insert(key, file);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Forwards requests and waits for the replies, with the timeouts of [`super::Client`].
+#[derive(Debug)]
+pub struct RequestForwarder {
+    link: Arc<ControllerLink>,
+    state_commands: RequestClient<StateCommandRequest, StateCommandReply>,
+    moves: RequestClient<MoveRequest, StateCommandReply>,
+    models: RequestClient<ModelRequest, ModelReply>,
+    black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
+    versions: RequestClient<VersionRequest, Version>,
+}
+
+impl RequestForwarder {
+    /// A forwarder into this domain. Opens nothing yet.
+    #[must_use]
+    pub fn new(domain: &Domain) -> Self {
+        Self {
+            link: ControllerLink::new(domain),
+            state_commands: RequestClient::new(service::STATE_COMMAND, REPLY_TIMEOUT),
+            moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
+            models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
+            black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
+            versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
+        }
+    }
+
+    /// Forwards `state_command`. The reply may be a refusal.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::NoController`], [`ClientError::NoReply`], [`ClientError::Interface`],
+    /// [`ClientError::Transport`]; the same for all requests below.
+    pub fn state_command(
+        &mut self,
+        request: StateCommandRequest,
+    ) -> Result<StateCommandReply, ClientError> {
+        self.state_commands.request(&self.link, request)
+    }
+
+    /// Forwards `move_jp`.
+    ///
+    /// # Errors
+    ///
+    /// As [`RequestForwarder::state_command`].
+    pub fn move_jp(&mut self, request: MoveRequest) -> Result<StateCommandReply, ClientError> {
+        self.moves.request(&self.link, request)
+    }
+
+    /// Forwards `model`.
+    ///
+    /// # Errors
+    ///
+    /// As [`RequestForwarder::state_command`].
+    pub fn model(&mut self, request: ModelRequest) -> Result<ModelReply, ClientError> {
+        self.models.request(&self.link, request)
+    }
+
+    /// Forwards `black_box`.
+    ///
+    /// # Errors
+    ///
+    /// As [`RequestForwarder::state_command`].
+    pub fn black_box(&mut self, request: BlackBoxRequest) -> Result<BlackBoxReply, ClientError> {
+        self.black_boxes.request(&self.link, request)
+    }
+
+    /// Forwards `version`.
+    ///
+    /// # Errors
+    ///
+    /// As [`RequestForwarder::state_command`].
+    pub fn version(&mut self) -> Result<Version, ClientError> {
+        self.versions.request(&self.link, VersionRequest::default())
+    }
+}

@@ -1,0 +1,79 @@
+//! The process behind a client id, for logs that name who commands.
+//!
+//! Commands carry a random number. Every client writes its process id into a file under that number
+//! in the directory of the domain, which only processes of this user can write. The controller then
+//! reads user and program from `/proc`. A client without such a file has no name, but can do
+//! everything else.
+
+use std::fmt;
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use super::domain::Domain;
+
+/// A process that is a client.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ClientProcess {
+    /// Process id.
+    pub pid: u32,
+    /// User id.
+    pub uid: u32,
+    /// Name of its program, as the kernel keeps it: 15 characters.
+    pub program: String,
+}
+
+impl fmt::Display for ClientProcess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}, process {}, user {}",
+            self.program, self.pid, self.uid
+        )
+    }
+}
+
+/// The boot id is part of the name: a client may close its connection to the previous start of the
+/// controller after it has found the next one.
+fn path(domain: &Domain, boot_id: u64, client_id: u64) -> PathBuf {
+    domain.file(&format!("client-{client_id:016x}-{boot_id:016x}"))
+}
+
+/// The process id file of a client; removed on drop.
+#[derive(Debug)]
+pub(super) struct PidFile(PathBuf);
+
+impl PidFile {
+    /// Writes the file. A failure only leaves the client without a name.
+    pub fn write(domain: &Domain, boot_id: u64, client_id: u64) -> Self {
+        let path = path(domain, boot_id, client_id);
+        let mut options = OpenOptions::new();
+        options.write(true).create(true).truncate(true).mode(0o600);
+        if let Ok(mut file) = options.open(&path) {
+            let _ = writeln!(file, "{}", std::process::id());
+        }
+        Self(path)
+    }
+}
+
+impl Drop for PidFile {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
+}
+
+/// The process that has this client id for this start of the controller; `None` without a process
+/// id file, or when the process has ended.
+#[must_use]
+pub fn find_client_process(domain: &Domain, boot_id: u64, client_id: u64) -> Option<ClientProcess> {
+    let text = fs::read_to_string(path(domain, boot_id, client_id)).ok()?;
+    let pid: u32 = text.trim().parse().ok()?;
+    let process = Path::new("/proc").join(pid.to_string());
+    let uid = fs::metadata(&process).ok()?.uid();
+    let program = fs::read_to_string(process.join("comm"))
+        .ok()?
+        .trim()
+        .to_owned();
+    Some(ClientProcess { pid, uid, program })
+}

@@ -1,0 +1,194 @@
+//! The heartbeat of the control loop: one word in shared memory that the loop writes in every tick.
+//!
+//! The streams are published by a thread of ordinary priority. On a loaded machine that thread may
+//! be late while the loop is on time, and a watchdog that used the streams would stop a healthy
+//! robot. One store into mapped memory is no I/O and cannot wait.
+//!
+//! The file `pulse` in the directory of the domain holds one 64-bit word in native byte order: the
+//! start of the last tick in nanoseconds of the monotonic clock, shifted left by one bit, and in
+//! the lowest bit whether the drives are off. 0: no tick yet.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::num::NonZeroUsize;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use nix::sys::mman::{MapFlags, ProtFlags, mmap, munmap};
+
+use super::domain::{Domain, DomainError};
+use super::domain_lock::DomainLock;
+use super::ready::Ready;
+use crate::units::Nanos;
+
+const FILE: &str = "pulse";
+const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<AtomicU64>()).unwrap();
+
+/// A tick of the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// Identifies the start of the controller.
+    pub boot_id: u64,
+    /// Start of the tick.
+    pub stamp: Nanos,
+    /// The drives are off: DISABLED, and no transition in progress.
+    pub off: bool,
+}
+
+/// Writes the heartbeat; held by the loop.
+#[derive(Debug)]
+pub struct HeartbeatWriter(MappedWord);
+
+impl HeartbeatWriter {
+    /// Creates the file.
+    pub(super) fn create(lock: &DomainLock) -> Result<Self, DomainError> {
+        let path = lock.domain().file(FILE);
+        let create = || {
+            let mut options = OpenOptions::new();
+            options
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(true)
+                .mode(0o600);
+            let file = options.open(&path)?;
+            file.set_len(SIZE.get() as u64)?;
+            let word = MappedWord::map(&file, ProtFlags::PROT_READ | ProtFlags::PROT_WRITE)?;
+            // Allocates the page now, so that the loop never causes the page fault.
+            word.get().store(0, Ordering::Relaxed);
+            Ok(Self(word))
+        };
+        create().map_err(DomainError::io("write", &path))
+    }
+
+    /// Writes the heartbeat of a tick. Wait-free.
+    pub fn write(&self, stamp: Nanos, off: bool) {
+        let word = stamp.0 << 1 | u64::from(off);
+        self.0.get().store(word, Ordering::Release);
+    }
+}
+
+/// Reads the heartbeat, also across restarts of the controller.
+#[derive(Debug)]
+pub struct HeartbeatReader {
+    domain: Domain,
+    /// Boot id and word of the present start of the controller.
+    mapped: Option<(u64, MappedWord)>,
+}
+
+/// No controller serves the domain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ControllerAbsent;
+
+impl HeartbeatReader {
+    /// A reader of this domain. The controller may start later.
+    #[must_use]
+    pub fn new(domain: &Domain) -> Self {
+        Self {
+            domain: domain.clone(),
+            mapped: None,
+        }
+    }
+
+    /// The last heartbeat; `None` before the first tick.
+    ///
+    /// # Errors
+    ///
+    /// [`ControllerAbsent`] when no controller serves the domain.
+    pub fn read(&mut self) -> Result<Option<Heartbeat>, ControllerAbsent> {
+        let Some(Ready { boot_id, .. }) = Ready::read(&self.domain) else {
+            self.mapped = None;
+            return Err(ControllerAbsent);
+        };
+        if self
+            .mapped
+            .as_ref()
+            .is_none_or(|(mapped, _)| *mapped != boot_id)
+        {
+            let word = MappedWord::open(&self.domain.file(FILE)).ok();
+            self.mapped = word.map(|word| (boot_id, word));
+        }
+        let word = self
+            .mapped
+            .as_ref()
+            .map_or(0, |(_, word)| word.get().load(Ordering::Acquire));
+        let (stamp, off) = (Nanos(word >> 1), word & 1 == 1);
+        Ok((word != 0).then_some(Heartbeat {
+            boot_id,
+            stamp,
+            off,
+        }))
+    }
+}
+
+/// A word in mapped memory.
+#[derive(Debug)]
+struct MappedWord(NonNull<AtomicU64>);
+
+// SAFETY: the word is atomic, and its memory stays mapped until the value is dropped.
+unsafe impl Send for MappedWord {}
+
+impl MappedWord {
+    fn open(path: &Path) -> io::Result<Self> {
+        let file = File::open(path)?;
+        // Access beyond the end of a shorter file would kill the process (SIGBUS).
+        if file.metadata()?.len() < SIZE.get() as u64 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        Self::map(&file, ProtFlags::PROT_READ)
+    }
+
+    fn map(file: &File, access: ProtFlags) -> io::Result<Self> {
+        // SAFETY: a new mapping at an address that the kernel chooses. The file is as long as the
+        // word and is only ever removed, never truncated: only this user can access its directory.
+        let start = unsafe { mmap(None, SIZE, access, MapFlags::MAP_SHARED, file, 0) }?;
+        Ok(Self(start.cast()))
+    }
+
+    fn get(&self) -> &AtomicU64 {
+        // SAFETY: mapped until drop, aligned to a page, and every bit pattern is a value.
+        unsafe { self.0.as_ref() }
+    }
+}
+
+impl Drop for MappedWord {
+    fn drop(&mut self) {
+        // SAFETY: mapped by `map` with this length, and not used any more.
+        let _ = unsafe { munmap(self.0.cast(), SIZE.get()) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_heartbeat_is_read_from_the_first_tick_to_the_end_of_every_start() {
+        let domain = Domain::new(&format!("pulse-{}", std::process::id())).unwrap();
+        let mut reader = HeartbeatReader::new(&domain);
+        assert_eq!(reader.read(), Err(ControllerAbsent));
+        for stamp in [5, 3].map(Nanos) {
+            let lock = DomainLock::acquire(&domain).unwrap();
+            Ready::announce(&lock).unwrap();
+            assert_eq!(reader.read(), Ok(None));
+            let writer = HeartbeatWriter::create(&lock).unwrap();
+            assert_eq!(reader.read(), Ok(None));
+            for off in [true, false] {
+                writer.write(stamp, off);
+                let boot_id = lock.boot_id();
+                assert_eq!(
+                    reader.read(),
+                    Ok(Some(Heartbeat {
+                        boot_id,
+                        stamp,
+                        off
+                    }))
+                );
+            }
+            drop(lock);
+            assert_eq!(reader.read(), Err(ControllerAbsent));
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The stream `period_statistics`: timing of the control loop.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::definition::payload;
+
+payload! {
+    /// Percentiles of a distribution of durations, ns.
+    SpanSummary "I2risSpanSummaryV1" {
+        /// Median.
+        pub p50_ns: u64,
+        /// 90th percentile.
+        pub p90_ns: u64,
+        /// 99th percentile.
+        pub p99_ns: u64,
+        /// 99.9th percentile.
+        pub p999_ns: u64,
+        /// Largest.
+        pub max_ns: u64,
+    }
+
+    /// `period_statistics`, out, once a second: timing of the control loop.
+    PeriodStatistics "I2risPeriodStatisticsV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// End of the window.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Length of the window.
+        pub window_ns: u64,
+        /// Intended length of a tick.
+        pub period_ns: u64,
+        /// Ticks in the window.
+        pub ticks: u64,
+        /// Ticks skipped in the window because they were overdue.
+        pub missed: u64,
+        /// Ticks since the start.
+        pub total_ticks: u64,
+        /// Ticks skipped since the start.
+        pub total_missed: u64,
+        /// Time between the starts of two ticks.
+        pub period: SpanSummary,
+        /// Start of the tick after its planned instant.
+        pub lateness: SpanSummary,
+        /// Time that the cycle took.
+        pub compute: SpanSummary,
+        /// SCHED_FIFO priority as read back; 0: normal scheduling.
+        pub priority: u32,
+        /// CPU that the loop is pinned to, as read back; `u32::MAX`: not pinned.
+        pub cpu: u32,
+        /// 1: memory is locked.
+        pub memory_locked: u32,
+        /// 0.
+        pub reserved: u32,
+    }
+}

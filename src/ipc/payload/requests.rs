@@ -1,0 +1,78 @@
+//! Requests and replies, except those about models.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::definition::payload;
+use crate::units::MAX_OUTPUTS;
+
+payload! {
+    /// `state_command`, request.
+    StateCommandRequest "I2risStateCommandV1" {
+        /// Identity of the client. Not 0.
+        pub client_id: u64,
+        /// [`crate::robot::StateCommand`].
+        pub command: u32,
+        /// 0.
+        pub reserved: u32,
+    }
+
+    /// `state_command`, reply, within a few ticks. Longer operations continue after it: see
+    /// [`OperatingStateMsg::BUSY`].
+    StateCommandReply "I2risStateCommandReplyV1" {
+        /// [`crate::robot::Refusal`]; 0: accepted.
+        pub refusal: u32,
+        /// [`crate::robot::OperatingState`] after the command.
+        pub state: u32,
+    }
+
+    /// `move_jp`, request: go to a pose, from rest to rest with limited jerk. The reply is
+    /// [`StateCommandReply`].
+    MoveRequest "I2risMoveRequestV1" {
+        /// Identity of the client. Not 0.
+        pub client_id: u64,
+        /// Desired pitch and yaw, rad.
+        pub position: [f64; MAX_OUTPUTS],
+        /// Number of valid entries in `position`.
+        pub count: u32,
+        /// 0.
+        pub reserved: u32,
+    }
+
+    /// `version`, request.
+    VersionRequest "I2risVersionRequestV1" {
+        /// 0.
+        pub reserved: u64,
+    }
+
+    /// `version`, reply: identity of the controller of this domain.
+    Version "I2risVersionV1" {
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Process id of the controller.
+        pub pid: u32,
+        /// Version of the payloads: 1.
+        pub interface: u32,
+        /// Version of the software: major, minor, patch.
+        pub software: [u16; 3],
+        /// Motors and outputs (0 without a model).
+        pub shape: [u8; 2],
+        /// SHA-256 of the loaded model; all 0: none.
+        pub model_id: [u8; 32],
+        /// Names of the outputs, UTF-8, padded with 0.
+        pub output_names: [[u8; 16]; MAX_OUTPUTS],
+    }
+
+    /// `black_box`, request: write a file with every tick of the last seconds.
+    BlackBoxRequest "I2risBlackBoxRequestV1" {
+        /// Identity of the client. Not 0.
+        pub client_id: u64,
+    }
+
+    /// `black_box`, reply, once the file is written.
+    BlackBoxReply "I2risBlackBoxReplyV1" {
+        /// Number of ticks in the file; 0: no file was written.
+        pub ticks: u64,
+        /// Path of the file, or the reason of the failure; UTF-8, padded with 0.
+        pub text: [u8; 1024],
+    }
+}

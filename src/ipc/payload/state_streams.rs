@@ -1,0 +1,131 @@
+//! Streams out of the controller, one message per tick: joints, motors, operating state.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::definition::payload;
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
+
+payload! {
+    /// `measured_js`, `setpoint_js`, `goal_js`, out: angles.
+    ///
+    /// `measured_js` is the model's estimate from the encoders, `setpoint_js` the estimate at the
+    /// setpoints, `goal_js` the requested goal, clipped to the calibrated hull. All three
+    /// are invalid while no model is loaded.
+    JointState "I2risJointStateV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the values.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Pitch and yaw, rad (x, y, z, m).
+        pub position: [f64; MAX_OUTPUTS],
+        /// Rate of change of `position`, per second.
+        pub velocity: [f64; MAX_OUTPUTS],
+        /// Standard deviation of `position`, by the law of total covariance. 0 where not
+        /// applicable.
+        pub deviation: [f64; MAX_OUTPUTS],
+        /// SHA-256 of the model that computed it.
+        pub model_id: [u8; 32],
+        /// Number of valid entries in the arrays.
+        pub count: u32,
+        /// Sum of [`JointState::VALID`], [`JointState::MEMORY_KNOWN`], [`JointState::CLIPPED`].
+        pub flags: u32,
+    }
+
+    /// `actuators/measured_js`, out: state of the motors.
+    ActuatorState "I2risActuatorStateV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the tick.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Time of reading each encoder position. 0: never.
+        pub measured_stamp_ns: [u64; MAX_MOTORS],
+        /// Time of writing each setpoint to the operating system. 0: never.
+        pub written_stamp_ns: [u64; MAX_MOTORS],
+        /// [`ServoJp::stamp_ns`] of the command that led to the written setpoint. 0: none.
+        pub command_stamp_ns: [u64; MAX_MOTORS],
+        /// [`ServoJp::sequence`] of the command that led to the written setpoint.
+        pub command_sequence: [u64; MAX_MOTORS],
+        /// Replies from each drive since the start.
+        pub exchanges: [u64; MAX_MOTORS],
+        /// Encoder positions, counts.
+        pub measured_counts: [i32; MAX_MOTORS],
+        /// Setpoints of this tick, counts.
+        pub setpoint_counts: [i32; MAX_MOTORS],
+        /// Setpoints written last, counts.
+        pub written_counts: [i32; MAX_MOTORS],
+        /// Motor currents, mA.
+        pub current_ma: [i32; MAX_MOTORS],
+        /// Statuswords (0x6041).
+        pub statusword: [u16; MAX_MOTORS],
+        /// Error codes (0x603F).
+        pub error_code: [u16; MAX_MOTORS],
+        /// Phase of each drive: [`crate::ipc::drive_phase::axis_phase`].
+        pub phase: [u8; MAX_MOTORS],
+        /// 0.
+        pub reserved: [u8; 2],
+        /// Number of valid entries in the arrays.
+        pub count: u32,
+    }
+
+    /// `operating_state`, out: state of the controller and its reason.
+    OperatingStateMsg "I2risOperatingStateV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the tick.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Start of the present state.
+        pub since_ns: u64,
+        /// Client that holds the lease; 0: none.
+        pub lease_client_id: u64,
+        /// Servo commands taken since the start.
+        pub accepted: u64,
+        /// Servo commands refused since the start.
+        pub refused: u64,
+        /// Number of times that a followed client exceeded its deadline.
+        pub stale_stops: u64,
+        /// [`crate::robot::OperatingState`].
+        pub state: u32,
+        /// [`crate::robot::Fault`]; of the last fault when the state is not FAULT.
+        pub fault: u32,
+        /// [`crate::robot::Refusal`] of the last refused command.
+        pub last_refusal: u32,
+        /// Sum of [`OperatingStateMsg::HOMED`] and the other flags.
+        pub flags: u32,
+    }
+}
+
+impl JointState {
+    /// Flag: the values are valid.
+    pub const VALID: u32 = 1;
+    /// Flag: the hysteresis memory is known, so the estimate is on the right branch of the loop.
+    pub const MEMORY_KNOWN: u32 = 2;
+    /// Flag: the goal was outside the calibrated hull and was clipped to it.
+    pub const CLIPPED: u32 = 4;
+}
+
+impl OperatingStateMsg {
+    /// Flag: every axis is homed.
+    pub const HOMED: u32 = 1;
+    /// Flag: a motion or a state transition is in progress.
+    pub const BUSY: u32 = 2;
+    /// Flag: a model is loaded.
+    pub const MODEL: u32 = 4;
+    /// Flag: the hysteresis memory is known.
+    pub const MEMORY_KNOWN: u32 = 8;
+    /// Flag: the robot holds because no fresh command is present.
+    pub const HOLDING: u32 = 16;
+    /// Flag: the goal was outside the calibrated hull and was clipped.
+    pub const CLIPPED: u32 = 32;
+    /// Flag: the loop runs under SCHED_FIFO, as read back.
+    pub const FIFO: u32 = 64;
+    /// Flag: memory is locked.
+    pub const MEMORY_LOCKED: u32 = 128;
+    /// Flag: the loop is pinned to one CPU, as read back.
+    pub const PINNED: u32 = 256;
+}

@@ -1,0 +1,155 @@
+//! The control loop: the real-time thread.
+//!
+//! No allocation, no lock, no I/O: only [`Cycle::step`] and wait-free channels.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::clock;
+use crate::config::ControlConfig;
+use crate::core::Inputs;
+use crate::core::cycle::Cycle;
+use crate::drive::AxisFeedback;
+use crate::drive::runner::AxisLink;
+use crate::ipc::heartbeat::HeartbeatWriter;
+use crate::process::black_box::{RecorderChannels, TickRecord};
+use crate::process::channels::{LoopChannels, TickReport};
+use crate::realtime::{Tick, TickTiming, Ticker};
+use crate::robot::OperatingState;
+use crate::units::{MAX_MOTORS, Nanos};
+
+/// Everything that the loop needs; built before the thread starts.
+pub struct ControlLoop {
+    pub cycle: Cycle,
+    pub channels: LoopChannels,
+    pub links: Vec<AxisLink>,
+    pub heartbeat: HeartbeatWriter,
+}
+
+impl ControlLoop {
+    /// Runs one cycle per tick from `first` on, until the cycle has shut down.
+    pub fn run(mut self, config: &ControlConfig, first: Nanos, shutdown: &AtomicBool) {
+        let spin = Nanos::from_micros(u64::from(config.spin_us));
+        let mut ticker = Ticker::new(first, config.period(), spin);
+        let mut recording = TickRecording::new(config.rate_hz);
+        recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
+        loop {
+            let tick = ticker.wait();
+            let offered = self.take_offer();
+            let inputs = self.read_inputs(&tick, shutdown);
+            let outputs = self.cycle.step(tick.started, &inputs);
+            for link in &mut self.links {
+                if let Some(request) = outputs.requests.get(link.motor) {
+                    link.requests.write(*request);
+                }
+            }
+            // A full channel means that a slower thread stalls. Its replies and events are lost;
+            // the loop continues.
+            let channels = &mut self.channels;
+            let _ = outputs.reply.map(|reply| channels.replies.push(reply));
+            let _ = outputs
+                .model_reply
+                .map(|reply| channels.model_replies.push(reply));
+            for event in outputs.events.into_iter().flatten() {
+                let _ = channels.events.push(event);
+            }
+            // Nothing is freed here: a model that does not fit stays in the cycle.
+            if !channels.retired.is_full()
+                && let Some(retired) = self.cycle.retired()
+            {
+                let _ = channels.retired.push(retired);
+            }
+            let report = outputs.report;
+            let off = report.state == OperatingState::Disabled && !report.busy;
+            self.heartbeat.write(tick.started, off);
+            let ended = clock::now();
+            let timing = TickTiming { tick, ended };
+            let _ = channels.reports.push(TickReport { report, timing });
+            let record = TickRecord {
+                number: 0,
+                offered,
+                inputs,
+                outputs,
+                timing,
+            };
+            recording.push_tick(record, &mut channels.recorder);
+            recording.push_snapshot(&self.cycle, &mut channels.recorder);
+            if outputs.finished {
+                return;
+            }
+        }
+    }
+
+    /// Passes the next model to the cycle, if it can take one. Returns the number of the offer.
+    fn take_offer(&mut self) -> Option<u64> {
+        if self.channels.offers.is_empty() || !self.cycle.takes_candidates() {
+            return None;
+        }
+        let offer = self.channels.offers.pop().ok()?;
+        self.cycle.offer(offer.candidate);
+        Some(offer.number)
+    }
+
+    fn read_inputs(&mut self, tick: &Tick, shutdown: &AtomicBool) -> Inputs {
+        let channels = &mut self.channels;
+        Inputs {
+            servo: newest(&mut channels.servo),
+            request: channels.requests.pop().ok(),
+            model: channels.model_requests.pop().ok(),
+            external: newest(&mut channels.external),
+            missed: u32::try_from(tick.missed).unwrap_or(u32::MAX),
+            feedback: read_feedback(&mut self.links),
+            shutdown: shutdown.load(Ordering::Acquire),
+        }
+    }
+}
+
+/// The value of a triple buffer, if it was written since the last call.
+fn newest<T: Copy + Send>(buffer: &mut triple_buffer::Output<Option<T>>) -> Option<T> {
+    buffer.update().then(|| *buffer.output_buffer()).flatten()
+}
+
+fn read_feedback(links: &mut [AxisLink]) -> [AxisFeedback; MAX_MOTORS] {
+    let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
+    for link in links {
+        if let Some(slot) = feedback.get_mut(link.motor) {
+            *slot = *link.feedback.read();
+        }
+    }
+    feedback
+}
+
+/// Passes ticks and snapshots to the recorder of the black box.
+struct TickRecording {
+    ticks: u64,
+    interval: u64,
+    /// Tick from which the next snapshot is due.
+    next_snapshot: u64,
+}
+
+impl TickRecording {
+    /// With one snapshot per second.
+    fn new(rate_hz: u32) -> Self {
+        Self {
+            ticks: 0,
+            interval: u64::from(rate_hz),
+            next_snapshot: 0,
+        }
+    }
+
+    fn push_tick(&mut self, tick: TickRecord, recorder: &mut RecorderChannels) {
+        self.ticks += 1;
+        let number = self.ticks;
+        // A full channel means that the recorder stalls: it detects the gap in the numbers.
+        let _ = recorder.ticks.push(TickRecord { number, ..tick });
+    }
+
+    fn push_snapshot(&mut self, cycle: &Cycle, recorder: &mut RecorderChannels) {
+        if self.ticks >= self.next_snapshot
+            && !recorder.snapshots.is_full()
+            && let Some(snapshot) = cycle.snapshot()
+            && recorder.snapshots.push(snapshot).is_ok()
+        {
+            self.next_snapshot = self.ticks + self.interval;
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Model, ports and drives at the start of the controller.
+
+use crate::COMMIT;
+use crate::file_permissions::{self, WritableByAll};
+use crate::clock;
+use crate::config::Config;
+use crate::drive::AxisIdentity;
+use crate::drive::error::DriveError;
+use crate::drive::port::{Opened, Port};
+use crate::drive::runner::{AxisLink, PortRunner};
+use crate::model::{Model, ModelError};
+use crate::units::Nanos;
+
+/// Maximum time until the port threads have read the first positions: a few exchanges, unless the
+/// machine stalls.
+const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
+
+/// Why the model of the configuration cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StartModelError {
+    /// Every user can write the model file.
+    #[error("model file {0}")]
+    WritableByAll(#[from] WritableByAll),
+    /// The model is missing, damaged, or of another robot.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// Loads the model of the configuration, if it names one.
+pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
+    let Some(path) = &config.control.model else {
+        return Ok(None);
+    };
+    file_permissions::check(path)?;
+    let model = Model::load(path)?;
+    model.check_robot(&config.robot_id, config.motors())?;
+    Ok(Some(model))
+}
+
+/// Version and commit of this software.
+pub fn software() -> String {
+    format!("i2ris {} ({COMMIT})", env!("CARGO_PKG_VERSION"))
+}
+
+/// All drives, ready to be enabled.
+pub struct Drives {
+    pub runners: Vec<PortRunner>,
+    pub links: Vec<AxisLink>,
+    pub identities: Vec<AxisIdentity>,
+}
+
+/// Opens all ports, then configures them, so that a missing port is detected before any drive is
+/// changed.
+pub fn bring_up_ports(config: &Config) -> Result<Drives, DriveError> {
+    let opened = config.ports.iter().map(Port::<Opened>::open);
+    let opened = opened.collect::<Result<Vec<_>, _>>()?;
+    let mut drives = Drives {
+        runners: Vec::new(),
+        links: Vec::new(),
+        identities: Vec::new(),
+    };
+    for port in opened {
+        let port = port.bring_up()?;
+        drives.identities.extend_from_slice(port.axes());
+        let (runner, links) = port.split();
+        drives.runners.push(runner);
+        drives.links.extend(links);
+    }
+    Ok(drives)
+}
+
+/// Waits until the port threads have read positions. The positions from bring-up may be old, and
+/// the loop would report a lost drive. A drive that is really lost is left to the loop, which names
+/// it.
+pub fn wait_for_positions(links: &mut [AxisLink]) {
+    let start = clock::now();
+    let is_fresh = |link: &mut AxisLink| link.feedback.read().stamp >= start;
+    while !links.iter_mut().all(is_fresh) && clock::now() - start < FIRST_POSITIONS {
+        clock::sleep(Nanos::from_millis(1));
+    }
+}

@@ -1,0 +1,169 @@
+//! Status of the controller, from its heartbeat.
+
+use crate::ipc::heartbeat::{ControllerAbsent, Heartbeat};
+use crate::units::Nanos;
+
+/// Status of the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ControllerStatus {
+    /// No controller serves the domain.
+    Absent,
+    /// The controller has just started.
+    Started,
+    /// Its loop runs.
+    Alive,
+    /// It ended after it had switched its drives off.
+    Ended,
+    /// It ended, and its drives may be powered. Returned once.
+    Died,
+    /// Its loop has been silent for too long. Returned once, until the loop continues.
+    Hangs,
+}
+
+/// Monitors the heartbeat of a controller.
+#[derive(Debug)]
+pub struct HeartbeatMonitor {
+    silence: Nanos,
+    last: Option<LastHeartbeat>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct LastHeartbeat {
+    heartbeat: Heartbeat,
+    /// [`ControllerStatus::Hangs`] has been returned.
+    reported: bool,
+}
+
+impl HeartbeatMonitor {
+    /// A controller that is silent for longer than `silence` hangs.
+    #[must_use]
+    pub fn new(silence: Nanos) -> Self {
+        Self {
+            silence,
+            last: None,
+        }
+    }
+
+    /// Age of the last heartbeat.
+    #[must_use]
+    pub fn age(&self, now: Nanos) -> Nanos {
+        self.last
+            .map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
+    }
+
+    /// Updates the status with the heartbeat that is read at `now`.
+    pub fn update(
+        &mut self,
+        read: Result<Option<Heartbeat>, ControllerAbsent>,
+        now: Nanos,
+    ) -> ControllerStatus {
+        match (read, self.last) {
+            (Err(ControllerAbsent) | Ok(None), None) => ControllerStatus::Absent,
+            (Err(ControllerAbsent), Some(last)) => {
+                self.last = None;
+                match (last.heartbeat.off, last.reported) {
+                    (true, _) => ControllerStatus::Ended,
+                    (false, true) => ControllerStatus::Absent,
+                    (false, false) => ControllerStatus::Died,
+                }
+            }
+            (Ok(Some(heartbeat)), last) => {
+                let same = last.filter(|last| last.heartbeat.boot_id == heartbeat.boot_id);
+                let silent = |last: LastHeartbeat| heartbeat.stamp <= last.heartbeat.stamp;
+                let reported = same.is_some_and(|last| last.reported && silent(last));
+                let last = LastHeartbeat {
+                    heartbeat,
+                    reported,
+                };
+                self.last = Some(last);
+                match same {
+                    None => ControllerStatus::Started,
+                    Some(_) => self.check_silence(last, now),
+                }
+            }
+            (Ok(None), Some(last)) => self.check_silence(last, now),
+        }
+    }
+
+    fn check_silence(&mut self, last: LastHeartbeat, now: Nanos) -> ControllerStatus {
+        let silent = now - last.heartbeat.stamp > self.silence;
+        if last.heartbeat.off || last.reported || !silent {
+            return ControllerStatus::Alive;
+        }
+        self.last = Some(LastHeartbeat {
+            reported: true,
+            ..last
+        });
+        ControllerStatus::Hangs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ControllerStatus::{Absent, Alive, Died, Ended, Hangs, Started};
+    use super::*;
+
+    /// Starts with a heartbeat at 100 ms, then checks `(heartbeat, now, status)`, ms.
+    fn check(off: bool, steps: &[(Option<(u64, bool)>, u64, ControllerStatus)]) {
+        let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
+        let start = [(Some((100, off)), 101, Started)];
+        for (heartbeat, now, status) in start.iter().chain(steps) {
+            let heartbeat = heartbeat.map(|(stamp, off)| Heartbeat {
+                boot_id: 7,
+                stamp: Nanos::from_millis(stamp),
+                off,
+            });
+            let read = heartbeat.map(Some).ok_or(ControllerAbsent);
+            let updated = monitor.update(read, Nanos::from_millis(*now));
+            assert_eq!(updated, *status, "at {now} ms");
+        }
+    }
+
+    #[test]
+    fn silence_is_reported_once_until_the_loop_continues() {
+        check(
+            false,
+            &[
+                (Some((100, false)), 140, Alive),
+                (Some((100, false)), 141, Hangs),
+                (Some((100, false)), 190, Alive),
+                (Some((200, false)), 201, Alive),
+                (Some((200, false)), 300, Hangs),
+                (None, 310, Absent),
+            ],
+        );
+    }
+
+    #[test]
+    fn the_end_of_the_controller_is_reported_at_once_unless_its_drives_were_off() {
+        check(false, &[(None, 102, Died), (None, 102, Absent)]);
+        check(true, &[(None, 102, Ended), (None, 102, Absent)]);
+    }
+
+    #[test]
+    fn a_controller_with_drives_off_may_be_silent() {
+        let heartbeat = Some((901, false));
+        check(
+            true,
+            &[
+                (Some((100, true)), 900, Alive),
+                (heartbeat, 902, Alive),
+                (heartbeat, 942, Hangs),
+            ],
+        );
+    }
+
+    #[test]
+    fn a_restarted_controller_has_started() {
+        let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
+        for (boot_id, stamp, off) in [(7, 100, false), (8, 99, true)] {
+            let stamp = Nanos::from_millis(stamp);
+            let read = Ok(Some(Heartbeat {
+                boot_id,
+                stamp,
+                off,
+            }));
+            assert_eq!(monitor.update(read, Nanos::from_millis(102)), Started);
+        }
+    }
+}

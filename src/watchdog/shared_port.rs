@@ -1,0 +1,175 @@
+//! A port that is open beside the controller, and quick stop through it.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::os::fd::{AsFd, AsRawFd};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+
+use nix::libc;
+
+use super::event::{AxisStop, WatchdogEvent};
+use crate::clock;
+use crate::config::{AxisConfig, PortConfig};
+use crate::drive::bring_up::{self, StopError};
+use crate::drive::cia402::State;
+use crate::drive::exchange::Link;
+use crate::drive::family;
+use crate::drive::serial;
+use crate::drive::transport::Transport;
+use crate::units::Nanos;
+
+/// Attempts per axis: the first may collide with the rest of the controller's exchange.
+const ATTEMPTS: usize = 5;
+
+/// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer.
+const MAX_REPLY_TIMEOUT_MS: u64 = 50;
+
+/// The frame timeout that the controller sets in its drives.
+const FRAME_TIMEOUT: Nanos = Nanos::from_millis(50);
+
+/// A port of the controller's configuration, open in this process, too.
+#[derive(Debug)]
+pub struct SharedPort {
+    config: PortConfig,
+    file: Option<File>,
+    refusal_reported: bool,
+}
+
+impl SharedPort {
+    /// Opens nothing yet.
+    #[must_use]
+    pub fn new(config: &PortConfig) -> Self {
+        Self {
+            config: config.clone(),
+            file: None,
+            refusal_reported: false,
+        }
+    }
+
+    /// Opens the port if it is not open, without a change of its settings. Returns an event when
+    /// its state changes.
+    pub fn open(&mut self) -> Option<WatchdogEvent> {
+        if self.file.as_ref().is_some_and(|file| !is_hung_up(file)) {
+            return None;
+        }
+        self.file = None;
+        let device = self.config.device.clone();
+        match open(&device) {
+            Ok(file) => {
+                self.file = Some(file);
+                self.refusal_reported = false;
+                Some(WatchdogEvent::PortOpened(device))
+            }
+            Err(error) if !std::mem::replace(&mut self.refusal_reported, true) => {
+                Some(WatchdogEvent::PortRefused(device, explain(&error)))
+            }
+            Err(_) => None,
+        }
+    }
+
+    /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
+    pub fn quick_stop(&mut self) -> WatchdogEvent {
+        let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
+        let stopped = match file {
+            Some(file) => self.stop_axes(file),
+            None => self.for_each_axis(|_| Err(StopError::NotHeld)),
+        };
+        if let Some(file) = &self.file {
+            // SAFETY: the request takes no argument, and the descriptor is open.
+            let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
+        }
+        WatchdogEvent::Stopped(self.config.device.clone(), stopped)
+    }
+
+    fn stop_axes(&self, file: File) -> Vec<AxisStop> {
+        let config = PortConfig {
+            reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
+            ..self.config.clone()
+        };
+        let mut link = Link::new(OpenPort(file), family::of_port(&config), &config);
+        link.know_frame_timeout(FRAME_TIMEOUT);
+        let _ = link.wait_for_quiet();
+        self.for_each_axis(|axis| {
+            let parts = family::of_axis(&self.config, axis).parts();
+            (0..ATTEMPTS)
+                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, parts))
+                .find(Result::is_ok)
+                .unwrap_or(Err(StopError::NoAnswer))
+        })
+    }
+
+    fn for_each_axis(
+        &self,
+        mut stop: impl FnMut(&AxisConfig) -> Result<State, StopError>,
+    ) -> Vec<AxisStop> {
+        let axes = self.config.axes.iter();
+        axes.map(|axis| AxisStop {
+            motor: axis.motor,
+            outcome: stop(axis),
+        })
+        .collect()
+    }
+}
+
+fn open(device: &Path) -> io::Result<File> {
+    let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(flags)
+        .open(device)
+}
+
+fn explain(error: &io::Error) -> String {
+    match error.raw_os_error() {
+        Some(libc::EBUSY) => {
+            "the controller has locked it already; start the watchdog before the controller"
+                .to_owned()
+        }
+        _ => format!("{error}; tried again every 100 ms"),
+    }
+}
+
+/// Whether the device of a descriptor has been disconnected.
+fn is_hung_up(file: &File) -> bool {
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+    let mut descriptors = [PollFd::new(file.as_fd(), PollFlags::empty())];
+    poll(&mut descriptors, PollTimeout::ZERO).is_ok()
+        && descriptors[0].revents().is_some_and(|events| {
+            events.intersects(PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL)
+        })
+}
+
+/// A port with the settings of the controller.
+#[derive(Debug)]
+struct OpenPort(File);
+
+impl Transport for OpenPort {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.0.write_all(bytes)
+    }
+
+    fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        loop {
+            if serial::wait(self.0.as_fd(), deadline)? {
+                return match self.0.read(into) {
+                    Ok(0) => Err(io::ErrorKind::BrokenPipe.into()),
+                    Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(0),
+                    outcome => outcome,
+                };
+            }
+            if clock::now() >= deadline {
+                return Ok(0);
+            }
+        }
+    }
+
+    fn now(&self) -> Nanos {
+        clock::now()
+    }
+
+    fn sleep_until(&mut self, until: Nanos) {
+        clock::sleep_until(until);
+    }
+}

@@ -1,0 +1,130 @@
+//! One controller at a time, a clean start, no leftovers.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+
+use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
+use i2ris::ipc::ready::Ready;
+use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
+use i2ris::units::Nanos;
+
+use crate::ipc_fixture::{assert_no_files, files, serve, unique_domain};
+use crate::rig::eventually;
+
+/// Creates the directory of a domain as a controller does.
+fn create_directory(domain: &Domain, mode: u32) {
+    fs::create_dir(domain.directory()).unwrap();
+    fs::set_permissions(domain.directory(), fs::Permissions::from_mode(mode)).unwrap();
+}
+
+#[test]
+fn a_controller_leaves_no_files_and_others_have_no_access_to_them() {
+    let domain = unique_domain();
+    let server = serve(&domain);
+    assert_eq!(Ready::read(&domain).unwrap().boot_id, server.boot_id());
+    assert!(files(&domain).len() > 5, "{:?}", files(&domain));
+    for path in files(&domain) {
+        let mode = fs::metadata(&path).unwrap().permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{}", path.display());
+    }
+    drop(server);
+    assert_eq!(Ready::read(&domain), None);
+    assert_no_files(&domain);
+}
+
+#[test]
+fn a_directory_that_others_can_use_is_refused() {
+    let domain = unique_domain();
+    create_directory(&domain, 0o755);
+    let error = DomainLock::acquire(&domain).unwrap_err();
+    fs::remove_dir(domain.directory()).unwrap();
+    assert!(matches!(error, DomainError::Unsafe { .. }), "{error}");
+}
+
+#[test]
+fn a_sensor_survives_restarts_of_the_controller() {
+    let domain = unique_domain();
+    let mut camera = ExternalPublisher::new(&domain);
+    let absent = camera.publish(Nanos(1), &[0.1, 0.2], &[]).unwrap_err();
+    assert!(absent.is_absent());
+    for round in 1..=3_u64 {
+        let mut server = serve(&domain);
+        let seen = eventually("the camera reaches the controller", || {
+            let _ = camera.publish(Nanos(round), &[0.1, 0.2], &[0.01, 0.02]);
+            server.poll_external()
+        });
+        let expected = (round, 2, [0.1, 0.2, 0.0]);
+        assert_eq!((seen.stamp_ns, seen.count, seen.position), expected);
+        assert_eq!(server.failures().0, 0);
+    }
+    let absent = camera.publish(Nanos(9), &[0.1], &[]).unwrap_err();
+    assert!(absent.is_absent());
+    drop(camera);
+    assert_no_files(&domain);
+}
+
+#[test]
+fn leftovers_of_a_killed_controller_are_removed() {
+    let domain = unique_domain();
+    let first = DomainLock::acquire(&domain).unwrap();
+    // The leftovers of a process that is killed between creating shared memory and setting its
+    // size: iceoryx2 0.10 loops endlessly on them in a clean-up.
+    let old = format!("{}{:016x}_", domain.prefix(), first.boot_id());
+    fs::write(format!("/dev/shm/{old}0123.dynamic"), []).unwrap();
+    let nodes = domain.directory().join("0000000000000001/nodes");
+    fs::create_dir_all(&nodes).unwrap();
+    fs::write(nodes.join("1.node_monitor"), []).unwrap();
+    fs::write(domain.directory().join("ready"), "0000000000000001 1 1").unwrap();
+    // As if killed: the lock is free, the files stay.
+    std::mem::forget(first);
+    fs::remove_file(domain.directory().join("lock")).unwrap();
+
+    let server = serve(&domain);
+    assert_eq!(Ready::read(&domain).unwrap().boot_id, server.boot_id());
+    assert!(!nodes.exists());
+    assert!(
+        files(&domain)
+            .iter()
+            .all(|path| !path.to_string_lossy().contains(&old))
+    );
+    drop(server);
+    assert_no_files(&domain);
+}
+
+#[test]
+fn files_without_a_lock_are_no_controller() {
+    let domain = unique_domain();
+    create_directory(&domain, 0o700);
+    fs::write(domain.directory().join("ready"), "0000000000000001 1 1").unwrap();
+    fs::write(domain.directory().join("lock"), "1").unwrap();
+    assert_eq!(Ready::read(&domain), None);
+    drop(DomainLock::acquire(&domain).unwrap());
+    assert_no_files(&domain);
+}
+
+#[test]
+fn the_longest_name_works() {
+    let domain = Domain::new(&format!("{:016x}{:016x}", random_id(), random_id())).unwrap();
+    let mut server = serve(&domain);
+    let mut camera = ExternalPublisher::new(&domain);
+    camera.publish(Nanos(7), &[0.1], &[]).unwrap();
+    assert_eq!(server.poll_external().unwrap().stamp_ns, 7);
+}
+
+#[test]
+fn a_controller_with_another_interface_version_is_an_error_with_both_versions() {
+    let domain = unique_domain();
+    let lock = DomainLock::acquire(&domain).unwrap();
+    let ready = format!("{:016x} 2 1", lock.boot_id());
+    fs::write(domain.directory().join("ready"), ready).unwrap();
+    let error = Client::connect(&domain, Nanos::ZERO).unwrap_err();
+    assert!(
+        matches!(error, ClientError::Interface { found: 2, .. }),
+        "{error}"
+    );
+    let text = error.to_string();
+    assert!(
+        text.contains("interface version 2, this program 1"),
+        "{text}"
+    );
+}

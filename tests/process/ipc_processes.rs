@@ -1,0 +1,185 @@
+//! Processes that exit at once, are killed, and start again.
+//!
+//! The child processes are this test binary itself, running one of the ignored tests below.
+
+use std::process::{Child, Command, Stdio};
+
+use i2ris::clock;
+use i2ris::ipc::client::{Client, Latest};
+use i2ris::ipc::payload::{OperatingStateMsg, StateCommandReply};
+use i2ris::ipc::ready::Ready;
+use i2ris::ipc::{Domain, DomainError, DomainLock, StateCommand};
+use i2ris::units::Nanos;
+
+use crate::ipc_fixture::{ServerThread, assert_no_files, files, serve, unique_domain};
+use crate::rig::{TIMEOUT, eventually};
+
+const DOMAIN: &str = "I2RIS_TEST_DOMAIN";
+
+/// A child process that is killed and reaped on drop: iceoryx2 takes a zombie for alive.
+struct Process(Child);
+
+impl Process {
+    fn start(role: &str, domain: &Domain) -> Self {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", &format!("ipc_processes::{role}"), "--ignored"]);
+        command.env(DOMAIN, domain.name()).stdout(Stdio::null());
+        Self(command.spawn().unwrap())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The domain of a role; `None` when the ignored tests are run by hand.
+fn assigned_domain() -> Option<Domain> {
+    let name = std::env::var(DOMAIN).ok()?;
+    Some(Domain::new(&name).unwrap())
+}
+
+#[test]
+#[ignore = "a role: serves until killed"]
+fn role_controller() {
+    let Some(domain) = assigned_domain() else {
+        return;
+    };
+    let mut server = serve(&domain);
+    loop {
+        let now = clock::now();
+        server.publish_operating_state(OperatingStateMsg {
+            stamp_ns: now.0,
+            ..OperatingStateMsg::default()
+        });
+        server.maintain(now);
+        clock::sleep(Nanos::from_millis(1));
+    }
+}
+
+#[test]
+#[ignore = "a role: one state command, then the end"]
+fn role_one_shot() {
+    let Some(domain) = assigned_domain() else {
+        return;
+    };
+    let mut client = Client::connect(&domain, TIMEOUT).unwrap();
+    client.state_command(StateCommand::Home).unwrap();
+}
+
+#[test]
+#[ignore = "a role: commands until killed"]
+fn role_commander() {
+    let Some(domain) = assigned_domain() else {
+        return;
+    };
+    let client = Client::connect(&domain, TIMEOUT).unwrap();
+    let mut commander = client.commander();
+    loop {
+        let _ = commander.servo_jp(&[0.1, 0.2]);
+        clock::sleep(Nanos::from_millis(1));
+    }
+}
+
+#[test]
+fn a_command_from_a_process_that_exits_at_once_arrives() {
+    let domain = unique_domain();
+    let (sender, commands) = std::sync::mpsc::channel();
+    let _server = ServerThread::start(&domain, move |server, now| {
+        let mut requests = Vec::new();
+        server.poll_state_commands(now, |token, request| requests.push((token, request)));
+        for (token, request) in requests {
+            server.reply(token, StateCommandReply::default());
+            sender.send(request.command).unwrap();
+        }
+    });
+    for _ in 0..5 {
+        let mut process = Process::start("role_one_shot", &domain);
+        assert!(process.0.wait().unwrap().success());
+    }
+    let received: Vec<u32> = commands.try_iter().collect();
+    assert_eq!(received, [StateCommand::Home.number(); 5]);
+}
+
+#[test]
+fn killed_commanders_never_block_the_next_one() {
+    let domain = unique_domain();
+    let mut server = serve(&domain);
+    let mut previous = 0;
+    // More than the service has room for at the same time.
+    for _ in 0..12 {
+        let commander = Process::start("role_commander", &domain);
+        previous = eventually("a command of a new commander", || {
+            server.maintain(clock::now());
+            let client = server.poll_servo(0)?.client_id;
+            (client != previous).then_some(client)
+        });
+        drop(commander);
+    }
+    assert_eq!(server.failures().0, 0, "{:?}", server.failures());
+}
+
+#[test]
+fn a_client_survives_a_killed_controller() {
+    let domain = unique_domain();
+    let first = Process::start("role_controller", &domain);
+    let mut client = Client::connect(&domain, TIMEOUT).unwrap();
+    let mut state = Latest::new(client.watcher().operating_state());
+    let before = client.version().unwrap();
+    eventually("a state of the first controller", || {
+        state.refresh().ok().flatten().copied()
+    });
+    drop(first);
+    let mut is_absent = || state.refresh().is_err_and(|error| error.is_absent());
+    eventually("the client detects the end", || is_absent().then_some(()));
+    assert!(
+        !files(&domain).is_empty(),
+        "a killed process cannot clean up"
+    );
+
+    let second = Process::start("role_controller", &domain);
+    let refreshed = || state.refresh().ok().flatten().copied();
+    let seen = eventually("a state of the second controller", refreshed);
+    let after = client.version().unwrap();
+    assert_eq!(seen.boot_id, after.boot_id);
+    assert!(after.boot_id != before.boot_id && after.pid != before.pid);
+    drop((client, state, second));
+    drop(DomainLock::acquire(&domain).unwrap());
+    assert_no_files(&domain);
+}
+
+#[test]
+fn a_second_controller_is_refused_with_the_process_id_of_the_first() {
+    let domain = unique_domain();
+    let first = Process::start("role_controller", &domain);
+    let first_pid = eventually("the first controller serves", || Ready::read(&domain)).pid;
+    assert_eq!(first_pid, first.0.id());
+    let error = DomainLock::acquire(&domain).unwrap_err();
+    assert!(matches!(error, DomainError::Taken { pid: Some(pid), .. } if pid == first_pid));
+    assert!(
+        error
+            .to_string()
+            .contains(&format!("process id {first_pid}")),
+        "{error}"
+    );
+    drop(first);
+    // The lock ends with the process, so the next controller starts at once.
+    drop(serve(&domain));
+    assert_no_files(&domain);
+}
+
+#[test]
+fn a_controller_killed_during_its_start_does_not_block_the_next_one() {
+    let domain = unique_domain();
+    for delay in 0..16 {
+        let process = Process::start("role_controller", &domain);
+        clock::sleep(Nanos::from_millis(delay));
+        drop(process);
+        let server = serve(&domain);
+        assert_eq!(Ready::read(&domain).unwrap().pid, std::process::id());
+        drop(server);
+    }
+    assert_no_files(&domain);
+}

@@ -1,0 +1,13 @@
+//! The controller and its shared memory with real processes, each test in a domain of its own.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
+#[path = "../rig/mod.rs"]
+mod rig;
+
+mod conditioning;
+mod ipc_domain;
+mod ipc_fixture;
+mod ipc_processes;
+mod ipc_services;
+mod start_refusals;
+mod whole_path;

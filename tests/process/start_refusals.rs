@@ -1,0 +1,101 @@
+//! Refusals of `i2ris-control` at its start: a sentence with the reason, exit code 1.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::Command;
+
+use i2ris::ipc::random_id;
+use tempfile::TempDir;
+
+/// Runs the controller and returns its one line of standard error.
+fn refusal(arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
+    let output = command.args(arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert!(text.starts_with("error: "), "{text}");
+    text
+}
+
+/// Writes `robot.toml` and a model file, and returns the refusal of the controller.
+fn refusal_of(folder: &Path, table: &str, model: &str) -> String {
+    let (file, device) = (folder.join("robot.toml"), folder.join("no-such-port"));
+    let config = format!(
+        "robot_id = \"here\"\n{table}\n[ipc]\ndomain = \"r{:016x}\"\n[[ports]]\ndevice = \"{}\"\n\
+         [[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -100\n\
+         position_max_counts = 100\n",
+        random_id(),
+        device.display()
+    );
+    fs::write(&file, config).unwrap();
+    fs::write(folder.join("model.json"), model).unwrap();
+    refusal(&["--config", file.to_str().unwrap()])
+}
+
+/// A one-motor model file of a given robot and schema.
+fn model(robot_id: &str, schema_version: u32) -> String {
+    format!(
+        r#"{{"format": "i2ris-model", "schema_version": {schema_version}, "robot_id": "{robot_id}",
+            "outputs": [{{"name": "pitch", "unit": "deg"}}],
+            "family": {{"kind": "linear", "gain": [[0.02]], "offset": [0.0],
+                "covariance": [[0.01]]}},
+            "hull": {{"corners": [[-100.0], [100.0]]}},
+            "training": {{"data_file": "x.csv", "data_sha256": "{}", "rows": 10, "seed": 0,
+                "restarts": 0, "log_likelihood": null, "bic": null, "software": "test"}},
+            "metrics": [{{"training": {{"r2": 1.0, "rmsd": 0.1, "nrmsd": 0.01, "mae": 0.1,
+                "max": 0.2}}, "held_out": null}}]}}"#,
+        "0".repeat(64)
+    )
+}
+
+const WITH_MODEL: &str = "[control]\nmodel = \"model.json\"";
+
+#[test]
+fn a_missing_configuration_is_refused() {
+    assert!(refusal(&[]).contains("--help"));
+    let file = "no/such/file.toml";
+    let text = refusal(&["--config", file]);
+    assert!(text.contains(file) && text.lines().count() == 1, "{text}");
+}
+
+#[test]
+fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
+    let (here, elsewhere, newer) = (model("here", 1), model("elsewhere", 1), model("here", 99));
+    for (table, model, reasons) in [
+        (
+            "[control]\nrate = 1000",
+            "",
+            &["robot.toml", "unknown field `rate`", "line 3"][..],
+        ),
+        (
+            "[control]\nrate_hz = 20",
+            "",
+            &["control.rate_hz = 20: must be 100 to 4000"],
+        ),
+        ("", "", &["no-such-port"]),
+        (WITH_MODEL, &here, &["no-such-port"]),
+        ("[control]\nmodel = \"gone.json\"", "", &["gone.json"]),
+        (WITH_MODEL, &elsewhere, &["elsewhere", "here"]),
+        (WITH_MODEL, &newer, &["99"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let text = refusal_of(folder.path(), table, model);
+        for reason in reasons {
+            assert!(text.contains(reason), "{reason}: {text}");
+        }
+    }
+}
+
+#[test]
+fn files_that_everyone_may_write_are_refused() {
+    let folder: TempDir = tempfile::tempdir().unwrap();
+    let path = |name| folder.path().join(name);
+    for (name, table) in [("model.json", WITH_MODEL), ("robot.toml", "")] {
+        // The files exist, so writing them below keeps their permissions.
+        fs::write(path(name), "").unwrap();
+        fs::set_permissions(path(name), fs::Permissions::from_mode(0o666)).unwrap();
+        let text = refusal_of(folder.path(), table, &model("here", 1));
+        assert!(text.contains(name) && text.contains("chmod o-w"), "{text}");
+    }
+}

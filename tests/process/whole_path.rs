@@ -1,0 +1,212 @@
+//! The whole path: client, shared memory, controller, serial lines, drives, snake.
+
+use std::fs;
+use std::time::Duration;
+
+use i2ris::clock;
+use i2ris::ipc::OperatingState;
+use i2ris::ipc::payload::JointState;
+use i2ris::process::black_box::{BlackBox, TickRecord, replay};
+use i2ris::units::Nanos;
+use i2ris_emulator::drive::State;
+use i2ris_emulator::log::EventKind;
+use nix::sys::signal::Signal;
+
+use crate::ipc_fixture::assert_no_files;
+use crate::rig::motion::{SEND_PERIOD, rig_with_model, stream_counts};
+use crate::rig::{Rig, wait_for, wait_for_end};
+
+#[test]
+fn motors_follow_counts_and_the_snake_bends() {
+    let mut rig = Rig::new();
+    let client = rig.enabled();
+    stream_counts(&client, 2.0, |t| [(300.0 * t).min(400.0) as i32, 0]);
+    let [first, second] = rig.positions();
+    assert!(
+        (first - 400).abs() <= 3 && second.abs() <= 3,
+        "{first} {second}"
+    );
+    let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
+    assert!(
+        pitch.hypot(yaw) > 3.0,
+        "400 counts bend the snake: {pitch} {yaw}"
+    );
+    let log = rig.emulator.log();
+    assert!(
+        !log.iter()
+            .any(|event| matches!(event.kind, EventKind::HostBug(_)))
+    );
+}
+
+#[test]
+fn angles_commanded_by_a_client_are_reached() {
+    let mut rig = rig_with_model();
+    let client = rig.enabled();
+    let (mut commander, start) = (client.commander(), clock::now());
+    let mut measured = client.watcher().measured_js();
+    let (goal, mut last) = ([6.0_f64, -4.0], JointState::default());
+    while (clock::now() - start).as_seconds() < 2.0 {
+        let fraction = ((clock::now() - start).as_seconds() / 1.5).min(1.0);
+        let command = goal.map(|angle| (angle * fraction).to_radians());
+        commander.servo_jp(&command).unwrap();
+        last = measured.newest().unwrap().unwrap_or(last);
+        clock::sleep(SEND_PERIOD);
+    }
+    assert!(last.flags & JointState::VALID != 0);
+    // The estimate from the encoders reaches the goal; the snake only as well as a rough model
+    // describes it.
+    for (measured, goal) in last.position.iter().zip(goal) {
+        assert!((measured.to_degrees() - goal).abs() < 0.1, "{last:?}");
+    }
+    let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
+    assert!(
+        (pitch - goal[0]).hypot(yaw - goal[1]) < 5.0,
+        "{pitch} {yaw}"
+    );
+}
+
+#[test]
+fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
+    for signal in [Signal::SIGTERM, Signal::SIGINT] {
+        let mut rig = Rig::new();
+        let client = rig.enabled();
+        stream_counts(&client, 0.5, |t| [(400.0 * t) as i32, 0]);
+        drop(client);
+        rig.signal(signal);
+        let (status, log) = (rig.wait_for_end(), rig.log_text("controller"));
+        assert_eq!(status.code(), Some(0), "{log}");
+        // Ready to switch on: the power stage is off.
+        for (axis, state) in rig.emulator.snapshot().axes.iter().enumerate() {
+            assert_eq!(
+                state.drive.state,
+                State::ReadyToSwitchOn,
+                "axis {axis}: {log}"
+            );
+        }
+        // Operation was disabled before the power stage was switched off: no coasting.
+        let events = rig
+            .emulator
+            .log()
+            .into_iter()
+            .filter(|event| event.axis == 0);
+        let states: Vec<State> = events
+            .filter_map(|event| match event.kind {
+                EventKind::State { to, .. } => Some(to),
+                _ => None,
+            })
+            .collect();
+        let enabled = states
+            .iter()
+            .rposition(|state| *state == State::OperationEnabled);
+        assert_eq!(
+            states.get(enabled.unwrap() + 1),
+            Some(&State::SwitchedOn),
+            "{states:?}"
+        );
+        std::thread::sleep(Duration::from_millis(100));
+        assert_no_files(&rig.domain());
+    }
+}
+
+#[test]
+fn a_drive_that_does_not_answer_is_named() {
+    let mut rig = Rig::new();
+    rig.config.ports[1].reply_timeout_ms = 50;
+    rig.emulator.mute(1, true);
+    let mut child = rig.spawn_controller("controller");
+    assert_eq!(wait_for_end(&mut child).expect("it ends").code(), Some(1));
+    let text = rig.log_text("controller");
+    let error = text.lines().last().unwrap();
+    assert!(
+        error.starts_with("error: ") && error.contains("axis1"),
+        "{text}"
+    );
+}
+
+#[test]
+fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
+    let mut rig = Rig::new();
+    for _ in 0..2 {
+        let client = rig.enabled();
+        stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
+        rig.signal(Signal::SIGTERM);
+        assert_eq!(rig.wait_for_end().code(), Some(0));
+    }
+    let text = fs::read_to_string(rig.folder.path().join("records/runs.jsonl")).unwrap();
+    let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
+    let lines: Vec<serde_json::Value> = lines.collect();
+    let events = |name: &str| {
+        let of_name = lines.iter().filter(|line| line["event"] == name);
+        of_name.collect::<Vec<_>>()
+    };
+    let begins = events("begin");
+    assert_eq!((begins.len(), events("end").len()), (2, 2), "{text}");
+    assert_ne!(begins[0]["run"], begins[1]["run"]);
+    assert_eq!(begins[0]["config_sha256"].as_str().unwrap().len(), 64);
+    let serial_number = rig.config.ports[1].axes[0].serial_number;
+    assert_eq!(begins[0]["drives"][1]["serial_number"], serial_number);
+    let states = events("state");
+    let enabled = states.iter().filter(|line| line["to"] == "ENABLED");
+    assert_eq!(
+        enabled.filter(|line| line["command"] == "enable").count(),
+        2,
+        "{text}"
+    );
+    let ours = format!("process {}", std::process::id());
+    let callers: Vec<_> = events("lease")
+        .iter()
+        .map(|line| line["caller"].to_string())
+        .collect();
+    assert!(
+        callers.iter().any(|caller| caller.contains(&ours)),
+        "{text}"
+    );
+    assert!(rig.log_text("controller").contains(&ours));
+}
+
+/// The only black box of a rig that was written for a cause.
+fn black_box(rig: &Rig, cause: &str) -> BlackBox {
+    let entries = fs::read_dir(rig.folder.path().join("records")).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let end = format!("-{cause}.box");
+    let paths: Vec<_> = paths
+        .filter(|path| path.to_string_lossy().ends_with(&end))
+        .collect();
+    assert_eq!(paths.len(), 1, "{paths:?}: {}", rig.log_text("controller"));
+    BlackBox::read(&paths[0]).unwrap()
+}
+
+#[test]
+fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_by_bit() {
+    let mut rig = rig_with_model();
+    rig.config.limits.feedback_stale_ms = 1000;
+    rig.config.limits.feedback_lost_ms = 2000;
+    let mut client = rig.enabled();
+    stream_counts(&client, 1.0, |t| [(300.0 * t) as i32, 0]);
+    let on_request = BlackBox::read(&client.write_black_box().unwrap()).unwrap();
+    assert!(on_request.ticks.len() > 100, "{}", on_request.ticks.len());
+    rig.emulator.mute(0, true);
+    let fault = OperatingState::Fault;
+    wait_for(&mut client, |state| state.state == fault.number());
+    rig.emulator.mute(0, false);
+    clock::sleep(Nanos::from_millis(1500));
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(
+        rig.wait_for_end().code(),
+        Some(0),
+        "{}",
+        rig.log_text("controller")
+    );
+    let (on_fault, at_exit) = (black_box(&rig, "fault"), black_box(&rig, "exit"));
+    let is_fault = |tick: &TickRecord| tick.outputs.report.state == fault;
+    assert!(on_fault.ticks.iter().any(is_fault) && !on_fault.ticks.iter().all(is_fault));
+    for black_box in [on_request, on_fault, at_exit] {
+        let replayed = replay(&black_box).unwrap();
+        assert!(
+            replayed.difference.is_none() && replayed.skipped == 0,
+            "{replayed:?}"
+        );
+        assert_eq!(replayed.ticks, black_box.ticks.len() as u64);
+    }
+    assert!(rig.log_text("controller").contains("black box of"));
+}
