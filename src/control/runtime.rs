@@ -33,7 +33,7 @@ use crate::config::{Config, ControlConfig};
 use crate::drive::error::DriveError;
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::drive::port::{Opened, Port};
-use crate::drive::runner::{AxisLink, PortRunner};
+use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::{AxisFeedback, AxisIdentity};
 use crate::ipc::pulse::Pulse;
 use crate::ipc::server::RELAY_LEAD;

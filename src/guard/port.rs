@@ -11,11 +11,11 @@ use nix::libc;
 use super::Notice;
 use crate::clock;
 use crate::config::{AxisConfig, PortConfig};
-use crate::drive::bring_up::{self, StopError};
-use crate::drive::cia402::State;
-use crate::drive::exchange::Link;
-use crate::drive::family;
-use crate::drive::serial;
+use crate::drive::bring_up::{self, QuickStopError};
+use crate::drive::cia402::DriveState;
+use crate::drive::family_selection;
+use crate::drive::link::DriveLink;
+use crate::drive::serial_transport;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
@@ -34,7 +34,7 @@ pub struct Stopped {
     /// The motor.
     pub motor: usize,
     /// Where the drive stands now, or why that is not known.
-    pub outcome: Result<State, StopError>,
+    pub outcome: Result<DriveState, QuickStopError>,
 }
 
 /// A port of the controller's configuration, held open.
@@ -88,7 +88,7 @@ impl GuardedPort {
     /// Sends quick stop to every axis that may be powered. Then others may open the port again.
     pub fn stop(&mut self) -> Vec<Stopped> {
         let Some(file) = self.file.as_ref().and_then(|file| file.try_clone().ok()) else {
-            return self.each(|_| Err(StopError::NotHeld));
+            return self.each(|_| Err(QuickStopError::NotHeld));
         };
         // A reply that takes longer is not waited for: trying again is faster.
         let reply_timeout_ms = self.config.reply_timeout_ms.min(LONGEST_REPLY_MS);
@@ -96,15 +96,19 @@ impl GuardedPort {
             reply_timeout_ms,
             ..self.config.clone()
         };
-        let mut link = Link::new(Held(file), family::of_port(&config), &config);
-        link.know_frame_timeout(FRAME_TIMEOUT);
+        let mut link = DriveLink::new(
+            Held(file),
+            family_selection::family_of_port(&config),
+            &config,
+        );
+        link.set_frame_timeout(FRAME_TIMEOUT);
         let _ = link.wait_for_quiet();
         let stopped = self.each(|axis| {
-            let parts = family::of_axis(&self.config, axis).parts();
+            let map = family_selection::family_of_axis(&self.config, axis).object_map();
             (0..TRIES)
-                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, parts))
+                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, map))
                 .find(Result::is_ok)
-                .unwrap_or(Err(StopError::NoAnswer))
+                .unwrap_or(Err(QuickStopError::NoAnswer))
         });
         if let Some(file) = &self.file {
             // SAFETY: the request takes no argument, and the descriptor is open.
@@ -113,7 +117,10 @@ impl GuardedPort {
         stopped
     }
 
-    fn each(&self, mut stop: impl FnMut(&AxisConfig) -> Result<State, StopError>) -> Vec<Stopped> {
+    fn each(
+        &self,
+        mut stop: impl FnMut(&AxisConfig) -> Result<DriveState, QuickStopError>,
+    ) -> Vec<Stopped> {
         self.config
             .axes
             .iter()
@@ -164,7 +171,7 @@ impl Transport for Held {
 
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
         loop {
-            if serial::wait(self.0.as_fd(), deadline)? {
+            if serial_transport::wait(self.0.as_fd(), deadline)? {
                 return match self.0.read(into) {
                     Ok(0) => Err(io::ErrorKind::BrokenPipe.into()),
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(0),
