@@ -7,7 +7,7 @@ use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, p
 use super::error::{AxisError, LinkError};
 use super::family::{FirmwareVersion, ObjectMap};
 use super::link::{DriveLink, LOCAL_NODE, Retry};
-use super::object::{Address, Object, Setting, Value};
+use super::object::{self, Address, Object, Setting, Value};
 use super::transport::Transport;
 use crate::config::AxisConfig;
 use crate::units::Nanos;
@@ -22,11 +22,10 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 /// a drive discards an incomplete request, so it should be short.
 const FRAME_TIMEOUT_MS: u16 = 50;
 
-/// One drive on a line: the node, and the objects of its family.
+/// One drive on a line.
 pub(super) struct DriveNode<'a, T> {
-    pub(super) link: &'a mut DriveLink<T>,
-    pub(super) node: u8,
-    pub(super) map: &'static ObjectMap,
+    link: &'a mut DriveLink<T>,
+    node: u8,
 }
 
 /// Identity of a drive.
@@ -48,11 +47,20 @@ pub struct AxisIdentity {
     pub name: Option<String>,
 }
 
-impl<T: Transport> DriveNode<'_, T> {
+impl<'a, T: Transport> DriveNode<'a, T> {
+    pub(super) fn new(link: &'a mut DriveLink<T>, node: u8) -> Self {
+        Self { link, node }
+    }
+
+    /// The drive that the port belongs to.
+    fn local(link: &'a mut DriveLink<T>) -> Self {
+        Self::new(link, LOCAL_NODE)
+    }
+
     /// Checks that this is the configured drive.
     pub(super) fn check_identity(&mut self, expected: u32) -> Result<(), AxisError> {
         self.check_vendor()?;
-        let found = self.read(self.map.serial_number)?;
+        let found = self.read(object::SERIAL_NUMBER)?;
         if found == expected {
             Ok(())
         } else {
@@ -61,8 +69,8 @@ impl<T: Transport> DriveNode<'_, T> {
     }
 
     fn check_vendor(&mut self) -> Result<(), AxisError> {
-        let expected = self.map.vendor_number;
-        let found = self.read(self.map.vendor)?;
+        let expected = object::MAXON;
+        let found = self.read(object::VENDOR)?;
         if found == expected {
             Ok(())
         } else {
@@ -70,16 +78,20 @@ impl<T: Transport> DriveNode<'_, T> {
         }
     }
 
-    pub(super) fn read_identity(&mut self, axis: &AxisConfig) -> Result<AxisIdentity, AxisError> {
-        let full = self.map.full_serial_number;
+    pub(super) fn read_identity(
+        &mut self,
+        axis: &AxisConfig,
+        map: &ObjectMap,
+    ) -> Result<AxisIdentity, AxisError> {
+        let full = map.full_serial_number;
         let full = full.and_then(|object| self.read_bytes(object));
-        let name = self.read_bytes(self.map.device_name);
+        let name = self.read_bytes(object::DEVICE_NAME);
         let name = name.and_then(|bytes| String::from_utf8(bytes).ok());
         Ok(AxisIdentity {
             motor: axis.motor,
             node_id: self.node,
-            product_code: self.read(self.map.product)?,
-            firmware: self.read_firmware()?,
+            product_code: self.read(object::PRODUCT)?,
+            firmware: self.read_firmware(map.firmware_version)?,
             serial_number: axis.serial_number,
             full_serial_number: full
                 .and_then(|bytes| bytes.try_into().ok())
@@ -89,8 +101,8 @@ impl<T: Transport> DriveNode<'_, T> {
     }
 
     /// Firmware version, in hexadecimal as maxon writes it.
-    pub(super) fn read_firmware(&mut self) -> Result<u16, AxisError> {
-        match self.map.firmware_version {
+    pub(super) fn read_firmware(&mut self, version: FirmwareVersion) -> Result<u16, AxisError> {
+        match version {
             FirmwareVersion::HighWord(object) => Ok((self.read(object)? >> 16) as u16),
             FirmwareVersion::Word(object) => self.read(object),
         }
@@ -117,14 +129,14 @@ impl<T: Transport> DriveNode<'_, T> {
         let deadline = self.link.now() + OFF_TIMEOUT;
         let mut commanded = None;
         loop {
-            let statusword = self.read(self.map.statusword)?;
+            let statusword = self.read(object::STATUSWORD)?;
             let state = Statusword(statusword).state();
             let state = state.ok_or(AxisError::UnknownState { statusword })?;
             match power_step(state, goal) {
                 PowerStep::Reached | PowerStep::Blocked => return Ok(state),
                 // A command must take effect before the next one.
                 PowerStep::Command(controlword) if commanded != Some(controlword) => {
-                    self.write(self.map.controlword.set(controlword.0))?;
+                    self.write(object::CONTROLWORD.set(controlword.0))?;
                     commanded = Some(controlword);
                 }
                 PowerStep::Command(_) | PowerStep::Wait if self.link.now() > deadline => {
@@ -196,23 +208,13 @@ fn is_refusal(error: &AxisError) -> bool {
     matches!(error, LinkError::Refused(_))
 }
 
-/// The drive that the port belongs to.
-fn local_drive<T: Transport>(link: &mut DriveLink<T>) -> DriveNode<'_, T> {
-    let map = link.family().object_map();
-    DriveNode {
-        link,
-        node: LOCAL_NODE,
-        map,
-    }
-}
-
 /// Learns the known constants of the line and shortens the frame timeout of the drive that the port
 /// belongs to.
 pub(super) fn prepare_line(link: &mut DriveLink<impl Transport>) -> Result<(), AxisError> {
     learn_constants(link)?;
-    let mut drive = local_drive(link);
+    let mut drive = DriveNode::local(link);
     let mut is_short = false;
-    for &object in drive.map.frame_timeouts {
+    for object in object::FRAME_TIMEOUTS {
         match drive.write(object.set(FRAME_TIMEOUT_MS)) {
             Ok(()) => is_short |= drive.read(object)? == FRAME_TIMEOUT_MS,
             // A drive without this interface refuses its timeout.
@@ -228,13 +230,13 @@ pub(super) fn prepare_line(link: &mut DriveLink<impl Transport>) -> Result<(), A
 
 /// Learns the known constants of the line: vendor and serial number. Writes nothing.
 pub(super) fn learn_constants(link: &mut DriveLink<impl Transport>) -> Result<(), AxisError> {
-    let mut drive = local_drive(link);
-    let vendor = drive.map.vendor.address();
+    let mut drive = DriveNode::local(link);
+    let vendor = object::VENDOR.address();
     // The reply to a request of a previous controller may still arrive.
     let quiet = drive.link.wait_for_quiet();
     quiet.map_err(|error| exchange_error(vendor, error))?;
     drive.check_vendor()?;
-    let serial_number = drive.read(drive.map.serial_number)?;
+    let serial_number = drive.read(object::SERIAL_NUMBER)?;
     link.set_serial_number(serial_number);
     Ok(())
 }
@@ -255,12 +257,11 @@ pub enum QuickStopError {
 pub(crate) fn quick_stop(
     link: &mut DriveLink<impl Transport>,
     node: u8,
-    map: &'static ObjectMap,
 ) -> Result<DriveState, QuickStopError> {
     // The command is sent before the state is known: without power it only delays switching on.
-    let stop = map.controlword.set(Controlword::QUICK_STOP.0);
+    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
     let _ = link.write(node, stop, Retry::Safe);
-    match (DriveNode { link, node, map }).go_to(PowerGoal::Stopped) {
+    match DriveNode::new(link, node).go_to(PowerGoal::Stopped) {
         Ok(state) | Err(AxisError::StillOn { state }) => Ok(state),
         Err(_) => Err(QuickStopError::NoAnswer),
     }
@@ -271,11 +272,11 @@ const TIMED_EXCHANGES: usize = 21;
 
 /// Median duration of an exchange on a line without other traffic.
 pub(super) fn time_exchanges(link: &mut DriveLink<impl Transport>) -> Result<Nanos, AxisError> {
-    let mut drive = local_drive(link);
+    let mut drive = DriveNode::local(link);
     let mut spans = [Nanos::ZERO; TIMED_EXCHANGES];
     for span in &mut spans {
         let begin = drive.link.now();
-        drive.read(drive.map.vendor)?;
+        drive.read(object::VENDOR)?;
         *span = drive.link.now() - begin;
     }
     spans.sort_unstable();

@@ -15,6 +15,9 @@
 //! 0x0006 in operation enabled cuts the power and lets the motor coast (option 0x605B = 0): it is
 //! never sent there.
 
+/// Homing mode (0x6060).
+pub const HOMING_MODE: i8 = 6;
+
 /// Statusword (0x6041) as read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Statusword(pub u16);

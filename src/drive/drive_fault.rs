@@ -10,9 +10,47 @@ pub(super) struct ErrorGroup {
     pub(super) codes: &'static [(u16, u16, &'static str)],
 }
 
-/// Looks up a code.
-pub(super) fn look_up(groups: &[ErrorGroup], code: u16) -> DriveFault {
-    for group in groups {
+/// Error codes that EPOS2 and EPOS4 share.
+const COMMON: &[ErrorGroup] = &[
+    ErrorGroup {
+        reaction: FaultReaction::Off,
+        clears_position: false,
+        codes: &[
+            (0x1000, 0x1000, "generic error"),
+            (0x2310, 0x2310, "overcurrent"),
+            (0x3210, 0x3210, "overvoltage"),
+            (0x3220, 0x3220, "undervoltage"),
+            (0x4210, 0x4210, "power stage too hot"),
+            (0x5113, 0x5113, "logic supply too low"),
+            (0x7320, 0x7320, "position sensor"),
+        ],
+    },
+    ErrorGroup {
+        reaction: FaultReaction::Ramp,
+        clears_position: false,
+        codes: &[
+            (0x6320, 0x6320, "software parameter"),
+            (0x8611, 0x8611, "following error"),
+        ],
+    },
+    ErrorGroup {
+        reaction: FaultReaction::ConnectionLost,
+        clears_position: false,
+        codes: &[
+            (0x8110, 0x8111, "CAN overrun"),
+            (0x8120, 0x8120, "CAN passive"),
+            (0x8130, 0x8130, "CAN heartbeat or life guard"),
+            (0x81FD, 0x81FD, "CAN bus off"),
+            (0x81FE, 0x81FE, "CAN receive overflow"),
+            (0x81FF, 0x81FF, "CAN transmit overflow"),
+            (0x8210, 0x8210, "CAN PDO length"),
+        ],
+    },
+];
+
+/// Looks up a code among the common ones and those of a family.
+pub(super) fn look_up(family: &[ErrorGroup], code: u16) -> DriveFault {
+    for group in COMMON.iter().chain(family) {
         for (first, last, name) in group.codes {
             if (*first..=*last).contains(&code) {
                 return DriveFault {
@@ -82,8 +120,9 @@ impl fmt::Display for DriveFault {
 }
 
 #[cfg(test)]
-pub(super) fn assert_no_overlap(groups: &[ErrorGroup]) {
-    let mut codes: Vec<_> = groups.iter().flat_map(|group| group.codes).collect();
+pub(super) fn assert_no_overlap(family: &[ErrorGroup]) {
+    let groups = COMMON.iter().chain(family);
+    let mut codes: Vec<_> = groups.flat_map(|group| group.codes).collect();
     codes.sort();
     for pair in codes.windows(2) {
         assert!(

@@ -55,26 +55,11 @@ pub struct Epos4;
 pub struct Epos4Profile;
 
 static CYCLIC: ObjectMap = ObjectMap {
-    vendor: object::VENDOR,
-    vendor_number: 0xFB,
-    product: object::PRODUCT,
     firmware_version: FirmwareVersion::HighWord(REVISION),
-    serial_number: object::SERIAL_NUMBER,
     full_serial_number: Some(FULL_SERIAL_NUMBER),
-    device_name: object::DEVICE_NAME,
-    frame_timeouts: &[object::RS232_FRAME_TIMEOUT, object::USB_FRAME_TIMEOUT],
-    controlword: object::CONTROLWORD,
-    statusword: object::STATUSWORD,
-    mode: object::MODE,
-    mode_display: object::MODE_DISPLAY,
     streaming_mode: 8,
     setpoint_trigger: SetpointTrigger::Write,
-    homing_mode: 6,
-    homing_method: object::HOMING_METHOD,
     target: object::TARGET,
-    position_min: object::POSITION_MIN,
-    position_max: object::POSITION_MAX,
-    position: object::POSITION,
     error_code: ERROR_CODE,
     error_code_is_history: false,
     current: CURRENT.address(),
@@ -175,7 +160,7 @@ fn settings(axis: &AxisConfig, map: &ObjectMap) -> Vec<Setting> {
         object::DISABLE_OPTION.set(1),
         object::FAULT_OPTION.set(2),
         HOME_POSITION.set(home_position(axis)),
-        map.mode.set(map.streaming_mode),
+        object::MODE.set(map.streaming_mode),
     ]
 }
 

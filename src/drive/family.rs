@@ -18,7 +18,7 @@ pub trait DriveFamily: fmt::Debug + Sync {
     /// The command set, for a port that belongs to a drive of this family.
     fn command_set(&self) -> &'static dyn CommandSet;
 
-    /// The objects by purpose.
+    /// The objects and modes that differ between families.
     fn object_map(&self) -> &'static ObjectMap;
 
     /// The limits and options of an axis: written at start, read back and compared.
@@ -31,49 +31,19 @@ pub trait DriveFamily: fmt::Debug + Sync {
     fn fault(&self, code: u16) -> DriveFault;
 }
 
-/// The objects of a family, by purpose. The standard objects are those of CiA 402.
+/// The objects and modes that differ between families. The common objects are in `object`.
 #[derive(Debug, Clone, Copy)]
 pub struct ObjectMap {
-    /// Vendor.
-    pub vendor: Object<u32>,
-    /// Value of `vendor`: a known constant.
-    pub vendor_number: u32,
-    /// Product code.
-    pub product: Object<u32>,
     /// Firmware version.
     pub firmware_version: FirmwareVersion,
-    /// Serial number.
-    pub serial_number: Object<u32>,
     /// Full serial number, 8 bytes; `None` if the family has none.
     pub full_serial_number: Option<Address>,
-    /// Device name.
-    pub device_name: Address,
-    /// How long the drive waits for the rest of a frame, one object per interface, ms.
-    pub frame_timeouts: &'static [Object<u16>],
-    /// Commands to the CiA 402 state machine.
-    pub controlword: Object<u16>,
-    /// State of the CiA 402 state machine.
-    pub statusword: Object<u16>,
-    /// Mode of operation.
-    pub mode: Object<i8>,
-    /// Mode of operation in force.
-    pub mode_display: Object<i8>,
     /// The mode of operation that follows set-points.
     pub streaming_mode: i8,
     /// How a set-point takes effect in it.
     pub setpoint_trigger: SetpointTrigger,
-    /// The mode of operation for homing.
-    pub homing_mode: i8,
-    /// Homing method.
-    pub homing_method: Object<i8>,
     /// Set-point in `streaming_mode`, counts.
     pub target: Object<i32>,
-    /// Lower position limit, counts; one of [`DriveFamily::settings`].
-    pub position_min: Object<i32>,
-    /// Upper position limit, counts; one of [`DriveFamily::settings`].
-    pub position_max: Object<i32>,
-    /// Encoder position, counts.
-    pub position: Object<i32>,
     /// The last error.
     pub error_code: Object<u16>,
     /// The last error remains after the fault is cleared.

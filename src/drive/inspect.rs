@@ -92,16 +92,16 @@ fn inspect_axis(
     config: &PortConfig,
     axis: &AxisConfig,
 ) -> Result<Inspection, AxisError> {
-    let (family, node) = (family_of_axis(config, axis), axis.node_id);
+    let family = family_of_axis(config, axis);
     let map = family.object_map();
-    let mut drive = DriveNode { link, node, map };
+    let mut drive = DriveNode::new(link, axis.node_id);
     drive.check_identity(axis.serial_number)?;
-    let statusword = Statusword(drive.read(map.statusword)?);
+    let statusword = Statusword(drive.read(object::STATUSWORD)?);
     let supply_v = match map.supply_voltage {
         Some(object) => Some(f64::from(drive.read(object)?) / 10.0),
         None => None,
     };
-    let firmware = drive.read_firmware()?;
+    let firmware = drive.read_firmware(map.firmware_version)?;
     let mut errors = Vec::new();
     for index in 1..=drive.read(object::ERROR_HISTORY)?.min(MAX_ERRORS) {
         // The error code is the low word of an entry.
@@ -111,7 +111,7 @@ fn inspect_axis(
     }
     let mut differences = Vec::new();
     for setting in family.settings(axis) {
-        if setting.object == map.mode.address() {
+        if setting.object == object::MODE.address() {
             continue;
         }
         let found = drive.read_back(setting)?;

@@ -133,16 +133,19 @@ value!(i16, u16);
 value!(u32, u32);
 value!(i32, u32);
 
-/// Vendor, 0x000000FB for maxon: a known constant that synchronises the line.
+/// Vendor: a known constant that synchronises the line.
 pub const VENDOR: Object<u32> = Object::new(0x1018, 1, "vendor");
+/// Value of [`VENDOR`]: the vendor number of maxon.
+pub const MAXON: u32 = 0xFB;
 /// Product code.
 pub const PRODUCT: Object<u32> = Object::new(0x1018, 2, "product code");
 /// Serial number.
 pub const SERIAL_NUMBER: Object<u32> = Object::new(0x1018, 4, "serial number");
-/// How long the drive waits for the rest of a frame on RS232, ms.
-pub const RS232_FRAME_TIMEOUT: Object<u16> = Object::new(0x2005, 0, "RS232 frame timeout");
-/// How long the drive waits for the rest of a frame on USB, ms.
-pub const USB_FRAME_TIMEOUT: Object<u16> = Object::new(0x2006, 0, "USB frame timeout");
+/// How long the drive waits for the rest of a frame, ms: on RS232 and on USB.
+pub const FRAME_TIMEOUTS: [Object<u16>; 2] = [
+    Object::new(0x2005, 0, "RS232 frame timeout"),
+    Object::new(0x2006, 0, "USB frame timeout"),
+];
 /// Commands to the CiA 402 state machine.
 pub const CONTROLWORD: Object<u16> = Object::new(0x6040, 0, "controlword");
 /// State of the CiA 402 state machine.

@@ -9,6 +9,7 @@ use super::bring_up::{self, AxisIdentity, DriveNode};
 use super::error::{AxisError, DriveError, LinkError};
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
+use super::object;
 use super::port_runner::{AxisLink, PortRunner};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
@@ -113,14 +114,10 @@ impl<T: Transport> Port<Identified, T> {
         let mut positions = Vec::new();
         for axis in &self.config.axes {
             let family = family_of_axis(&self.config, axis);
-            let mut drive = DriveNode {
-                link: &mut self.link,
-                node: axis.node_id,
-                map: family.object_map(),
-            };
+            let mut drive = DriveNode::new(&mut self.link, axis.node_id);
             let position = drive
                 .configure(&family.settings(axis))
-                .and_then(|()| drive.read(drive.map.position))
+                .and_then(|()| drive.read(object::POSITION))
                 .map_err(|error| explain(&self.config, axis, error))?;
             positions.push(Counts(position));
         }
@@ -162,13 +159,9 @@ fn identify(
     axis: &AxisConfig,
 ) -> Result<AxisIdentity, AxisError> {
     bring_up::prepare_line(link)?;
-    let mut drive = DriveNode {
-        link,
-        node: axis.node_id,
-        map: family_of_axis(port, axis).object_map(),
-    };
+    let mut drive = DriveNode::new(link, axis.node_id);
     drive.check_identity(axis.serial_number)?;
-    let identity = drive.read_identity(axis)?;
+    let identity = drive.read_identity(axis, family_of_axis(port, axis).object_map())?;
     drive.switch_off()?;
     Ok(identity)
 }

@@ -17,7 +17,7 @@ use super::event::{PortEvent, PortEventKind};
 use super::family::ObjectMap;
 use super::family_selection::family_of_axis;
 use super::link::{DriveLink, TimedReply};
-use super::object::Setting;
+use super::object::{self, Setting};
 use super::saved_position::{self, SavedPosition};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
@@ -361,10 +361,9 @@ fn try_reconnect(link: &mut DriveLink<impl Transport>, slot: &mut AxisSlot, even
 /// The position of the axis after it was identified, switched off and limited again.
 fn bring_up_again(link: &mut DriveLink<impl Transport>, slot: &AxisSlot) -> Result<i32, AxisError> {
     bring_up::prepare_line(link)?;
-    let (node, map) = (slot.config.node_id, slot.axis.object_map());
-    let mut drive = DriveNode { link, node, map };
+    let mut drive = DriveNode::new(link, slot.config.node_id);
     drive.check_identity(slot.config.serial_number)?;
     drive.switch_off()?;
     drive.configure(&slot.settings)?;
-    drive.read(map.position)
+    drive.read(object::POSITION)
 }

@@ -104,9 +104,8 @@ impl GuardedPort {
         link.set_frame_timeout(FRAME_TIMEOUT);
         let _ = link.wait_for_quiet();
         let stopped = self.each(|axis| {
-            let map = family_selection::family_of_axis(&self.config, axis).object_map();
             (0..TRIES)
-                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, map))
+                .map(|_| bring_up::quick_stop(&mut link, axis.node_id))
                 .find(Result::is_ok)
                 .unwrap_or(Err(QuickStopError::NoAnswer))
         });

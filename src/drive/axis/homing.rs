@@ -3,7 +3,7 @@
 use super::enabling::{PowerSequence, ProcedureStatus};
 use super::transfer::Transfer;
 use crate::drive::abort_code::AbortCode;
-use crate::drive::cia402::{Controlword, PowerGoal, Statusword};
+use crate::drive::cia402::{Controlword, HOMING_MODE, PowerGoal, Statusword};
 use crate::drive::event::TransitionError;
 use crate::drive::family::ObjectMap;
 use crate::drive::homing_plan::HomingPlan;
@@ -60,7 +60,7 @@ impl HomingStep {
         match self {
             Self::Position => Transfer::Position,
             Self::Preload(target) => Transfer::Preload(target),
-            Self::SetMode => Transfer::SetMode(map.homing_mode),
+            Self::SetMode => Transfer::SetMode(HOMING_MODE),
             Self::SetModeBack => Transfer::SetMode(map.streaming_mode),
             Self::Mode | Self::ModeBack => Transfer::Mode,
             Self::SetMethod => Transfer::SetMethod(plan.method()),
@@ -106,7 +106,7 @@ impl HomingStep {
             (Self::Position, Transfer::Position) => Self::Preload(i32::from_raw(raw)),
             (Self::Preload(_), Transfer::Preload(_)) => Self::SetMode,
             (Self::SetMode, Transfer::SetMode(_)) => Self::Mode,
-            (Self::Mode, Transfer::Mode) if mode == map.homing_mode => Self::SetMethod,
+            (Self::Mode, Transfer::Mode) if mode == HOMING_MODE => Self::SetMethod,
             (Self::SetMethod, Transfer::SetMethod(_)) => Self::Method,
             (Self::Method, Transfer::Method) if i8::from_raw(raw) == plan.method() => {
                 Self::prepare(0, plan)

@@ -4,7 +4,7 @@ use super::interface::AxisRequest;
 use crate::drive::cia402::Controlword;
 use crate::drive::family::ObjectMap;
 use crate::drive::link::Retry;
-use crate::drive::object::{Address, Setting};
+use crate::drive::object::{self, Address, Setting};
 
 /// One transfer, named by its purpose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,24 +57,24 @@ pub(in crate::drive) enum ObjectAccess {
 impl Transfer {
     pub(in crate::drive) fn access(self, map: &ObjectMap) -> ObjectAccess {
         use ObjectAccess::{Read, Write};
-        let control = |controlword: Controlword| map.controlword.set(controlword.0);
+        let control = |controlword: Controlword| object::CONTROLWORD.set(controlword.0);
         match self {
-            Self::Position => Read(map.position.address()),
-            Self::Status => Read(map.statusword.address()),
+            Self::Position => Read(object::POSITION.address()),
+            Self::Status => Read(object::STATUSWORD.address()),
             Self::ErrorCode => Read(map.error_code.address()),
             Self::Current => Read(map.current),
-            Self::LimitMin => Read(map.position_min.address()),
-            Self::LimitMax => Read(map.position_max.address()),
+            Self::LimitMin => Read(object::POSITION_MIN.address()),
+            Self::LimitMax => Read(object::POSITION_MAX.address()),
             Self::Target => Read(map.target.address()),
-            Self::Mode => Read(map.mode_display.address()),
-            Self::Method => Read(map.homing_method.address()),
+            Self::Mode => Read(object::MODE_DISPLAY.address()),
+            Self::Method => Read(object::HOMING_METHOD.address()),
             Self::ReadBack(object) => Read(object),
             // No retry: by then there is a newer set-point.
             Self::Setpoint(request) => Write(map.target.set(request.target.0), Retry::Never),
             Self::TriggerSetpoint(_) => Write(control(Controlword::NEW_SETPOINT), Retry::Never),
             Self::Preload(target) => Write(map.target.set(target), Retry::Safe),
-            Self::SetMode(mode) => Write(map.mode.set(mode), Retry::Safe),
-            Self::SetMethod(method) => Write(map.homing_method.set(method), Retry::Safe),
+            Self::SetMode(mode) => Write(object::MODE.set(mode), Retry::Safe),
+            Self::SetMethod(method) => Write(object::HOMING_METHOD.set(method), Retry::Safe),
             Self::Set(setting) => Write(setting, Retry::Safe),
             Self::Control(controlword) => Write(control(controlword), Retry::Safe),
             Self::StartHoming => Write(control(Controlword::START_HOMING), Retry::Never),

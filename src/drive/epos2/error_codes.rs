@@ -11,14 +11,7 @@ const GROUPS: &[ErrorGroup] = &[
         reaction: FaultReaction::Off,
         clears_position: false,
         codes: &[
-            (0x1000, 0x1000, "generic error"),
-            (0x2310, 0x2310, "overcurrent"),
-            (0x3210, 0x3210, "overvoltage"),
-            (0x3220, 0x3220, "undervoltage"),
-            (0x4210, 0x4210, "power stage too hot"),
-            (0x5113, 0x5113, "logic supply too low"),
             (0x6100, 0x6100, "internal software error"),
-            (0x7320, 0x7320, "position sensor"),
             (0xFF0B, 0xFF0B, "system overloaded"),
         ],
     },
@@ -38,8 +31,6 @@ const GROUPS: &[ErrorGroup] = &[
         reaction: FaultReaction::Ramp,
         clears_position: false,
         codes: &[
-            (0x6320, 0x6320, "software parameter"),
-            (0x8611, 0x8611, "following error"),
             (0xFF06, 0xFF06, "negative limit switch"),
             (0xFF07, 0xFF07, "positive limit switch"),
             (0xFF09, 0xFF09, "software position limit"),
@@ -48,16 +39,7 @@ const GROUPS: &[ErrorGroup] = &[
     ErrorGroup {
         reaction: FaultReaction::ConnectionLost,
         clears_position: false,
-        codes: &[
-            (0x8110, 0x8111, "CAN overrun"),
-            (0x8120, 0x8120, "CAN passive"),
-            (0x8130, 0x8130, "CAN heartbeat or life guard"),
-            (0x8150, 0x8150, "CAN transmit identifier collision"),
-            (0x81FD, 0x81FD, "CAN bus off"),
-            (0x81FE, 0x81FE, "CAN receive overflow"),
-            (0x81FF, 0x81FF, "CAN transmit overflow"),
-            (0x8210, 0x8210, "CAN PDO length"),
-        ],
+        codes: &[(0x8150, 0x8150, "CAN transmit identifier collision")],
     },
 ];
 

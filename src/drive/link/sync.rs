@@ -13,7 +13,7 @@ use std::io;
 use super::{DriveLink, LOCAL_NODE, SyncState, TransferError};
 use crate::config::Framing;
 use crate::drive::error::LinkError;
-use crate::drive::object::Object;
+use crate::drive::object::{self, Object};
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
@@ -116,14 +116,13 @@ impl<T: Transport> DriveLink<T> {
 
     /// Reads the known constants; `true` when all answers match.
     fn probe(&mut self) -> Result<bool, TransferError> {
-        let map = self.family.object_map();
-        if !self.drain()? || !self.reads_as(map.vendor, map.vendor_number)? {
+        if !self.drain()? || !self.reads_as(object::VENDOR, object::MAXON)? {
             return Ok(false);
         }
         match (self.serial_number, self.sync) {
             (Some(serial_number), SyncState::OutOfSync { late }) => {
                 for _ in 0..late {
-                    if !self.reads_as(map.serial_number, serial_number)? {
+                    if !self.reads_as(object::SERIAL_NUMBER, serial_number)? {
                         return Ok(false);
                     }
                 }
