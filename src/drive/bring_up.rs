@@ -1,227 +1,249 @@
-//! From a line to a drive that is known, switched off, and limited.
+//! From a line to a drive that is identified, switched off, and limited.
 //!
-//! These steps block, exchange after exchange. They run before the control loop starts, and again
-//! on an axis that was lost and answers again.
+//! These steps block for many exchanges. They run before the control loop starts, and again on a
+//! lost axis that answers again.
 
+use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
+use super::error::{AxisError, LinkError};
+use super::family::{FirmwareVersion, ObjectMap};
+use super::link::{DriveLink, LOCAL_NODE, Retry};
+use super::object::{self, Address, Object, Setting, Value};
+use super::transport::Transport;
 use crate::config::AxisConfig;
 use crate::units::Nanos;
 
-use super::cia402::{Controlword, Goal, State, Statusword, Step, step};
-use super::error::{AxisFault, LinkError};
-use super::exchange::{LOCAL_NODE, Link, Repeat};
-use super::family::{Parts, Version};
-use super::object::{Address, Object, Setting, Value};
-use super::transport::Transport;
+/// How long a drive may take to switch off, with its ramp.
+const OFF_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// How long a drive may take to go off, with its ramp.
-const OFF_DEADLINE: Nanos = Nanos::from_millis(2000);
+/// Period of reading a state that has not changed yet.
+const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// Between two looks at a state that has not changed yet.
-const LOOK_AGAIN: Nanos = Nanos::from_millis(2);
-
-/// Frame time-out that drives are given, ms: 50 is the least that they take. It is the silence that
-/// frees a drive from half a request, so it should be short.
+/// Frame timeout for the drives, ms; 50 is the smallest value (0x2005, 0x2006). After this silence
+/// a drive discards an incomplete request, so it should be short.
 const FRAME_TIMEOUT_MS: u16 = 50;
 
-/// Who answers.
+/// One drive on a line.
+pub(super) struct DriveNode<'a, T> {
+    link: &'a mut DriveLink<T>,
+    node: u8,
+}
+
+/// Identity of a drive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AxisIdentity {
-    /// The motor that it turns.
+    /// The motor of the axis.
     pub motor: usize,
     /// Its node id, as configured.
     pub node_id: u8,
     /// Product code.
     pub product_code: u32,
-    /// Firmware version, as maxon writes it in hexadecimal.
+    /// Firmware version, in hexadecimal as maxon writes it.
     pub firmware: u16,
     /// Serial number.
     pub serial_number: u32,
-    /// Full serial number, if the drive tells it.
+    /// Full serial number, if the drive has one.
     pub full_serial_number: Option<u64>,
-    /// Device name, if the drive tells it.
+    /// Device name, if the drive has one.
     pub name: Option<String>,
 }
 
-/// Learns the known constant of the line and shortens the frame time-out of the drive that the port
-/// belongs to.
-pub(super) fn know_line<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFault> {
-    let parts = link.drive().parts();
-    // A controller that died may have asked something a moment ago.
-    link.wait_for_quiet().map_err(|error| AxisFault::Exchange {
-        object: parts.vendor.address(),
-        error,
-    })?;
-    check_vendor(link, LOCAL_NODE, parts)?;
-    let serial_number = read(link, LOCAL_NODE, parts.serial_number)?;
-    link.know_serial_number(serial_number);
-    let mut shortened = false;
-    for object in parts.frame_timeouts {
-        // A drive without this interface refuses its time-out, which is then not needed either.
-        match link.write(LOCAL_NODE, object.set(FRAME_TIMEOUT_MS), Repeat::Safe) {
-            Ok(_) => shortened |= read(link, LOCAL_NODE, *object)? == FRAME_TIMEOUT_MS,
-            Err(LinkError::Refused(_)) => {}
-            Err(error) => {
-                return Err(AxisFault::Exchange {
-                    object: object.address(),
-                    error,
+impl<'a, T: Transport> DriveNode<'a, T> {
+    pub(super) fn new(link: &'a mut DriveLink<T>, node: u8) -> Self {
+        Self { link, node }
+    }
+
+    /// The drive that the port belongs to.
+    fn local(link: &'a mut DriveLink<T>) -> Self {
+        Self::new(link, LOCAL_NODE)
+    }
+
+    /// Checks that this is the configured drive.
+    pub(super) fn check_identity(&mut self, expected: u32) -> Result<(), AxisError> {
+        self.check_vendor()?;
+        let found = self.read(object::SERIAL_NUMBER)?;
+        if found == expected {
+            Ok(())
+        } else {
+            Err(AxisError::SerialNumber { expected, found })
+        }
+    }
+
+    fn check_vendor(&mut self) -> Result<(), AxisError> {
+        let expected = object::MAXON;
+        let found = self.read(object::VENDOR)?;
+        if found == expected {
+            Ok(())
+        } else {
+            Err(AxisError::Vendor { expected, found })
+        }
+    }
+
+    pub(super) fn read_identity(
+        &mut self,
+        axis: &AxisConfig,
+        map: &ObjectMap,
+    ) -> Result<AxisIdentity, AxisError> {
+        let full = map.full_serial_number;
+        let full = full.and_then(|object| self.read_bytes(object));
+        let name = self.read_bytes(object::DEVICE_NAME);
+        let name = name.and_then(|bytes| String::from_utf8(bytes).ok());
+        Ok(AxisIdentity {
+            motor: axis.motor,
+            node_id: self.node,
+            product_code: self.read(object::PRODUCT)?,
+            firmware: self.read_firmware(map.firmware_version)?,
+            serial_number: axis.serial_number,
+            full_serial_number: full
+                .and_then(|bytes| bytes.try_into().ok())
+                .map(u64::from_le_bytes),
+            name: name.map(|name| name.trim_end_matches('\0').to_owned()),
+        })
+    }
+
+    /// Firmware version, in hexadecimal as maxon writes it.
+    pub(super) fn read_firmware(&mut self, version: FirmwareVersion) -> Result<u16, AxisError> {
+        match version {
+            FirmwareVersion::HighWord(object) => Ok((self.read(object)? >> 16) as u16),
+            FirmwareVersion::Word(object) => self.read(object),
+        }
+    }
+
+    /// An optional value: gateways do not forward segmented reads, and a drive may not have the
+    /// object.
+    fn read_bytes(&mut self, object: Address) -> Option<Vec<u8>> {
+        let read = self.link.read_segmented(self.node, object).ok()?;
+        Some(read.bytes().to_vec())
+    }
+
+    /// Switches the drive off in order: a killed controller may have left it enabled. A drive with
+    /// a fault is off already; the operator resets the fault.
+    pub(super) fn switch_off(&mut self) -> Result<(), AxisError> {
+        match self.go_to(PowerGoal::Off) {
+            Err(AxisError::StillOn { .. }) => self.go_to(PowerGoal::Cut)?,
+            outcome => outcome?,
+        };
+        Ok(())
+    }
+
+    fn go_to(&mut self, goal: PowerGoal) -> Result<DriveState, AxisError> {
+        let deadline = self.link.now() + OFF_TIMEOUT;
+        let mut commanded = None;
+        loop {
+            let statusword = self.read(object::STATUSWORD)?;
+            let state = Statusword(statusword).state();
+            let state = state.ok_or(AxisError::UnknownState { statusword })?;
+            match power_step(state, goal) {
+                PowerStep::Reached | PowerStep::Blocked => return Ok(state),
+                // A command must take effect before the next one.
+                PowerStep::Command(controlword) if commanded != Some(controlword) => {
+                    self.write(object::CONTROLWORD.set(controlword.0))?;
+                    commanded = Some(controlword);
+                }
+                PowerStep::Command(_) | PowerStep::Wait if self.link.now() > deadline => {
+                    return Err(AxisError::StillOn { state });
+                }
+                PowerStep::Command(_) | PowerStep::Wait => {
+                    self.link.sleep_until(self.link.now() + POLL_PERIOD);
+                }
+            }
+        }
+    }
+
+    /// Writes all settings, then reads every setting back and compares.
+    ///
+    /// A setting may depend on another (the lower limit must be below the upper), so a refusal
+    /// counts only after all others were written.
+    pub(super) fn configure(&mut self, settings: &[Setting]) -> Result<(), AxisError> {
+        for &setting in settings {
+            match self.write(setting) {
+                Err(error) if !is_refusal(&error) => return Err(error),
+                _ => {}
+            }
+        }
+        for &setting in settings {
+            if self.read_back(setting)? == setting.raw {
+                continue;
+            }
+            self.write(setting)?;
+            let (object, written, found) = (setting.object, setting.raw, self.read_back(setting)?);
+            if found != written {
+                return Err(AxisError::ReadBack {
+                    object,
+                    written,
+                    found,
                 });
             }
         }
-    }
-    if shortened {
-        link.know_frame_timeout(Nanos::from_millis(u64::from(FRAME_TIMEOUT_MS)));
-    }
-    Ok(())
-}
-
-/// Learns the known constants of the line, and changes nothing.
-pub(super) fn identify_only<T: Transport>(link: &mut Link<T>) -> Result<(), AxisFault> {
-    let parts = link.drive().parts();
-    link.wait_for_quiet().map_err(|error| AxisFault::Exchange {
-        object: parts.vendor.address(),
-        error,
-    })?;
-    check_vendor(link, LOCAL_NODE, parts)?;
-    let serial_number = read(link, LOCAL_NODE, parts.serial_number)?;
-    link.know_serial_number(serial_number);
-    Ok(())
-}
-
-/// Checks that this is the drive that was configured.
-pub(super) fn check_identity<T: Transport>(
-    link: &mut Link<T>,
-    axis: &AxisConfig,
-    parts: &Parts,
-) -> Result<(), AxisFault> {
-    check_vendor(link, axis.node_id, parts)?;
-    let expected = axis.serial_number;
-    let found = read(link, axis.node_id, parts.serial_number)?;
-    if found == expected {
         Ok(())
-    } else {
-        Err(AxisFault::SerialNumber { expected, found })
     }
-}
 
-fn check_vendor<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    parts: &Parts,
-) -> Result<(), AxisFault> {
-    let expected = parts.vendor_number;
-    let found = read(link, node, parts.vendor)?;
-    if found == expected {
-        Ok(())
-    } else {
-        Err(AxisFault::Vendor { expected, found })
+    pub(super) fn read<V: Value>(&mut self, object: Object<V>) -> Result<V, AxisError> {
+        let outcome = self.link.read(self.node, object);
+        outcome.map_err(|error| exchange_error(object.address(), error))
     }
-}
 
-/// Reads what tells drives apart.
-pub(super) fn read_identity<T: Transport>(
-    link: &mut Link<T>,
-    axis: &AxisConfig,
-    parts: &Parts,
-) -> Result<AxisIdentity, AxisFault> {
-    let node = axis.node_id;
-    let full = parts
-        .full_serial_number
-        .and_then(|object| read_text(link, node, object));
-    Ok(AxisIdentity {
-        motor: axis.motor,
-        node_id: node,
-        product_code: read(link, node, parts.product)?,
-        firmware: read_firmware(link, node, parts)?,
-        serial_number: axis.serial_number,
-        full_serial_number: full
-            .and_then(|bytes| bytes.try_into().ok())
-            .map(u64::from_le_bytes),
-        name: read_text(link, node, parts.device_name)
-            .and_then(|bytes| String::from_utf8(bytes).ok())
-            .map(|name| name.trim_end_matches('\0').to_owned()),
-    })
-}
-
-/// Firmware version, as maxon writes it in hexadecimal.
-pub(super) fn read_firmware<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    parts: &Parts,
-) -> Result<u16, AxisFault> {
-    match parts.version {
-        Version::HighWord(object) => Ok((read(link, node, object)? >> 16) as u16),
-        Version::Word(object) => read(link, node, object),
+    pub(super) fn read_back(&mut self, setting: Setting) -> Result<u32, AxisError> {
+        match self.link.read_raw(self.node, setting.object) {
+            Ok(reply) => Ok(reply.value),
+            Err(error) => Err(exchange_error(setting.object, error)),
+        }
     }
-}
 
-/// Good to know and no more: gateways do not carry it, and a drive may not have it.
-fn read_text<T: Transport>(link: &mut Link<T>, node: u8, object: Address) -> Option<Vec<u8>> {
-    link.read_long(node, object)
-        .ok()
-        .map(|read| read.bytes().to_vec())
-}
-
-/// Brings a drive that may still be enabled, by a controller that died, to power off, in order. A
-/// drive that holds a fault is off, and the fault is left for the operator.
-pub(super) fn switch_off<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    parts: &Parts,
-) -> Result<State, AxisFault> {
-    match drive_to(link, node, parts, Goal::Off) {
-        Err(AxisFault::StillOn { .. }) => drive_to(link, node, parts, Goal::Cut),
-        end => end,
-    }
-}
-
-pub(super) fn drive_to<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    parts: &Parts,
-    goal: Goal,
-) -> Result<State, AxisFault> {
-    let deadline = link.now() + OFF_DEADLINE;
-    let mut commanded = None;
-    loop {
-        let state = read_state(link, node, parts)?;
-        match step(state, goal) {
-            Step::Reached | Step::Blocked => return Ok(state),
-            // One command must take effect before the next.
-            Step::Command(controlword) if commanded != Some(controlword) => {
-                command(link, node, parts, controlword)?;
-                commanded = Some(controlword);
-            }
-            Step::Command(_) | Step::Wait if link.now() > deadline => {
-                return Err(AxisFault::StillOn { state });
-            }
-            Step::Command(_) | Step::Wait => link.sleep_until(link.now() + LOOK_AGAIN),
+    fn write(&mut self, setting: Setting) -> Result<(), AxisError> {
+        match self.link.write(self.node, setting, Retry::Safe) {
+            Ok(_) => Ok(()),
+            Err(error) => Err(exchange_error(setting.object, error)),
         }
     }
 }
 
-pub(super) fn read_state<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    parts: &Parts,
-) -> Result<State, AxisFault> {
-    let statusword = read(link, node, parts.statusword)?;
-    Statusword(statusword)
-        .state()
-        .ok_or(AxisFault::UnknownState { statusword })
+fn exchange_error(object: Address, error: LinkError) -> AxisError {
+    AxisError::Exchange { object, error }
 }
 
-fn command<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    parts: &Parts,
-    controlword: Controlword,
-) -> Result<(), AxisFault> {
-    write(link, node, parts.controlword.set(controlword.0))
+fn is_refusal(error: &AxisError) -> bool {
+    let AxisError::Exchange { error, .. } = error else {
+        return false;
+    };
+    matches!(error, LinkError::Refused(_))
+}
+
+/// Learns the known constants of the line and shortens the frame timeout of the drive that the port
+/// belongs to.
+pub(super) fn prepare_line(link: &mut DriveLink<impl Transport>) -> Result<(), AxisError> {
+    learn_constants(link)?;
+    let mut drive = DriveNode::local(link);
+    let mut is_short = false;
+    for object in object::FRAME_TIMEOUTS {
+        match drive.write(object.set(FRAME_TIMEOUT_MS)) {
+            Ok(()) => is_short |= drive.read(object)? == FRAME_TIMEOUT_MS,
+            // A drive without this interface refuses its timeout.
+            Err(error) if is_refusal(&error) => {}
+            Err(error) => return Err(error),
+        }
+    }
+    if is_short {
+        link.set_frame_timeout(Nanos::from_millis(u64::from(FRAME_TIMEOUT_MS)));
+    }
+    Ok(())
+}
+
+/// Learns the known constants of the line: vendor and serial number. Writes nothing.
+pub(super) fn learn_constants(link: &mut DriveLink<impl Transport>) -> Result<(), AxisError> {
+    let mut drive = DriveNode::local(link);
+    let vendor = object::VENDOR.address();
+    // The reply to a request of a previous controller may still arrive.
+    let quiet = drive.link.wait_for_quiet();
+    quiet.map_err(|error| exchange_error(vendor, error))?;
+    drive.check_vendor()?;
+    let serial_number = drive.read(object::SERIAL_NUMBER)?;
+    link.set_serial_number(serial_number);
+    Ok(())
 }
 
 /// Why a drive could not be stopped from outside the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum StopError {
+pub enum QuickStopError {
     /// The port is not open.
     #[error("the port could not be opened; cut the power of the drive")]
     NotHeld,
@@ -230,104 +252,33 @@ pub enum StopError {
     NoAnswer,
 }
 
-/// Stops a drive with its quick-stop ramp, whatever it is doing; it holds with power then. One
-/// without power is left so.
-pub(crate) fn quick_stop<T: Transport>(
-    link: &mut Link<T>,
+/// Stops a drive with its quick-stop ramp, in any state; it then holds with power. A drive without
+/// power stays off.
+pub(crate) fn quick_stop(
+    link: &mut DriveLink<impl Transport>,
     node: u8,
-    parts: &Parts,
-) -> Result<State, StopError> {
-    // The command comes first, and blind: it does no harm to a drive without power but to make it
-    // harder to switch on.
-    let stop = parts.controlword.set(Controlword::QUICK_STOP.0);
-    let _ = link.write(node, stop, Repeat::Safe);
-    match drive_to(link, node, parts, Goal::Stopped) {
-        Ok(state) | Err(AxisFault::StillOn { state }) => Ok(state),
-        Err(_) => Err(StopError::NoAnswer),
+) -> Result<DriveState, QuickStopError> {
+    // The command is sent before the state is known: without power it only delays switching on.
+    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
+    let _ = link.write(node, stop, Retry::Safe);
+    match DriveNode::new(link, node).go_to(PowerGoal::Stopped) {
+        Ok(state) | Err(AxisError::StillOn { state }) => Ok(state),
+        Err(_) => Err(QuickStopError::NoAnswer),
     }
 }
 
 /// Exchanges that are timed at start.
-const TIMED: usize = 21;
+const TIMED_EXCHANGES: usize = 21;
 
-/// What half of the exchanges take at least, on a line that has nothing else to do.
-pub(super) fn time_exchanges<T: Transport>(link: &mut Link<T>) -> Result<Nanos, AxisFault> {
-    let vendor = link.drive().parts().vendor;
-    let mut spans = [Nanos::ZERO; TIMED];
+/// Median duration of an exchange on a line without other traffic.
+pub(super) fn time_exchanges(link: &mut DriveLink<impl Transport>) -> Result<Nanos, AxisError> {
+    let mut drive = DriveNode::local(link);
+    let mut spans = [Nanos::ZERO; TIMED_EXCHANGES];
     for span in &mut spans {
-        let begin = link.now();
-        read(link, LOCAL_NODE, vendor)?;
-        *span = link.now() - begin;
+        let begin = drive.link.now();
+        drive.read(object::VENDOR)?;
+        *span = drive.link.now() - begin;
     }
     spans.sort_unstable();
-    Ok(spans[TIMED / 2])
-}
-
-/// Writes all settings, then reads every one back and compares.
-///
-/// A setting may depend on another (the lowest limit must be below the highest), so a refusal
-/// counts only once all the others stand.
-pub(super) fn configure<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    settings: &[Setting],
-) -> Result<(), AxisFault> {
-    for &setting in settings {
-        match write(link, node, setting) {
-            Ok(())
-            | Err(AxisFault::Exchange {
-                error: LinkError::Refused(_),
-                ..
-            }) => {}
-            Err(fault) => return Err(fault),
-        }
-    }
-    for &setting in settings {
-        if read_back(link, node, setting)? == setting.raw {
-            continue;
-        }
-        write(link, node, setting)?;
-        let (object, written, found) =
-            (setting.object, setting.raw, read_back(link, node, setting)?);
-        if found != written {
-            return Err(AxisFault::ReadBack {
-                object,
-                written,
-                found,
-            });
-        }
-    }
-    Ok(())
-}
-
-pub(super) fn read<T: Transport, V: Value>(
-    link: &mut Link<T>,
-    node: u8,
-    object: Object<V>,
-) -> Result<V, AxisFault> {
-    link.read(node, object)
-        .map_err(|error| AxisFault::Exchange {
-            object: object.address(),
-            error,
-        })
-}
-
-pub(super) fn read_back<T: Transport>(
-    link: &mut Link<T>,
-    node: u8,
-    setting: Setting,
-) -> Result<u32, AxisFault> {
-    let object = setting.object;
-    link.read_raw(node, object)
-        .map(|answer| answer.value)
-        .map_err(|error| AxisFault::Exchange { object, error })
-}
-
-fn write<T: Transport>(link: &mut Link<T>, node: u8, setting: Setting) -> Result<(), AxisFault> {
-    link.write(node, setting, Repeat::Safe)
-        .map(|_| ())
-        .map_err(|error| AxisFault::Exchange {
-            object: setting.object,
-            error,
-        })
+    Ok(spans[TIMED_EXCHANGES / 2])
 }

@@ -1,4 +1,4 @@
-//! CiA 402: the state machine that every drive of our families follows.
+//! CiA 402: the state machine of the drives. Source: EPOS4 Firmware Specification, section 3.2.
 //!
 //! ```text
 //!                 fault reset                      quick stop
@@ -12,31 +12,34 @@
 //!               ready <- 0x0006 - switched on <-+ 0x0007 (ramps down, then off)
 //! ```
 //!
-//! 0x0006 out of operation enabled cuts the power and lets the motor coast (option 0x605B = 0): it
-//! is never sent there.
+//! 0x0006 in operation enabled cuts the power and lets the motor coast (option 0x605B = 0): it is
+//! never sent there.
+
+/// Homing mode (0x6060).
+pub const HOMING_MODE: i8 = 6;
 
 /// Statusword (0x6041) as read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Statusword(pub u16);
 
 impl Statusword {
-    /// The bits that tell the state.
+    /// The bits of the state.
     const STATE: u16 = 0x006F;
 
-    /// Where the state machine stands; `None` for a pattern that is no state.
+    /// The state; `None` for a pattern that is no state.
     ///
-    /// Bit 9 (remote) is not looked at: a drive on a serial line need not be operational on CAN.
+    /// Bit 9 (remote) is ignored: a drive on a serial line need not be operational on CAN.
     #[must_use]
-    pub const fn state(self) -> Option<State> {
+    pub const fn state(self) -> Option<DriveState> {
         match self.0 & Self::STATE {
-            0x00 => Some(State::NotReady),
-            0x40 => Some(State::SwitchOnDisabled),
-            0x21 => Some(State::Ready),
-            0x23 => Some(State::SwitchedOn),
-            0x27 => Some(State::OperationEnabled),
-            0x07 => Some(State::QuickStopActive),
-            0x0F => Some(State::FaultReaction),
-            0x08 => Some(State::Fault),
+            0x00 => Some(DriveState::NotReady),
+            0x40 => Some(DriveState::SwitchOnDisabled),
+            0x21 => Some(DriveState::Ready),
+            0x23 => Some(DriveState::SwitchedOn),
+            0x27 => Some(DriveState::OperationEnabled),
+            0x07 => Some(DriveState::QuickStopActive),
+            0x0F => Some(DriveState::FaultReaction),
+            0x08 => Some(DriveState::Fault),
             _ => None,
         }
     }
@@ -48,7 +51,7 @@ impl Statusword {
         self.0 & 1 << 15 != 0
     }
 
-    /// Homing ended well (bits 10 and 12, in homing mode).
+    /// Homing succeeded (bits 10 and 12, in homing mode).
     #[must_use]
     pub const fn homing_attained(self) -> bool {
         self.0 & (1 << 10 | 1 << 12) == 1 << 10 | 1 << 12
@@ -77,11 +80,10 @@ impl Controlword {
     /// From operation enabled to quick stop active; from the states below to switch-on disabled.
     /// Bit 2 is low-active.
     pub const QUICK_STOP: Self = Self(0x000B);
-    /// Fault reset is the rising edge of bit 7: it must have been low before.
+    /// Resets a fault by the rising edge of bit 7: it must have been low before.
     pub const FAULT_RESET: Self = Self(0x0080);
-    /// Makes the target take effect at once, by the rising edge of bit 4 with bit 5 set, in profile
-    /// position mode. Bit 4 must be lowered before the next one: an edge that is none is silently
-    /// ignored.
+    /// Triggers the target at once, by the rising edge of bit 4 with bit 5 set, in profile position
+    /// mode. Bit 4 must be lowered before the next one: without an edge the target is ignored.
     pub const NEW_SETPOINT: Self = Self(0x003F);
     /// Starts homing by the rising edge of bit 4, in homing mode and operation enabled.
     pub const START_HOMING: Self = Self(0x001F);
@@ -89,92 +91,96 @@ impl Controlword {
 
 /// The states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
-    /// The drive starts; it goes on by itself.
+pub enum DriveState {
+    /// The drive boots; it leaves this state by itself.
     NotReady,
-    /// No power, and it may not be switched on yet.
+    /// No power; it may not be switched on yet.
     SwitchOnDisabled,
-    /// No power, may be switched on.
+    /// No power; it may be switched on.
     Ready,
-    /// Power stage on its way, the operation is disabled.
+    /// Power stage switched on, operation disabled.
     SwitchedOn,
-    /// The motor is powered and follows.
+    /// The motor is powered and follows the target.
     OperationEnabled,
     /// Stopped by the quick-stop ramp; powered and holding (option 0x605A = 6).
     QuickStopActive,
-    /// A fault happened and the drive is stopping.
+    /// The drive stops because of a fault.
     FaultReaction,
     /// Stopped by a fault, without power.
     Fault,
 }
 
-impl State {
-    /// The power stage is off, for good.
+impl DriveState {
+    /// The power stage is off.
     #[must_use]
     pub const fn is_off(self) -> bool {
         matches!(self, Self::SwitchOnDisabled | Self::Ready)
     }
 
-    /// A fault holds the drive.
+    /// The drive reports a fault.
     #[must_use]
     pub const fn is_fault(self) -> bool {
         matches!(self, Self::Fault | Self::FaultReaction)
     }
 }
 
-/// Where a drive should be brought to.
+/// The state that a drive is brought to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Goal {
+pub enum PowerGoal {
     /// Power stage off, in order.
     Off,
-    /// Power stage off at once: for a drive that does not go off in order.
+    /// Power stage off at once, for a drive that does not go off in order.
     Cut,
     /// Operation enabled.
     On,
-    /// Quick stop active; a drive without power is left without.
+    /// Quick stop active; a drive without power stays off.
     Stopped,
 }
 
-/// What to do next on the way to a goal.
+/// The next step towards a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
-    /// There.
+pub enum PowerStep {
+    /// The goal is reached.
     Reached,
     /// Write this controlword, and wait for the state to change.
     Command(Controlword),
-    /// The drive moves on by itself.
+    /// The drive continues by itself.
     Wait,
-    /// A fault is in the way; only a fault reset leads on.
+    /// A fault blocks; only a fault reset helps.
     Blocked,
 }
 
 /// The next step from `state` to `goal`.
 #[must_use]
-pub const fn step(state: State, goal: Goal) -> Step {
+pub const fn power_step(state: DriveState, goal: PowerGoal) -> PowerStep {
     match (state, goal) {
-        (State::Fault, _) => Step::Blocked,
-        (State::NotReady | State::FaultReaction, _) => Step::Wait,
+        (DriveState::Fault, _) => PowerStep::Blocked,
+        (DriveState::NotReady | DriveState::FaultReaction, _) => PowerStep::Wait,
 
-        (State::SwitchOnDisabled | State::Ready, Goal::Off | Goal::Cut | Goal::Stopped) => {
-            Step::Reached
-        }
-        (State::SwitchOnDisabled, Goal::On) => Step::Command(Controlword::SHUTDOWN),
-        (State::Ready | State::SwitchedOn | State::QuickStopActive, Goal::On) => {
-            Step::Command(Controlword::ENABLE_OPERATION)
-        }
-        (State::OperationEnabled, Goal::On) | (State::QuickStopActive, Goal::Stopped) => {
-            Step::Reached
-        }
+        (
+            DriveState::SwitchOnDisabled | DriveState::Ready,
+            PowerGoal::Off | PowerGoal::Cut | PowerGoal::Stopped,
+        ) => PowerStep::Reached,
+        (DriveState::SwitchOnDisabled, PowerGoal::On) => PowerStep::Command(Controlword::SHUTDOWN),
+        (
+            DriveState::Ready | DriveState::SwitchedOn | DriveState::QuickStopActive,
+            PowerGoal::On,
+        ) => PowerStep::Command(Controlword::ENABLE_OPERATION),
+        (DriveState::OperationEnabled, PowerGoal::On)
+        | (DriveState::QuickStopActive, PowerGoal::Stopped) => PowerStep::Reached,
 
-        (State::SwitchedOn | State::OperationEnabled, Goal::Stopped) => {
-            Step::Command(Controlword::QUICK_STOP)
+        (DriveState::SwitchedOn | DriveState::OperationEnabled, PowerGoal::Stopped) => {
+            PowerStep::Command(Controlword::QUICK_STOP)
         }
-        (State::SwitchedOn, Goal::Off) => Step::Command(Controlword::SHUTDOWN),
-        (State::OperationEnabled, Goal::Off) => Step::Command(Controlword::DISABLE_OPERATION),
-        (State::QuickStopActive, Goal::Off)
-        | (State::SwitchedOn | State::OperationEnabled | State::QuickStopActive, Goal::Cut) => {
-            Step::Command(Controlword::DISABLE_VOLTAGE)
+        (DriveState::SwitchedOn, PowerGoal::Off) => PowerStep::Command(Controlword::SHUTDOWN),
+        (DriveState::OperationEnabled, PowerGoal::Off) => {
+            PowerStep::Command(Controlword::DISABLE_OPERATION)
         }
+        (DriveState::QuickStopActive, PowerGoal::Off)
+        | (
+            DriveState::SwitchedOn | DriveState::OperationEnabled | DriveState::QuickStopActive,
+            PowerGoal::Cut,
+        ) => PowerStep::Command(Controlword::DISABLE_VOLTAGE),
     }
 }
 
@@ -182,22 +188,27 @@ pub const fn step(state: State, goal: Goal) -> Step {
 mod tests {
     use super::*;
 
-    const STATES: [State; 8] = [
-        State::NotReady,
-        State::SwitchOnDisabled,
-        State::Ready,
-        State::SwitchedOn,
-        State::OperationEnabled,
-        State::QuickStopActive,
-        State::FaultReaction,
-        State::Fault,
+    const STATES: [DriveState; 8] = [
+        DriveState::NotReady,
+        DriveState::SwitchOnDisabled,
+        DriveState::Ready,
+        DriveState::SwitchedOn,
+        DriveState::OperationEnabled,
+        DriveState::QuickStopActive,
+        DriveState::FaultReaction,
+        DriveState::Fault,
     ];
-    const GOALS: [Goal; 4] = [Goal::Off, Goal::Cut, Goal::On, Goal::Stopped];
+    const GOALS: [PowerGoal; 4] = [
+        PowerGoal::Off,
+        PowerGoal::Cut,
+        PowerGoal::On,
+        PowerGoal::Stopped,
+    ];
 
-    /// Where a controlword leads, from the table of commands in the drive reference, section 3.2;
-    /// `None`: no effect.
-    fn transition(state: State, controlword: Controlword) -> Option<State> {
-        use State::{OperationEnabled, QuickStopActive, Ready, SwitchOnDisabled, SwitchedOn};
+    /// The effect of a controlword, from the table of commands in the firmware specification,
+    /// section 3.2; `None`: no effect.
+    fn transition(state: DriveState, controlword: Controlword) -> Option<DriveState> {
+        use DriveState::{OperationEnabled, QuickStopActive, Ready, SwitchOnDisabled, SwitchedOn};
         match (controlword.0, state) {
             (0x0006, SwitchOnDisabled | SwitchedOn | OperationEnabled) => Some(Ready),
             (0x0007, Ready | OperationEnabled) => Some(SwitchedOn),
@@ -212,16 +223,16 @@ mod tests {
     }
 
     #[test]
-    fn the_state_is_read_through_its_mask() {
+    fn the_state_is_read_with_its_mask() {
         for (word, state) in [
-            (0x0000, State::NotReady),
-            (0x0040, State::SwitchOnDisabled),
-            (0x0231, State::Ready),
-            (0x0233, State::SwitchedOn),
-            (0x9637, State::OperationEnabled),
-            (0x0217, State::QuickStopActive),
-            (0x021F, State::FaultReaction),
-            (0x0218, State::Fault),
+            (0x0000, DriveState::NotReady),
+            (0x0040, DriveState::SwitchOnDisabled),
+            (0x0231, DriveState::Ready),
+            (0x0233, DriveState::SwitchedOn),
+            (0x9637, DriveState::OperationEnabled),
+            (0x0217, DriveState::QuickStopActive),
+            (0x021F, DriveState::FaultReaction),
+            (0x0218, DriveState::Fault),
         ] {
             assert_eq!(Statusword(word).state(), Some(state), "0x{word:04X}");
         }
@@ -235,67 +246,56 @@ mod tests {
         assert!(Statusword(0x2000).homing_error() && !Statusword(0xDFFF).homing_error());
     }
 
+    fn every_state_and_goal() -> impl Iterator<Item = (DriveState, PowerGoal)> {
+        STATES
+            .into_iter()
+            .flat_map(|state| GOALS.map(|goal| (state, goal)))
+    }
+
     #[test]
-    fn shutdown_is_never_used_as_a_stop() {
-        for goal in GOALS {
-            assert_ne!(
-                step(State::OperationEnabled, goal),
-                Step::Command(Controlword::SHUTDOWN)
+    fn power_comes_on_only_for_its_goal_and_goes_off_by_a_ramp() {
+        use DriveState::{OperationEnabled, SwitchedOn};
+        let shutdown = PowerStep::Command(Controlword::SHUTDOWN);
+        for (state, goal) in every_state_and_goal() {
+            let step = power_step(state, goal);
+            if step == PowerStep::Command(Controlword::ENABLE_OPERATION) {
+                assert_eq!(goal, PowerGoal::On, "{state:?}");
+            }
+            let coasts = state == OperationEnabled && step == shutdown;
+            assert!(
+                !coasts,
+                "shutdown cuts the power of a moving motor: {goal:?}"
             );
         }
+        let ramp = PowerStep::Command(Controlword::DISABLE_OPERATION);
+        assert_eq!(power_step(OperationEnabled, PowerGoal::Off), ramp);
+        assert_eq!(power_step(SwitchedOn, PowerGoal::Off), shutdown);
     }
 
     #[test]
-    fn power_comes_on_only_when_it_is_the_goal() {
-        for (state, goal) in STATES
-            .into_iter()
-            .flat_map(|state| GOALS.map(|goal| (state, goal)))
-        {
-            if step(state, goal) == Step::Command(Controlword::ENABLE_OPERATION) {
-                assert_eq!(goal, Goal::On, "{state:?}");
-            }
-        }
-    }
-
-    #[test]
-    fn every_goal_is_reached_from_every_state_that_is_no_fault() {
-        for (start, goal) in STATES
-            .into_iter()
-            .flat_map(|state| GOALS.map(|goal| (state, goal)))
-        {
+    fn every_goal_is_reached_from_every_state_without_fault() {
+        for (start, goal) in every_state_and_goal() {
             let mut state = start;
-            let end = (0..5).find_map(|_| match step(state, goal) {
-                Step::Command(controlword) => {
+            let end = (0..5).find_map(|_| match power_step(state, goal) {
+                PowerStep::Command(controlword) => {
                     state = transition(state, controlword).expect("a command must have an effect");
                     None
                 }
                 end => Some(end),
             });
             let expected = match start {
-                State::Fault => Step::Blocked,
-                State::NotReady | State::FaultReaction => Step::Wait,
-                _ => Step::Reached,
+                DriveState::Fault => PowerStep::Blocked,
+                DriveState::NotReady | DriveState::FaultReaction => PowerStep::Wait,
+                _ => PowerStep::Reached,
             };
             assert_eq!(end, Some(expected), "{start:?} to {goal:?}");
-            if expected == Step::Reached {
+            if expected == PowerStep::Reached {
                 assert!(match goal {
-                    Goal::On => state == State::OperationEnabled,
-                    Goal::Off | Goal::Cut => state.is_off(),
-                    Goal::Stopped => state.is_off() || state == State::QuickStopActive,
+                    PowerGoal::On => state == DriveState::OperationEnabled,
+                    PowerGoal::Off | PowerGoal::Cut => state.is_off(),
+                    PowerGoal::Stopped => state.is_off() || state == DriveState::QuickStopActive,
                 });
             }
         }
-    }
-
-    #[test]
-    fn a_running_drive_is_switched_off_through_its_ramp() {
-        assert_eq!(
-            step(State::OperationEnabled, Goal::Off),
-            Step::Command(Controlword::DISABLE_OPERATION)
-        );
-        assert_eq!(
-            step(State::SwitchedOn, Goal::Off),
-            Step::Command(Controlword::SHUTDOWN)
-        );
     }
 }

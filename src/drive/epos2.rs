@@ -1,96 +1,119 @@
-//! maxon EPOS2: which object plays which part, its settings and its errors. Sans I/O.
+//! maxon EPOS2: its objects, settings and homing. No I/O.
+//!
+//! Object numbers and sizes are those that public EPOS2 code uses on real drives. To be confirmed
+//! on a unit: that 0x1018:04 holds a serial number of four bytes as on the EPOS4, and the content
+//! of 0x6410. Bring-up compares every value that it writes, so a wrong number ends in a refusal,
+//! not in motion.
 
-mod dialect;
-mod fault;
-mod object;
-mod segmented;
+mod command_set;
+mod error_codes;
 
+use command_set::Epos2CommandSet;
+use error_codes::look_up_error;
+
+use super::command_set::CommandSet;
+use super::drive_fault::DriveFault;
+use super::family::{DriveFamily, FirmwareVersion, ObjectMap, SetpointTrigger};
+use super::homing_plan::{HomingPlan, home_position};
+use super::object::{self, Address, Object, Setting};
 use crate::config::{AxisConfig, HomingMethod};
 
-use super::dialect::Dialect;
-use super::family::{Drive, Fault, HomingPlan, Parts, Steering, Version};
-use super::object as common;
-use super::object::Setting;
+/// Firmware version.
+const FIRMWARE: Object<u16> = Object::new(0x2003, 1, "software version");
+/// Full serial number, 8 bytes: read in segments.
+const FULL_SERIAL_NUMBER: Address = Address {
+    index: 0x2004,
+    subindex: 0,
+    size: 8,
+    name: "full serial number",
+};
+/// Set-point of the position mode, counts: takes effect when written.
+const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
+/// Motor current that counts as a hard stop, mA.
+const HOMING_CURRENT: Object<u16> = Object::new(0x2080, 0, "homing current threshold");
+/// Position at the end of homing, counts.
+const HOME_POSITION: Object<i32> = Object::new(0x2081, 0, "home position");
+/// The newest entry of the error history, with the error code in its low word.
+const ERROR_CODE: Object<u16> = Object::new(0x1003, 1, "newest error");
+/// Distance of the move away from a hard stop after homing, counts.
+const HOME_OFFSET: Object<i32> = Object::new(0x607C, 0, "home offset move");
+/// Motor current, mA.
+const CURRENT: Object<i16> = Object::new(0x6078, 0, "motor current");
+/// Limit of the output current, mA.
+const CURRENT_LIMIT: Object<u16> = Object::new(0x6410, 2, "output current limit");
+/// Limit of the motor speed, rpm.
+const MAX_MOTOR_SPEED: Object<u32> = Object::new(0x6410, 4, "max motor speed");
 
-/// The EPOS2 in position mode (-1): every write of 0x2062 acts at once, limited by 0x607D.
+/// The EPOS2 in position mode (-1): a write of 0x2062 takes effect at once, limited by 0x607D.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos2;
 
-static PARTS: Parts = Parts {
-    vendor: common::VENDOR,
-    vendor_number: 0xFB,
-    product: common::PRODUCT,
-    version: Version::Word(object::FIRMWARE),
-    serial_number: common::SERIAL_NUMBER,
-    full_serial_number: Some(object::FULL_SERIAL_NUMBER),
-    device_name: common::DEVICE_NAME,
-    frame_timeouts: &[common::RS232_FRAME_TIMEOUT, common::USB_FRAME_TIMEOUT],
-    controlword: common::CONTROLWORD,
-    statusword: common::STATUSWORD,
-    mode: common::MODE,
-    mode_display: common::MODE_DISPLAY,
+static OBJECTS: ObjectMap = ObjectMap {
+    firmware_version: FirmwareVersion::Word(FIRMWARE),
+    full_serial_number: Some(FULL_SERIAL_NUMBER),
     streaming_mode: -1,
-    steering: Steering::Direct,
-    homing_mode: 6,
-    homing_method: common::HOMING_METHOD,
-    target: object::TARGET,
-    position_min: common::POSITION_MIN,
-    position_max: common::POSITION_MAX,
-    position: common::POSITION,
-    error_code: object::ERROR_CODE,
+    setpoint_trigger: SetpointTrigger::Write,
+    target: TARGET,
+    error_code: ERROR_CODE,
     error_code_is_history: true,
-    current: object::CURRENT.address(),
+    current: CURRENT.address(),
     supply_voltage: None,
 };
 
-impl Drive for Epos2 {
+impl DriveFamily for Epos2 {
     fn name(&self) -> &'static str {
         "EPOS2"
     }
 
-    fn dialect(&self) -> &'static dyn Dialect {
-        &dialect::Epos2Dialect
+    fn command_set(&self) -> &'static dyn CommandSet {
+        &Epos2CommandSet
     }
 
-    fn parts(&self) -> &'static Parts {
-        &PARTS
+    fn object_map(&self) -> &'static ObjectMap {
+        &OBJECTS
     }
 
     fn settings(&self, axis: &AxisConfig) -> Vec<Setting> {
         vec![
-            common::POSITION_MIN.set(axis.position_min_counts.0),
-            common::POSITION_MAX.set(axis.position_max_counts.0),
-            common::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
-            object::MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
-            common::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
-            common::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
-            // The configuration allows no more than 16 bits hold.
-            object::CURRENT_LIMIT.set(u16::try_from(axis.current_limit_ma).unwrap_or(u16::MAX)),
-            common::DISABLE_OPTION.set(1),
-            common::FAULT_OPTION.set(2),
-            object::HOME_POSITION.set(super::family::home_position(axis)),
-            common::MODE.set(PARTS.streaming_mode),
+            object::POSITION_MIN.set(axis.position_min_counts.0),
+            object::POSITION_MAX.set(axis.position_max_counts.0),
+            object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
+            MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
+            object::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
+            object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
+            CURRENT_LIMIT.set(saturate(axis.current_limit_ma)),
+            object::DISABLE_OPTION.set(1),
+            object::FAULT_OPTION.set(2),
+            HOME_POSITION.set(home_position(axis)),
+            object::MODE.set(OBJECTS.streaming_mode),
         ]
     }
 
     fn homing(&self, axis: &AxisConfig) -> HomingPlan {
+        // 35: the present position is home. -3, -4: at a hard stop found by the current, without an
+        // index.
         let method = match axis.homing {
             HomingMethod::Here => 35,
             HomingMethod::StopPositive => -3,
             HomingMethod::StopNegative => -4,
         };
-        let limit = |current_ma: u32| u16::try_from(current_ma).unwrap_or(u16::MAX);
-        HomingPlan::new(axis, method, |current_ma| {
+        let stop_settings = |current_ma| {
             [
-                object::CURRENT_LIMIT.set(limit(current_ma)),
-                object::HOMING_CURRENT.set(limit(current_ma)),
-                object::HOME_OFFSET.set(0),
+                CURRENT_LIMIT.set(saturate(current_ma)),
+                HOMING_CURRENT.set(saturate(current_ma)),
+                HOME_OFFSET.set(0),
             ]
-        })
-        .with_restored(object::CURRENT_LIMIT.set(limit(axis.current_limit_ma)))
+        };
+        HomingPlan::new(axis, method, stop_settings)
+            .with_restored(CURRENT_LIMIT.set(saturate(axis.current_limit_ma)))
     }
 
-    fn fault(&self, code: u16) -> Fault {
-        fault::lookup(code)
+    fn fault(&self, code: u16) -> DriveFault {
+        look_up_error(code)
     }
+}
+
+/// The configuration allows at most 16 bits.
+fn saturate(current_ma: u32) -> u16 {
+    u16::try_from(current_ma).unwrap_or(u16::MAX)
 }

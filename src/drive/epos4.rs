@@ -1,74 +1,87 @@
-//! maxon EPOS4: which object plays which part, its settings and its errors. Sans I/O.
+//! maxon EPOS4: its objects, settings and homing. No I/O.
 //!
-//! Layouts are from maxon's EPOS4 Communication Guide (2019-11), object numbers from the device
-//! descriptions of firmware 0x0170.
+//! Object numbers are from the device descriptions of firmware 0x0170.
 
-mod dialect;
-mod fault;
-mod object;
-mod segmented;
+mod command_set;
+mod error_codes;
 
+use command_set::Epos4CommandSet;
+use error_codes::look_up_error;
+
+use super::command_set::CommandSet;
+use super::drive_fault::DriveFault;
+use super::family::{DriveFamily, FirmwareVersion, ObjectMap, SetpointTrigger};
+use super::homing_plan::{HomingPlan, home_position};
+use super::object::{self, Address, Object, Setting};
 use crate::config::{AxisConfig, HomingMethod};
 
-use super::dialect::Dialect;
-use super::family::{Drive, Fault, HomingPlan, Parts, Steering, Version};
-use super::object as common;
-use super::object::Setting;
+/// Revision; the high word is the firmware version.
+const REVISION: Object<u32> = Object::new(0x1018, 3, "revision");
+/// Full serial number, 8 bytes: read in segments.
+const FULL_SERIAL_NUMBER: Address = Address {
+    index: 0x2100,
+    subindex: 1,
+    size: 8,
+    name: "full serial number",
+};
+/// Supply voltage, tenths of a volt.
+const SUPPLY_VOLTAGE: Object<u16> = Object::new(0x2200, 1, "supply voltage");
+/// Limit of the output current, mA.
+const CURRENT_LIMIT: Object<u32> = Object::new(0x3001, 2, "output current limit");
+/// Position at the end of homing, counts.
+const HOME_POSITION: Object<i32> = Object::new(0x30B0, 0, "home position");
+/// Distance of the move away from a hard stop after homing, counts.
+const HOME_OFFSET: Object<i32> = Object::new(0x30B1, 0, "home offset move");
+/// Motor current that counts as a hard stop, mA.
+const HOMING_CURRENT: Object<u16> = Object::new(0x30B2, 0, "homing current threshold");
+/// Motor current, mA, not averaged.
+const CURRENT: Object<i32> = Object::new(0x30D1, 2, "motor current");
+/// The last error.
+const ERROR_CODE: Object<u16> = Object::new(0x603F, 0, "error code");
+/// Reaction to quick stop; 6: ramp, then hold with power.
+const QUICK_STOP_OPTION: Object<i16> = Object::new(0x605A, 0, "quick-stop option");
+/// Limit of the motor speed, rpm.
+const MAX_MOTOR_SPEED: Object<u32> = Object::new(0x6080, 0, "max motor speed");
+/// Interpolation period between two set-points; 0: no interpolation.
+const INTERPOLATION_PERIOD: Object<u8> = Object::new(0x60C2, 1, "interpolation period");
 
-/// The EPOS4 in cyclic synchronous position mode (8): every write of the target acts at once.
+/// The EPOS4 in cyclic synchronous position mode (8): a target takes effect when written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos4;
 
-/// The EPOS4 in profile position mode (1): it ramps to every target by itself. A target takes three
-/// writes.
+/// The EPOS4 in profile position mode (1): the drive ramps to every target by itself. A target
+/// takes three writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Epos4Profile;
 
-const NAME: &str = "EPOS4";
-
-static CYCLIC: Parts = Parts {
-    vendor: common::VENDOR,
-    vendor_number: 0xFB,
-    product: common::PRODUCT,
-    version: Version::HighWord(object::REVISION),
-    serial_number: common::SERIAL_NUMBER,
-    full_serial_number: Some(object::FULL_SERIAL_NUMBER),
-    device_name: common::DEVICE_NAME,
-    frame_timeouts: &[common::RS232_FRAME_TIMEOUT, common::USB_FRAME_TIMEOUT],
-    controlword: common::CONTROLWORD,
-    statusword: common::STATUSWORD,
-    mode: common::MODE,
-    mode_display: common::MODE_DISPLAY,
+static CYCLIC: ObjectMap = ObjectMap {
+    firmware_version: FirmwareVersion::HighWord(REVISION),
+    full_serial_number: Some(FULL_SERIAL_NUMBER),
     streaming_mode: 8,
-    steering: Steering::Direct,
-    homing_mode: 6,
-    homing_method: common::HOMING_METHOD,
+    setpoint_trigger: SetpointTrigger::Write,
     target: object::TARGET,
-    position_min: common::POSITION_MIN,
-    position_max: common::POSITION_MAX,
-    position: common::POSITION,
-    error_code: object::ERROR_CODE,
+    error_code: ERROR_CODE,
     error_code_is_history: false,
-    current: object::CURRENT.address(),
-    supply_voltage: Some(object::SUPPLY_VOLTAGE),
+    current: CURRENT.address(),
+    supply_voltage: Some(SUPPLY_VOLTAGE),
 };
 
-static PROFILE: Parts = Parts {
+static PROFILE: ObjectMap = ObjectMap {
     streaming_mode: 1,
-    steering: Steering::Edge,
+    setpoint_trigger: SetpointTrigger::Edge,
     ..CYCLIC
 };
 
-impl Drive for Epos4 {
+impl DriveFamily for Epos4 {
     fn name(&self) -> &'static str {
-        NAME
+        "EPOS4"
     }
 
-    fn dialect(&self) -> &'static dyn Dialect {
-        &dialect::Epos4Dialect
+    fn command_set(&self) -> &'static dyn CommandSet {
+        &Epos4CommandSet
     }
 
-    fn parts(&self) -> &'static Parts {
+    fn object_map(&self) -> &'static ObjectMap {
         &CYCLIC
     }
 
@@ -77,81 +90,78 @@ impl Drive for Epos4 {
     }
 
     fn homing(&self, axis: &AxisConfig) -> HomingPlan {
-        homing(axis)
+        // 37: the present position is home. -3, -4: at a hard stop found by the current, without an
+        // index.
+        let method = match axis.homing {
+            HomingMethod::Here => 37,
+            HomingMethod::StopPositive => -3,
+            HomingMethod::StopNegative => -4,
+        };
+        let stop_settings = |current_ma: u32| {
+            [
+                CURRENT_LIMIT.set(current_ma),
+                HOMING_CURRENT.set(current_ma as u16),
+                HOME_OFFSET.set(0),
+            ]
+        };
+        HomingPlan::new(axis, method, stop_settings)
+            .with_restored(CURRENT_LIMIT.set(axis.current_limit_ma))
     }
 
-    fn fault(&self, code: u16) -> Fault {
-        fault::lookup(code)
+    fn fault(&self, code: u16) -> DriveFault {
+        look_up_error(code)
     }
 }
 
-impl Drive for Epos4Profile {
+impl DriveFamily for Epos4Profile {
     fn name(&self) -> &'static str {
-        NAME
+        Epos4.name()
     }
 
-    fn dialect(&self) -> &'static dyn Dialect {
-        &dialect::Epos4Dialect
+    fn command_set(&self) -> &'static dyn CommandSet {
+        Epos4.command_set()
     }
 
-    fn parts(&self) -> &'static Parts {
+    fn object_map(&self) -> &'static ObjectMap {
         &PROFILE
     }
 
     fn settings(&self, axis: &AxisConfig) -> Vec<Setting> {
         let mut settings = settings(axis, &PROFILE);
         settings.extend([
-            common::PROFILE_VELOCITY.set(axis.motor_speed_rpm),
-            common::PROFILE_ACCELERATION.set(axis.quick_stop_rpm_s),
-            common::PROFILE_DECELERATION.set(axis.quick_stop_rpm_s),
+            object::PROFILE_VELOCITY.set(axis.motor_speed_rpm),
+            object::PROFILE_ACCELERATION.set(axis.quick_stop_rpm_s),
+            object::PROFILE_DECELERATION.set(axis.quick_stop_rpm_s),
         ]);
         settings
     }
 
     fn homing(&self, axis: &AxisConfig) -> HomingPlan {
-        homing(axis)
+        Epos4.homing(axis)
     }
 
-    fn fault(&self, code: u16) -> Fault {
-        fault::lookup(code)
+    fn fault(&self, code: u16) -> DriveFault {
+        look_up_error(code)
     }
 }
 
-fn settings(axis: &AxisConfig, parts: &Parts) -> Vec<Setting> {
+fn settings(axis: &AxisConfig, map: &ObjectMap) -> Vec<Setting> {
     vec![
-        common::POSITION_MIN.set(axis.position_min_counts.0),
-        common::POSITION_MAX.set(axis.position_max_counts.0),
-        common::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
-        object::MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
-        common::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
-        common::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
-        object::CURRENT_LIMIT.set(axis.current_limit_ma),
-        // Above 0 the drive expects a set-point every period and faults when one is late.
-        object::INTERPOLATION_PERIOD.set(0),
-        object::QUICK_STOP_OPTION.set(6),
-        common::DISABLE_OPTION.set(1),
-        common::FAULT_OPTION.set(2),
-        object::HOME_POSITION.set(super::family::home_position(axis)),
-        parts.mode.set(parts.streaming_mode),
+        object::POSITION_MIN.set(axis.position_min_counts.0),
+        object::POSITION_MAX.set(axis.position_max_counts.0),
+        object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
+        MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
+        object::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
+        object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
+        CURRENT_LIMIT.set(axis.current_limit_ma),
+        // With a period the drive faults when a set-point is late.
+        INTERPOLATION_PERIOD.set(0),
+        QUICK_STOP_OPTION.set(6),
+        object::DISABLE_OPTION.set(1),
+        object::FAULT_OPTION.set(2),
+        HOME_POSITION.set(home_position(axis)),
+        object::MODE.set(map.streaming_mode),
     ]
-}
-
-fn homing(axis: &AxisConfig) -> HomingPlan {
-    // Taking the present position as home; at a stop found by the current, without looking for an
-    // index.
-    let method = match axis.homing {
-        HomingMethod::Here => 37,
-        HomingMethod::StopPositive => -3,
-        HomingMethod::StopNegative => -4,
-    };
-    HomingPlan::new(axis, method, |current_ma| {
-        [
-            object::CURRENT_LIMIT.set(current_ma),
-            object::HOMING_CURRENT.set(current_ma as u16),
-            object::HOME_OFFSET.set(0),
-        ]
-    })
-    .with_restored(object::CURRENT_LIMIT.set(axis.current_limit_ma))
 }
 
 #[cfg(test)]
@@ -170,14 +180,14 @@ mod tests {
     fn every_limit_of_the_configuration_is_a_setting() {
         for settings in [Epos4.settings(&axis()), Epos4Profile.settings(&axis())] {
             for expected in [
-                common::POSITION_MIN.set(-1900),
-                common::POSITION_MAX.set(2000),
-                object::CURRENT_LIMIT.set(300),
-                common::FOLLOWING_ERROR_WINDOW.set(400),
-                common::MAX_PROFILE_VELOCITY.set(3000),
-                object::MAX_MOTOR_SPEED.set(3000),
-                common::QUICK_STOP_DECELERATION.set(9000),
-                object::INTERPOLATION_PERIOD.set(0),
+                object::POSITION_MIN.set(-1900),
+                object::POSITION_MAX.set(2000),
+                CURRENT_LIMIT.set(300),
+                object::FOLLOWING_ERROR_WINDOW.set(400),
+                object::MAX_PROFILE_VELOCITY.set(3000),
+                MAX_MOTOR_SPEED.set(3000),
+                object::QUICK_STOP_DECELERATION.set(9000),
+                INTERPOLATION_PERIOD.set(0),
             ] {
                 assert!(settings.contains(&expected), "{}", expected.object);
             }
@@ -185,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn the_hard_stop_is_looked_for_with_little_current_that_is_restored() {
+    fn a_hard_stop_is_searched_with_a_low_current_limit_that_is_restored() {
         let axis = AxisConfig {
             homing: HomingMethod::StopNegative,
             homing_current_ma: 25,
@@ -193,13 +203,11 @@ mod tests {
         };
         let plan = Epos4.homing(&axis);
         assert_eq!(plan.method(), -4);
-        assert!(plan.settings().contains(&object::CURRENT_LIMIT.set(25)));
-        assert!(plan.settings().contains(&object::HOMING_CURRENT.set(25)));
-        assert_eq!(plan.restored(), [object::CURRENT_LIMIT.set(300)]);
+        assert!(plan.settings().contains(&CURRENT_LIMIT.set(25)));
+        assert!(plan.settings().contains(&HOMING_CURRENT.set(25)));
+        assert_eq!(plan.restored(), [CURRENT_LIMIT.set(300)]);
         let here = Epos4.homing(&self::axis());
-        assert_eq!(
-            (here.method(), here.settings().len(), here.restored().len()),
-            (37, 0, 0)
-        );
+        assert_eq!(here.method(), 37);
+        assert!(here.settings().is_empty() && here.restored().is_empty());
     }
 }

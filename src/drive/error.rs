@@ -1,18 +1,19 @@
-//! What can go wrong with a drive, in sentences: what, where, what to do.
+//! Errors of ports, lines and drives. A message names the problem, the place and the remedy.
 
 use std::io;
 use std::path::PathBuf;
 
-use super::cia402::State;
+use super::abort_code::AbortCode;
+use super::cia402::DriveState;
 use super::object::Address;
-use super::request::AbortCode;
 
 /// Why a port or the drives behind it could not be brought up.
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
     /// The device file does not exist.
     #[error(
-        "serial port {device} does not exist; plug in the drive, or correct `device` in the configuration"
+        "serial port {device} does not exist; plug in the drive, or correct `device` in the \
+         configuration"
     )]
     NotFound {
         /// The device.
@@ -20,7 +21,8 @@ pub enum DriveError {
     },
     /// The device file may not be opened.
     #[error(
-        "no permission to open serial port {device}; add the user to its group (often `dialout`) and log in again"
+        "no permission to open serial port {device}; add the user to its group (often `dialout`) \
+         and log in again"
     )]
     NotPermitted {
         /// The device.
@@ -28,7 +30,8 @@ pub enum DriveError {
     },
     /// Another process holds the port.
     #[error(
-        "serial port {device} is in use by another program; end it (another controller? a terminal?) and try again"
+        "serial port {device} is in use by another program; end it (another controller? a \
+         terminal?) and try again"
     )]
     Busy {
         /// The device.
@@ -36,18 +39,19 @@ pub enum DriveError {
     },
     /// The device cannot be set up as a serial port.
     #[error(
-        "{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the configuration"
+        "{device} cannot be used as a serial port: {source}; correct `device` or `baud` in the \
+         configuration"
     )]
     NotSerial {
         /// The device.
         device: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: serialport::Error,
     },
     /// Nothing answers.
     #[error(
-        "no drive answers on {device} at {baud} baud as node {node}; check power, cable, `baud` and `node_id`, and \
-         that no other program uses the port"
+        "no drive answers on {device} at {baud} baud as node {node}; check power, cable, `baud` \
+         and `node_id`, and that no other program uses the port"
     )]
     NoAnswer {
         /// The device.
@@ -58,24 +62,24 @@ pub enum DriveError {
         node: u8,
     },
     /// The drive answers, but is not usable as it is.
-    #[error("drive on {device}, node {node}: {fault}")]
+    #[error("drive on {device}, node {node}: {error}")]
     Axis {
         /// The device.
         device: PathBuf,
         /// Node id.
         node: u8,
-        /// What is wrong.
-        fault: AxisFault,
+        /// The problem.
+        error: AxisError,
     },
 }
 
-/// Why one exchange brought no result.
+/// Why an exchange failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum LinkError {
-    /// The drive answered that it did not do it.
+    /// The drive refused the request.
     #[error("refused: {0}")]
     Refused(AbortCode),
-    /// No answer could be believed, but the line is in step again.
+    /// No answer could be trusted; the line is in sync again.
     #[error("not answered")]
     Unanswered,
     /// The line does not answer at all.
@@ -86,31 +90,38 @@ pub enum LinkError {
     Broken(io::ErrorKind),
 }
 
-/// Why a drive that was reached is not usable.
+impl LinkError {
+    pub(super) fn broken(error: io::Error) -> Self {
+        Self::Broken(error.kind())
+    }
+}
+
+/// Why a drive that answers is not usable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum AxisFault {
+pub enum AxisError {
     /// An exchange failed.
     #[error("{object}: {error}")]
     Exchange {
         /// What was read or written.
         object: Address,
-        /// How it failed.
+        /// Why.
         error: LinkError,
     },
-    /// Made by someone else.
+    /// A drive of another vendor.
     #[error(
-        "vendor number 0x{found:08X} instead of 0x{expected:08X}; this is no maxon drive, check `device`"
+        "vendor number 0x{found:08X} instead of 0x{expected:08X}; this is no maxon drive, check \
+         `device`"
     )]
     Vendor {
-        /// maxon's number.
+        /// The number of maxon.
         expected: u32,
-        /// What the device says.
+        /// As read.
         found: u32,
     },
     /// Another drive than the one configured.
     #[error(
-        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); cables are swapped, or \
-         `serial_number` in the configuration names another drive"
+        "serial number {found} (0x{found:08X}) instead of {expected} (0x{expected:08X}); cables \
+         are swapped, or `serial_number` in the configuration names another drive"
     )]
     SerialNumber {
         /// As configured.
@@ -118,12 +129,13 @@ pub enum AxisFault {
         /// As read.
         found: u32,
     },
-    /// A limit was written, acknowledged, and reads back differently.
+    /// A setting was written and acknowledged, but reads back differently.
     #[error(
-        "{object} reads back as 0x{found:08X} after 0x{written:08X} was written; the drive does not take this limit"
+        "{object} reads back as 0x{found:08X} after 0x{written:08X} was written; the drive does \
+         not accept this value"
     )]
     ReadBack {
-        /// The limit.
+        /// The setting.
         object: Address,
         /// As written.
         written: u32,
@@ -132,11 +144,11 @@ pub enum AxisFault {
     },
     /// The power stage does not go off.
     #[error(
-        "power stage does not go off, state {state:?}; cut its power supply and look into the drive"
+        "power stage does not go off, state {state:?}; cut its power supply and check the drive"
     )]
     StillOn {
-        /// Where it stays.
-        state: State,
+        /// The state that it stays in.
+        state: DriveState,
     },
     /// The statusword is no known state.
     #[error(

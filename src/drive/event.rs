@@ -1,29 +1,29 @@
-//! What a port thread reports, for the log.
+//! Events of port threads.
 
 use std::fmt;
 
 use crate::units::{Counts, Nanos};
 
-use super::AxisPhase;
-use super::cia402::State;
-use super::error::{AxisFault, LinkError};
-use super::family::Fault;
+use super::abort_code::AbortCode;
+use super::axis::interface::AxisPhase;
+use super::cia402::DriveState;
+use super::drive_fault::DriveFault;
+use super::error::{AxisError, LinkError};
 use super::object::Address;
-use super::request::AbortCode;
 
-/// Something that happened on a port. Repeats of the same are reported once.
+/// An event on a port. A repeated event is reported once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PortEvent {
     /// The motor that it concerns.
     pub motor: usize,
-    /// What happened.
+    /// Its kind.
     pub kind: PortEventKind,
 }
 
-/// What happened on a port.
+/// Kinds of events on a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PortEventKind {
-    /// The drive was found, checked and limited, and the port thread takes over.
+    /// The drive was identified and limited, and the port thread starts.
     Ready {
         /// Node id.
         node_id: u8,
@@ -34,7 +34,7 @@ pub enum PortEventKind {
         /// Serial number.
         serial_number: u32,
     },
-    /// The axis moved on.
+    /// The axis entered another phase.
     Phase {
         /// Before.
         from: AxisPhase,
@@ -44,13 +44,13 @@ pub enum PortEventKind {
         statusword: u16,
     },
     /// The drive reports a fault.
-    Fault(Fault),
+    Fault(DriveFault),
     /// A fault reset was carried out.
     FaultReset {
         /// The fault is gone.
         cleared: bool,
     },
-    /// A request was not answered in time; it may have been answered when it was repeated.
+    /// A request was not answered in time; a retry may have been answered.
     TimedOut {
         /// What was read or written.
         object: Address,
@@ -73,50 +73,50 @@ pub enum PortEventKind {
         max: Counts,
     },
     /// The axis was not enabled.
-    EnableFailed(Failure),
+    EnableFailed(TransitionError),
     /// The drive did not enter quick stop; it is switched off instead.
-    QuickStopFailed(Failure),
-    /// Homing was asked for in a phase that has none, and will not be done.
+    QuickStopFailed(TransitionError),
+    /// Homing was requested in a phase without homing, and is not carried out.
     HomingRefused,
     /// Homing ended.
     HomingEnded {
         /// Why it failed, if it did.
-        failure: Option<Failure>,
+        error: Option<TransitionError>,
     },
-    /// The drive left its state by itself: its enable or quick-stop input, its supply, or another
-    /// program.
-    StateLost {
-        /// Where it is now.
-        state: State,
+    /// The drive changed its state by itself: its enable or quick-stop input, its supply, or
+    /// another program.
+    UnexpectedState {
+        /// The new state.
+        state: DriveState,
     },
     /// The power stage does not go off in order; its power is cut.
-    StillOn {
-        /// Where the drive stays.
-        state: Option<State>,
+    StillPowered {
+        /// The state that the drive stays in.
+        state: Option<DriveState>,
     },
     /// The axis does not answer any more.
     Lost(LinkError),
-    /// The axis answers, but may not be used as it is.
-    NotUsable(AxisFault),
-    /// The position is not where it was left while no one looked: the axis counts as not homed.
-    Displaced {
-        /// Where it was left; `None`: no one noted it.
+    /// The axis answers, but is not usable.
+    Unusable(AxisError),
+    /// The position changed while it was not read: the axis counts as not homed.
+    PositionMismatch {
+        /// The last known position; `None`: it was not saved.
         before: Option<Counts>,
-        /// Where it stands.
+        /// The present position.
         after: Counts,
     },
-    /// The control loop wrote no request for too long; the axis is stopped.
-    Deserted {
-        /// For how long.
+    /// The watchdog of the control loop expired: no request for too long. The axis is stopped.
+    WatchdogExpired {
+        /// Time since the last request.
         silence: Nanos,
     },
-    /// Exchanges take long: something holds replies back.
+    /// Exchanges are slow: something delays the replies.
     SlowLine {
-        /// What half of the exchanges take at least.
+        /// Median duration of an exchange.
         median: Nanos,
     },
-    /// The axis answers again, was checked and limited, and is not enabled.
-    Readmitted,
+    /// The axis answers again, was identified and limited, and is disabled.
+    Reconnected,
     /// The port thread ends.
     Ended {
         /// The power stage is known to be off.
@@ -124,18 +124,19 @@ pub enum PortEventKind {
     },
 }
 
-/// Why a change of state was not completed.
+/// Why a transition of an axis failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Failure {
+pub enum TransitionError {
     /// The drive does not hold the limits that it was given.
     #[error("the drive was restarted and has lost its limits; it is configured again")]
     Restarted,
-    /// The motor stands where no target may be written.
+    /// The position is outside the limits of targets.
     #[error(
-        "position {position} is outside {min} to {max}; home the axis, or correct the position limits"
+        "position {position} is outside {min} to {max}; home the axis, or correct the position \
+         limits"
     )]
     OutsideLimits {
-        /// Where it stands.
+        /// The position.
         position: Counts,
         /// Lowest allowed.
         min: Counts,
@@ -151,12 +152,12 @@ pub enum Failure {
         found: Counts,
     },
     /// The homing method reads back differently.
-    #[error("the drive did not take the homing method")]
+    #[error("the drive did not accept the homing method")]
     HomingMethod,
-    /// What homing needs reads back differently.
+    /// A setting of homing reads back differently.
     #[error("{object} reads back as 0x{found:08X} after 0x{written:08X} was written")]
     ReadBack {
-        /// What was written.
+        /// The setting.
         object: Address,
         /// As written.
         written: u32,
@@ -172,18 +173,18 @@ pub enum Failure {
         code: AbortCode,
     },
     /// It took too long.
-    #[error("the drive did not get there in time, statusword 0x{statusword:04X}")]
-    Deadline {
+    #[error("the drive did not reach the state in time, statusword 0x{statusword:04X}")]
+    Timeout {
         /// As last read.
         statusword: u16,
     },
     /// The drive reports a homing error.
     #[error("the drive reports a homing error")]
     HomingError,
-    /// The start of homing was not acknowledged, and may not be sent twice.
+    /// The start of homing was not acknowledged, and must not be sent twice.
     #[error("the start was not acknowledged")]
     Unanswered,
-    /// Asked to stop, or the drive left its state, or the line was lost.
+    /// A stop was requested, the drive changed its state, or the line was lost.
     #[error("interrupted")]
     Interrupted,
 }
@@ -204,8 +205,8 @@ impl fmt::Display for PortEventKind {
                 serial_number,
             } => write!(
                 f,
-                "drive ready, node {node_id}, product 0x{product_code:08X}, firmware 0x{firmware:04X}, serial number \
-                 0x{serial_number:08X}"
+                "drive ready, node {node_id}, product 0x{product_code:08X}, firmware \
+                 0x{firmware:04X}, serial number 0x{serial_number:08X}"
             ),
             Self::Phase {
                 from,
@@ -222,51 +223,37 @@ impl fmt::Display for PortEventKind {
             Self::TargetRefused { target, min, max } => {
                 write!(f, "set-point {target} outside {min} to {max} not written")
             }
-            Self::EnableFailed(failure) => write!(f, "not enabled: {failure}"),
-            Self::QuickStopFailed(failure) => write!(f, "no quick stop, switching off: {failure}"),
+            Self::EnableFailed(error) => write!(f, "not enabled: {error}"),
+            Self::QuickStopFailed(error) => write!(f, "no quick stop, switching off: {error}"),
             Self::HomingRefused => f.write_str("homing refused: the axis must be disabled"),
-            Self::HomingEnded { failure: None } => f.write_str("homed"),
-            Self::HomingEnded {
-                failure: Some(failure),
-            } => write!(f, "homing failed: {failure}"),
-            Self::StateLost { state } => write!(f, "the drive went to {state:?} by itself"),
-            Self::StillOn { state } => write!(
+            Self::HomingEnded { error: None } => f.write_str("homed"),
+            Self::HomingEnded { error: Some(error) } => write!(f, "homing failed: {error}"),
+            Self::UnexpectedState { state } => write!(f, "the drive went to {state:?} by itself"),
+            Self::StillPowered { state } => write!(
                 f,
                 "power stage does not go off in order ({state:?}), cutting its power"
             ),
             Self::Lost(error) => write!(f, "lost: {error}"),
-            Self::NotUsable(fault) => write!(f, "not usable: {fault}"),
-            Self::Displaced {
-                before: Some(before),
-                after,
-            } => {
-                write!(
-                    f,
-                    "stands at {after} and was left at {before}; it counts as not homed: home the axis"
-                )
+            Self::Unusable(error) => write!(f, "not usable: {error}"),
+            Self::PositionMismatch { before, after } => {
+                match before {
+                    Some(before) => write!(f, "position {after} differs from the last {before}")?,
+                    None => write!(f, "position {after} cannot be compared: none was saved")?,
+                }
+                f.write_str("; the axis counts as not homed: home it")
             }
-            Self::Displaced {
-                before: None,
-                after,
-            } => {
-                write!(
-                    f,
-                    "stands at {after}, and no one noted where it was left; it counts as not homed: home the axis"
-                )
-            }
-            Self::Deserted { silence } => {
-                write!(
-                    f,
-                    "the control loop has been silent for {:.0} ms; quick stop",
-                    silence.as_seconds() * 1e3
-                )
-            }
+            Self::WatchdogExpired { silence } => write!(
+                f,
+                "no request from the control loop for {:.0} ms; quick stop",
+                silence.as_seconds() * 1e3
+            ),
             Self::SlowLine { median } => write!(
                 f,
-                "an exchange takes {:.1} ms; with an FTDI adapter set its latency timer to 1 ms, and use no hub",
+                "an exchange takes {:.1} ms; with an FTDI adapter set its latency timer to 1 ms, \
+                 and use no hub",
                 median.as_seconds() * 1e3
             ),
-            Self::Readmitted => f.write_str("answers again; disabled"),
+            Self::Reconnected => f.write_str("answers again; disabled"),
             Self::Ended { off: true } => f.write_str("ended, power stage off"),
             Self::Ended { off: false } => f.write_str("ended, power stage NOT known to be off"),
         }

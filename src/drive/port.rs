@@ -1,33 +1,34 @@
 //! A serial port with the axes behind it, from opened to ready to run.
 //!
 //! ```text
-//! Port<Opened> -identify-> Port<Identified> -configure-> Port<Configured> -split-> PortRunner + one AxisLink per axis
+//! Port<Opened> -identify-> Port<Identified> -configure-> Port<Configured>
+//!     -split-> PortRunner + one AxisLink per axis
 //! ```
 
-use crate::config::{AxisConfig, PortConfig};
-
-use super::bring_up::{self, AxisIdentity};
-use super::error::{AxisFault, DriveError, LinkError};
-use super::exchange::Link;
-use super::family::{self, Parts};
-use super::runner::{AxisLink, PortRunner};
-use super::serial::SerialTransport;
+use super::bring_up::{self, AxisIdentity, DriveNode};
+use super::error::{AxisError, DriveError, LinkError};
+use super::family_selection::{family_of_axis, family_of_port};
+use super::link::DriveLink;
+use super::object;
+use super::port_runner::{AxisLink, PortRunner};
+use super::serial_transport::SerialTransport;
 use super::transport::Transport;
+use crate::config::{AxisConfig, PortConfig};
 use crate::units::{Counts, Nanos};
 
 /// A port whose stage of bring-up is `Stage`.
 #[derive(Debug)]
 pub struct Port<Stage, T = SerialTransport> {
-    link: Link<T>,
+    link: DriveLink<T>,
     config: PortConfig,
     stage: Stage,
 }
 
-/// The port is open; who is behind it is not known.
+/// The port is open; its drives are unknown.
 #[derive(Debug)]
 pub struct Opened(());
 
-/// Every axis is the drive that was configured, and its power stage is off.
+/// Every axis is the configured drive, and its power stage is off.
 #[derive(Debug)]
 pub struct Identified {
     axes: Vec<AxisIdentity>,
@@ -37,14 +38,13 @@ pub struct Identified {
 /// Every axis has its limits.
 #[derive(Debug)]
 pub struct Configured {
-    axes: Vec<AxisIdentity>,
-    exchange: Nanos,
-    /// Where each axis stands.
-    stands: Vec<Counts>,
+    identified: Identified,
+    /// The present position of each axis.
+    positions: Vec<Counts>,
 }
 
 impl Port<Opened> {
-    /// Opens the serial port, for this process alone.
+    /// Opens the serial port exclusively.
     ///
     /// # Errors
     ///
@@ -55,32 +55,31 @@ impl Port<Opened> {
 }
 
 impl<T: Transport> Port<Opened, T> {
-    /// Takes a line that is open already.
+    /// A port over an open line.
     pub fn over(transport: T, config: &PortConfig) -> Self {
         Self {
-            link: Link::new(transport, family::of_port(config), config),
+            link: DriveLink::new(transport, family_of_port(config), config),
             config: config.clone(),
             stage: Opened(()),
         }
     }
 
-    /// Checks that every axis is the drive that was configured, and switches off what a former
-    /// controller left on. Nothing is enabled. A drive in fault is left so, for the operator.
+    /// Checks that every axis is the configured drive, and switches off drives that a previous
+    /// controller left enabled. Enables nothing. A fault is left for the operator.
     ///
     /// # Errors
     ///
-    /// When a drive does not answer, is another one, or does not go off.
+    /// When a drive does not answer, is another one, or does not switch off.
     pub fn identify(mut self) -> Result<Port<Identified, T>, DriveError> {
         let mut axes = Vec::new();
         for axis in &self.config.axes {
-            let parts = family::of_axis(&self.config, axis).parts();
-            let identity = identify(&mut self.link, axis, parts)
-                .map_err(|fault| explain(&self.config, axis, fault))?;
+            let identity = identify(&mut self.link, &self.config, axis)
+                .map_err(|error| explain(&self.config, axis, error))?;
             axes.push(identity);
         }
         let exchange = match self.config.axes.first() {
             Some(axis) => bring_up::time_exchanges(&mut self.link)
-                .map_err(|fault| explain(&self.config, axis, fault))?,
+                .map_err(|error| explain(&self.config, axis, error))?,
             None => Nanos::ZERO,
         };
         Ok(Port {
@@ -90,7 +89,7 @@ impl<T: Transport> Port<Opened, T> {
         })
     }
 
-    /// All of bring-up.
+    /// Identifies and configures all drives.
     ///
     /// # Errors
     ///
@@ -101,7 +100,7 @@ impl<T: Transport> Port<Opened, T> {
 }
 
 impl<T: Transport> Port<Identified, T> {
-    /// Who is behind the port, in the order of the configuration.
+    /// The drives behind the port, in the order of the configuration.
     pub fn axes(&self) -> &[AxisIdentity] {
         &self.stage.axes
     }
@@ -110,73 +109,68 @@ impl<T: Transport> Port<Identified, T> {
     ///
     /// # Errors
     ///
-    /// When a drive does not answer, or does not take a limit.
+    /// When a drive does not answer, or does not accept a limit.
     pub fn configure(mut self) -> Result<Port<Configured, T>, DriveError> {
-        let mut stands = Vec::new();
+        let mut positions = Vec::new();
         for axis in &self.config.axes {
-            let settings = family::of_axis(&self.config, axis).settings(axis);
-            bring_up::configure(&mut self.link, axis.node_id, &settings)
-                .map_err(|fault| explain(&self.config, axis, fault))?;
-            let position = family::of_axis(&self.config, axis).parts().position;
-            let found = bring_up::read(&mut self.link, axis.node_id, position);
-            stands.push(Counts(
-                found.map_err(|fault| explain(&self.config, axis, fault))?,
-            ));
+            let family = family_of_axis(&self.config, axis);
+            let mut drive = DriveNode::new(&mut self.link, axis.node_id);
+            let position = drive
+                .configure(&family.settings(axis))
+                .and_then(|()| drive.read(object::POSITION))
+                .map_err(|error| explain(&self.config, axis, error))?;
+            positions.push(Counts(position));
         }
         Ok(Port {
             link: self.link,
             config: self.config,
             stage: Configured {
-                axes: self.stage.axes,
-                exchange: self.stage.exchange,
-                stands,
+                identified: self.stage,
+                positions,
             },
         })
     }
 }
 
 impl<T: Transport> Port<Configured, T> {
-    /// Who is behind the port, in the order of the configuration.
+    /// The drives behind the port, in the order of the configuration.
     pub fn axes(&self) -> &[AxisIdentity] {
-        &self.stage.axes
+        &self.stage.identified.axes
     }
 
-    /// What half of the exchanges take at least, as measured.
-    pub fn exchange_time(&self) -> Nanos {
-        self.stage.exchange
-    }
-
-    /// Parts the port into the thread's end and the control loop's ends, in the order of the
-    /// configuration.
+    /// Splits the port into the end of the port thread and the ends of the control loop, in the
+    /// order of the configuration.
     #[must_use]
     pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
+        let Identified { axes, exchange } = self.stage.identified;
         PortRunner::with_links(
             self.link,
             &self.config,
-            self.stage.axes,
-            self.stage.exchange,
-            &self.stage.stands,
+            axes,
+            exchange,
+            &self.stage.positions,
         )
     }
 }
 
-fn identify<T: Transport>(
-    link: &mut Link<T>,
+fn identify(
+    link: &mut DriveLink<impl Transport>,
+    port: &PortConfig,
     axis: &AxisConfig,
-    parts: &Parts,
-) -> Result<AxisIdentity, AxisFault> {
-    bring_up::know_line(link)?;
-    bring_up::check_identity(link, axis, parts)?;
-    let identity = bring_up::read_identity(link, axis, parts)?;
-    bring_up::switch_off(link, axis.node_id, parts)?;
+) -> Result<AxisIdentity, AxisError> {
+    bring_up::prepare_line(link)?;
+    let mut drive = DriveNode::new(link, axis.node_id);
+    drive.check_identity(axis.serial_number)?;
+    let identity = drive.read_identity(axis, family_of_axis(port, axis).object_map())?;
+    drive.switch_off()?;
     Ok(identity)
 }
 
-/// What a fault at bring-up means to a person.
-pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, fault: AxisFault) -> DriveError {
+/// The error of the port for an error of an axis.
+pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) -> DriveError {
     let (device, node) = (port.device.clone(), axis.node_id);
-    match fault {
-        AxisFault::Exchange {
+    match error {
+        AxisError::Exchange {
             error: LinkError::Lost | LinkError::Unanswered,
             ..
         } => DriveError::NoAnswer {
@@ -184,10 +178,10 @@ pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, fault: AxisFault) ->
             baud: port.baud,
             node,
         },
-        fault => DriveError::Axis {
+        error => DriveError::Axis {
             device,
             node,
-            fault,
+            error,
         },
     }
 }

@@ -1,4 +1,4 @@
-//! The line to the drives, and the clock that times it.
+//! The line to the drives, and its clock.
 
 use std::io;
 
@@ -6,27 +6,26 @@ use crate::units::Nanos;
 
 /// A line that carries bytes both ways, with its clock.
 ///
-/// The clock belongs to the line so that a simulated line can run in simulated time: everything
-/// above is then exact and takes no real time in tests.
+/// The clock belongs to the line so that a simulated line can run in simulated time: tests are then
+/// exact and fast.
 pub trait Transport {
     /// Hands all bytes to the line in one call: on USB every call costs a packet.
     ///
     /// # Errors
     ///
-    /// When the line is broken. Bytes that only wait to be sent are no error.
+    /// When the line is broken. Bytes that wait to be sent are no error.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// Takes what has arrived, waiting for the first byte until `deadline`. 0 bytes: nothing came.
-    /// What has arrived by the time of the call is returned even if the deadline has passed.
+    /// Reads the bytes that have arrived, and waits for the first one until `deadline`. 0: none
+    /// came. Bytes that have arrived are returned even if the deadline has passed.
     ///
     /// # Errors
     ///
     /// When the line is broken.
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize>;
 
-    /// Opens a line anew that broke: the cable may be back, with another device behind the same
-    /// name. Used on a line that is lost, so it may take its time. A line that cannot break has
-    /// nothing to do.
+    /// Reopens a broken line: the cable may be plugged in again, with another device behind the
+    /// same name. May block. A line that cannot break has nothing to do.
     ///
     /// # Errors
     ///

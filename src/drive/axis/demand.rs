@@ -1,131 +1,142 @@
-//! What an axis does next: the demand of the control loop, deadlines, and the turn of the line.
+//! Input from the control loop: the demand starts transitions, deadlines abort them, and the state
+//! gives the next transfer.
 
-use super::ask::Ask;
-use super::cadence::{Extra, Slot};
-use super::enabling::Enabling;
-use super::homing::Homing;
-use super::power::Power;
-use super::stage::{FaultStep, Stage};
-use super::{Axis, Events, Rearm, STOP_DEADLINE};
-use crate::drive::cia402::{Goal, State};
-use crate::drive::event::{Failure, PortEventKind};
-use crate::drive::{AxisRequest, Demand};
-use crate::units::Nanos;
+use super::enabling::{EnablingStep, PowerSequence};
+use super::homing::HomingStep;
+use super::interface::{AxisRequest, Demand};
+use super::schedule::TransferSlot;
+use super::state_machine::{
+    AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_TIMEOUT,
+};
+use super::transfer::Transfer;
+use crate::drive::cia402::{DriveState, PowerGoal};
+use crate::drive::event::{PortEventKind, TransitionError};
+use crate::units::{Counts, Nanos};
 
 /// How long enabling may take.
-const ENABLE_DEADLINE: Nanos = Nanos::from_millis(2000);
+const ENABLE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// How long switching off in order may take before the power is cut, and cutting it before it is
-/// tried again.
-const OFF_DEADLINE: Nanos = Nanos::from_millis(2000);
+/// How long switching off in order may take before the power is cut, and cutting the power before
+/// it is tried again.
+const OFF_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// How long homing may take. Taking the present position as zero takes a few exchanges.
-const HOMING_DEADLINE: Nanos = Nanos::from_millis(10_000);
+/// How long homing at the present position may take: a few transfers.
+const HOMING_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 
-/// How long looking for a hard stop may take, at the slow speed that it takes.
-const STOP_SEARCH_DEADLINE: Nanos = Nanos::from_millis(60_000);
+/// How long the search of a hard stop may take, at its low speed.
+const STOP_SEARCH_TIMEOUT: Nanos = Nanos::from_millis(60_000);
 
-impl Axis {
-    /// The next exchange, towards what the control loop demands. On a line that is `late`, what is
-    /// not pressing is left out.
-    pub(in crate::drive) fn next(
+impl AxisStateMachine {
+    /// The next transfer towards the demand. On a late line, monitoring is left out.
+    pub(in crate::drive) fn next_transfer(
         &mut self,
         request: &AxisRequest,
         now: Nanos,
         late: bool,
-        events: Events<'_>,
-    ) -> Ask {
+        events: EventSink<'_>,
+    ) -> Transfer {
         self.check_deadline(now, events);
         if request.demand != Demand::Enabled {
-            self.rearm = Rearm::Free;
+            self.interlock = EnableInterlock::Released;
         }
-        self.obey(request, now, events);
-        self.acknowledge(request, events);
-        if self.stage == Stage::Enabled {
-            self.follow(request, late, events)
-        } else {
-            self.go_on()
+        self.start_transition(request, now, events);
+        self.acknowledge_counters(request, events);
+        if self.state == AxisState::Enabled {
+            return self.next_following(request, late, events);
         }
+        let (slot, monitored) = self.schedule.next_idle();
+        if slot == TransferSlot::Position {
+            return Transfer::Position;
+        }
+        let transfer = self.state.transfer(self.object_map(), &self.plan);
+        transfer.unwrap_or(monitored.into())
     }
 
-    fn follow(&mut self, request: &AxisRequest, late: bool, events: Events<'_>) -> Ask {
-        if let Some(ask) = self.steer.ask() {
-            return ask;
+    fn next_following(
+        &mut self,
+        request: &AxisRequest,
+        late: bool,
+        events: EventSink<'_>,
+    ) -> Transfer {
+        if let Some(transfer) = self.trigger.transfer() {
+            return transfer;
         }
-        match self.cadence.following(late) {
-            Slot::Lead if self.limits.contains(&request.target.0) => Ask::Follow(*request),
-            // Clamping would move the motor somewhere that no one asked for.
-            Slot::Lead => {
-                self.report_target(request.target, events);
-                self.cadence.following(late);
-                Ask::Position
+        match self.schedule.next_following(late) {
+            TransferSlot::Command if self.limits.contains(&request.target.0) => {
+                Transfer::Setpoint(*request)
             }
-            Slot::Position => Ask::Position,
-            Slot::Extra(extra) => extra_ask(extra),
+            // Not clamped: that would move the motor to a position that was never requested.
+            TransferSlot::Command => {
+                self.report_target(request.target, events);
+                self.schedule.next_following(late);
+                Transfer::Position
+            }
+            TransferSlot::Position => Transfer::Position,
+            TransferSlot::Monitor(value) => value.into(),
         }
     }
 
-    fn go_on(&mut self) -> Ask {
-        match (
-            self.cadence.idle(),
-            self.stage.ask(self.drive.parts(), &self.plan),
-        ) {
-            ((Slot::Position, _), _) => Ask::Position,
-            ((_, _), Some(ask)) => ask,
-            ((_, extra), None) => extra_ask(extra),
+    fn report_target(&mut self, target: Counts, events: EventSink<'_>) {
+        let (min, max) = (Counts(*self.limits.start()), Counts(*self.limits.end()));
+        if !std::mem::replace(&mut self.reported.target, true) {
+            self.report(PortEventKind::TargetRefused { target, min, max }, events);
         }
     }
 
-    /// Starts what the demand asks for.
-    fn obey(&mut self, request: &AxisRequest, now: Nanos, events: Events<'_>) {
+    /// Starts the transition that the request asks for.
+    fn start_transition(&mut self, request: &AxisRequest, now: Nanos, events: EventSink<'_>) {
         let homing = request.homings != self.feedback.homings;
         let reset = request.fault_resets != self.feedback.fault_resets;
-        match (self.stage, request.demand) {
-            (Stage::Disabled, Demand::Disabled | Demand::QuickStop) if homing => {
-                let span = if self.plan.moves() {
-                    STOP_SEARCH_DEADLINE
+        match (self.state, request.demand) {
+            (AxisState::Disabled, Demand::Disabled | Demand::QuickStop) if homing => {
+                let timeout = if self.plan.moves() {
+                    STOP_SEARCH_TIMEOUT
                 } else {
-                    HOMING_DEADLINE
+                    HOMING_TIMEOUT
                 };
-                self.enter(
-                    Stage::Homing(Homing::Position, now + span, request.homings),
-                    events,
-                );
+                let (step, deadline) = (HomingStep::Position, now + timeout);
+                self.enter(AxisState::Homing(step, deadline, request.homings), events);
             }
-            (Stage::Disabled | Stage::QuickStopped(_), Demand::Enabled)
-                if self.rearm == Rearm::Free =>
+            (AxisState::Disabled | AxisState::QuickStopped(_), Demand::Enabled)
+                if self.interlock == EnableInterlock::Released =>
             {
-                self.enter(
-                    Stage::Enabling(Enabling::LimitMin, now + ENABLE_DEADLINE),
-                    events,
-                );
+                let (step, deadline) = (EnablingStep::LimitMin, now + ENABLE_TIMEOUT);
+                self.enter(AxisState::Enabling(step, deadline), events);
             }
-            (Stage::Enabled, Demand::QuickStop) => {
-                self.enter(
-                    Stage::QuickStopping(Power::towards(Goal::Stopped), now + STOP_DEADLINE),
-                    events,
-                );
+            (AxisState::Enabled, Demand::QuickStop) => {
+                let power = PowerSequence::new(PowerGoal::Stopped);
+                self.enter(AxisState::QuickStopping(power, now + STOP_TIMEOUT), events);
             }
-            // Out of quick stop the power goes at once, so the ramp is waited for.
-            (Stage::QuickStopped(by), Demand::Disabled) if !self.still && now < by => {}
-            (Stage::Enabling(..) | Stage::Enabled | Stage::QuickStopped(..), Demand::Disabled)
-            | (Stage::Enabling(..) | Stage::Homing(..), Demand::QuickStop) => {
+            // Disabling out of quick stop cuts the power at once, so the ramp must have ended.
+            (AxisState::QuickStopped(deadline), Demand::Disabled)
+                if !self.at_standstill && now < deadline => {}
+            (
+                AxisState::Enabling(..) | AxisState::Enabled | AxisState::QuickStopped(..),
+                Demand::Disabled,
+            )
+            | (AxisState::Enabling(..) | AxisState::Homing(..), Demand::QuickStop) => {
                 self.switch_off(now, events);
             }
-            (Stage::Faulted(FaultStep::Rest), _) if reset && self.state() == Some(State::Fault) => {
-                self.stage = Stage::Faulted(FaultStep::Lower(request.fault_resets));
+            (AxisState::Faulted(FaultStep::WaitForOperator), _)
+                if reset && self.drive_state() == Some(DriveState::Fault) =>
+            {
+                self.state = AxisState::Faulted(FaultStep::LowerBit(request.fault_resets));
             }
             _ => {}
         }
     }
 
-    /// Answers counters that ask for something which this stage does not do: an old request must
-    /// not be carried out much later, when no one expects it.
-    pub(in crate::drive) fn acknowledge(&mut self, request: &AxisRequest, events: Events<'_>) {
-        if !matches!(self.stage, Stage::Faulted(_) | Stage::Starting) {
+    /// Acknowledges requests that this state does not carry out: an old request must not be carried
+    /// out much later, when nobody expects it.
+    pub(in crate::drive) fn acknowledge_counters(
+        &mut self,
+        request: &AxisRequest,
+        events: EventSink<'_>,
+    ) {
+        if !matches!(self.state, AxisState::Faulted(_) | AxisState::Starting) {
             self.feedback.fault_resets = request.fault_resets;
         }
-        if !matches!(self.stage, Stage::Homing(..) | Stage::Starting)
+        if !matches!(self.state, AxisState::Homing(..) | AxisState::Starting)
             && self.feedback.homings != request.homings
         {
             self.feedback.homings = request.homings;
@@ -133,61 +144,50 @@ impl Axis {
         }
     }
 
-    /// Powers the axis down, whatever is going on.
-    pub(in crate::drive) fn power_down(&mut self, now: Nanos, events: Events<'_>) {
-        if !self.is_at_rest() && !matches!(self.stage, Stage::Disabling(..)) {
-            self.give_up(now, events);
+    /// Starts to power the axis down, in any state.
+    pub(in crate::drive) fn start_shutdown(&mut self, now: Nanos, events: EventSink<'_>) {
+        if !self.is_shut_down() && !matches!(self.state, AxisState::Disabling(..)) {
+            self.abort(now, events);
         }
     }
 
-    /// Switches off because something went wrong.
-    pub(super) fn give_up(&mut self, now: Nanos, events: Events<'_>) {
-        self.rearm = Rearm::Held;
+    /// Switches off because something failed.
+    pub(super) fn abort(&mut self, now: Nanos, events: EventSink<'_>) {
+        self.interlock = EnableInterlock::Engaged;
         self.switch_off(now, events);
     }
 
-    fn switch_off(&mut self, now: Nanos, events: Events<'_>) {
-        self.enter(
-            Stage::Disabling(Power::towards(Goal::Off), now + OFF_DEADLINE),
-            events,
-        );
+    fn switch_off(&mut self, now: Nanos, events: EventSink<'_>) {
+        let power = PowerSequence::new(PowerGoal::Off);
+        self.enter(AxisState::Disabling(power, now + OFF_TIMEOUT), events);
     }
 
-    fn check_deadline(&mut self, now: Nanos, events: Events<'_>) {
-        let late = Failure::Deadline {
+    fn check_deadline(&mut self, now: Nanos, events: EventSink<'_>) {
+        let error = TransitionError::Timeout {
             statusword: self.feedback.statusword,
         };
-        match self.stage {
-            Stage::Enabling(_, deadline) if now > deadline => {
-                self.report(PortEventKind::EnableFailed(late), events);
-                self.give_up(now, events);
+        match self.state {
+            AxisState::Enabling(_, deadline) if now > deadline => {
+                self.report(PortEventKind::EnableFailed(error), events);
+                self.abort(now, events);
             }
-            Stage::QuickStopping(_, deadline) if now > deadline => {
-                self.report(PortEventKind::QuickStopFailed(late), events);
-                self.give_up(now, events);
+            AxisState::QuickStopping(_, deadline) if now > deadline => {
+                self.report(PortEventKind::QuickStopFailed(error), events);
+                self.abort(now, events);
             }
-            Stage::Homing(_, deadline, _) if now > deadline => self.fail_homing(late, now, events),
-            Stage::Faulted(FaultStep::Watch(count, deadline)) if now > deadline => {
-                self.end_reset(count, events)
+            AxisState::Homing(_, deadline, _) if now > deadline => {
+                self.abort_homing(error, now, events);
             }
-            Stage::Disabling(_, deadline) if now > deadline => {
-                self.report(
-                    PortEventKind::StillOn {
-                        state: self.state(),
-                    },
-                    events,
-                );
-                self.stage = Stage::Disabling(Power::towards(Goal::Cut), now + OFF_DEADLINE);
+            AxisState::Faulted(FaultStep::WaitForClear(count, deadline)) if now > deadline => {
+                self.end_failed_reset(count, events);
+            }
+            AxisState::Disabling(_, deadline) if now > deadline => {
+                let state = self.drive_state();
+                self.report(PortEventKind::StillPowered { state }, events);
+                let power = PowerSequence::new(PowerGoal::Cut);
+                self.state = AxisState::Disabling(power, now + OFF_TIMEOUT);
             }
             _ => {}
         }
-    }
-}
-
-fn extra_ask(extra: Extra) -> Ask {
-    match extra {
-        Extra::Status => Ask::Status,
-        Extra::ErrorCode => Ask::ErrorCode,
-        Extra::Current => Ask::Current,
     }
 }

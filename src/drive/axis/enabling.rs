@@ -1,116 +1,183 @@
-//! Enabling on the spot: the drive's target is its own position before it may follow anything.
+//! Switching the power stage, and enabling without a jump: the target of the drive is its own
+//! position before it follows anything.
 
 use std::ops::RangeInclusive;
 
-use super::Progress;
-use super::ask::Ask;
-use super::power::Power;
-use crate::drive::cia402::{Goal, State, Statusword};
-use crate::drive::event::Failure;
-use crate::drive::family::Parts;
+use super::transfer::Transfer;
+use crate::drive::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
+use crate::drive::event::TransitionError;
+use crate::drive::family::ObjectMap;
 use crate::drive::object::Value;
 use crate::units::Counts;
 
-/// The steps, in order. A target that is left over in the drive would be a jump.
+/// Status of a procedure after a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Enabling {
-    /// Read a position limit back: a drive that was restarted since it was configured has lost them
-    /// all.
+pub(super) enum ProcedureStatus {
+    Running,
+    Done,
+    Failed(TransitionError),
+}
+
+/// Brings the CiA 402 state machine to a goal. Reads the state before every command, and waits for
+/// the effect of a command before the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct PowerSequence {
+    goal: PowerGoal,
+    next: NextAction,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum NextAction {
+    ReadState,
+    /// Write this controlword; the drive was in this state.
+    Command(Controlword, DriveState),
+    /// The controlword was accepted; wait for the drive to leave this state.
+    WaitForChange(DriveState),
+}
+
+impl PowerSequence {
+    pub(super) fn new(goal: PowerGoal) -> Self {
+        let next = NextAction::ReadState;
+        Self { goal, next }
+    }
+
+    pub(super) fn transfer(self) -> Transfer {
+        match self.next {
+            NextAction::ReadState | NextAction::WaitForChange(_) => Transfer::Status,
+            NextAction::Command(controlword, _) => Transfer::Control(controlword),
+        }
+    }
+
+    /// Continues after a transfer; `true` when the goal is reached.
+    pub(super) fn advance(&mut self, transfer: Transfer, raw: u32) -> bool {
+        let state = Statusword(u16::from_raw(raw)).state();
+        match (transfer, self.next) {
+            (Transfer::Control(_), NextAction::Command(_, from)) => {
+                self.next = NextAction::WaitForChange(from);
+                false
+            }
+            (Transfer::Status, _) => state.is_some_and(|state| self.update_state(state)),
+            _ => false,
+        }
+    }
+
+    fn update_state(&mut self, state: DriveState) -> bool {
+        if self.next == NextAction::WaitForChange(state) {
+            return false;
+        }
+        self.next = match power_step(state, self.goal) {
+            PowerStep::Reached => return true,
+            PowerStep::Command(controlword) => NextAction::Command(controlword, state),
+            // The axis itself handles a fault.
+            PowerStep::Wait | PowerStep::Blocked => NextAction::ReadState,
+        };
+        false
+    }
+}
+
+/// The steps of enabling, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum EnablingStep {
+    /// Read a position limit back: a drive that restarted since its configuration has lost all
+    /// limits.
     LimitMin,
-    /// The other one. Not both are 0, as they are in a restarted drive.
+    /// Read the other limit back. In a restarted drive both are 0; the configuration never is.
     LimitMax,
-    /// Read where the motor stands.
+    /// Read the position of the motor.
     Position,
-    /// Make that the target.
+    /// Write it as target: an old target in the drive would be a jump.
     Preload(i32),
     /// Read the target back.
     Check(i32),
-    /// Choose the mode.
+    /// Write the mode.
     SetMode,
     /// Wait until the mode is in force.
     Mode,
     /// Switch on.
-    Power(Power),
+    Power(PowerSequence),
 }
 
-impl Enabling {
-    pub(super) fn ask(self, parts: &Parts) -> Ask {
+impl EnablingStep {
+    pub(super) fn transfer(self, map: &ObjectMap) -> Transfer {
         match self {
-            Self::LimitMin => Ask::LimitMin,
-            Self::LimitMax => Ask::LimitMax,
-            Self::Position => Ask::Position,
-            Self::Preload(target) => Ask::Preload(target),
-            Self::Check(_) => Ask::Target,
-            Self::SetMode => Ask::SetMode(parts.streaming_mode),
-            Self::Mode => Ask::Mode,
-            Self::Power(power) => power.ask(),
+            Self::LimitMin => Transfer::LimitMin,
+            Self::LimitMax => Transfer::LimitMax,
+            Self::Position => Transfer::Position,
+            Self::Preload(target) => Transfer::Preload(target),
+            Self::Check(_) => Transfer::Target,
+            Self::SetMode => Transfer::SetMode(map.streaming_mode),
+            Self::Mode => Transfer::Mode,
+            Self::Power(power) => power.transfer(),
         }
     }
 
-    pub(super) fn take(
+    pub(super) fn advance(
         &mut self,
-        ask: Ask,
+        transfer: Transfer,
         raw: u32,
-        parts: &Parts,
+        map: &ObjectMap,
         limits: &RangeInclusive<i32>,
-    ) -> Progress {
-        match (*self, ask) {
-            (Self::LimitMin, Ask::LimitMin) if i32::from_raw(raw) == *limits.start() => {
-                *self = Self::LimitMax
+    ) -> ProcedureStatus {
+        let value = i32::from_raw(raw);
+        *self = match (*self, transfer) {
+            (Self::LimitMin, Transfer::LimitMin) if value == *limits.start() => Self::LimitMax,
+            (Self::LimitMax, Transfer::LimitMax) if value == *limits.end() => Self::Position,
+            (Self::LimitMin, Transfer::LimitMin) | (Self::LimitMax, Transfer::LimitMax) => {
+                return ProcedureStatus::Failed(TransitionError::Restarted);
             }
-            (Self::LimitMax, Ask::LimitMax) if i32::from_raw(raw) == *limits.end() => {
-                *self = Self::Position
+            (Self::Position, Transfer::Position) if limits.contains(&value) => Self::Preload(value),
+            (Self::Position, Transfer::Position) => {
+                return ProcedureStatus::Failed(TransitionError::OutsideLimits {
+                    position: Counts(value),
+                    min: Counts(*limits.start()),
+                    max: Counts(*limits.end()),
+                });
             }
-            (Self::LimitMin, Ask::LimitMin) | (Self::LimitMax, Ask::LimitMax) => {
-                return Progress::Failed(Failure::Restarted);
+            (Self::Preload(target), Transfer::Preload(_)) => Self::Check(target),
+            (Self::Check(target), Transfer::Target) if value == target => Self::SetMode,
+            (Self::Check(target), Transfer::Target) => {
+                let (written, found) = (Counts(target), Counts(value));
+                return ProcedureStatus::Failed(TransitionError::Preload { written, found });
             }
-            (Self::Position, Ask::Position) => {
-                return self.take_position(i32::from_raw(raw), limits);
+            (Self::SetMode, Transfer::SetMode(_)) => Self::Mode,
+            (Self::Mode, Transfer::Mode) if i8::from_raw(raw) == map.streaming_mode => {
+                Self::Power(PowerSequence::new(PowerGoal::On))
             }
-            (Self::Preload(target), Ask::Preload(_)) => *self = Self::Check(target),
-            (Self::Check(target), Ask::Target) if i32::from_raw(raw) == target => {
-                *self = Self::SetMode
+            (Self::Power(mut power), _) => {
+                if power.advance(transfer, raw) {
+                    return ProcedureStatus::Done;
+                }
+                Self::Power(power)
             }
-            (Self::Check(target), Ask::Target) => {
-                let (written, found) = (Counts(target), Counts(i32::from_raw(raw)));
-                return Progress::Failed(Failure::Preload { written, found });
-            }
-            (Self::SetMode, Ask::SetMode(_)) => *self = Self::Mode,
-            (Self::Mode, Ask::Mode) if i8::from_raw(raw) == parts.streaming_mode => {
-                *self = Self::Power(Power::towards(Goal::On));
-            }
-            (Self::Power(mut power), Ask::Control(_)) => {
-                power.commanded();
-                *self = Self::Power(power);
-            }
-            (Self::Power(power), Ask::Status) => {
-                return self.look(power, Statusword(u16::from_raw(raw)).state());
-            }
-            _ => {}
-        }
-        Progress::Going
+            (same, _) => same,
+        };
+        ProcedureStatus::Running
     }
+}
 
-    fn take_position(&mut self, position: i32, limits: &RangeInclusive<i32>) -> Progress {
-        if !limits.contains(&position) {
-            let (position, min, max) = (
-                Counts(position),
-                Counts(*limits.start()),
-                Counts(*limits.end()),
-            );
-            return Progress::Failed(Failure::OutsideLimits { position, min, max });
-        }
-        *self = Self::Preload(position);
-        Progress::Going
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-    fn look(&mut self, mut power: Power, state: Option<State>) -> Progress {
-        let reached = state.is_some_and(|state| power.look(state));
-        *self = Self::Power(power);
-        if reached {
-            Progress::Done
-        } else {
-            Progress::Going
+    #[test]
+    fn a_command_is_sent_once_and_the_next_only_after_its_effect() {
+        use DriveState::{OperationEnabled, Ready, SwitchOnDisabled, SwitchedOn};
+        let shutdown = Transfer::Control(Controlword::SHUTDOWN);
+        let enable = Transfer::Control(Controlword::ENABLE_OPERATION);
+        let mut power = PowerSequence::new(PowerGoal::On);
+        assert_eq!(power.transfer(), Transfer::Status);
+        assert!(!power.update_state(SwitchOnDisabled));
+        assert_eq!(power.transfer(), shutdown);
+        assert_eq!(power.transfer(), shutdown, "until it is acknowledged");
+        power.advance(shutdown, 0);
+        assert_eq!(power.transfer(), Transfer::Status);
+        assert!(!power.update_state(SwitchOnDisabled));
+        assert_eq!(power.transfer(), Transfer::Status, "no effect yet");
+        for state in [Ready, SwitchedOn] {
+            assert!(!power.update_state(state));
+            assert_eq!(power.transfer(), enable);
+            power.advance(enable, 0);
         }
+        assert!(power.update_state(OperationEnabled));
     }
 }

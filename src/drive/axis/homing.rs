@@ -1,37 +1,37 @@
-//! Homing: the drive finds its zero by itself.
+//! Homing: the drive finds its home position by itself.
 
-use super::Progress;
-use super::ask::Ask;
-use super::power::Power;
-use crate::drive::cia402::{Controlword, Goal, Statusword};
-use crate::drive::event::Failure;
-use crate::drive::family::{HomingPlan, Parts};
+use super::enabling::{PowerSequence, ProcedureStatus};
+use super::transfer::Transfer;
+use crate::drive::abort_code::AbortCode;
+use crate::drive::cia402::{Controlword, HOMING_MODE, PowerGoal, Statusword};
+use crate::drive::event::TransitionError;
+use crate::drive::family::ObjectMap;
+use crate::drive::homing_plan::HomingPlan;
 use crate::drive::object::{Address, Setting, Value};
-use crate::drive::request::AbortCode;
 
-/// The steps, in order. Numbers are places in the lists of the plan.
+/// The steps, in order. Numbers are indices into the lists of the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Homing {
-    /// Read where the motor stands.
+pub(super) enum HomingStep {
+    /// Read the position of the motor.
     Position,
-    /// Make that the target, for the case that the drive is not in homing mode after all. Before
-    /// homing the position means nothing, so the drive may find it outside its limits and refuse;
-    /// homing does not look at the target.
+    /// Write it as target, in case the drive is not in homing mode after all. Before homing the
+    /// position has no meaning, so the drive may refuse it as outside its limits; homing does not
+    /// use the target.
     Preload(i32),
-    /// Choose the homing mode.
+    /// Write the homing mode.
     SetMode,
     /// Wait until it is in force.
     Mode,
-    /// Choose the method.
+    /// Write the method.
     SetMethod,
     /// Read it back.
     Method,
-    /// Set what the method needs: little current first of all.
+    /// Write the settings of the method; the low current limit comes first.
     Prepare(usize),
-    /// Read that back.
+    /// Read them back.
     CheckPrepared(usize),
     /// Switch on.
-    On(Power),
+    On(PowerSequence),
     /// Start.
     Start,
     /// Wait for the end.
@@ -39,159 +39,164 @@ pub(super) enum Homing {
     /// Lower the start bit, ready for the next time.
     Lower,
     /// Switch off.
-    Off(Power),
-    /// Put back what was set.
+    Off(PowerSequence),
+    /// Restore the settings.
     Restore(usize),
-    /// Read that back.
+    /// Read them back.
     CheckRestored(usize),
-    /// Choose the mode for set-points again.
+    /// Write the mode for set-points.
     SetModeBack,
     /// Wait until it is in force.
     ModeBack,
 }
 
-impl Homing {
-    pub(super) fn ask(self, parts: &Parts, plan: &HomingPlan) -> Ask {
-        let listed = |list: &[Setting], place: usize, ask: fn(Setting) -> Ask| {
-            // A place is only ever entered when it is in its list.
-            list.get(place).map_or(Ask::Status, |setting| ask(*setting))
-        };
-        let read_back = |setting: Setting| Ask::ReadBack(setting.object);
+impl HomingStep {
+    pub(super) fn transfer(self, map: &ObjectMap, plan: &HomingPlan) -> Transfer {
+        let write = |setting: &Setting| Transfer::Set(*setting);
+        let read_back = |setting: &Setting| Transfer::ReadBack(setting.object);
+        // An index is always inside its list.
+        let prepared = |index| plan.settings().get(index);
+        let restored = |index| plan.restored().get(index);
         match self {
-            Self::Position => Ask::Position,
-            Self::Preload(target) => Ask::Preload(target),
-            Self::SetMode => Ask::SetMode(parts.homing_mode),
-            Self::SetModeBack => Ask::SetMode(parts.streaming_mode),
-            Self::Mode | Self::ModeBack => Ask::Mode,
-            Self::SetMethod => Ask::SetMethod(plan.method()),
-            Self::Method => Ask::Method,
-            Self::Prepare(place) => listed(plan.settings(), place, Ask::Set),
-            Self::CheckPrepared(place) => listed(plan.settings(), place, read_back),
-            Self::Restore(place) => listed(plan.restored(), place, Ask::Set),
-            Self::CheckRestored(place) => listed(plan.restored(), place, read_back),
-            Self::On(power) | Self::Off(power) => power.ask(),
-            Self::Start => Ask::StartHoming,
-            Self::Run => Ask::Status,
-            Self::Lower => Ask::Control(Controlword::ENABLE_OPERATION),
+            Self::Position => Transfer::Position,
+            Self::Preload(target) => Transfer::Preload(target),
+            Self::SetMode => Transfer::SetMode(HOMING_MODE),
+            Self::SetModeBack => Transfer::SetMode(map.streaming_mode),
+            Self::Mode | Self::ModeBack => Transfer::Mode,
+            Self::SetMethod => Transfer::SetMethod(plan.method()),
+            Self::Method => Transfer::Method,
+            Self::Prepare(index) => prepared(index).map_or(Transfer::Status, write),
+            Self::CheckPrepared(index) => prepared(index).map_or(Transfer::Status, read_back),
+            Self::Restore(index) => restored(index).map_or(Transfer::Status, write),
+            Self::CheckRestored(index) => restored(index).map_or(Transfer::Status, read_back),
+            Self::On(power) | Self::Off(power) => power.transfer(),
+            Self::Start => Transfer::StartHoming,
+            Self::Run => Transfer::Status,
+            Self::Lower => Transfer::Control(Controlword::ENABLE_OPERATION),
         }
     }
 
-    pub(super) fn take(
+    pub(super) fn advance(
         &mut self,
-        ask: Ask,
+        transfer: Transfer,
         raw: u32,
-        parts: &Parts,
+        map: &ObjectMap,
         plan: &HomingPlan,
-    ) -> Progress {
-        let next = match (*self, ask) {
-            (Self::Position, Ask::Position) => Self::Preload(i32::from_raw(raw)),
-            (Self::Preload(_), Ask::Preload(_)) => Self::SetMode,
-            (Self::SetMode, Ask::SetMode(_)) => Self::Mode,
-            (Self::Mode, Ask::Mode) if i8::from_raw(raw) == parts.homing_mode => Self::SetMethod,
-            (Self::SetMethod, Ask::SetMethod(_)) => Self::Method,
-            (Self::Method, Ask::Method) if i8::from_raw(raw) == plan.method() => {
+    ) -> ProcedureStatus {
+        match self.next(transfer, raw, map, plan) {
+            Ok(Some(next)) => {
+                *self = next;
+                ProcedureStatus::Running
+            }
+            Ok(None) => ProcedureStatus::Done,
+            Err(error) => ProcedureStatus::Failed(error),
+        }
+    }
+
+    /// The next step; `None` after the last.
+    fn next(
+        self,
+        transfer: Transfer,
+        raw: u32,
+        map: &ObjectMap,
+        plan: &HomingPlan,
+    ) -> Result<Option<Self>, TransitionError> {
+        let mode = i8::from_raw(raw);
+        Ok(Some(match (self, transfer) {
+            (Self::Position, Transfer::Position) => Self::Preload(i32::from_raw(raw)),
+            (Self::Preload(_), Transfer::Preload(_)) => Self::SetMode,
+            (Self::SetMode, Transfer::SetMode(_)) => Self::Mode,
+            (Self::Mode, Transfer::Mode) if mode == HOMING_MODE => Self::SetMethod,
+            (Self::SetMethod, Transfer::SetMethod(_)) => Self::Method,
+            (Self::Method, Transfer::Method) if i8::from_raw(raw) == plan.method() => {
                 Self::prepare(0, plan)
             }
-            (Self::Method, Ask::Method) => return Progress::Failed(Failure::HomingMethod),
-            (Self::Prepare(place), Ask::Set(_)) => Self::CheckPrepared(place),
-            (Self::CheckPrepared(place), Ask::ReadBack(_)) => {
-                match compare(plan.settings(), place, raw) {
-                    Ok(()) => Self::prepare(place + 1, plan),
-                    Err(failure) => return Progress::Failed(failure),
+            (Self::Method, Transfer::Method) => return Err(TransitionError::HomingMethod),
+            (Self::Prepare(index), Transfer::Set(_)) => Self::CheckPrepared(index),
+            (Self::CheckPrepared(index), Transfer::ReadBack(_)) => {
+                compare(plan.settings().get(index), raw)?;
+                Self::prepare(index + 1, plan)
+            }
+            (Self::On(mut power), _) => {
+                if power.advance(transfer, raw) {
+                    Self::Start
+                } else {
+                    Self::On(power)
                 }
             }
-            (Self::On(power), _) => pass(power, ask, raw, Self::On, Self::Start),
-            (Self::Start, Ask::StartHoming) => Self::Run,
-            (Self::Run, Ask::Status) => match Statusword(u16::from_raw(raw)) {
-                word if word.homing_error() => return Progress::Failed(Failure::HomingError),
+            (Self::Start, Transfer::StartHoming) => Self::Run,
+            (Self::Run, Transfer::Status) => match Statusword(u16::from_raw(raw)) {
+                word if word.homing_error() => return Err(TransitionError::HomingError),
                 word if word.homing_attained() => Self::Lower,
                 _ => Self::Run,
             },
-            (Self::Lower, Ask::Control(_)) => Self::Off(Power::towards(Goal::Off)),
-            (Self::Off(power), _) => pass(power, ask, raw, Self::Off, Self::restore(0, plan)),
-            (Self::Restore(place), Ask::Set(_)) => Self::CheckRestored(place),
-            (Self::CheckRestored(place), Ask::ReadBack(_)) => {
-                match compare(plan.restored(), place, raw) {
-                    Ok(()) => Self::restore(place + 1, plan),
-                    Err(failure) => return Progress::Failed(failure),
+            (Self::Lower, Transfer::Control(_)) => Self::Off(PowerSequence::new(PowerGoal::Off)),
+            (Self::Off(mut power), _) => {
+                if power.advance(transfer, raw) {
+                    Self::restore(0, plan)
+                } else {
+                    Self::Off(power)
                 }
             }
-            (Self::SetModeBack, Ask::SetMode(_)) => Self::ModeBack,
-            (Self::ModeBack, Ask::Mode) if i8::from_raw(raw) == parts.streaming_mode => {
-                return Progress::Done;
+            (Self::Restore(index), Transfer::Set(_)) => Self::CheckRestored(index),
+            (Self::CheckRestored(index), Transfer::ReadBack(_)) => {
+                compare(plan.restored().get(index), raw)?;
+                Self::restore(index + 1, plan)
             }
+            (Self::SetModeBack, Transfer::SetMode(_)) => Self::ModeBack,
+            (Self::ModeBack, Transfer::Mode) if mode == map.streaming_mode => return Ok(None),
             (same, _) => same,
-        };
-        *self = next;
-        Progress::Going
+        }))
     }
 
-    fn prepare(place: usize, plan: &HomingPlan) -> Self {
-        if place < plan.settings().len() {
-            Self::Prepare(place)
+    fn prepare(index: usize, plan: &HomingPlan) -> Self {
+        if index < plan.settings().len() {
+            Self::Prepare(index)
         } else {
-            Self::On(Power::towards(Goal::On))
+            Self::On(PowerSequence::new(PowerGoal::On))
         }
     }
 
-    fn restore(place: usize, plan: &HomingPlan) -> Self {
-        if place < plan.restored().len() {
-            Self::Restore(place)
+    fn restore(index: usize, plan: &HomingPlan) -> Self {
+        if index < plan.restored().len() {
+            Self::Restore(index)
         } else {
             Self::SetModeBack
         }
     }
 
     /// The drive refused a step.
-    pub(super) fn refused(&mut self, object: Address, code: AbortCode) -> Progress {
-        match self {
-            Self::Preload(_) => {
-                *self = Self::SetMode;
-                Progress::Going
-            }
-            _ => Progress::Failed(Failure::Refused { object, code }),
+    pub(super) fn handle_refusal(&mut self, object: Address, code: AbortCode) -> ProcedureStatus {
+        if let Self::Preload(_) = self {
+            *self = Self::SetMode;
+            return ProcedureStatus::Running;
         }
+        ProcedureStatus::Failed(TransitionError::Refused { object, code })
     }
 
-    /// A step was not answered. All may be asked for again but the start.
-    pub(super) fn unanswered(self) -> Progress {
+    /// A step was not answered. Every step but the start may be repeated.
+    pub(super) fn handle_timeout(self) -> ProcedureStatus {
         if self == Self::Start {
-            Progress::Failed(Failure::Unanswered)
+            ProcedureStatus::Failed(TransitionError::Unanswered)
         } else {
-            Progress::Going
+            ProcedureStatus::Running
         }
     }
 
-    /// The drive is meant to be powered: leaving operation enabled is an error.
+    /// The drive must be powered in this step: leaving operation enabled is an error.
     pub(super) fn is_powered(self) -> bool {
         matches!(self, Self::Start | Self::Run | Self::Lower)
     }
 }
 
-/// Compares what was read back with the setting at a place of a list.
-fn compare(list: &[Setting], place: usize, found: u32) -> Result<(), Failure> {
-    match list.get(place) {
-        Some(setting) if setting.raw != found => Err(Failure::ReadBack {
-            object: setting.object,
-            written: setting.raw,
+/// Compares the value that was read back with the setting.
+fn compare(setting: Option<&Setting>, found: u32) -> Result<(), TransitionError> {
+    match setting {
+        Some(&Setting { object, raw }) if raw != found => Err(TransitionError::ReadBack {
+            object,
+            written: raw,
             found,
         }),
         _ => Ok(()),
     }
-}
-
-/// Passes an answer to a change of power, and tells the step after it.
-fn pass(mut power: Power, ask: Ask, raw: u32, same: fn(Power) -> Homing, next: Homing) -> Homing {
-    match ask {
-        Ask::Control(_) => power.commanded(),
-        Ask::Status
-            if Statusword(u16::from_raw(raw))
-                .state()
-                .is_some_and(|state| power.look(state)) =>
-        {
-            return next;
-        }
-        _ => {}
-    }
-    same(power)
 }

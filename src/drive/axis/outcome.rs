@@ -1,126 +1,127 @@
-//! What an axis makes of the outcome of an exchange.
+//! Input from the drive: the outcome of a transfer updates the feedback and ends transitions.
 
-use super::ask::Ask;
-use super::enabling::Enabling;
-use super::power::Power;
-use super::stage::{FaultStep, Stage};
-use super::{Axis, Events, Progress, Rearm, Reply, STOP_DEADLINE};
-use crate::drive::cia402::{Controlword, State, Statusword};
-use crate::drive::error::{AxisFault, LinkError};
-use crate::drive::event::{Failure, PortEventKind};
-use crate::drive::family::Steering;
+use super::enabling::{EnablingStep, ProcedureStatus};
+use super::interface::{AxisRequest, WrittenTarget};
+use super::schedule::TriggerState;
+use super::state_machine::{
+    AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_TIMEOUT,
+};
+use super::transfer::Transfer;
+use crate::drive::abort_code::AbortCode;
+use crate::drive::cia402::{Controlword, DriveState, Statusword};
+use crate::drive::error::{AxisError, LinkError};
+use crate::drive::event::{PortEventKind, TransitionError};
+use crate::drive::family::SetpointTrigger;
+use crate::drive::link::TimedReply;
 use crate::drive::object::Value;
-use crate::drive::request::AbortCode;
-use crate::drive::{AxisRequest, WrittenTarget};
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to leave the fault state.
-const RESET_DEADLINE: Nanos = Nanos::from_millis(500);
+const RESET_TIMEOUT: Nanos = Nanos::from_millis(500);
 
-/// Exchanges in a row without an answer, on a line that is in step, that make an axis lost.
-const MISSES: u32 = 3;
+/// An axis is lost after this many transfers in a row without an answer, on a line in sync.
+const MAX_UNANSWERED: u32 = 3;
 
-/// Distance between two positions in a row that counts as standing still: an encoder may waver by a
-/// count.
-const STILL_COUNTS: u32 = 1;
+/// Two positions in a row this close count as standstill: an encoder may toggle by a count.
+const STANDSTILL_COUNTS: u32 = 1;
 
-impl Axis {
-    /// Takes the outcome of an exchange.
-    pub(in crate::drive) fn done(
+impl AxisStateMachine {
+    /// Handles the outcome of a transfer. The value of a write is 0.
+    pub(in crate::drive) fn handle_outcome(
         &mut self,
-        ask: Ask,
-        outcome: Result<Reply, LinkError>,
+        transfer: Transfer,
+        outcome: Result<TimedReply<u32>, LinkError>,
         now: Nanos,
-        events: Events<'_>,
+        events: EventSink<'_>,
     ) {
-        let none = Reply {
-            raw: 0,
-            sent: now,
-            received: now,
-        };
         match outcome {
-            // A history without an entry.
-            Err(LinkError::Refused(_))
-                if ask == Ask::ErrorCode && self.drive.parts().error_code_is_history =>
-            {
-                self.misses = 0;
-                self.note(ask, &none);
-                self.advance(ask, none.raw, now, events);
-            }
             Ok(reply) => {
-                self.misses = 0;
-                self.note(ask, &reply);
-                if ask == Ask::Status && self.judge(now, events) {
-                    return;
+                self.unanswered = 0;
+                self.update_feedback(transfer, &reply);
+                if transfer != Transfer::Status || !self.check_drive_state(now, events) {
+                    self.advance(transfer, reply.value, now, events);
                 }
-                self.advance(ask, reply.raw, now, events);
+            }
+            // An empty error history.
+            Err(LinkError::Refused(_))
+                if transfer == Transfer::ErrorCode && self.object_map().error_code_is_history =>
+            {
+                let none = TimedReply {
+                    value: 0,
+                    sent: now,
+                    received: now,
+                };
+                self.handle_outcome(transfer, Ok(none), now, events);
             }
             Err(LinkError::Refused(AbortCode::NO_NODE) | LinkError::Unanswered) => {
-                self.unanswered(now, events)
+                self.handle_unanswered(now, events);
             }
             Err(LinkError::Refused(code)) => {
-                self.misses = 0;
-                self.refused(ask, code, now, events);
+                self.unanswered = 0;
+                self.handle_refusal(transfer, code, now, events);
             }
-            Err(error @ (LinkError::Lost | LinkError::Broken(_))) => self.lose(error, events),
+            Err(error @ (LinkError::Lost | LinkError::Broken(_))) => self.set_lost(error, events),
         }
     }
 
-    /// Time passed without an answer: long enough for the drive to have been restarted, with
-    /// another mode and another target than it was given. Its next steps must not build on what was
-    /// true before.
-    pub(in crate::drive) fn disturbed(&mut self, now: Nanos, events: Events<'_>) {
-        match self.stage {
-            Stage::Enabling(_, deadline) => {
-                self.stage = Stage::Enabling(Enabling::LimitMin, deadline)
+    /// A request timed out: long enough for a restart of the drive, with another mode and another
+    /// target than before. The next steps must not rely on earlier ones.
+    pub(in crate::drive) fn handle_timeout(&mut self, now: Nanos, events: EventSink<'_>) {
+        match self.state {
+            AxisState::Enabling(_, deadline) => {
+                self.state = AxisState::Enabling(EnablingStep::LimitMin, deadline);
             }
-            Stage::Homing(..) => self.fail_homing(Failure::Interrupted, now, events),
+            AxisState::Homing(..) => self.abort_homing(TransitionError::Interrupted, now, events),
             _ => {}
         }
     }
 
-    /// Keeps what an exchange tells.
-    fn note(&mut self, ask: Ask, reply: &Reply) {
+    fn update_feedback(&mut self, transfer: Transfer, reply: &TimedReply<u32>) {
+        let map = self.object_map();
         let feedback = &mut self.feedback;
-        match ask {
-            Ask::Position => {
-                let position = i32::from_raw(reply.raw);
-                self.still = feedback.position.0.abs_diff(position) <= STILL_COUNTS;
+        match transfer {
+            Transfer::Position => {
+                let position = i32::from_raw(reply.value);
+                self.at_standstill = feedback.position.0.abs_diff(position) <= STANDSTILL_COUNTS;
                 feedback.position = Counts(position);
                 feedback.stamp = reply.received;
                 feedback.sequence = feedback.sequence.wrapping_add(1);
             }
-            Ask::Status => {
-                feedback.statusword = u16::from_raw(reply.raw);
-                let homed = Statusword(feedback.statusword).homed();
-                // A drive that has lost its zero has nothing to be doubted any more.
-                self.displaced &= homed;
-                feedback.homed = homed && !self.displaced;
+            Transfer::Status => {
+                let statusword = Statusword(u16::from_raw(reply.value));
+                feedback.statusword = statusword.0;
+                // A drive that lost its zero has nothing left to distrust.
+                self.position_mismatch &= statusword.homed();
+                feedback.homed = statusword.homed() && !self.position_mismatch;
             }
-            Ask::ErrorCode => {
-                let gone = self.drive.parts().error_code_is_history
-                    && !self.state().is_some_and(State::is_fault);
-                self.feedback.error_code = if gone { 0 } else { u16::from_raw(reply.raw) };
+            Transfer::ErrorCode => {
+                let state = Statusword(feedback.statusword).state();
+                let is_old = map.error_code_is_history && !state.is_some_and(DriveState::is_fault);
+                feedback.error_code = if is_old {
+                    0
+                } else {
+                    u16::from_raw(reply.value)
+                };
             }
-            Ask::Current => feedback.current_ma = self.drive.parts().current.signed(reply.raw),
-            Ask::Follow(request) => {
+            Transfer::Current => feedback.current_ma = map.current.signed(reply.value),
+            Transfer::Setpoint(request) => {
                 self.reported.target = false;
-                match self.drive.parts().steering {
-                    Steering::Direct => self.note_written(&request, reply.sent),
-                    Steering::Edge => self.steer.written(request),
+                match map.setpoint_trigger {
+                    SetpointTrigger::Write => self.set_written(&request, reply.sent),
+                    SetpointTrigger::Edge => self.trigger = TriggerState::Written(request),
                 }
             }
-            Ask::Take(request) => {
-                self.steer.taken();
-                self.note_written(&request, reply.sent);
+            Transfer::TriggerSetpoint(request) => {
+                self.trigger = TriggerState::Raised;
+                self.set_written(&request, reply.sent);
             }
-            Ask::Control(_) => self.steer.lowered(),
-            Ask::Set(_) => self.unrestored = true,
+            Transfer::Control(_) => self.trigger = TriggerState::Ready,
+            Transfer::Set(_) => self.settings_changed = true,
             _ => {}
         }
     }
 
-    fn note_written(&mut self, request: &AxisRequest, stamp: Nanos) {
+    fn set_written(&mut self, request: &AxisRequest, stamp: Nanos) {
         self.feedback.written = Some(WrittenTarget {
             target: request.target,
             stamp,
@@ -130,228 +131,201 @@ impl Axis {
         });
     }
 
-    /// Compares the state of the drive with the stage, and leaves the stage when they contradict
-    /// each other: then the result is true.
-    fn judge(&mut self, now: Nanos, events: Events<'_>) -> bool {
-        let Some(state) = self.state() else {
-            // What is not understood is brought up again from the start.
-            self.refuse(
-                AxisFault::UnknownState {
-                    statusword: self.feedback.statusword,
-                },
-                events,
-            );
-            self.enter(Stage::Lost, events);
+    /// Leaves the present state if the state of the drive contradicts it: then the result is true.
+    fn check_drive_state(&mut self, now: Nanos, events: EventSink<'_>) -> bool {
+        let Some(drive) = self.drive_state() else {
+            // An unknown state: the axis is brought up again from the start.
+            let statusword = self.feedback.statusword;
+            self.report_unusable(AxisError::UnknownState { statusword }, events);
+            self.enter(AxisState::Lost, events);
             return true;
         };
-        match (self.stage, state) {
-            (Stage::Faulted(_), state) if state.is_fault() => false,
-            (Stage::Faulted(step), state) => {
-                if let FaultStep::Watch(..) = step {
+        match self.state {
+            AxisState::Faulted(_) if drive.is_fault() => return false,
+            _ if drive.is_fault() => self.enter(AxisState::Faulted(FaultStep::ReadCode), events),
+            AxisState::Faulted(step) => {
+                if let FaultStep::WaitForClear(..) = step {
                     self.report(PortEventKind::FaultReset { cleared: true }, events);
                 }
-                self.settle(state, now, events);
-                true
+                self.go_to_disabled(drive, now, events);
             }
-            (_, state) if state.is_fault() => {
-                self.enter(Stage::Faulted(FaultStep::Code), events);
-                true
-            }
-            (Stage::Starting, state) => {
-                self.settle(state, now, events);
-                true
-            }
-            (Stage::Enabled, State::OperationEnabled)
-            | (Stage::QuickStopped(..), State::QuickStopActive)
-            | (Stage::Disabled, State::SwitchOnDisabled | State::Ready | State::NotReady) => false,
-            (Stage::Homing(homing, ..), state)
-                if homing.is_powered() && state != State::OperationEnabled =>
+            AxisState::Starting => self.go_to_disabled(drive, now, events),
+            AxisState::Homing(step, ..)
+                if step.is_powered() && drive != DriveState::OperationEnabled =>
             {
-                self.report(PortEventKind::StateLost { state }, events);
-                self.fail_homing(Failure::Interrupted, now, events);
-                true
+                self.report(PortEventKind::UnexpectedState { state: drive }, events);
+                self.abort_homing(TransitionError::Interrupted, now, events);
             }
-            (Stage::Enabled, State::QuickStopActive) => {
-                self.report(PortEventKind::StateLost { state }, events);
-                self.rearm = Rearm::Held;
-                self.enter(Stage::QuickStopped(now + STOP_DEADLINE), events);
-                true
+            AxisState::Enabled if drive == DriveState::OperationEnabled => return false,
+            AxisState::QuickStopped(..) if drive == DriveState::QuickStopActive => return false,
+            AxisState::Disabled if drive.is_off() || drive == DriveState::NotReady => return false,
+            AxisState::Enabled if drive == DriveState::QuickStopActive => {
+                self.report(PortEventKind::UnexpectedState { state: drive }, events);
+                self.interlock = EnableInterlock::Engaged;
+                self.enter(AxisState::QuickStopped(now + STOP_TIMEOUT), events);
             }
-            (Stage::Enabled | Stage::QuickStopped(..) | Stage::Disabled, state) => {
-                self.report(PortEventKind::StateLost { state }, events);
-                self.give_up(now, events);
-                true
+            AxisState::Enabled | AxisState::QuickStopped(..) | AxisState::Disabled => {
+                self.report(PortEventKind::UnexpectedState { state: drive }, events);
+                self.abort(now, events);
             }
-            _ => false,
+            _ => return false,
         }
+        true
     }
 
-    /// Goes to disabled, from wherever the drive was found.
-    fn settle(&mut self, state: State, now: Nanos, events: Events<'_>) {
-        if state.is_off() {
-            self.settle_off(events);
+    /// Goes to disabled from any state of the drive.
+    fn go_to_disabled(&mut self, drive: DriveState, now: Nanos, events: EventSink<'_>) {
+        if drive.is_off() {
+            self.enter_off(events);
         } else {
-            self.give_up(now, events);
+            self.abort(now, events);
         }
     }
 
-    /// The power is off. What homing changed and did not put back, the port thread does by bringing
-    /// the axis up again.
-    fn settle_off(&mut self, events: Events<'_>) {
-        self.enter(
-            if self.unrestored {
-                Stage::Lost
-            } else {
-                Stage::Disabled
-            },
-            events,
-        );
-    }
-
-    /// Moves the present procedure on.
-    fn advance(&mut self, ask: Ask, raw: u32, now: Nanos, events: Events<'_>) {
-        let parts = self.drive.parts();
-        match self.stage {
-            Stage::Enabling(mut enabling, deadline) => {
-                let progress = enabling.take(ask, raw, parts, &self.limits);
-                self.stage = Stage::Enabling(enabling, deadline);
-                self.end_enabling(progress, now, events);
-            }
-            Stage::Homing(mut homing, deadline, count) => {
-                let progress = homing.take(ask, raw, parts, &self.plan);
-                self.stage = Stage::Homing(homing, deadline, count);
-                self.end_homing(progress, now, events);
-            }
-            Stage::QuickStopping(mut power, deadline) => {
-                let reached = self.move_power(&mut power, ask);
-                self.stage = Stage::QuickStopping(power, deadline);
-                if reached {
-                    self.enter(Stage::QuickStopped(now + STOP_DEADLINE), events);
-                }
-            }
-            Stage::Disabling(mut power, deadline) => {
-                let reached = self.move_power(&mut power, ask);
-                self.stage = Stage::Disabling(power, deadline);
-                if reached {
-                    self.settle_off(events);
-                }
-            }
-            Stage::Faulted(step) => self.advance_fault(step, ask, now, events),
-            Stage::Starting
-            | Stage::Disabled
-            | Stage::Enabled
-            | Stage::QuickStopped(..)
-            | Stage::Lost => {}
-        }
-    }
-
-    fn advance_fault(&mut self, step: FaultStep, ask: Ask, now: Nanos, events: Events<'_>) {
-        let next = match (step, ask) {
-            (FaultStep::Code, Ask::ErrorCode) => {
-                let fault = self.drive.fault(self.feedback.error_code);
-                self.report(PortEventKind::Fault(fault), events);
-                FaultStep::Rest
-            }
-            (FaultStep::Lower(count), Ask::Control(Controlword::DISABLE_VOLTAGE)) => {
-                FaultStep::Raise(count)
-            }
-            (FaultStep::Raise(count), Ask::Control(Controlword::FAULT_RESET)) => {
-                FaultStep::Watch(count, now + RESET_DEADLINE)
-            }
-            (same, _) => same,
+    /// The power is off. Settings that homing changed and did not restore are restored by the port
+    /// thread: it brings a lost axis up again.
+    fn enter_off(&mut self, events: EventSink<'_>) {
+        let state = if self.settings_changed {
+            AxisState::Lost
+        } else {
+            AxisState::Disabled
         };
-        self.stage = Stage::Faulted(next);
+        self.enter(state, events);
     }
 
-    /// The fault did not go.
-    pub(super) fn end_reset(&mut self, count: u32, events: Events<'_>) {
+    /// Continues the present transition.
+    fn advance(&mut self, transfer: Transfer, raw: u32, now: Nanos, events: EventSink<'_>) {
+        let map = self.object_map();
+        match &mut self.state {
+            AxisState::Enabling(step, _) => {
+                let status = step.advance(transfer, raw, map, &self.limits);
+                self.handle_enabling(status, now, events);
+            }
+            AxisState::Homing(step, ..) => {
+                let status = step.advance(transfer, raw, map, &self.plan);
+                self.handle_homing(status, now, events);
+            }
+            AxisState::QuickStopping(power, _) => {
+                if power.advance(transfer, raw) {
+                    self.enter(AxisState::QuickStopped(now + STOP_TIMEOUT), events);
+                }
+            }
+            AxisState::Disabling(power, _) => {
+                if power.advance(transfer, raw) {
+                    self.enter_off(events);
+                }
+            }
+            AxisState::Faulted(step) => {
+                let (from, code) = (*step, self.feedback.error_code);
+                *step = next_fault_step(from, transfer, now);
+                if (from, transfer) == (FaultStep::ReadCode, Transfer::ErrorCode) {
+                    self.report(PortEventKind::Fault(self.family.fault(code)), events);
+                }
+            }
+            AxisState::Starting
+            | AxisState::Disabled
+            | AxisState::Enabled
+            | AxisState::QuickStopped(..)
+            | AxisState::Lost => {}
+        }
+    }
+
+    /// The fault did not clear.
+    pub(super) fn end_failed_reset(&mut self, count: u32, events: EventSink<'_>) {
         self.report(PortEventKind::FaultReset { cleared: false }, events);
         self.feedback.fault_resets = count;
-        self.stage = Stage::Faulted(FaultStep::Code);
+        self.state = AxisState::Faulted(FaultStep::ReadCode);
     }
 
-    fn move_power(&self, power: &mut Power, ask: Ask) -> bool {
-        match (ask, self.state()) {
-            (Ask::Status, Some(state)) => return power.look(state),
-            (Ask::Control(_), _) => power.commanded(),
-            _ => {}
-        }
-        false
-    }
-
-    fn end_enabling(&mut self, progress: Progress, now: Nanos, events: Events<'_>) {
-        match progress {
-            Progress::Going => {}
-            Progress::Done => self.enter(Stage::Enabled, events),
-            Progress::Failed(failure) => {
-                self.report(PortEventKind::EnableFailed(failure), events);
-                if failure == Failure::Restarted {
-                    // Nothing of the configuration stands any more: the port thread brings it up
-                    // again.
-                    self.enter(Stage::Lost, events);
+    fn handle_enabling(&mut self, status: ProcedureStatus, now: Nanos, events: EventSink<'_>) {
+        match status {
+            ProcedureStatus::Running => {}
+            ProcedureStatus::Done => self.enter(AxisState::Enabled, events),
+            ProcedureStatus::Failed(error) => {
+                self.report(PortEventKind::EnableFailed(error), events);
+                if error == TransitionError::Restarted {
+                    // The configuration is gone: the port thread brings the axis up again.
+                    self.enter(AxisState::Lost, events);
                 } else {
-                    self.give_up(now, events);
+                    self.abort(now, events);
                 }
             }
         }
     }
 
-    fn end_homing(&mut self, progress: Progress, now: Nanos, events: Events<'_>) {
-        match progress {
-            Progress::Going => {}
-            Progress::Done => {
-                self.unrestored = false;
-                self.enter(Stage::Disabled, events);
+    fn handle_homing(&mut self, status: ProcedureStatus, now: Nanos, events: EventSink<'_>) {
+        match status {
+            ProcedureStatus::Running => {}
+            ProcedureStatus::Done => {
+                self.settings_changed = false;
+                self.enter(AxisState::Disabled, events);
             }
-            Progress::Failed(failure) => self.fail_homing(failure, now, events),
+            ProcedureStatus::Failed(error) => self.abort_homing(error, now, events),
         }
     }
 
-    pub(super) fn fail_homing(&mut self, failure: Failure, now: Nanos, events: Events<'_>) {
-        self.end_homing_with(Some(failure), events);
-        self.give_up(now, events);
+    pub(super) fn abort_homing(
+        &mut self,
+        error: TransitionError,
+        now: Nanos,
+        events: EventSink<'_>,
+    ) {
+        self.report_homing_end(Some(error), events);
+        self.abort(now, events);
     }
 
-    fn refused(&mut self, ask: Ask, code: AbortCode, now: Nanos, events: Events<'_>) {
-        self.steer.unanswered();
-        let object = ask.object(self.drive.parts());
-        match self.stage {
-            Stage::Enabling(..) => {
-                self.end_enabling(
-                    Progress::Failed(Failure::Refused { object, code }),
-                    now,
-                    events,
-                );
+    fn handle_refusal(
+        &mut self,
+        transfer: Transfer,
+        code: AbortCode,
+        now: Nanos,
+        events: EventSink<'_>,
+    ) {
+        self.trigger.handle_failure();
+        let object = transfer.object(self.object_map());
+        let error = TransitionError::Refused { object, code };
+        match &mut self.state {
+            AxisState::Enabling(..) => {
+                self.handle_enabling(ProcedureStatus::Failed(error), now, events);
             }
-            Stage::Homing(mut homing, deadline, count) => {
-                let progress = homing.refused(object, code);
-                self.stage = Stage::Homing(homing, deadline, count);
-                self.end_homing(progress, now, events);
+            AxisState::Homing(step, ..) => {
+                let status = step.handle_refusal(object, code);
+                self.handle_homing(status, now, events);
             }
-            Stage::QuickStopping(..) => {
-                self.report(
-                    PortEventKind::QuickStopFailed(Failure::Refused { object, code }),
-                    events,
-                );
-                self.give_up(now, events);
+            AxisState::QuickStopping(..) => {
+                self.report(PortEventKind::QuickStopFailed(error), events);
+                self.abort(now, events);
             }
-            Stage::Faulted(FaultStep::Lower(count) | FaultStep::Raise(count)) => {
+            AxisState::Faulted(FaultStep::LowerBit(count) | FaultStep::RaiseBit(count)) => {
+                let count = *count;
                 self.report_refusal(object, code, events);
-                self.end_reset(count, events);
+                self.end_failed_reset(count, events);
             }
             _ => self.report_refusal(object, code, events),
         }
-        self.cadence.look_at_status();
+        self.schedule.request_status();
     }
 
-    fn unanswered(&mut self, now: Nanos, events: Events<'_>) {
-        self.misses += 1;
-        self.steer.unanswered();
-        if self.misses >= MISSES {
-            return self.lose(LinkError::Unanswered, events);
+    fn handle_unanswered(&mut self, now: Nanos, events: EventSink<'_>) {
+        self.unanswered += 1;
+        self.trigger.handle_failure();
+        if self.unanswered >= MAX_UNANSWERED {
+            self.set_lost(LinkError::Unanswered, events);
+        } else if let AxisState::Homing(step, ..) = self.state {
+            self.handle_homing(step.handle_timeout(), now, events);
         }
-        if let Stage::Homing(homing, ..) = self.stage {
-            self.end_homing(homing.unanswered(), now, events);
+    }
+}
+
+fn next_fault_step(step: FaultStep, transfer: Transfer, now: Nanos) -> FaultStep {
+    match (step, transfer) {
+        (FaultStep::ReadCode, Transfer::ErrorCode) => FaultStep::WaitForOperator,
+        (FaultStep::LowerBit(count), Transfer::Control(Controlword::DISABLE_VOLTAGE)) => {
+            FaultStep::RaiseBit(count)
         }
+        (FaultStep::RaiseBit(count), Transfer::Control(Controlword::FAULT_RESET)) => {
+            FaultStep::WaitForClear(count, now + RESET_TIMEOUT)
+        }
+        (same, _) => same,
     }
 }

@@ -15,10 +15,11 @@ use std::error::Error;
 
 use i2ris::config::Family;
 use i2ris::config::PortConfig;
-use i2ris::drive::family;
-use i2ris::drive::frame::{Encoder, Frame, Parsed, Parser};
-use i2ris::drive::handshake;
+use i2ris::drive::family_selection;
+use i2ris::drive::handshake_frame;
 use i2ris::drive::object;
+use i2ris::drive::serial_frame::{FrameEncoder as Encoder, SerialFrame as Frame};
+use i2ris::drive::serial_frame_parser::{FrameParser as Parser, ParserEvent as Parsed};
 
 /// A small generator of our own: the library's random numbers are for other packages. Splitmix64,
 /// by Vigna.
@@ -58,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             family,
             ..PortConfig::new("/dev/null".into(), Vec::new())
         };
-        family::of_port(&port).dialect()
+        family_selection::family_of_port(&port).command_set()
     });
     let (mut parser, mut unreset, mut encoder) =
         (Parser::default(), Parser::default(), Encoder::default());
@@ -75,11 +76,13 @@ fn main() -> Result<(), Box<dyn Error>> {
                 spurious += 1;
                 for dialect in dialects {
                     let _ = (dialect.read_reply(frame), dialect.write_reply(frame));
-                    let _ = dialect.read_long(1, object::DEVICE_NAME).take(frame);
+                    let _ = dialect
+                        .read_segmented(1, object::DEVICE_NAME)
+                        .take_reply(frame);
                 }
             }
         }
-        let _ = handshake::open(0, &rest);
+        let _ = handshake_frame::decode(0, &rest);
         rest.clear();
         parser.reset();
         let data: Vec<u8> = (0..2 * random.below(8)).map(|_| random.byte()).collect();

@@ -1,4 +1,4 @@
-//! Configurations: refused with a reason, or one that keeps its own promises.
+//! Configurations: refused with a reason, or consistent.
 #![no_main]
 
 use std::path::Path;

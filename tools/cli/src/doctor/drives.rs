@@ -2,9 +2,9 @@
 
 use i2ris::config::PortConfig;
 use i2ris::drive::DriveError;
-use i2ris::drive::cia402::State;
+use i2ris::drive::cia402::DriveState;
 use i2ris::drive::inspect::{Inspection, inspect};
-use i2ris::drive::serial::latency;
+use i2ris::drive::latency_timer;
 use i2ris::units::Nanos;
 
 use super::report::Report;
@@ -65,7 +65,7 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
 
 fn check_latency(port: &PortConfig, report: &mut Report) {
     let name = format!("{} latency timer", port.device.display());
-    match latency::read(&port.device) {
+    match latency_timer::read(&port.device) {
         None => {}
         Some(0..=1) => report.pass(name, "1 ms"),
         Some(ms) => report.warn(
@@ -114,14 +114,14 @@ fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
     let name = format!("{name} state");
     let homed = if seen.homed { "homed" } else { "not homed" };
     match seen.state {
-        Some(State::Fault | State::FaultReaction) => {
+        Some(DriveState::Fault | DriveState::FaultReaction) => {
             report.fail(
                 name,
                 format!("fault, {homed}"),
                 "remove the cause, then acknowledge: `i2ris command state acknowledge`",
             );
         }
-        Some(state @ (State::OperationEnabled | State::QuickStopActive)) => report.warn(
+        Some(state @ (DriveState::OperationEnabled | DriveState::QuickStopActive)) => report.warn(
             name,
             format!("{state:?} without a controller, {homed}"),
             "a controller died here; the next one switches the drive off in order at its start",

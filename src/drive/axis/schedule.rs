@@ -1,0 +1,241 @@
+//! The order of transfers on the line, and the trigger of set-points.
+//!
+//! Every transfer takes about 2 ms at 115200 baud, so every transfer beside set-point and position
+//! lowers the rate. While the drive follows its target, a round is set-point and position, and only
+//! some rounds carry a third transfer.
+
+use super::interface::AxisRequest;
+use super::transfer::Transfer;
+use crate::config::Polling;
+use crate::drive::cia402::Controlword;
+
+/// The rounds that read the current and the error code, apart from each other and from the
+/// statusword.
+const CURRENT_ROUND: u32 = 2;
+const ERROR_CODE_ROUND: u32 = 18;
+
+/// On a late line, monitoring is skipped this many times in a row at most: a fault must be seen.
+const MAX_SKIPPED: u32 = 8;
+
+/// Period, in rounds, of reading error code and current while no target is followed.
+const IDLE_PERIOD: u32 = 8;
+
+/// The transfer schedule of one axis.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Schedule {
+    pattern: Pattern,
+    next: TransferSlot,
+    round: u32,
+    skipped: u32,
+}
+
+/// Purpose of the next transfer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum TransferSlot {
+    /// The set-point, or the next step of a transition.
+    #[default]
+    Command,
+    /// The position.
+    Position,
+    /// One of the values that are read less often.
+    Monitor(MonitoredValue),
+}
+
+/// The values that are read less often.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum MonitoredValue {
+    Status,
+    ErrorCode,
+    Current,
+}
+
+impl From<MonitoredValue> for Transfer {
+    fn from(value: MonitoredValue) -> Self {
+        match value {
+            MonitoredValue::Status => Self::Status,
+            MonitoredValue::ErrorCode => Self::ErrorCode,
+            MonitoredValue::Current => Self::Current,
+        }
+    }
+}
+
+impl Schedule {
+    pub(super) fn new(pattern: Pattern) -> Self {
+        Self {
+            pattern,
+            ..Self::default()
+        }
+    }
+
+    /// The next slot while the drive follows its target. On a late line monitoring is skipped.
+    pub(super) fn next_following(&mut self, late: bool) -> TransferSlot {
+        if matches!(self.next, TransferSlot::Monitor(_)) {
+            if late && self.skipped < MAX_SKIPPED {
+                self.skipped += 1;
+                self.next = TransferSlot::Command;
+            } else {
+                self.skipped = 0;
+            }
+        }
+        let slot = self.next;
+        self.next = match slot {
+            TransferSlot::Command => TransferSlot::Position,
+            TransferSlot::Position => self.begin_round(),
+            TransferSlot::Monitor(_) => TransferSlot::Command,
+        };
+        slot
+    }
+
+    fn begin_round(&mut self) -> TransferSlot {
+        self.round = self.round.wrapping_add(1);
+        if self.round.is_multiple_of(self.pattern.status_every_rounds.max(1)) {
+            return TransferSlot::Monitor(MonitoredValue::Status);
+        }
+        match self.round % self.pattern.slow_every_rounds.max(1) {
+            CURRENT_ROUND => TransferSlot::Monitor(MonitoredValue::Current),
+            ERROR_CODE_ROUND => TransferSlot::Monitor(MonitoredValue::ErrorCode),
+            _ => TransferSlot::Command,
+        }
+    }
+
+    /// The next slot otherwise: the position every other time. The second value is for a command
+    /// slot of an axis that has nothing to command.
+    pub(super) fn next_idle(&mut self) -> (TransferSlot, MonitoredValue) {
+        let slot = self.next;
+        if slot == TransferSlot::Position {
+            self.round = self.round.wrapping_add(1);
+            self.next = TransferSlot::Command;
+        } else {
+            self.next = TransferSlot::Position;
+        }
+        let value = match self.round % IDLE_PERIOD {
+            3 => MonitoredValue::ErrorCode,
+            7 => MonitoredValue::Current,
+            _ => MonitoredValue::Status,
+        };
+        (slot, value)
+    }
+
+    /// Reads the statusword next.
+    pub(super) fn request_status(&mut self) {
+        self.next = TransferSlot::Monitor(MonitoredValue::Status);
+    }
+}
+
+/// State of a set-point that takes effect by an edge of the controlword: written, triggered, and
+/// the bit lowered again before the next set-point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum TriggerState {
+    /// The next set-point may be written.
+    #[default]
+    Ready,
+    /// A set-point is written; its edge is next.
+    Written(AxisRequest),
+    /// The edge was sent, and may have been lost; the bit must be lowered next.
+    Raised,
+}
+
+impl TriggerState {
+    /// The transfer that must come before the next set-point.
+    pub(super) fn transfer(self) -> Option<Transfer> {
+        match self {
+            Self::Ready => None,
+            Self::Written(request) => Some(Transfer::TriggerSetpoint(request)),
+            Self::Raised => Some(Transfer::Control(Controlword::ENABLE_OPERATION)),
+        }
+    }
+
+    /// A transfer failed. It is unknown whether the edge arrived, so the bit is lowered; a newer
+    /// set-point follows.
+    pub(super) fn handle_failure(&mut self) {
+        if matches!(self, Self::Written(_)) {
+            *self = Self::Raised;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn following(mut schedule: Schedule, late: bool) -> Vec<TransferSlot> {
+        (0..1000).map(|_| schedule.next_following(late)).collect()
+    }
+
+    fn count(slots: &[TransferSlot], wanted: TransferSlot) -> usize {
+        slots.iter().filter(|slot| **slot == wanted).count()
+    }
+
+    const VALUES: [MonitoredValue; 3] = [
+        MonitoredValue::Status,
+        MonitoredValue::ErrorCode,
+        MonitoredValue::Current,
+    ];
+
+    #[test]
+    fn a_late_line_skips_monitoring_but_not_for_ever() {
+        let slots = following(Schedule::default(), true);
+        let setpoints = count(&slots, TransferSlot::Command);
+        assert!(setpoints >= 480, "{setpoints}");
+        let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
+        assert!(statuses > 0, "a fault is seen");
+    }
+
+    #[test]
+    fn the_status_period_is_as_configured() {
+        let slots = following(
+            Schedule::new(Pattern {
+                status_every_rounds: 2,
+                slow_every_rounds: 64,
+            }),
+            false,
+        );
+        let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
+        assert!(
+            (195..=200).contains(&statuses),
+            "every other round of 2.5 slots: {statuses}"
+        );
+    }
+
+    #[test]
+    fn three_slots_in_a_row_always_hold_a_setpoint_and_a_position() {
+        let slots = following(Schedule::default(), false);
+        for three in slots.windows(3) {
+            assert!(three.contains(&TransferSlot::Command), "{three:?}");
+            assert!(three.contains(&TransferSlot::Position), "{three:?}");
+        }
+        for value in VALUES {
+            assert!(slots.contains(&TransferSlot::Monitor(value)), "{value:?}");
+        }
+        // A quarter of the rounds and two of 32 carry a third transfer: 2.3 transfers a round.
+        let setpoints = count(&slots, TransferSlot::Command);
+        assert!(setpoints >= 425, "{setpoints}");
+    }
+
+    #[test]
+    fn an_idle_axis_reads_its_position_every_other_time() {
+        let mut schedule = Schedule::default();
+        let slots: Vec<_> = (0..64).map(|_| schedule.next_idle()).collect();
+        for two in slots.windows(2) {
+            let position = two.iter().any(|slot| slot.0 == TransferSlot::Position);
+            assert!(position, "{two:?}");
+        }
+        for value in VALUES {
+            assert!(slots.contains(&(TransferSlot::Command, value)), "{value:?}");
+        }
+    }
+
+    #[test]
+    fn the_trigger_bit_is_lowered_before_the_next_setpoint() {
+        let request = AxisRequest::default();
+        let lower = Some(Transfer::Control(Controlword::ENABLE_OPERATION));
+        assert_eq!(TriggerState::default().transfer(), None);
+        let mut state = TriggerState::Written(request);
+        let trigger = Some(Transfer::TriggerSetpoint(request));
+        assert_eq!(state.transfer(), trigger);
+        state.handle_failure();
+        assert_eq!(state.transfer(), lower);
+        state.handle_failure();
+        assert_eq!(state.transfer(), lower, "until it is acknowledged");
+    }
+}

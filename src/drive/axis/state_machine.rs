@@ -1,0 +1,338 @@
+//! The states of an axis, and entering a state.
+
+use std::ops::RangeInclusive;
+
+use super::enabling::{EnablingStep, PowerSequence};
+use super::homing::HomingStep;
+use super::interface::{AxisFeedback, AxisPhase, AxisRequest, Demand};
+use super::schedule::{Schedule, TriggerState};
+use super::transfer::Transfer;
+use crate::config::{AxisConfig, Polling};
+use crate::drive::abort_code::AbortCode;
+use crate::drive::cia402::{Controlword, DriveState, Statusword};
+use crate::drive::error::{AxisError, LinkError};
+use crate::drive::event::{PortEvent, PortEventKind, TransitionError};
+use crate::drive::family::{DriveFamily, ObjectMap};
+use crate::drive::homing_plan::HomingPlan;
+use crate::drive::link::LinkCounters;
+use crate::drive::object::Address;
+use crate::units::{Counts, Nanos};
+
+/// How long the drive may take to report quick stop, and then to come to a standstill.
+pub(super) const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
+
+/// Receiver of events.
+pub(in crate::drive) type EventSink<'a> = &'a mut dyn FnMut(PortEvent);
+
+/// The states, finer than the phases that the control loop sees. Instants are deadlines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum AxisState {
+    /// Configured; the state of the drive was not read yet.
+    Starting,
+    /// Power stage off.
+    Disabled,
+    /// Being enabled.
+    Enabling(EnablingStep, Nanos),
+    /// The drive follows the target.
+    Enabled,
+    /// Quick stop was commanded; the drive does not report it yet.
+    QuickStopping(PowerSequence, Nanos),
+    /// Quick stop is active. By the deadline the motor is at standstill, or never will be.
+    QuickStopped(Nanos),
+    /// Searching the home position; the number is the request that is being carried out.
+    Homing(HomingStep, Nanos, u32),
+    /// Being disabled; at the deadline the power is cut instead.
+    Disabling(PowerSequence, Nanos),
+    /// The drive reports a fault.
+    Faulted(FaultStep),
+    /// The drive does not answer.
+    Lost,
+}
+
+/// Steps of a fault. The number is the fault reset that is being carried out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FaultStep {
+    /// Read the error code.
+    ReadCode,
+    /// Wait for the operator.
+    WaitForOperator,
+    /// Lower the reset bit: only its rising edge counts.
+    LowerBit(u32),
+    /// Raise it.
+    RaiseBit(u32),
+    /// Wait for the fault to clear.
+    WaitForClear(u32, Nanos),
+}
+
+impl AxisState {
+    pub(super) fn phase(self) -> AxisPhase {
+        match self {
+            Self::Starting => AxisPhase::Starting,
+            Self::Disabled => AxisPhase::Disabled,
+            Self::Enabling(..) => AxisPhase::Enabling,
+            // Until the drive reports quick stop it may still be following.
+            Self::Enabled | Self::QuickStopping(..) => AxisPhase::Enabled,
+            Self::QuickStopped(..) => AxisPhase::QuickStopped,
+            Self::Homing(..) => AxisPhase::Homing,
+            Self::Disabling(..) => AxisPhase::Disabling,
+            Self::Faulted(_) => AxisPhase::Faulted,
+            Self::Lost => AxisPhase::Lost,
+        }
+    }
+
+    /// The transfer that the state needs to continue; `None` if it only monitors.
+    pub(super) fn transfer(self, map: &ObjectMap, plan: &HomingPlan) -> Option<Transfer> {
+        Some(match self {
+            Self::Enabling(step, _) => step.transfer(map),
+            Self::Homing(step, ..) => step.transfer(map, plan),
+            Self::QuickStopping(power, _) | Self::Disabling(power, _) => power.transfer(),
+            Self::Faulted(FaultStep::ReadCode) => Transfer::ErrorCode,
+            Self::Faulted(FaultStep::LowerBit(_)) => {
+                Transfer::Control(Controlword::DISABLE_VOLTAGE)
+            }
+            Self::Faulted(FaultStep::RaiseBit(_)) => Transfer::Control(Controlword::FAULT_RESET),
+            Self::Faulted(FaultStep::WaitForClear(..)) | Self::Starting => Transfer::Status,
+            Self::Faulted(FaultStep::WaitForOperator)
+            | Self::Disabled
+            | Self::Enabled
+            | Self::QuickStopped(..)
+            | Self::Lost => return None,
+        })
+    }
+}
+
+/// One axis.
+#[derive(Debug)]
+pub(in crate::drive) struct AxisStateMachine {
+    motor: usize,
+    pub(super) limits: RangeInclusive<i32>,
+    /// The most that the position can change while it is not read, counts: the distance to the last
+    /// set-point.
+    max_unseen_motion: u32,
+    pub(super) family: &'static dyn DriveFamily,
+    pub(super) plan: HomingPlan,
+    pub(super) state: AxisState,
+    pub(super) interlock: EnableInterlock,
+    pattern: Pattern,
+    pub(super) schedule: Schedule,
+    pub(super) trigger: TriggerState,
+    pub(super) feedback: AxisFeedback,
+    /// The position changed while it was not read: the homed bit of the drive is not trusted until
+    /// the axis is homed.
+    pub(super) position_mismatch: bool,
+    /// Homing changed settings that are not restored yet.
+    pub(super) settings_changed: bool,
+    pub(super) at_standstill: bool,
+    /// Transfers in a row without an answer.
+    pub(super) unanswered: u32,
+    pub(super) reported: Reported,
+}
+
+/// Whether a demand for enabled may be carried out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum EnableInterlock {
+    /// The demand was something other than enabled since the last failure.
+    Released,
+    /// It must be something else first.
+    Engaged,
+}
+
+/// The last reports, so that a repeat is not reported again.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Reported {
+    pub(super) target: bool,
+    refusal: Option<(Address, AbortCode)>,
+    error: Option<AxisError>,
+}
+
+impl AxisStateMachine {
+    pub(in crate::drive) fn new(
+        config: &AxisConfig,
+        family: &'static dyn DriveFamily,
+        pattern: Pattern,
+    ) -> Self {
+        Self {
+            motor: config.motor,
+            limits: config.position_min_counts.0..=config.position_max_counts.0,
+            max_unseen_motion: config.following_error_counts,
+            family,
+            plan: family.homing(config),
+            state: AxisState::Starting,
+            interlock: EnableInterlock::Engaged,
+            pattern,
+            schedule: Schedule::new(pattern),
+            trigger: TriggerState::default(),
+            position_mismatch: false,
+            settings_changed: false,
+            feedback: AxisFeedback::default(),
+            at_standstill: false,
+            unanswered: 0,
+            reported: Reported::default(),
+        }
+    }
+
+    pub(in crate::drive) fn object_map(&self) -> &'static ObjectMap {
+        self.family.object_map()
+    }
+
+    /// The feedback for the control loop.
+    pub(in crate::drive) fn feedback(&self, counters: LinkCounters) -> AxisFeedback {
+        AxisFeedback {
+            counters,
+            ..self.feedback
+        }
+    }
+
+    pub(in crate::drive) fn is_lost(&self) -> bool {
+        self.state == AxisState::Lost
+    }
+
+    /// A request that only disables.
+    pub(in crate::drive) fn disable_request(&self) -> AxisRequest {
+        AxisRequest {
+            demand: Demand::Disabled,
+            fault_resets: self.feedback.fault_resets,
+            homings: self.feedback.homings,
+            ..AxisRequest::default()
+        }
+    }
+
+    /// Nothing is left to switch off, or it is impossible.
+    pub(in crate::drive) fn is_shut_down(&self) -> bool {
+        use AxisState::{Disabled, Faulted, Lost};
+        matches!(self.state, Disabled | Faulted(_) | Lost)
+    }
+
+    /// The power stage is known to be off.
+    pub(in crate::drive) fn is_power_off(&self) -> bool {
+        self.state == AxisState::Disabled || self.drive_state() == Some(DriveState::Fault)
+    }
+
+    /// The state of the drive as last read.
+    pub(super) fn drive_state(&self) -> Option<DriveState> {
+        Statusword(self.feedback.statusword).state()
+    }
+
+    /// The axis does not answer any more.
+    pub(in crate::drive) fn set_lost(&mut self, error: LinkError, events: EventSink<'_>) {
+        if !self.is_lost() {
+            self.report(PortEventKind::Lost(error), events);
+            self.enter(AxisState::Lost, events);
+        }
+    }
+
+    /// The axis answers again, is the configured one, off, and limited. `position` is the present
+    /// position.
+    pub(in crate::drive) fn reconnect(&mut self, position: i32, events: EventSink<'_>) {
+        if self.feedback.stamp > Nanos::ZERO {
+            self.compare_position(Some(self.feedback.position), Counts(position), events);
+        }
+        self.unanswered = 0;
+        self.settings_changed = false;
+        self.reported = Reported::default();
+        self.report(PortEventKind::Reconnected, events);
+        self.enter(AxisState::Starting, events);
+    }
+
+    /// Compares the present position with the last known one. The axis counts as not homed if the
+    /// difference is more than the motor can have moved by itself: it was moved by something else,
+    /// or the encoder counts from another zero.
+    pub(in crate::drive) fn compare_position(
+        &mut self,
+        before: Option<Counts>,
+        after: Counts,
+        events: EventSink<'_>,
+    ) {
+        if before.is_none_or(|before| before.0.abs_diff(after.0) > self.max_unseen_motion) {
+            self.position_mismatch = true;
+            self.feedback.homed = false;
+            self.report(PortEventKind::PositionMismatch { before, after }, events);
+        }
+    }
+
+    /// The position to save for the next start: that of an axis that is off and homed.
+    pub(in crate::drive) fn position_to_save(&self) -> Option<Counts> {
+        (self.state == AxisState::Disabled && self.feedback.homed).then_some(self.feedback.position)
+    }
+
+    /// The axis answers, but is not usable. Reported once.
+    pub(in crate::drive) fn report_unusable(&mut self, error: AxisError, events: EventSink<'_>) {
+        if self.reported.error.replace(error) != Some(error) {
+            self.report(PortEventKind::Unusable(error), events);
+        }
+    }
+
+    /// The only function that changes the phase of an axis.
+    pub(super) fn enter(&mut self, state: AxisState, events: EventSink<'_>) {
+        let from = self.state.phase();
+        match (self.state, state) {
+            (AxisState::Homing(..), AxisState::Disabled) => self.report_homing_end(None, events),
+            (AxisState::Homing(..), _) => {
+                self.report_homing_end(Some(TransitionError::Interrupted), events);
+            }
+            (
+                AxisState::Faulted(
+                    FaultStep::LowerBit(count)
+                    | FaultStep::RaiseBit(count)
+                    | FaultStep::WaitForClear(count, _),
+                ),
+                _,
+            ) => self.feedback.fault_resets = count,
+            _ => {}
+        }
+        match state {
+            AxisState::Starting | AxisState::Faulted(_) | AxisState::Lost => {
+                self.interlock = EnableInterlock::Engaged;
+            }
+            // The drive gets another target, or another zero.
+            AxisState::Enabling(..) | AxisState::Homing(..) => self.feedback.written = None,
+            _ => {}
+        }
+        self.at_standstill = false;
+        self.state = state;
+        self.schedule = Schedule::new(self.pattern);
+        self.trigger = TriggerState::default();
+        self.reported.refusal = None;
+        let (to, statusword) = (state.phase(), self.feedback.statusword);
+        self.feedback.phase = to;
+        if from != to {
+            let kind = PortEventKind::Phase {
+                from,
+                to,
+                statusword,
+            };
+            self.report(kind, events);
+        }
+    }
+
+    /// Homing ends once, and is reported once.
+    pub(super) fn report_homing_end(
+        &mut self,
+        error: Option<TransitionError>,
+        events: EventSink<'_>,
+    ) {
+        if let AxisState::Homing(_, _, count) = self.state
+            && self.feedback.homings != count
+        {
+            self.feedback.homings = count;
+            self.position_mismatch &= error.is_some();
+            self.report(PortEventKind::HomingEnded { error }, events);
+        }
+    }
+
+    pub(super) fn report_refusal(
+        &mut self,
+        object: Address,
+        code: AbortCode,
+        events: EventSink<'_>,
+    ) {
+        if self.reported.refusal.replace((object, code)) != Some((object, code)) {
+            self.report(PortEventKind::Refused { object, code }, events);
+        }
+    }
+
+    pub(in crate::drive) fn report(&self, kind: PortEventKind, events: EventSink<'_>) {
+        let motor = self.motor;
+        events(PortEvent { motor, kind });
+    }
+}

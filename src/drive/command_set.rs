@@ -1,0 +1,141 @@
+//! The command set of a family: requests and replies. No I/O.
+
+use std::fmt;
+
+use super::abort_code::AbortCode;
+use super::object::{Address, Setting};
+use super::serial_frame::SerialFrame;
+
+/// A request: opcode and up to eight bytes of data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DriveRequest {
+    opcode: u8,
+    data: [u8; 8],
+    length: u8,
+    reply_words: u8,
+}
+
+impl DriveRequest {
+    /// A request with up to eight bytes of data. `reply_words` is the largest number of data words
+    /// in its reply.
+    #[must_use]
+    pub fn new<const N: usize>(opcode: u8, data: [u8; N], reply_words: u8) -> Self {
+        const { assert!(N <= 8, "a request holds at most eight bytes") };
+        let mut bytes = [0; 8];
+        bytes[..N].copy_from_slice(&data);
+        Self {
+            opcode,
+            data: bytes,
+            length: N as u8,
+            reply_words,
+        }
+    }
+
+    /// The request as a frame.
+    #[must_use]
+    pub fn frame(&self) -> SerialFrame<'_> {
+        let data = self.data.get(..usize::from(self.length));
+        SerialFrame {
+            opcode: self.opcode,
+            data: data.unwrap_or(&self.data),
+        }
+    }
+
+    /// The largest number of data words in its reply: the time of the reply on the wire.
+    #[must_use]
+    pub const fn reply_words(&self) -> u8 {
+        self.reply_words
+    }
+}
+
+/// Why a reply has no value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ReplyError {
+    /// The drive refused the request.
+    Refused(AbortCode),
+    /// A good frame, but no answer to this request: the line is out of sync.
+    Mismatch,
+}
+
+/// The opcode of every reply.
+pub(super) const REPLY_OPCODE: u8 = 0x00;
+
+/// Words of data in the reply to a read: error code and value.
+pub(super) const READ_REPLY_WORDS: u8 = 4;
+
+/// Words of data in the reply to a write: error code, and in a refusal up to as many as in a read.
+pub(super) const WRITE_REPLY_WORDS: u8 = 4;
+
+/// The longest value that is read in segments, bytes; a longer one is refused.
+pub(super) const MAX_SEGMENTED: usize = 1024;
+
+/// The requests of a family: opcodes and order of the parameters. A line has one command set, that
+/// of the drive that the port belongs to: it forwards requests to drives of other families.
+pub trait CommandSet: fmt::Debug + Sync {
+    /// Reads an object of at most four bytes.
+    fn read(&self, node: u8, object: Address) -> DriveRequest;
+
+    /// Writes an object of at most four bytes.
+    fn write(&self, node: u8, setting: Setting) -> DriveRequest;
+
+    /// Starts to read an object of any length. Allocates; for bring-up only.
+    fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead>;
+
+    /// The four bytes in the reply to [`CommandSet::read`]; truncate them to the size of the
+    /// object.
+    ///
+    /// # Errors
+    ///
+    /// When the drive refused, or the frame is no reply to a read.
+    fn read_reply(&self, reply: SerialFrame<'_>) -> Result<u32, ReplyError> {
+        match after_error_code(reply)? {
+            &[a, b, c, d] => Ok(u32::from_le_bytes([a, b, c, d])),
+            _ => Err(ReplyError::Mismatch),
+        }
+    }
+
+    /// Checks the reply to [`CommandSet::write`].
+    ///
+    /// # Errors
+    ///
+    /// When the drive refused, or the frame is no reply to a write.
+    fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
+        if after_error_code(reply)?.is_empty() {
+            Ok(())
+        } else {
+            Err(ReplyError::Mismatch)
+        }
+    }
+}
+
+/// A read in several requests.
+pub trait SegmentedRead {
+    /// The next request.
+    fn request(&self) -> DriveRequest;
+
+    /// Handles the reply; `true` when the value is complete.
+    ///
+    /// # Errors
+    ///
+    /// When the drive refused, or the frame is no reply to the request.
+    fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError>;
+
+    /// The bytes read so far.
+    fn bytes(&self) -> &[u8];
+}
+
+/// The data of a reply after its error code, if that is 0.
+///
+/// It is unknown whether a refused read is answered with two words or four: both are accepted.
+pub(super) fn after_error_code(reply: SerialFrame<'_>) -> Result<&[u8], ReplyError> {
+    let Some((error, rest)) = reply.data.split_first_chunk::<4>() else {
+        return Err(ReplyError::Mismatch);
+    };
+    match (reply.opcode, u32::from_le_bytes(*error)) {
+        (REPLY_OPCODE, 0) => Ok(rest),
+        (REPLY_OPCODE, code) if matches!(rest.len(), 0 | 4) => {
+            Err(ReplyError::Refused(AbortCode(code)))
+        }
+        _ => Err(ReplyError::Mismatch),
+    }
+}

@@ -1,0 +1,224 @@
+//! Requests of the EPOS2: opcodes of the first EPOS, and index, subindex, node.
+//!
+//! The control byte of a segment holds its length (bits 0 to 5), the toggle bit (6) and whether
+//! more segments follow (7). The reply that opens a segmented read has an error code; it is unknown
+//! whether it also has the first segment, so both are accepted.
+//!
+//! Sources: maxon's EPOS Communication Guide (2006) for RS232; for USB the public driver of the
+//! University of Osnabrueck, which sends the same requests in V2 frames.
+
+use crate::drive::command_set::{
+    CommandSet, DriveRequest, MAX_SEGMENTED, READ_REPLY_WORDS, ReplyError, SegmentedRead,
+    WRITE_REPLY_WORDS, after_error_code,
+};
+use crate::drive::object::{Address, Setting};
+use crate::drive::serial_frame::SerialFrame;
+
+const READ_OBJECT: u8 = 0x10;
+const WRITE_OBJECT: u8 = 0x11;
+
+const INITIATE_SEGMENTED_READ: u8 = 0x12;
+const SEGMENT_READ: u8 = 0x14;
+
+/// Words of data in the longest reply: error code, control byte, 63 bytes.
+const REPLY_WORDS: u8 = 34;
+
+const LENGTH: u8 = 0x3F;
+const TOGGLE: u8 = 1 << 6;
+const MORE: u8 = 1 << 7;
+
+/// The command set of the EPOS2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Epos2CommandSet;
+
+impl CommandSet for Epos2CommandSet {
+    fn read(&self, node: u8, object: Address) -> DriveRequest {
+        DriveRequest::new(READ_OBJECT, object_selector(node, object), READ_REPLY_WORDS)
+    }
+
+    fn write(&self, node: u8, setting: Setting) -> DriveRequest {
+        let [a, b, c, d] = object_selector(node, setting.object);
+        let [e, f, g, h] = setting.raw.to_le_bytes();
+        DriveRequest::new(WRITE_OBJECT, [a, b, c, d, e, f, g, h], WRITE_REPLY_WORDS)
+    }
+
+    fn read_segmented(&self, node: u8, object: Address) -> Box<dyn SegmentedRead> {
+        Box::new(Epos2SegmentedRead::new(node, object))
+    }
+}
+
+/// Index, subindex and node, as every object request starts.
+const fn object_selector(node: u8, object: Address) -> [u8; 4] {
+    let [low, high] = object.index.to_le_bytes();
+    [low, high, object.subindex, node]
+}
+
+/// A segmented read in progress.
+#[derive(Debug)]
+pub(super) struct Epos2SegmentedRead {
+    node: u8,
+    object: Address,
+    bytes: Vec<u8>,
+    state: SegmentState,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum SegmentState {
+    /// The transfer is not opened yet.
+    First,
+    /// Opened; the next segment has this toggle bit.
+    Next { toggle: u8 },
+}
+
+impl Epos2SegmentedRead {
+    pub(super) fn new(node: u8, object: Address) -> Self {
+        Self {
+            node,
+            object,
+            bytes: Vec::new(),
+            state: SegmentState::First,
+        }
+    }
+
+    fn take_segment(&mut self, rest: &[u8], toggle: u8) -> Result<bool, ReplyError> {
+        let (&control, data) = rest.split_first().ok_or(ReplyError::Mismatch)?;
+        let segment = data
+            .get(..usize::from(control & LENGTH))
+            .ok_or(ReplyError::Mismatch)?;
+        if control & TOGGLE != toggle || self.bytes.len() + segment.len() > MAX_SEGMENTED {
+            return Err(ReplyError::Mismatch);
+        }
+        self.bytes.extend_from_slice(segment);
+        self.state = SegmentState::Next {
+            toggle: toggle ^ TOGGLE,
+        };
+        Ok(control & MORE == 0)
+    }
+}
+
+impl SegmentedRead for Epos2SegmentedRead {
+    fn request(&self) -> DriveRequest {
+        match self.state {
+            SegmentState::First => DriveRequest::new(
+                INITIATE_SEGMENTED_READ,
+                object_selector(self.node, self.object),
+                REPLY_WORDS,
+            ),
+            SegmentState::Next { toggle } => {
+                DriveRequest::new(SEGMENT_READ, [toggle, 0], REPLY_WORDS)
+            }
+        }
+    }
+
+    fn take_reply(&mut self, reply: SerialFrame<'_>) -> Result<bool, ReplyError> {
+        let rest = after_error_code(reply)?;
+        match self.state {
+            SegmentState::First if rest.is_empty() => {
+                self.state = SegmentState::Next { toggle: 0 };
+                Ok(false)
+            }
+            SegmentState::First => self.take_segment(rest, 0),
+            SegmentState::Next { toggle } => self.take_segment(rest, toggle),
+        }
+    }
+
+    fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::command_set::REPLY_OPCODE;
+    use crate::drive::object::{CONTROLWORD, MODE, Object, POSITION, STATUSWORD};
+    use crate::drive::serial_frame::FrameEncoder;
+
+    const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
+
+    const FULL_SERIAL_NUMBER: Address = Address {
+        index: 0x2004,
+        subindex: 0,
+        size: 8,
+        name: "full serial number",
+    };
+
+    fn reply(data: &[u8]) -> SerialFrame<'_> {
+        SerialFrame {
+            opcode: REPLY_OPCODE,
+            data,
+        }
+    }
+
+    #[test]
+    fn frames_on_usb_match_the_reference() {
+        let mut encoder = FrameEncoder::default();
+        let commands = Epos2CommandSet;
+        for (request, wire) in [
+            (
+                commands.read(1, STATUSWORD.address()),
+                "90 02 10 02 41 60 00 01 64 CF",
+            ),
+            (
+                commands.read(1, POSITION.address()),
+                "90 02 10 02 64 60 00 01 52 A2",
+            ),
+            (
+                commands.write(1, CONTROLWORD.set(0x000F)),
+                "90 02 11 04 40 60 00 01 0F 00 00 00 2D 2C",
+            ),
+            (
+                commands.write(1, MODE.set(-1)),
+                "90 02 11 04 60 60 00 01 FF 00 00 00 89 A1",
+            ),
+            (
+                commands.write(1, TARGET.set(1000)),
+                "90 02 11 04 62 20 00 01 E8 03 00 00 95 6A",
+            ),
+            (
+                commands.write(2, TARGET.set(1000)),
+                "90 02 11 04 62 20 00 02 E8 03 00 00 75 A4",
+            ),
+        ] {
+            let bytes = encoder.encode(request.frame()).unwrap();
+            let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+            assert_eq!(hex.join(" "), wire);
+        }
+    }
+
+    #[test]
+    fn segments_alternate_their_toggle_bit() {
+        let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
+        for (opcode, request, answer, is_complete) in [
+            (0x12, &[0x04, 0x20, 0, 1][..], &[0; 4][..], false),
+            (0x14, &[0, 0], &[0, 0, 0, 0, 0x85, 1, 2, 3, 4, 5], false),
+            (0x14, &[0x40, 0], &[0, 0, 0, 0, 0x43, 6, 7, 8], true),
+        ] {
+            let data = request;
+            assert_eq!(read.request().frame(), SerialFrame { opcode, data });
+            assert_eq!(read.take_reply(reply(answer)), Ok(is_complete));
+        }
+        assert_eq!(read.bytes(), [1, 2, 3, 4, 5, 6, 7, 8]);
+    }
+
+    #[test]
+    fn the_first_segment_may_come_at_once() {
+        let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
+        assert_eq!(
+            read.take_reply(reply(&[0, 0, 0, 0, 0x03, 1, 2, 3])),
+            Ok(true)
+        );
+        assert_eq!(read.bytes(), [1, 2, 3]);
+    }
+
+    #[test]
+    fn a_repeated_or_short_segment_is_a_mismatch() {
+        let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
+        read.take_reply(reply(&[0; 4])).unwrap();
+        read.take_reply(reply(&[0, 0, 0, 0, 0x81, 1])).unwrap();
+        for control in [0x81, 0x49] {
+            let outcome = read.take_reply(reply(&[0, 0, 0, 0, control, 1]));
+            assert_eq!(outcome, Err(ReplyError::Mismatch));
+        }
+    }
+}

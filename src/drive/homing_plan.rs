@@ -1,0 +1,84 @@
+//! The homing plan of an axis: method, and settings around it.
+
+use super::object::{self, Setting};
+use crate::config::{AxisConfig, HomingMethod};
+
+/// Method and settings of homing, and the settings that are restored afterwards.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HomingPlan {
+    method: i8,
+    moves: bool,
+    settings: Vec<Setting>,
+    restored: Vec<Setting>,
+}
+
+/// Acceleration of the search of a hard stop, rpm/s: at the low speeds of homing it takes no time.
+const HOMING_ACCELERATION_RPM_S: u32 = 1000;
+
+impl HomingPlan {
+    /// The plan of an axis with the number of its method. `stop_settings` gives the settings for
+    /// the search of a hard stop, beside speeds, for a motor current in mA; homing at the present
+    /// position needs none.
+    pub(super) fn new(
+        axis: &AxisConfig,
+        method: i8,
+        stop_settings: impl FnOnce(u32) -> [Setting; 3],
+    ) -> Self {
+        let moves = axis.homing != HomingMethod::Here;
+        let mut settings = Vec::new();
+        if moves {
+            settings.extend(stop_settings(axis.homing_current_ma));
+            settings.extend([
+                object::HOMING_SPEED.set(axis.homing_speed_rpm),
+                object::HOMING_ZERO_SPEED.set(axis.homing_speed_rpm),
+                object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S),
+            ]);
+        }
+        Self {
+            method,
+            moves,
+            settings,
+            restored: Vec::new(),
+        }
+    }
+
+    /// Restores a setting afterwards, if it was changed.
+    pub(super) fn with_restored(mut self, setting: Setting) -> Self {
+        if self.moves {
+            self.restored.push(setting);
+        }
+        self
+    }
+
+    /// The number of the method.
+    #[must_use]
+    pub fn method(&self) -> i8 {
+        self.method
+    }
+
+    /// The motor moves during homing.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.moves
+    }
+
+    /// Written and read back before homing.
+    #[must_use]
+    pub fn settings(&self) -> &[Setting] {
+        &self.settings
+    }
+
+    /// Written and read back after homing.
+    #[must_use]
+    pub fn restored(&self) -> &[Setting] {
+        &self.restored
+    }
+}
+
+/// The position that an axis gets at the end of homing, counts.
+pub(super) fn home_position(axis: &AxisConfig) -> i32 {
+    match axis.homing {
+        HomingMethod::Here => 0,
+        HomingMethod::StopPositive | HomingMethod::StopNegative => axis.homing_stop_counts.0,
+    }
+}

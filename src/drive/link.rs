@@ -1,0 +1,303 @@
+//! A line with drives behind it: one request, one reply, and the handling of a missing reply.
+//!
+//! | term | meaning |
+//! |---|---|
+//! | attempt | a request that is sent once, and the wait for its reply |
+//! | exchange | an attempt, and a second one if the first failed and the request may be retried |
+//! | in sync | the next reply belongs to the next request |
+//!
+//! Replies carry neither an index nor a sequence number: a late reply looks like the answer to the
+//! next request. So a failed attempt puts the line out of sync, and no reply is trusted until
+//! `link::sync` has synchronised the line again.
+
+mod sync;
+mod transfer;
+
+use std::io;
+
+use serde::{Deserialize, Serialize};
+
+use super::abort_code::AbortCode;
+use super::command_set::{DriveRequest, ReplyError, SegmentedRead};
+use super::error::LinkError;
+use super::family::DriveFamily;
+use super::object::{Address, Object, Setting, Value};
+use super::serial_frame::{FrameEncoder, SerialFrame};
+use super::serial_frame_parser::FrameParser;
+use super::transport::Transport;
+use crate::config::{Framing, PortConfig};
+use crate::units::Nanos;
+
+/// Frame timeout of drives as delivered (0x2005, 0x2006).
+const DEFAULT_FRAME_TIMEOUT: Nanos = Nanos::from_millis(500);
+
+/// The node that the port belongs to, whatever its own id.
+pub(super) const LOCAL_NODE: u8 = 0;
+
+/// Lifetime counters of one serial line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct LinkCounters {
+    /// Requests that were answered.
+    pub exchanges: u64,
+    /// Requests that were not answered in time.
+    pub timeouts: u64,
+    /// Replies with a wrong CRC.
+    pub crc_errors: u64,
+    /// Times that the parser had to search the start of a frame.
+    pub resynchronisations: u64,
+    /// Requests that were sent again.
+    pub retries: u64,
+}
+
+/// Whether a request may be sent again when its reply is missing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Retry {
+    /// Reads, and writes of the same value: they are idempotent.
+    Safe,
+    /// Edges that start something, and set-points, which are replaced by newer ones instead.
+    Never,
+}
+
+/// A reply with its times.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TimedReply<R> {
+    /// The value.
+    pub value: R,
+    /// When the last byte of the request was handed to the operating system.
+    pub sent: Nanos,
+    /// When the last byte of the reply was read.
+    pub received: Nanos,
+}
+
+/// Why an attempt failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TransferError {
+    /// The drive refused the request; the line is fine.
+    Refused(AbortCode),
+    /// No reply in time.
+    Timeout,
+    /// A damaged reply, or a reply to another request.
+    Disturbed,
+    /// The port is broken.
+    Broken(io::ErrorKind),
+}
+
+impl From<io::Error> for TransferError {
+    fn from(error: io::Error) -> Self {
+        Self::Broken(error.kind())
+    }
+}
+
+impl From<ReplyError> for TransferError {
+    fn from(error: ReplyError) -> Self {
+        match error {
+            ReplyError::Refused(code) => Self::Refused(code),
+            ReplyError::Mismatch => Self::Disturbed,
+        }
+    }
+}
+
+/// Reads the value out of a reply.
+type Decode<'a, R> = &'a mut dyn FnMut(SerialFrame<'_>) -> Result<R, ReplyError>;
+
+/// Whether the next reply can be trusted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum SyncState {
+    /// Every request was answered, and nothing else arrived.
+    InSync,
+    /// At most this many late replies may still arrive, at least one.
+    OutOfSync { late: u32 },
+}
+
+/// A line with the drives behind it: one exchange at a time.
+#[derive(Debug)]
+pub struct DriveLink<T> {
+    transport: T,
+    family: &'static dyn DriveFamily,
+    framing: Framing,
+    encoder: FrameEncoder,
+    parser: FrameParser,
+    sync: SyncState,
+    reply_timeout: Nanos,
+    byte_time: Nanos,
+    frame_timeout: Nanos,
+    serial_number: Option<u32>,
+    broken: bool,
+    counters: LinkCounters,
+}
+
+impl<T: Transport> DriveLink<T> {
+    /// A line about which nothing is known yet.
+    pub fn new(transport: T, family: &'static dyn DriveFamily, config: &PortConfig) -> Self {
+        // A start bit, eight data bits and a stop bit.
+        let byte_time = Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1)));
+        Self {
+            transport,
+            family,
+            framing: config.framing,
+            encoder: FrameEncoder::default(),
+            parser: FrameParser::default(),
+            sync: SyncState::InSync,
+            reply_timeout: Nanos::from_millis(config.reply_timeout_ms),
+            byte_time,
+            frame_timeout: DEFAULT_FRAME_TIMEOUT,
+            serial_number: None,
+            broken: false,
+            counters: LinkCounters::default(),
+        }
+    }
+
+    /// The family of the drive that the port belongs to: its command set is used on the line.
+    pub fn family(&self) -> &'static dyn DriveFamily {
+        self.family
+    }
+
+    /// The present instant, by the clock of the line.
+    pub fn now(&self) -> Nanos {
+        self.transport.now()
+    }
+
+    /// Sleeps by the clock of the line.
+    pub fn sleep_until(&mut self, until: Nanos) {
+        self.transport.sleep_until(until);
+    }
+
+    /// The port reported an error, and has not been reopened.
+    pub fn is_broken(&self) -> bool {
+        self.broken
+    }
+
+    /// Reopens a broken port.
+    ///
+    /// # Errors
+    ///
+    /// When it is still broken.
+    pub fn reopen(&mut self) -> Result<(), LinkError> {
+        self.transport.reopen().map_err(LinkError::broken)?;
+        self.broken = false;
+        Ok(())
+    }
+
+    /// Lifetime counters.
+    pub fn counters(&self) -> LinkCounters {
+        self.counters
+    }
+
+    /// The serial number of the drive that the port belongs to: the second known constant.
+    pub fn set_serial_number(&mut self, serial_number: u32) {
+        self.serial_number = Some(serial_number);
+    }
+
+    /// How long the drive waits for the rest of a damaged request before it discards it.
+    pub fn set_frame_timeout(&mut self, timeout: Nanos) {
+        self.frame_timeout = timeout;
+    }
+
+    /// Forgets everything about the drive: it may have been replaced or restarted.
+    pub fn forget_drive(&mut self) {
+        self.serial_number = None;
+        self.frame_timeout = DEFAULT_FRAME_TIMEOUT;
+    }
+
+    /// Reads an object.
+    ///
+    /// # Errors
+    ///
+    /// See [`LinkError`].
+    pub fn read<V: Value>(&mut self, node: u8, object: Object<V>) -> Result<V, LinkError> {
+        let reply = self.read_raw(node, object.address())?;
+        Ok(V::from_raw(reply.value))
+    }
+
+    /// Reads an object as four bytes, truncated to its size.
+    ///
+    /// # Errors
+    ///
+    /// See [`LinkError`].
+    pub fn read_raw(&mut self, node: u8, object: Address) -> Result<TimedReply<u32>, LinkError> {
+        let commands = self.family.command_set();
+        self.exchange(&commands.read(node, object), Retry::Safe, &mut |reply| {
+            commands.read_reply(reply).map(|raw| object.truncate(raw))
+        })
+    }
+
+    /// Writes an object.
+    ///
+    /// # Errors
+    ///
+    /// See [`LinkError`]. After [`LinkError::Unanswered`] it is unknown whether the drive took the
+    /// value.
+    pub fn write(
+        &mut self,
+        node: u8,
+        setting: Setting,
+        retry: Retry,
+    ) -> Result<TimedReply<()>, LinkError> {
+        let commands = self.family.command_set();
+        self.exchange(&commands.write(node, setting), retry, &mut |reply| {
+            commands.write_reply(reply)
+        })
+    }
+
+    /// Reads an object of any length. Allocates.
+    ///
+    /// # Errors
+    ///
+    /// See [`LinkError`].
+    pub fn read_segmented(
+        &mut self,
+        node: u8,
+        object: Address,
+    ) -> Result<Box<dyn SegmentedRead>, LinkError> {
+        let mut read = self.family.command_set().read_segmented(node, object);
+        self.synchronise()?;
+        loop {
+            let request = read.request();
+            let mut decode = |reply: SerialFrame<'_>| read.take_reply(reply);
+            if self.exchange(&request, Retry::Never, &mut decode)?.value {
+                return Ok(read);
+            }
+        }
+    }
+
+    fn exchange<R>(
+        &mut self,
+        request: &DriveRequest,
+        retry: Retry,
+        decode: Decode<'_, R>,
+    ) -> Result<TimedReply<R>, LinkError> {
+        self.detect_stray_bytes()?;
+        if !self.is_in_sync() {
+            self.synchronise()?;
+            if retry == Retry::Never {
+                // Synchronising took time, and a request without retry must not be late either.
+                return Err(LinkError::Unanswered);
+            }
+        }
+        let error = match self.attempt(request, decode) {
+            Ok(reply) => return Ok(reply),
+            Err(error) => error,
+        };
+        // A request that arrived damaged was not carried out.
+        let may_retry = !matches!(error, TransferError::Refused(code) if code != AbortCode::CRC)
+            && !matches!(error, TransferError::Broken(_));
+        if retry == Retry::Never || !may_retry {
+            return self.fail(error);
+        }
+        self.synchronise()?;
+        self.counters.retries += 1;
+        self.attempt(request, decode)
+            .or_else(|error| self.fail(error))
+    }
+
+    /// Ends an exchange. After a missing reply the line is synchronised first.
+    fn fail<R>(&mut self, error: TransferError) -> Result<R, LinkError> {
+        match error {
+            TransferError::Refused(code) => Err(LinkError::Refused(code)),
+            TransferError::Broken(kind) => Err(LinkError::Broken(kind)),
+            TransferError::Timeout | TransferError::Disturbed => {
+                self.synchronise().and(Err(LinkError::Unanswered))
+            }
+        }
+    }
+}

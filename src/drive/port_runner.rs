@@ -1,0 +1,369 @@
+//! The thread that owns a serial port.
+//!
+//! The thread and the control loop share only a triple buffer in each direction per axis: neither
+//! waits for the other, and each sees the newest value.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use triple_buffer::{Input, Output, triple_buffer};
+
+use super::axis::interface::{AxisFeedback, AxisRequest, Demand};
+use super::axis::state_machine::{AxisStateMachine, EventSink};
+use super::axis::transfer::{ObjectAccess, Transfer};
+use super::bring_up::{self, AxisIdentity, DriveNode};
+use super::error::{AxisError, LinkError};
+use super::event::{PortEvent, PortEventKind};
+use super::family::ObjectMap;
+use super::family_selection::family_of_axis;
+use super::link::{DriveLink, TimedReply};
+use super::object::{self, Setting};
+use super::saved_position::{self, SavedPosition};
+use super::serial_transport::SerialTransport;
+use super::transport::Transport;
+use crate::config::{AxisConfig, PortConfig};
+use crate::units::{Counts, Nanos};
+
+/// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without a bit
+/// rate this leaves the processor to other threads.
+const MIN_TURN: Nanos = Nanos::from_micros(500);
+
+/// A turn while no axis answers.
+const LOST_TURN: Nanos = Nanos::from_millis(10);
+
+/// Period of the attempts to reconnect a lost axis.
+const RECONNECT_PERIOD: Nanos = Nanos::from_millis(500);
+
+/// How long the drives may take to switch off when the thread ends.
+const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(3000);
+
+/// An exchange takes 2.1 ms at 115200 baud, and little more in the drive. A longer one is delayed,
+/// most likely by the latency timer of an FTDI adapter.
+const SLOW_EXCHANGE: Nanos = Nanos::from_millis(4);
+
+/// The control loop's end of one axis.
+#[derive(Debug)]
+pub struct AxisLink {
+    /// The motor.
+    pub motor: usize,
+    /// Requests to the axis: the newest counts.
+    pub requests: Input<AxisRequest>,
+    /// Feedback of the axis: the newest counts.
+    pub feedback: Output<AxisFeedback>,
+}
+
+/// The port thread's end of a port. It allocates nothing while it runs.
+#[derive(Debug)]
+pub struct PortRunner<T = SerialTransport> {
+    link: DriveLink<T>,
+    slots: Vec<AxisSlot>,
+    /// Median duration of an exchange, measured at bring-up.
+    exchange: Nanos,
+    /// The last exchange took more than twice as long.
+    late: bool,
+    /// Stores the positions of the axes at the end.
+    positions_file: Option<PathBuf>,
+}
+
+/// One axis with its data in the port thread.
+#[derive(Debug)]
+struct AxisSlot {
+    config: AxisConfig,
+    identity: AxisIdentity,
+    settings: Vec<Setting>,
+    axis: AxisStateMachine,
+    requests: Output<AxisRequest>,
+    feedback: Input<AxisFeedback>,
+    next_reconnect: Nanos,
+    position_check: Option<PositionCheck>,
+    watchdog: RequestWatchdog,
+}
+
+/// Comparison of the saved position of an axis with its present one.
+#[derive(Debug, Clone, Copy)]
+struct PositionCheck {
+    saved: Option<Counts>,
+    present: Counts,
+}
+
+/// Watches the sequence numbers of the requests.
+#[derive(Debug)]
+struct RequestWatchdog {
+    /// `None`: never expires.
+    timeout: Option<Nanos>,
+    sequence: u64,
+    /// When the newest request was first seen.
+    seen: Nanos,
+    reported: bool,
+}
+
+impl RequestWatchdog {
+    /// The time since the last new request, if it exceeds the timeout.
+    fn expired(&mut self, sequence: u64, now: Nanos) -> Option<Nanos> {
+        if sequence != self.sequence {
+            (self.sequence, self.seen, self.reported) = (sequence, now, false);
+        }
+        let silence = now - self.seen;
+        self.timeout
+            .is_some_and(|timeout| silence >= timeout)
+            .then_some(silence)
+    }
+}
+
+impl AxisSlot {
+    fn with_link(
+        port: &PortConfig,
+        config: &AxisConfig,
+        identity: AxisIdentity,
+        position_check: Option<PositionCheck>,
+    ) -> (Self, AxisLink) {
+        let family = family_of_axis(port, config);
+        let (request_input, requests) = triple_buffer(&AxisRequest::default());
+        let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
+        let link = AxisLink {
+            motor: config.motor,
+            requests: request_input,
+            feedback: feedback_output,
+        };
+        let slot = Self {
+            config: config.clone(),
+            identity,
+            settings: family.settings(config),
+            axis: AxisStateMachine::new(config, family, port.pattern),
+            requests,
+            feedback,
+            next_reconnect: Nanos::ZERO,
+            position_check,
+            watchdog: RequestWatchdog {
+                timeout: (port.loop_timeout_ms > 0).then(|| Nanos::from_millis(port.loop_timeout_ms)),
+                sequence: 0,
+                seen: Nanos::ZERO,
+                reported: false,
+            },
+        };
+        (slot, link)
+    }
+
+    /// The newest request; a quick stop if the watchdog expired while the axis is enabled.
+    fn newest_request(&mut self, now: Nanos, events: EventSink<'_>) -> AxisRequest {
+        let request = *self.requests.read();
+        let expired = self.watchdog.expired(request.sequence, now);
+        match expired {
+            Some(silence) if request.demand == Demand::Enabled => {
+                if !std::mem::replace(&mut self.watchdog.reported, true) {
+                    let kind = PortEventKind::WatchdogExpired { silence };
+                    self.axis.report(kind, events);
+                }
+                AxisRequest {
+                    demand: Demand::QuickStop,
+                    ..request
+                }
+            }
+            _ => request,
+        }
+    }
+
+    fn report_ready(&mut self, events: EventSink<'_>) {
+        let kind = PortEventKind::Ready {
+            node_id: self.identity.node_id,
+            product_code: self.identity.product_code,
+            firmware: self.identity.firmware,
+            serial_number: self.identity.serial_number,
+        };
+        self.axis.report(kind, events);
+        if let Some(PositionCheck { saved, present }) = self.position_check {
+            self.axis.compare_position(saved, present, events);
+        }
+    }
+
+    fn position_to_save(&self) -> Option<SavedPosition> {
+        Some(SavedPosition {
+            serial_number: self.config.serial_number,
+            position: self.axis.position_to_save()?,
+        })
+    }
+}
+
+impl<T: Transport> PortRunner<T> {
+    pub(super) fn with_links(
+        link: DriveLink<T>,
+        port: &PortConfig,
+        identities: Vec<AxisIdentity>,
+        exchange: Nanos,
+        positions: &[Counts],
+    ) -> (Self, Vec<AxisLink>) {
+        let saved = port.positions_file.as_deref().map(saved_position::take);
+        let (mut slots, mut links) = (Vec::new(), Vec::new());
+        for ((config, identity), &present) in port.axes.iter().zip(identities).zip(positions) {
+            let position_check = saved.as_ref().map(|saved| PositionCheck {
+                saved: saved
+                    .iter()
+                    .find(|saved| saved.serial_number == config.serial_number)
+                    .map(|saved| saved.position),
+                present,
+            });
+            let (slot, link) = AxisSlot::with_link(port, config, identity, position_check);
+            slots.push(slot);
+            links.push(link);
+        }
+        let runner = Self {
+            link,
+            slots,
+            exchange,
+            late: false,
+            positions_file: port.positions_file.clone(),
+        };
+        (runner, links)
+    }
+
+    /// Exchanges with the axes until `stop`, then switches them off if they answer. Blocks; call it
+    /// in its own thread. `events` is called in that thread and should not block.
+    pub fn run(mut self, stop: &AtomicBool, mut events: impl FnMut(PortEvent)) {
+        self.report_ready(&mut events);
+        while !stop.load(Ordering::Acquire) {
+            self.turn(&mut events);
+        }
+        self.shut_down(&mut events);
+    }
+
+    /// Reports the drives that were found.
+    pub fn report_ready(&mut self, events: EventSink<'_>) {
+        for slot in &mut self.slots {
+            slot.report_ready(events);
+        }
+        if let Some(slot) = self.slots.first()
+            && self.exchange > SLOW_EXCHANGE
+        {
+            let median = self.exchange;
+            slot.axis.report(PortEventKind::SlowLine { median }, events);
+        }
+    }
+
+    /// One exchange with every axis.
+    pub fn turn(&mut self, events: EventSink<'_>) {
+        let begin = self.link.now();
+        for index in 0..self.slots.len() {
+            self.serve(index, false, events);
+        }
+        let all_lost = self.slots.iter().all(|slot| slot.axis.is_lost());
+        let turn = if all_lost { LOST_TURN } else { MIN_TURN };
+        self.link.sleep_until(begin + turn);
+    }
+
+    /// Switches everything off in order, for a bounded time, and saves the positions.
+    pub fn shut_down(&mut self, events: EventSink<'_>) {
+        let begin = self.link.now();
+        for slot in &mut self.slots {
+            slot.axis.start_shutdown(begin, events);
+        }
+        while self.slots.iter().any(|slot| !slot.axis.is_shut_down())
+            && self.link.now() < begin + SHUTDOWN_TIMEOUT
+        {
+            for index in 0..self.slots.len() {
+                self.serve(index, true, events);
+            }
+        }
+        for slot in &self.slots {
+            let off = slot.axis.is_power_off();
+            slot.axis.report(PortEventKind::Ended { off }, events);
+        }
+        if let Some(file) = &self.positions_file {
+            let positions = self.slots.iter().filter_map(AxisSlot::position_to_save);
+            // Without the file the next start treats the axes as not homed, which is safe.
+            let _ = saved_position::save(file, positions.collect());
+        }
+    }
+
+    /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
+    fn serve(&mut self, index: usize, stopping: bool, events: EventSink<'_>) {
+        let Some(slot) = self.slots.get_mut(index) else {
+            return;
+        };
+        let link = &mut self.link;
+        if slot.axis.is_lost() {
+            slot.axis.acknowledge_counters(slot.requests.read(), events);
+            if !stopping {
+                try_reconnect(link, slot, events);
+            }
+        } else if let Err(error) = link.synchronise() {
+            slot.axis.set_lost(error, events);
+        } else {
+            // Read as late as possible before the set-point is encoded.
+            let request = if stopping {
+                slot.axis.disable_request()
+            } else {
+                slot.newest_request(link.now(), events)
+            };
+            let begin = link.now();
+            let transfer = slot.axis.next_transfer(&request, begin, self.late, events);
+            let timeouts = link.counters().timeouts;
+            let map = slot.axis.object_map();
+            let outcome = perform(link, slot.config.node_id, transfer, map);
+            if link.counters().timeouts != timeouts {
+                let object = transfer.object(map);
+                slot.axis.report(PortEventKind::TimedOut { object }, events);
+                slot.axis.handle_timeout(link.now(), events);
+            }
+            let end = link.now();
+            self.late = end - begin > self.exchange + self.exchange;
+            slot.axis.handle_outcome(transfer, outcome, end, events);
+        }
+        slot.feedback.write(slot.axis.feedback(link.counters()));
+    }
+}
+
+/// Carries a transfer out. The value of a write is 0.
+fn perform(
+    link: &mut DriveLink<impl Transport>,
+    node: u8,
+    transfer: Transfer,
+    map: &ObjectMap,
+) -> Result<TimedReply<u32>, LinkError> {
+    match transfer.access(map) {
+        ObjectAccess::Read(object) => link.read_raw(node, object),
+        ObjectAccess::Write(setting, retry) => {
+            let TimedReply { sent, received, .. } = link.write(node, setting, retry)?;
+            Ok(TimedReply {
+                value: 0,
+                sent,
+                received,
+            })
+        }
+    }
+}
+
+/// Tries periodically to reconnect a lost axis. It is then disabled, whatever is demanded.
+fn try_reconnect(link: &mut DriveLink<impl Transport>, slot: &mut AxisSlot, events: EventSink<'_>) {
+    let now = link.now();
+    if now < slot.next_reconnect {
+        return;
+    }
+    slot.next_reconnect = now + RECONNECT_PERIOD;
+    if link.is_broken() && link.reopen().is_err() {
+        return;
+    }
+    // It may be another drive, or one that was restarted.
+    link.forget_drive();
+    if link.try_to_synchronise().is_err() || !link.is_in_sync() {
+        return;
+    }
+    match bring_up_again(link, slot) {
+        Ok(position) => slot.axis.reconnect(position, events),
+        // Lost again; the next attempt follows.
+        Err(AxisError::Exchange {
+            error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_),
+            ..
+        }) => {}
+        Err(error) => slot.axis.report_unusable(error, events),
+    }
+}
+
+/// The position of the axis after it was identified, switched off and limited again.
+fn bring_up_again(link: &mut DriveLink<impl Transport>, slot: &AxisSlot) -> Result<i32, AxisError> {
+    bring_up::prepare_line(link)?;
+    let mut drive = DriveNode::new(link, slot.config.node_id);
+    drive.check_identity(slot.config.serial_number)?;
+    drive.switch_off()?;
+    drive.configure(&slot.settings)?;
+    drive.read(object::POSITION)
+}

@@ -1,0 +1,71 @@
+//! The positions of the axes at an orderly end of the controller, saved for its next start.
+//!
+//! An incremental encoder loses its position with its power, and a drive that kept its power may
+//! have been moved by hand or by another program. The drive reports whether it is homed; a saved
+//! position can only revoke that, never grant it. An axis is not homed if its position differs from
+//! the saved one, or if none was saved because the controller was killed.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::Counts;
+
+/// The position of one drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SavedPosition {
+    pub(super) serial_number: u32,
+    pub(super) position: Counts,
+}
+
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedPositions {
+    axes: Vec<SavedPosition>,
+}
+
+/// Reads and removes the file: a position is valid for one start. An unreadable file is empty.
+pub(super) fn take(file: &Path) -> Vec<SavedPosition> {
+    let text = fs::read_to_string(file).unwrap_or_default();
+    let _ = fs::remove_file(file);
+    toml::from_str::<SavedPositions>(&text)
+        .unwrap_or_default()
+        .axes
+}
+
+/// Writes the file.
+///
+/// # Errors
+///
+/// When the system refuses to write it: the next start then finds no positions.
+pub(super) fn save(file: &Path, axes: Vec<SavedPosition>) -> io::Result<()> {
+    let text = toml::to_string(&SavedPositions { axes }).map_err(io::Error::other)?;
+    // Renamed when complete: an older file must not survive a partial write.
+    let draft = file.with_extension("draft");
+    fs::write(&draft, text)?;
+    fs::rename(&draft, file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_saved_position_is_valid_for_one_start() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("positions.toml");
+        let position = SavedPosition {
+            serial_number: 62_000_001,
+            position: Counts(-417),
+        };
+        save(&file, vec![position]).unwrap();
+        assert_eq!(take(&file), [position]);
+        assert!(take(&file).is_empty());
+        fs::write(&file, "axes = 3").unwrap();
+        assert!(take(&file).is_empty());
+        assert!(!file.exists());
+    }
+}

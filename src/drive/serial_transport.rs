@@ -1,0 +1,134 @@
+//! A serial port of the operating system as a [`Transport`].
+
+use std::io::{self, Read, Write};
+use std::os::fd::{AsRawFd, BorrowedFd};
+use std::path::Path;
+use std::time::Duration;
+
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::sys::time::TimeSpec;
+use serialport::{ClearBuffer, SerialPort, TTYPort};
+
+use crate::clock;
+use crate::config::PortConfig;
+use crate::units::Nanos;
+
+use super::error::DriveError;
+use super::latency_timer;
+use super::transport::Transport;
+
+/// How long a write may wait for space in the buffer of the operating system. It holds thousands of
+/// bytes and a request has tens, so waiting means that the port hangs.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
+
+/// A serial port, opened exclusively.
+#[derive(Debug)]
+pub struct SerialTransport {
+    port: TTYPort,
+    config: PortConfig,
+}
+
+impl SerialTransport {
+    /// Opens the device exclusively, raw, 8 data bits, no parity, 1 stop bit, and discards bytes
+    /// that arrived before.
+    ///
+    /// # Errors
+    ///
+    /// When the device does not exist, may not be opened, is in use, or is no serial port.
+    pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
+        Ok(Self {
+            port: open(config)?,
+            config: config.clone(),
+        })
+    }
+
+    /// Waits for bytes. Does not use the timeout of `TTYPort`, which allocates its error every
+    /// time.
+    fn wait(&self, deadline: Nanos) -> io::Result<bool> {
+        // SAFETY: the descriptor belongs to `self.port`, which outlives this borrow.
+        let descriptor = unsafe { BorrowedFd::borrow_raw(self.port.as_raw_fd()) };
+        wait(descriptor, deadline)
+    }
+}
+
+fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
+    let device = &config.device;
+    let path = device.to_str().ok_or_else(|| DriveError::NotFound {
+        device: device.clone(),
+    })?;
+    let port = serialport::new(path, config.baud)
+        .timeout(WRITE_TIMEOUT)
+        .open_native()
+        .map_err(|source| explain(device, source))?;
+    // Before any traffic: changing a running timer stalls the line. Without permission the timer
+    // stays, and bring-up reports slow exchanges.
+    latency_timer::shorten(device);
+    port.clear(ClearBuffer::All)
+        .map_err(|source| explain(device, source))?;
+    Ok(port)
+}
+
+/// Waits for bytes until an instant; `true` when there are some.
+///
+/// # Errors
+///
+/// When the line is broken.
+pub(crate) fn wait(descriptor: BorrowedFd<'_>, deadline: Nanos) -> io::Result<bool> {
+    let mut descriptors = [PollFd::new(descriptor, PollFlags::POLLIN)];
+    let span = TimeSpec::from(Duration::from_nanos(deadline.since(clock::now()).0));
+    match ppoll(&mut descriptors, Some(span), None) {
+        Ok(0) | Err(nix::errno::Errno::EINTR) => return Ok(false),
+        Ok(_) => {}
+        Err(error) => return Err(error.into()),
+    }
+    match descriptors[0].revents() {
+        Some(events) if events.contains(PollFlags::POLLIN) => Ok(true),
+        _ => Err(io::ErrorKind::BrokenPipe.into()),
+    }
+}
+
+impl Transport for SerialTransport {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.port.write_all(bytes)
+    }
+
+    fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        loop {
+            if self.wait(deadline)? {
+                // Ready but empty: the line was hung up.
+                return match self.port.read(into)? {
+                    0 => Err(io::ErrorKind::BrokenPipe.into()),
+                    count => Ok(count),
+                };
+            }
+            if clock::now() >= deadline {
+                return Ok(0);
+            }
+        }
+    }
+
+    fn reopen(&mut self) -> io::Result<()> {
+        self.port = open(&self.config).map_err(io::Error::other)?;
+        Ok(())
+    }
+
+    fn now(&self) -> Nanos {
+        clock::now()
+    }
+
+    fn sleep_until(&mut self, until: Nanos) {
+        clock::sleep_until(until);
+    }
+}
+
+/// Translates an error at opening.
+fn explain(device: &Path, source: serialport::Error) -> DriveError {
+    use serialport::ErrorKind::{Io, NoDevice};
+    let device = device.to_owned();
+    match source.kind() {
+        Io(io::ErrorKind::NotFound) => DriveError::NotFound { device },
+        Io(io::ErrorKind::PermissionDenied) => DriveError::NotPermitted { device },
+        NoDevice => DriveError::Busy { device },
+        _ => DriveError::NotSerial { device, source },
+    }
+}

@@ -1,0 +1,186 @@
+//! A running port thread allocates nothing: not in an exchange, not in a transition, not when it
+//! reconnects.
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
+
+#[path = "drive/fixture/mod.rs"]
+mod fixture;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::io;
+use std::path::Path;
+
+use fixture::port_rig::{NODE, one_drive};
+use fixture::*;
+use i2ris::config::PortConfig;
+use i2ris::drive::transport::Transport;
+use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortRunner};
+use i2ris::units::{Counts, Nanos};
+use i2ris_emulator::snake::SnakeConfig;
+use i2ris_emulator::{Emulator, EmulatorConfig};
+
+thread_local! {
+    static COUNTING: Cell<bool> = const { Cell::new(false) };
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Counts the allocations of threads that enable it.
+struct Counting;
+
+// SAFETY: every call is forwarded to the system allocator; the counters allocate nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        if COUNTING.get() {
+            ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        }
+        // SAFETY: the caller's guarantee is forwarded.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's guarantee is forwarded.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The number of allocations of `work` in this thread.
+fn allocations(work: impl FnOnce()) -> u64 {
+    let before = ALLOCATIONS.get();
+    COUNTING.set(true);
+    work();
+    COUNTING.set(false);
+    ALLOCATIONS.get() - before
+}
+
+/// Runs `work` without counting: it stands for hardware, or changes the hardware.
+fn uncounted<R>(work: impl FnOnce() -> R) -> R {
+    let counting = COUNTING.replace(false);
+    let result = work();
+    COUNTING.set(counting);
+    result
+}
+
+/// The simulated line may allocate.
+struct Uncounted(SimulatedLine);
+
+impl Transport for Uncounted {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        uncounted(|| self.0.write(bytes))
+    }
+
+    fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        uncounted(|| self.0.read(into, deadline))
+    }
+
+    fn now(&self) -> Nanos {
+        self.0.now()
+    }
+
+    fn sleep_until(&mut self, until: Nanos) {
+        uncounted(|| self.0.sleep_until(until));
+    }
+}
+
+/// Runs turns until the axis is in a phase.
+fn until<T: Transport>(
+    runner: &mut PortRunner<T>,
+    link: &mut AxisLink,
+    request: AxisRequest,
+    phase: AxisPhase,
+) {
+    let mut ignore = |_: PortEvent| {};
+    link.requests.write(request);
+    for _ in 0..20_000 {
+        runner.turn(&mut ignore);
+        if link.feedback.read().phase == phase {
+            return;
+        }
+    }
+    panic!("never {phase:?}");
+}
+
+#[test]
+fn the_counter_counts() {
+    assert!(allocations(|| drop(std::hint::black_box(Vec::<u8>::with_capacity(10)))) > 0);
+}
+
+#[test]
+fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
+    let drive = one_drive();
+    let config = port_config(std::slice::from_ref(&drive));
+    let line = SimulatedLine::new(vec![drive]);
+    let (mut runner, mut links) = Port::over(Uncounted(line.clone()), &config)
+        .bring_up()
+        .unwrap()
+        .split();
+    let link = &mut links[0];
+    let mut request = AxisRequest::default();
+    let mut ignore = |_: PortEvent| {};
+
+    let count = allocations(|| {
+        until(&mut runner, link, request, AxisPhase::Disabled);
+        request.homings = 1;
+        until(&mut runner, link, request, AxisPhase::Homing);
+        until(&mut runner, link, request, AxisPhase::Disabled);
+        request.demand = Demand::Enabled;
+        until(&mut runner, link, request, AxisPhase::Enabled);
+        for target in 0..1000 {
+            request.target = Counts(target);
+            link.requests.write(request);
+            if target % 50 == 0 {
+                uncounted(|| line.disturb([Disturbance::LoseReply, Disturbance::FlipReply(7)]));
+            }
+            runner.turn(&mut ignore);
+        }
+        uncounted(|| line.drive(NODE, |drive| drive.fail(0x8611)));
+        until(&mut runner, link, request, AxisPhase::Faulted);
+        request.fault_resets = 1;
+        request.demand = Demand::Disabled;
+        until(&mut runner, link, request, AxisPhase::Disabled);
+        uncounted(|| line.state().silent = true);
+        until(&mut runner, link, request, AxisPhase::Lost);
+        uncounted(|| line.state().silent = false);
+        until(&mut runner, link, request, AxisPhase::Disabled);
+        request.demand = Demand::Enabled;
+        until(&mut runner, link, request, AxisPhase::Enabled);
+        runner.shut_down(&mut ignore);
+    });
+    assert_eq!(count, 0);
+}
+
+#[test]
+fn nothing_is_allocated_on_a_real_port_with_time_outs() {
+    let folder = tempfile::tempdir().unwrap();
+    let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
+    let emulated = EmulatorConfig::new(
+        SnakeConfig::load(&snake).unwrap(),
+        &folder.path().join("ports"),
+    );
+    let emulator = Emulator::start(emulated).unwrap();
+    let mut drive = one_drive();
+    drive.serial_number = 62_000_001;
+    let config = PortConfig {
+        device: emulator.device(0).to_owned(),
+        reply_timeout_ms: 50,
+        ..port_config(&[drive])
+    };
+    let (mut runner, mut links) = Port::open(&config).unwrap().bring_up().unwrap().split();
+    let link = &mut links[0];
+    let mut ignore = |_: PortEvent| {};
+    let request = AxisRequest::default();
+
+    let count = allocations(|| {
+        until(&mut runner, link, request, AxisPhase::Disabled);
+        for _ in 0..100 {
+            runner.turn(&mut ignore);
+        }
+        emulator.mute(0, true);
+        until(&mut runner, link, request, AxisPhase::Lost);
+        emulator.mute(0, false);
+        until(&mut runner, link, request, AxisPhase::Disabled);
+    });
+    assert_eq!(count, 0);
+}

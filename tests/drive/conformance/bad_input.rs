@@ -1,0 +1,204 @@
+//! Mistakes of users: the message is one sentence with cause and remedy, and nothing moves.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use i2ris::config::PortConfig;
+use i2ris::drive::cia402::DriveState;
+use i2ris::drive::inspect::inspect;
+use i2ris::drive::{AxisPhase, DriveError, Port};
+use i2ris_emulator::drive::{Mode, State};
+use nix::unistd::{Uid, setfsuid};
+use serialport::{SerialPort, TTYPort};
+
+use super::test_bench::{SETUPS, TestBench};
+
+fn refusal(port: &PortConfig) -> String {
+    let error = Port::open(port).and_then(Port::bring_up).unwrap_err();
+    let text = error.to_string();
+    assert!(
+        !text.contains('\n') && text.len() < 300,
+        "one sentence: {text}"
+    );
+    text
+}
+
+fn quick(port: PortConfig) -> PortConfig {
+    PortConfig {
+        reply_timeout_ms: 100,
+        ..port
+    }
+}
+
+#[test]
+fn a_wrong_bit_rate_is_reported_with_the_remedy() {
+    let bench = TestBench::with(&SETUPS[0], |config| config.line.strict_baud = true);
+    let text = refusal(&quick(PortConfig {
+        baud: 38_400,
+        ..bench.port()
+    }));
+    for part in ["no drive answers", "38400 baud", "check"] {
+        assert!(text.contains(part), "{text}");
+    }
+    assert!(
+        bench.bring_up().is_ok(),
+        "at the correct bit rate it answers"
+    );
+}
+
+#[test]
+fn a_missing_node_is_named() {
+    for setup in [&SETUPS[2], &SETUPS[5], &SETUPS[6]] {
+        let bench = TestBench::emulated(setup);
+        let text = refusal(&bench.port_with(|axis| axis.node_id = 9));
+        assert!(text.contains("node 9"), "{text}");
+        assert!(
+            text.contains("gateway") || text.contains("`node_id`"),
+            "{text}"
+        );
+        assert!(!bench.drive().state.is_powered());
+    }
+}
+
+#[test]
+fn another_device_on_the_port_is_no_drive() {
+    let (mut master, slave) = TTYPort::pair().unwrap();
+    let device = slave.name().unwrap();
+    let stop = Arc::new(AtomicBool::new(false));
+    let stopped = Arc::clone(&stop);
+    master
+        .set_timeout(std::time::Duration::from_millis(20))
+        .unwrap();
+    // It echoes: a terminal server, or a wire loop.
+    let echo = thread::spawn(move || {
+        let mut bytes = [0; 64];
+        while !stopped.load(Ordering::Relaxed) {
+            if let Ok(count) = master.read(&mut bytes) {
+                let _ = master.write_all(&bytes[..count]);
+            }
+        }
+    });
+    drop(slave);
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let text = refusal(&quick(PortConfig {
+        device: device.into(),
+        ..bench.port()
+    }));
+    assert!(text.contains("no drive answers"), "{text}");
+    stop.store(true, Ordering::Relaxed);
+    echo.join().unwrap();
+}
+
+#[test]
+fn a_limit_that_the_drive_refuses_is_named_with_the_reason() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let text = refusal(&bench.port_with(|axis| axis.motor_speed_rpm = 60_000));
+    assert!(text.contains("max profile velocity (0x607F:00)"), "{text}");
+    assert!(text.contains("value out of range"), "{text}");
+    assert!(!bench.drive().state.is_powered());
+}
+
+#[test]
+fn a_drive_of_the_other_family_is_refused() {
+    let bench = TestBench::emulated(&SETUPS[3]);
+    let text = refusal(&quick(PortConfig {
+        family: i2ris::config::Family::Epos4,
+        ..bench.port()
+    }));
+    let is_refused = text.contains("unknown command") || text.contains("no drive answers");
+    assert!(is_refused, "{text}");
+    assert!(!bench.drive().state.is_powered());
+}
+
+#[test]
+fn a_drive_left_running_in_another_mode_is_switched_off_and_configured() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    {
+        let mut host = serialport::new(bench.port().device.to_string_lossy(), 115_200)
+            .open_native()
+            .unwrap();
+        host.set_timeout(std::time::Duration::from_secs(5)).unwrap();
+        let writes = [
+            (0x6060u16, 3u8),
+            (0x60FF, 20),
+            (0x6040, 0x06),
+            (0x6040, 0x0F),
+        ];
+        for (index, value) in writes {
+            let [low, high] = index.to_le_bytes();
+            let request = [0, low, high, 0, value, 0, 0, 0];
+            host.write_all(&i2ris_emulator::frame::encode(0x68, &request))
+                .unwrap();
+            host.read_exact(&mut [0; 10]).unwrap();
+        }
+    }
+    assert_eq!(bench.drive().state, State::OperationEnabled);
+    let port = bench.bring_up().unwrap();
+    assert!(!bench.drive().state.is_powered());
+    drop(port);
+    let mut axis = bench.run();
+    axis.enable();
+    assert_eq!(bench.drive().mode, Mode::CyclicPosition);
+}
+
+#[test]
+fn with_one_axis_refused_the_other_is_left_safe() {
+    let bench = TestBench::emulated(&SETUPS[5]);
+    let mut running = bench.run();
+    running.enable();
+    // At the next start the axis behind the gateway is still enabled.
+    running.abandon();
+    let wrong = bench.port_with(|axis| axis.serial_number = 1);
+    let text = refusal(&wrong);
+    assert!(text.contains("instead of 1 "), "{text}");
+    let first = bench.emulator().snapshot().axes[0].drive;
+    assert!(!first.state.is_powered(), "the correct axis is off");
+}
+
+#[test]
+fn an_inspection_changes_nothing_and_finds_differences() {
+    for setup in &SETUPS {
+        let bench = TestBench::emulated(setup);
+        let axis = usize::from(setup.gateway);
+        bench.emulator().raise_fault(bench.axis, 0x3210, false);
+        let before = bench.drive();
+        let seen = inspect(&bench.port()).unwrap();
+        let axis = seen.axes[axis].as_ref().unwrap();
+        assert_eq!(axis.state, Some(DriveState::Fault), "{}", setup.name);
+        assert_eq!(axis.errors[0].name, "overvoltage");
+        let mut differences = axis.differences.iter();
+        assert!(differences.any(|(object, ..)| object.index == 0x607D));
+        assert_eq!(bench.drive(), before);
+    }
+}
+
+#[test]
+fn a_port_in_use_is_refused() {
+    let bench = TestBench::emulated(&SETUPS[4]);
+    let mut axis = bench.run();
+    let outcome = inspect(&bench.port());
+    assert!(matches!(outcome, Err(DriveError::Busy { .. })));
+    assert_eq!(axis.feedback().phase, AxisPhase::Disabled);
+}
+
+#[test]
+fn a_port_without_permission_is_reported_with_the_remedy() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let port = PortConfig {
+        device: fs::canonicalize(bench.port().device).unwrap(),
+        ..bench.port()
+    };
+    fs::set_permissions(&port.device, fs::Permissions::from_mode(0o000)).unwrap();
+    // Root may open everything, so this thread accesses files as `nobody`.
+    let before = setfsuid(Uid::from_raw(65_534));
+    let text = refusal(&port);
+    setfsuid(before);
+    assert!(
+        text.contains("no permission") && text.contains("dialout"),
+        "{text}"
+    );
+}

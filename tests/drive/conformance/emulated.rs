@@ -1,0 +1,140 @@
+//! Cases of one emulated EPOS4.
+
+use std::time::Instant;
+
+use i2ris::config::PortConfig;
+use i2ris::drive::{AxisPhase, AxisRequest, Demand};
+use i2ris::units::Counts;
+use i2ris_emulator::Injection;
+use i2ris_emulator::drive::State;
+
+use super::test_bench::{PATIENCE, SERIAL_NUMBERS, SETUPS, TestBench};
+
+#[test]
+fn a_name_in_several_segments_is_read() {
+    let bench = TestBench::with(&SETUPS[0], |config| config.drives[0].segment_bytes = 3);
+    let port = bench.bring_up().unwrap();
+    assert_eq!(port.axes()[0].name.as_deref(), Some("EPOS4"));
+    let full = 0x1_0000_0000 + u64::from(SERIAL_NUMBERS[0]);
+    assert_eq!(port.axes()[0].full_serial_number, Some(full));
+}
+
+#[test]
+fn a_drive_left_enabled_by_a_killed_controller_is_switched_off_at_the_next_start() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let (mut runner, mut links) = bench.bring_up().unwrap().split();
+    let request = AxisRequest {
+        demand: Demand::Enabled,
+        ..AxisRequest::default()
+    };
+    let mut ignore = |_| {};
+    for _ in 0..2 {
+        runner.turn(&mut ignore);
+    }
+    links[0].requests.write(request);
+    let start = Instant::now();
+    while links[0].feedback.read().phase != AxisPhase::Enabled {
+        assert!(start.elapsed() < PATIENCE);
+        runner.turn(&mut ignore);
+    }
+    // As after `kill -9`.
+    drop(runner);
+    assert_eq!(bench.drive().state, State::OperationEnabled);
+    let _port = bench.bring_up().unwrap();
+    assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
+}
+
+#[test]
+fn a_fault_at_boot_waits_for_the_operator() {
+    let bench = TestBench::with(&SETUPS[0], |config| {
+        config.drives[0].boot_fault = Some(0x8120)
+    });
+    let mut axis = bench.run();
+    axis.until_fault(0x8120);
+    axis.request(|request| request.fault_resets = 1);
+    axis.until_phase(AxisPhase::Disabled);
+    axis.enable();
+}
+
+#[test]
+fn a_slow_adapter_and_long_refusals_change_nothing_but_the_rate() {
+    let bench = TestBench::with(&SETUPS[0], |config| {
+        config.line.adapter_hold_ms = 16;
+        config.line.jitter_us = 700;
+        config.drives[0].error_reply_words = 4;
+    });
+    let mut axis = bench.run();
+    axis.enable();
+    axis.move_to(60);
+    axis.stop();
+    assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
+    bench.assert_no_host_bugs();
+}
+
+#[test]
+fn an_axis_whose_position_jumped_while_the_line_was_lost_is_not_homed() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let mut axis = bench.run();
+    axis.home();
+    bench.emulator().mute(0, true);
+    axis.until_phase(AxisPhase::Lost);
+    bench
+        .emulator()
+        .inject(0, Injection::SlipEncoder { counts: 900 });
+    bench.emulator().mute(0, false);
+    axis.until_phase(AxisPhase::Disabled);
+    axis.wait_for_positions(21);
+    assert!(bench.drive().homed, "the drive itself still reports homed");
+    assert!(!axis.feedback().homed);
+    axis.home();
+}
+
+#[test]
+fn a_frozen_encoder_is_a_following_error() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let mut axis = bench.run();
+    axis.enable();
+    let freeze = Injection::FreezeEncoder { for_ms: 60_000 };
+    bench.emulator().inject(0, freeze);
+    let mut target = axis.feedback().position.0;
+    let start = Instant::now();
+    while axis.feedback().phase == AxisPhase::Enabled {
+        assert!(start.elapsed() < PATIENCE, "{:?}", axis.feedback());
+        target = (target + 5).min(2000);
+        axis.request(|request| request.target = Counts(target));
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    axis.until_fault(0x8611);
+    axis.until("is off", |_| !bench.drive().state.is_powered());
+}
+
+#[test]
+fn h06_an_encoder_that_moved_while_the_controller_was_away_is_not_homed() {
+    let bench = TestBench::emulated(&SETUPS[0]);
+    let folder = tempfile::tempdir().unwrap();
+    let port = PortConfig {
+        positions_file: Some(folder.path().join("positions.toml")),
+        ..bench.port()
+    };
+    // No position was saved yet, and the drive is not homed.
+    let mut axis = bench.run_with(&port);
+    axis.home();
+    axis.stop();
+    // At the saved position: still homed.
+    let mut axis = bench.run_with(&port);
+    axis.until("is still homed", |feedback| feedback.homed);
+    axis.stop();
+    // Moved by hand meanwhile.
+    bench
+        .emulator()
+        .inject(0, Injection::SlipEncoder { counts: 900 });
+    let mut axis = bench.run_with(&port);
+    axis.wait_for_positions(21);
+    assert!(bench.drive().homed && !axis.feedback().homed);
+    // Killed: no position is saved.
+    axis.home();
+    axis.abandon();
+    let mut axis = bench.run_with(&port);
+    axis.wait_for_positions(21);
+    assert!(bench.drive().homed && !axis.feedback().homed);
+}

@@ -1,0 +1,45 @@
+//! Real drives: with a configuration named in `I2RIS_HARDWARE`, the motors move by 20 counts.
+
+use std::env;
+use std::path::Path;
+
+use i2ris::config::Config;
+use i2ris::drive::{AxisPhase, Port, PortEventKind};
+
+use super::test_bench::TestBench;
+
+/// How far the motor moves, counts: a twentieth of a degree of the snake.
+const DISTANCE: i32 = 20;
+
+#[test]
+fn real_drives_conform() {
+    let Some(file) = env::var_os("I2RIS_HARDWARE") else {
+        println!("no real drives: name a configuration in I2RIS_HARDWARE");
+        return;
+    };
+    let bench = TestBench::real(Config::load(Path::new(&file)).unwrap());
+    println!("identified: {:?}", bench.bring_up().unwrap().axes());
+    let wrong = bench.port_with(|axis| axis.serial_number = axis.serial_number.wrapping_add(1));
+    let refused = Port::open(&wrong).unwrap().bring_up().unwrap_err();
+    println!("swap refused: {refused}");
+
+    let mut axis = bench.run();
+    assert_eq!(
+        axis.feedback().phase,
+        AxisPhase::Disabled,
+        "clear the fault first"
+    );
+    axis.enable();
+    let start = axis.feedback().position.0;
+    axis.move_to(start + DISTANCE);
+    axis.move_to(start);
+    println!("moved by {DISTANCE} counts and back");
+    axis.quick_stop();
+    axis.enable();
+    println!("quick stop and back");
+    assert_eq!(
+        axis.stop().last(),
+        Some(&PortEventKind::Ended { off: true })
+    );
+    println!("ended in order");
+}

@@ -1,0 +1,240 @@
+//! Drives in a topology: emulated or real.
+
+use std::path::Path;
+use std::time::Duration;
+
+use i2ris::config::{AxisConfig, Config, Family, Framing, PortConfig, Streaming};
+use i2ris::drive::{Configured, DriveError, Port};
+use i2ris::units::Counts;
+use i2ris_emulator::drive::DriveSnapshot;
+use i2ris_emulator::log::EventKind;
+use i2ris_emulator::snake::SnakeConfig;
+use i2ris_emulator::{Emulator, EmulatorConfig};
+use tempfile::TempDir;
+
+use super::running_axis::RunningAxis;
+
+/// Long enough for any stall of the machine.
+pub const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Serial numbers of the emulated drives.
+pub const SERIAL_NUMBERS: [u32; 2] = [62_000_001, 62_000_002];
+
+/// Family, framing and topology of the drive under test.
+#[derive(Debug, Clone, Copy)]
+pub struct Setup {
+    pub name: &'static str,
+    /// The family of the drive that the port belongs to.
+    pub port: Family,
+    pub framing: Framing,
+    /// The family of the drive under test.
+    pub drive: Family,
+    pub streaming: Streaming,
+    /// The drive under test is behind the drive of the port.
+    pub gateway: bool,
+}
+
+const EPOS4: Setup = Setup {
+    name: "EPOS4, V2",
+    port: Family::Epos4,
+    framing: Framing::V2,
+    drive: Family::Epos4,
+    streaming: Streaming::Cyclic,
+    gateway: false,
+};
+
+const EPOS2: Setup = Setup {
+    name: "EPOS2, V2 (USB)",
+    port: Family::Epos2,
+    drive: Family::Epos2,
+    ..EPOS4
+};
+
+pub const SETUPS: [Setup; 8] = [
+    EPOS4,
+    Setup {
+        name: "EPOS4, V2, profile",
+        streaming: Streaming::Profile,
+        ..EPOS4
+    },
+    Setup {
+        name: "EPOS4, V2, gateway",
+        gateway: true,
+        ..EPOS4
+    },
+    EPOS2,
+    Setup {
+        name: "EPOS2, V1 (RS232)",
+        framing: Framing::V1,
+        ..EPOS2
+    },
+    Setup {
+        name: "EPOS2, V2 (USB), gateway",
+        gateway: true,
+        ..EPOS2
+    },
+    Setup {
+        name: "EPOS2, V1 (RS232), gateway",
+        framing: Framing::V1,
+        gateway: true,
+        ..EPOS2
+    },
+    Setup {
+        name: "EPOS2 behind EPOS4, V2",
+        drive: Family::Epos2,
+        gateway: true,
+        ..EPOS4
+    },
+];
+
+/// Drives, one of them under test.
+pub struct TestBench {
+    emulator: Option<Emulator>,
+    ports: Vec<PortConfig>,
+    /// The axis under test.
+    pub axis: usize,
+    pub streaming: Streaming,
+    _folder: Option<TempDir>,
+}
+
+impl TestBench {
+    pub fn emulated(setup: &Setup) -> Self {
+        Self::with(setup, |_| {})
+    }
+
+    pub fn with(setup: &Setup, change: impl FnOnce(&mut EmulatorConfig)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
+        let mut config = EmulatorConfig::new(
+            SnakeConfig::load(&snake).unwrap(),
+            &folder.path().join("ports"),
+        );
+        let axis = usize::from(setup.gateway);
+        config.drives[0].family = emulated_family(setup.port);
+        config.drives[axis].family = emulated_family(setup.drive);
+        if setup.framing == Framing::V1 {
+            config.line.framing = i2ris_emulator::Framing::V1;
+        }
+        if setup.gateway {
+            config.gateway_us = Some(600);
+            config.drives[1].node_id = 2;
+        }
+        // A hard stop for homing, reached within a second.
+        config.drives[axis].motor.stops = [-400.0, 100_000.0];
+        change(&mut config);
+        let emulator = Emulator::start(config).unwrap();
+        let ports = ports(setup, &emulator);
+        Self {
+            emulator: Some(emulator),
+            ports,
+            axis,
+            streaming: setup.streaming,
+            _folder: Some(folder),
+        }
+    }
+
+    /// Real drives, the first of them under test.
+    pub fn real(config: Config) -> Self {
+        let streaming = config.ports[0].axes[0].streaming;
+        Self {
+            emulator: None,
+            ports: config.ports,
+            axis: 0,
+            streaming,
+            _folder: None,
+        }
+    }
+
+    pub fn emulator(&self) -> &Emulator {
+        self.emulator.as_ref().expect("a case for emulated drives")
+    }
+
+    /// The port with the axis under test.
+    pub fn port(&self) -> PortConfig {
+        self.ports
+            .iter()
+            .find(|port| port.axes.iter().any(|axis| axis.motor == self.axis))
+            .unwrap()
+            .clone()
+    }
+
+    /// The port with the axis under test changed.
+    pub fn port_with(&self, change: impl FnOnce(&mut AxisConfig)) -> PortConfig {
+        let mut port = self.port();
+        let mut axes = port.axes.iter_mut();
+        change(axes.find(|axis| axis.motor == self.axis).unwrap());
+        port
+    }
+
+    pub fn bring_up(&self) -> Result<Port<Configured>, DriveError> {
+        Port::open(&self.port())?.bring_up()
+    }
+
+    pub fn run(&self) -> RunningAxis {
+        self.run_with(&self.port())
+    }
+
+    pub fn run_with(&self, port: &PortConfig) -> RunningAxis {
+        RunningAxis::start(Port::open(port).unwrap().bring_up().unwrap(), self.axis)
+    }
+
+    /// The emulated drive under test.
+    pub fn drive(&self) -> DriveSnapshot {
+        self.emulator().snapshot().axes[self.axis].drive
+    }
+
+    /// Set-points that reached the drive under test.
+    pub fn setpoints(&self) -> Vec<i32> {
+        let events = self.emulator().log().into_iter();
+        let events = events.filter(|event| event.axis == self.axis);
+        events
+            .filter_map(|event| match event.kind {
+                EventKind::Setpoint(counts) => Some(counts),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// The host never sent a request before the previous reply, and never an unknown request.
+    pub fn assert_no_host_bugs(&self) {
+        if let Some(emulator) = &self.emulator {
+            let mut log = emulator.log();
+            log.retain(|event| matches!(event.kind, EventKind::HostBug(_)));
+            assert!(log.is_empty(), "{log:?}");
+        }
+    }
+}
+
+fn emulated_family(family: Family) -> i2ris_emulator::drive::Family {
+    match family {
+        Family::Epos4 => i2ris_emulator::drive::Family::Epos4,
+        Family::Epos2 => i2ris_emulator::drive::Family::Epos2,
+    }
+}
+
+fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
+    let axis = |motor: usize| AxisConfig {
+        node_id: if setup.gateway { motor as u8 + 1 } else { 1 },
+        ..AxisConfig::new(motor, SERIAL_NUMBERS[motor], [Counts(-2400), Counts(2400)])
+    };
+    let tested = AxisConfig {
+        family: (setup.drive != setup.port).then_some(setup.drive),
+        streaming: setup.streaming,
+        ..axis(usize::from(setup.gateway))
+    };
+    let axes = if setup.gateway {
+        vec![axis(0), tested]
+    } else {
+        vec![tested]
+    };
+    vec![PortConfig {
+        // Cases write a request only when something changes.
+        loop_timeout_ms: 0,
+        family: setup.port,
+        framing: setup.framing,
+        // A real drive answers within 5 ms. A test machine stalls for 100 ms, and an early retry
+        // would count as an error of the host.
+        reply_timeout_ms: 1000,
+        ..PortConfig::new(emulator.device(0).to_owned(), axes)
+    }]
+}

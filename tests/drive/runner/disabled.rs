@@ -1,0 +1,54 @@
+use super::*;
+
+#[test]
+fn position_status_error_and_current_are_reported() {
+    let mut rig = PortRig::disabled();
+    rig.drive(|drive| drive.position = -7);
+    rig.turns(40);
+    let feedback = rig.feedback();
+    assert_eq!((feedback.position, feedback.current_ma), (Counts(-7), 12));
+    assert_eq!((feedback.statusword, feedback.error_code), (0x8240, 0));
+    assert_eq!(
+        (feedback.phase, feedback.homed),
+        (AxisPhase::Disabled, true)
+    );
+    assert!(feedback.counters.exchanges > 40);
+    assert_eq!(feedback.written, None);
+    assert!(rig.line.time().since(feedback.stamp) < Nanos::from_millis(10));
+}
+
+#[test]
+fn every_other_exchange_is_a_position_and_counts_up_by_one() {
+    let mut rig = PortRig::disabled();
+    let before = rig.feedback().sequence;
+    rig.turns(20);
+    assert_eq!(rig.feedback().sequence, before + 10);
+}
+
+#[test]
+fn nothing_is_written() {
+    let mut rig = PortRig::disabled();
+    rig.drive(|drive| drive.writes.clear());
+    rig.request(|request| request.target = Counts(50));
+    rig.turns(100);
+    assert!(rig.drive(|drive| drive.writes.is_empty()));
+}
+
+#[test]
+fn a_drive_that_someone_else_enables_is_switched_off() {
+    let mut rig = PortRig::disabled();
+    rig.drive(|drive| drive.state = OPERATION_ENABLED);
+    rig.until(AxisPhase::Disabling);
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
+    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::UnexpectedState { .. })) > 0);
+}
+
+#[test]
+fn a_refused_current_is_reported_once_and_has_no_other_effect() {
+    let mut rig = PortRig::disabled();
+    rig.drive(|drive| drive.objects.remove(&(0x30D1, 2)));
+    rig.turns(200);
+    let refusals = rig.count_events(|kind| matches!(kind, PortEventKind::Refused { .. }));
+    assert_eq!((refusals, rig.phase()), (1, AxisPhase::Disabled));
+}

@@ -1,0 +1,92 @@
+use super::*;
+
+fn faulted() -> PortRig {
+    let mut rig = PortRig::enabled();
+    rig.drive(|drive| drive.fail(0x8611));
+    rig.until(AxisPhase::Faulted);
+    rig.turns(20);
+    rig
+}
+
+fn reset(rig: &mut PortRig) {
+    rig.request(|request| request.fault_resets += 1);
+    let count = rig.requests[0].fault_resets;
+    rig.until_feedback("acknowledges the reset", |feedback| {
+        feedback.fault_resets == count
+    });
+}
+
+#[test]
+fn the_fault_is_named() {
+    let mut rig = faulted();
+    assert_eq!(rig.feedback().error_code, 0x8611);
+    let mut texts = rig.events.iter().map(ToString::to_string);
+    assert!(texts.any(|text| text.contains("motor 0: fault 0x8611 (following error)")));
+}
+
+#[test]
+fn nothing_is_written_until_the_operator_resets() {
+    let mut rig = faulted();
+    rig.drive(|drive| drive.writes.clear());
+    rig.turns(200);
+    assert_eq!(rig.drive(|drive| drive.writes.len()), 0);
+}
+
+#[test]
+fn a_reset_is_an_edge_and_ends_disabled() {
+    let mut rig = faulted();
+    rig.drive(|drive| drive.writes.clear());
+    reset(&mut rig);
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.controlwords(), [0x0000, 0x0080]);
+    rig.turns(100);
+    assert_eq!(
+        (rig.phase(), rig.feedback().error_code),
+        (AxisPhase::Disabled, 0)
+    );
+    assert!(rig.has_event(PortEventKind::FaultReset { cleared: true }));
+}
+
+#[test]
+fn it_is_enabled_again_only_after_the_demand_was_released() {
+    let mut rig = faulted();
+    reset(&mut rig);
+    rig.until(AxisPhase::Disabled);
+    rig.release_and_enable();
+    assert_eq!(rig.drive(|drive| drive.jumps), 0);
+}
+
+#[test]
+fn it_stays_faulted_while_the_cause_remains_and_a_second_reset_is_a_new_edge() {
+    let mut rig = faulted();
+    rig.drive(|drive| drive.cause_remains = true);
+    reset(&mut rig);
+    assert_eq!(rig.phase(), AxisPhase::Faulted);
+    assert!(rig.has_event(PortEventKind::FaultReset { cleared: false }));
+    rig.drive(|drive| drive.cause_remains = false);
+    reset(&mut rig);
+    rig.until(AxisPhase::Disabled);
+}
+
+#[test]
+fn a_reset_without_a_fault_does_not_reset_a_later_fault() {
+    let mut rig = PortRig::enabled();
+    reset(&mut rig);
+    rig.drive(|drive| drive.fail(0x3210));
+    rig.until(AxisPhase::Faulted);
+    rig.turns(200);
+    assert_eq!(rig.phase(), AxisPhase::Faulted);
+    assert!(!rig.controlwords().contains(&0x0080));
+}
+
+#[test]
+fn a_fault_at_start_is_reported_and_can_be_reset() {
+    let mut drive = one_drive();
+    drive.fail(0x8120);
+    let mut rig = PortRig::new(vec![drive]);
+    rig.until(AxisPhase::Faulted);
+    rig.turns(4);
+    assert_eq!(rig.feedback().error_code, 0x8120);
+    reset(&mut rig);
+    rig.until(AxisPhase::Disabled);
+}

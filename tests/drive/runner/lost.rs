@@ -1,0 +1,103 @@
+use super::*;
+
+fn lost() -> PortRig {
+    let mut rig = PortRig::enabled();
+    rig.line.state().silent = true;
+    rig.until(AxisPhase::Lost);
+    rig
+}
+
+/// Events whose text contains this.
+fn texts(rig: &PortRig, part: &str) -> Vec<String> {
+    let mut texts: Vec<_> = rig.events.iter().map(ToString::to_string).collect();
+    texts.retain(|text| text.contains(part));
+    texts
+}
+
+#[test]
+fn a_silent_line_is_lost_before_the_control_loop_faults() {
+    let mut rig = PortRig::enabled();
+    let begin = rig.line.time();
+    rig.line.state().silent = true;
+    rig.until(AxisPhase::Lost);
+    assert!(rig.line.time().since(begin) < Nanos::from_millis(400));
+}
+
+#[test]
+fn it_comes_back_disabled_and_limited_whatever_is_demanded() {
+    let mut rig = lost();
+    rig.turns(100);
+    assert_eq!(rig.phase(), AxisPhase::Lost);
+    rig.drive(MiniDrive::restart);
+    rig.line.state().silent = false;
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
+    rig.turns(200);
+    assert_eq!(rig.phase(), AxisPhase::Disabled);
+    rig.release_and_enable();
+}
+
+#[test]
+fn a_drive_that_stayed_enabled_is_switched_off_in_order() {
+    let mut rig = lost();
+    assert_eq!(rig.state(), OPERATION_ENABLED);
+    rig.drive(|drive| drive.writes.clear());
+    rig.line.state().silent = false;
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
+}
+
+#[test]
+fn another_drive_on_the_same_cable_is_refused_and_reported_once() {
+    let mut rig = lost();
+    rig.line.state().drives = vec![MiniDrive::new(NODE, 0xBAD)];
+    rig.line.state().silent = false;
+    rig.turns(2000);
+    assert_eq!(rig.phase(), AxisPhase::Lost);
+    let texts = texts(&rig, "not usable");
+    assert_eq!(texts.len(), 1, "{texts:?}");
+    assert!(
+        texts[0].contains("0x00000BAD") && texts[0].contains("0x62150001"),
+        "{texts:?}"
+    );
+}
+
+#[test]
+fn an_unplugged_cable_is_lost_at_once_and_does_not_spin() {
+    let mut rig = PortRig::enabled();
+    rig.line.state().hung_up = true;
+    rig.turns(1);
+    assert_eq!(rig.phase(), AxisPhase::Lost);
+    let begin = rig.line.time();
+    rig.turns(100);
+    assert!(rig.line.time().since(begin) >= Nanos::from_millis(1000));
+}
+
+#[test]
+fn a_reset_or_homing_requested_meanwhile_is_not_carried_out_later() {
+    let mut rig = lost();
+    rig.request(|request| {
+        request.fault_resets += 1;
+        request.homings += 1;
+    });
+    rig.turns(10);
+    let feedback = rig.feedback();
+    assert_eq!((feedback.fault_resets, feedback.homings), (1, 1));
+    rig.line.state().silent = false;
+    rig.until(AxisPhase::Disabled);
+    rig.turns(100);
+    assert!(!rig.controlwords().contains(&0x001F));
+}
+
+#[test]
+fn an_axis_with_an_unknown_statusword_is_lost_until_it_is_known_again() {
+    let mut rig = PortRig::enabled();
+    rig.drive(|drive| drive.state = 0x0201);
+    rig.until(AxisPhase::Lost);
+    rig.turns(500);
+    assert_eq!(rig.phase(), AxisPhase::Lost);
+    assert_eq!(texts(&rig, "is no known state").len(), 1);
+    rig.drive(|drive| drive.state = OPERATION_ENABLED);
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.state(), READY);
+}

@@ -1,0 +1,19 @@
+//! The port thread and its axes, grouped by phase: what is written to the drive, and when.
+
+mod disabled;
+mod enabled;
+mod enabling;
+mod faulted;
+mod homing;
+mod lost;
+mod quick_stop;
+mod random_sequences;
+mod shutdown;
+mod two_axes;
+
+use i2ris::drive::event::{PortEventKind, TransitionError};
+use i2ris::drive::{AxisPhase, Demand};
+use i2ris::units::{Counts, Nanos};
+
+use crate::fixture::port_rig::{NODE, PortRig, one_drive};
+use crate::fixture::*;

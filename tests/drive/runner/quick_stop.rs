@@ -1,0 +1,128 @@
+use i2ris::drive::{AxisRequest, Port};
+
+use super::*;
+use crate::fixture::port_rig::open;
+
+fn stopped() -> PortRig {
+    let mut rig = PortRig::enabled();
+    rig.demand(Demand::QuickStop);
+    rig.until(AxisPhase::QuickStopped);
+    rig
+}
+
+#[test]
+fn the_drive_stays_powered_and_ignores_targets() {
+    let mut rig = stopped();
+    assert_eq!(rig.controlwords(), [0x000B]);
+    rig.drive(|drive| drive.writes.clear());
+    rig.request(|request| request.target = Counts(500));
+    rig.turns(100);
+    assert_eq!(rig.drive(|drive| drive.writes.len()), 0);
+    assert_eq!(rig.state(), QUICK_STOP_ACTIVE);
+}
+
+#[test]
+fn enabling_again_starts_at_the_present_position() {
+    let mut rig = stopped();
+    rig.drive(|drive| drive.position = 90);
+    rig.enable(90);
+    rig.until(AxisPhase::Enabled);
+    assert_eq!(rig.drive(|drive| (drive.jumps, drive.position)), (0, 90));
+}
+
+#[test]
+fn power_is_switched_off_only_at_standstill() {
+    let mut rig = stopped();
+    rig.demand(Demand::Disabled);
+    for position in 0..50 {
+        rig.drive(|drive| drive.position = 40 * position);
+        rig.turns(2);
+        assert_eq!(rig.phase(), AxisPhase::QuickStopped, "still moving");
+    }
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.controlwords().last(), Some(&0x0000));
+}
+
+#[test]
+fn a_motor_that_never_stops_is_switched_off_after_a_time() {
+    let mut rig = stopped();
+    rig.demand(Demand::Disabled);
+    for position in 0..2000 {
+        rig.drive(|drive| drive.position = position % 2 * 40);
+        rig.turns(2);
+    }
+    assert_eq!(rig.phase(), AxisPhase::Disabled);
+}
+
+#[test]
+fn an_input_that_stops_the_drive_is_respected() {
+    let mut rig = PortRig::enabled();
+    rig.drive(|drive| drive.state = QUICK_STOP_ACTIVE);
+    rig.until(AxisPhase::QuickStopped);
+    rig.turns(100);
+    assert_eq!(
+        rig.phase(),
+        AxisPhase::QuickStopped,
+        "though enabled is demanded"
+    );
+    rig.demand(Demand::QuickStop);
+    rig.turns(2);
+    rig.demand(Demand::Enabled);
+    rig.until(AxisPhase::Enabled);
+}
+
+#[test]
+fn an_axis_without_power_stays_off() {
+    let mut rig = PortRig::disabled();
+    rig.demand(Demand::QuickStop);
+    rig.turns(50);
+    assert_eq!(
+        (rig.phase(), rig.controlwords()),
+        (AxisPhase::Disabled, vec![])
+    );
+}
+
+#[test]
+fn a_drive_that_does_not_stop_is_switched_off() {
+    let mut rig = PortRig::enabled();
+    rig.drive(|drive| drive.refuses.insert((0x6040, 0), 0x0800_0022));
+    rig.demand(Demand::QuickStop);
+    rig.until(AxisPhase::Disabling);
+    assert!(rig.count_events(|kind| matches!(kind, PortEventKind::QuickStopFailed(_))) > 0);
+    rig.drive(|drive| drive.refuses.clear());
+    rig.until(AxisPhase::Disabled);
+}
+
+#[test]
+fn a_silent_control_loop_stops_the_axis_until_it_writes_again() {
+    let (line, mut config, _) = open(vec![one_drive()]);
+    config.loop_timeout_ms = 100;
+    let port = Port::over(line, &config).bring_up().unwrap();
+    let (mut runner, mut links) = port.split();
+    let mut events = Vec::new();
+    let mut request = AxisRequest {
+        demand: Demand::Enabled,
+        ..AxisRequest::default()
+    };
+    links[0].requests.write(AxisRequest::default());
+    for _ in 0..10 {
+        runner.turn(&mut |_| {});
+    }
+    for (writes, phase) in [
+        (true, AxisPhase::Enabled),
+        (false, AxisPhase::QuickStopped),
+        (true, AxisPhase::Enabled),
+    ] {
+        let reached = (0..2000).any(|_| {
+            if writes {
+                request.sequence += 1;
+                links[0].requests.write(request);
+            }
+            runner.turn(&mut |event| events.push(event.kind));
+            links[0].feedback.read().phase == phase
+        });
+        assert!(reached, "never {phase:?}: {events:?}");
+    }
+    events.retain(|kind| matches!(kind, PortEventKind::WatchdogExpired { .. }));
+    assert_eq!(events.len(), 1);
+}

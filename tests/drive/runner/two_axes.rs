@@ -1,0 +1,90 @@
+use super::*;
+
+fn two_enabled() -> PortRig {
+    let mut rig = PortRig::new(vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22)]);
+    rig.turns(20);
+    for axis in 0..2 {
+        rig.request_of(axis, |request| request.demand = Demand::Enabled);
+    }
+    rig.until(AxisPhase::Enabled);
+    rig.turns(20);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled; 2]);
+    rig
+}
+
+#[test]
+fn each_follows_its_own_target() {
+    let mut rig = two_enabled();
+    let targets = [10, -20];
+    for (axis, target) in targets.into_iter().enumerate() {
+        rig.request_of(axis, |request| request.target = Counts(target));
+    }
+    rig.turns(20);
+    assert_eq!(
+        [1, 2].map(|node| rig.line.drive(node, |drive| drive.position)),
+        targets
+    );
+    assert_eq!([0, 1].map(|axis| rig.feedback_of(axis).position.0), targets);
+}
+
+#[test]
+fn a_fault_of_one_leaves_the_other_to_the_control_loop() {
+    let mut rig = two_enabled();
+    rig.line.drive(2, |drive| drive.fail(0x2310));
+    rig.turns(40);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Faulted]);
+}
+
+#[test]
+fn both_are_left_switched_off() {
+    let mut rig = two_enabled();
+    rig.shut_down();
+    assert_eq!(
+        [1, 2].map(|node| rig.line.drive(node, |drive| drive.state)),
+        [READY; 2]
+    );
+}
+
+#[test]
+fn a_silent_node_is_lost_alone() {
+    let mut rig = two_enabled();
+    rig.line.state().silent_node = Some(2);
+    rig.turns(200);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
+    let sequence = rig.feedback_of(0).sequence;
+    rig.turns(200);
+    assert!(
+        rig.feedback_of(0).sequence > sequence + 80,
+        "the other continues"
+    );
+    rig.line.state().silent_node = None;
+    rig.turns(2000);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Disabled]);
+}
+
+#[test]
+fn a_node_that_its_gateway_does_not_reach_is_lost_alone() {
+    let mut rig = two_enabled();
+    let removed = rig.line.state().drives.pop().unwrap();
+    rig.turns(50);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
+    rig.line.state().drives.push(removed);
+    rig.turns(2000);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Disabled]);
+}
+
+#[test]
+fn at_shutdown_one_starts_nothing_while_the_other_is_still_ending() {
+    let mut rig = two_enabled();
+    rig.line.drive(2, |drive| drive.stuck = true);
+    rig.request_of(0, |request| {
+        (request.demand, request.homings) = (Demand::Disabled, 1);
+    });
+    rig.line.drive(1, |drive| drive.writes.clear());
+    rig.shut_down();
+    assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
+    assert!(
+        rig.kinds()
+            .ends_with(&[true, false].map(|off| PortEventKind::Ended { off }))
+    );
+}

@@ -1,0 +1,207 @@
+//! The watchdog and the controller as real processes: if the controller dies or hangs, the watchdog
+//! stops the drives.
+//!
+//! Latency: `cargo test --test drive -- --ignored --nocapture stop_latency`.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::units::Nanos;
+use i2ris_emulator::drive::State;
+use i2ris_emulator::log::EventKind;
+use nix::sys::signal::Signal;
+
+use crate::controller_rig::{PATIENCE, Rig};
+
+/// A rig whose watchdog was started first, with an enabled robot.
+struct WatchedRig {
+    rig: Rig,
+    watchdog: Child,
+    log: PathBuf,
+    _client: Client,
+}
+
+impl WatchedRig {
+    /// `silence_ms`: the silence of the loop that counts as hanging. A test uses more than any
+    /// stall of the machine.
+    fn new(silence_ms: u64) -> Self {
+        Self::with(Rig::new(), silence_ms)
+    }
+
+    fn with(mut rig: Rig, silence_ms: u64) -> Self {
+        let file = rig.folder.path().join("watched.toml");
+        let log = rig.folder.path().join("watchdog.log");
+        fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
+        let watchdog = Command::new(env!("CARGO_BIN_EXE_i2ris-watchdog"))
+            .arg("--config")
+            .arg(&file)
+            .args(["--silence-ms", &silence_ms.to_string()])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(fs::File::create(&log).unwrap())
+            .spawn()
+            .unwrap();
+        until("the watchdog holds both ports", || {
+            let text = fs::read_to_string(&log).unwrap();
+            text.matches("holding").count() == 2
+        });
+        let client = rig.enabled();
+        let watched = Self {
+            rig,
+            watchdog,
+            log,
+            _client: client,
+        };
+        watched.until_logged("watching");
+        watched
+    }
+
+    /// Sends a signal that ends the controller, and waits for the end.
+    fn end_with(&mut self, signal: Signal) {
+        self.rig.signal(signal);
+        self.rig.wait_for_end();
+    }
+
+    fn log_text(&self) -> String {
+        fs::read_to_string(&self.log).unwrap()
+    }
+
+    fn until_logged(&self, what: &str) {
+        until(what, || self.log_text().contains(what));
+    }
+
+    fn states(&self) -> [State; 2] {
+        self.rig
+            .emulator
+            .snapshot()
+            .axes
+            .map(|axis| axis.drive.state)
+    }
+
+    fn until_stopped(&self) {
+        until("both drives are stopped", || {
+            self.states() == [State::QuickStopActive; 2]
+        });
+    }
+
+    /// When each drive was stopped, for the last time.
+    fn stops(&self) -> [Option<Nanos>; 2] {
+        let log = self.rig.emulator.log();
+        [0, 1].map(|axis| {
+            let stopped = |kind| {
+                matches!(
+                    kind,
+                    EventKind::State {
+                        to: State::QuickStopActive,
+                        ..
+                    }
+                )
+            };
+            log.iter()
+                .rev()
+                .find(|event| event.axis == axis && stopped(event.kind))
+                .map(|event| event.stamp)
+        })
+    }
+}
+
+impl Drop for WatchedRig {
+    fn drop(&mut self) {
+        let _ = self.watchdog.kill();
+        let _ = self.watchdog.wait();
+    }
+}
+
+fn until(what: &str, mut is_true: impl FnMut() -> bool) {
+    let start = clock::now();
+    while !is_true() {
+        assert!(clock::now() - start < PATIENCE, "never: {what}");
+        clock::sleep(Nanos::from_millis(5));
+    }
+}
+
+#[test]
+fn h03_the_drives_of_a_killed_controller_are_stopped() {
+    let mut watched = WatchedRig::new(3000);
+    assert_eq!(watched.states(), [State::OperationEnabled; 2]);
+    watched.end_with(Signal::SIGKILL);
+    watched.until_stopped();
+    watched.until_logged("the controller is gone");
+    // The watchdog releases the ports, and watches the next controller.
+    let _client = watched.rig.enabled();
+    until("the watchdog watches again", || {
+        watched.log_text().matches("watching").count() == 2
+    });
+    assert_eq!(watched.states(), [State::OperationEnabled; 2]);
+}
+
+#[test]
+fn h03_the_drives_of_a_hanging_controller_are_stopped() {
+    let watched = WatchedRig::new(3000);
+    watched.rig.signal(Signal::SIGSTOP);
+    watched.until_stopped();
+    watched.until_logged("the controller hangs");
+    // It continues: it must not enable the drives again.
+    watched.rig.signal(Signal::SIGCONT);
+    clock::sleep(Nanos::from_millis(500));
+    assert!(
+        watched
+            .states()
+            .iter()
+            .all(|state| *state != State::OperationEnabled),
+        "{:?}",
+        watched.states()
+    );
+}
+
+#[test]
+fn an_orderly_end_of_the_controller_stops_nothing() {
+    let mut watched = WatchedRig::new(3000);
+    watched.end_with(Signal::SIGTERM);
+    watched.until_logged("ended with its drives off");
+    assert_eq!(watched.stops(), [None; 2]);
+    assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
+}
+
+/// Prints the time from the signal to the quick stop in the drives, with the default silence of the
+/// watchdog.
+#[test]
+#[ignore = "prints times, which depend on the machine"]
+fn stop_latency() {
+    const TIMES: usize = 15;
+    for (name, signal) in [("SIGKILL", Signal::SIGKILL), ("SIGSTOP", Signal::SIGSTOP)] {
+        let mut spans: Vec<Nanos> = Vec::new();
+        for _ in 0..TIMES {
+            let mut rig = Rig::new();
+            // As on a robot, if the system permits it.
+            (rig.config.control.priority, rig.config.control.lock_memory) = (80, true);
+            let mut watched = WatchedRig::with(rig, 40);
+            let begin = clock::now();
+            watched.rig.signal(signal);
+            watched.until_stopped();
+            spans.extend(
+                watched
+                    .stops()
+                    .into_iter()
+                    .flatten()
+                    .map(|stamp| stamp - begin),
+            );
+            watched.end_with(Signal::SIGKILL);
+        }
+        spans.sort_unstable();
+        let ms = |quantile: f64| {
+            spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3
+        };
+        println!(
+            "{name}: {} stops, ms: min {:.0}, median {:.0}, p90 {:.0}, max {:.0}",
+            spans.len(),
+            ms(0.0),
+            ms(0.5),
+            ms(0.9),
+            ms(1.0)
+        );
+    }
+}
