@@ -9,8 +9,8 @@
 
 use std::collections::VecDeque;
 
-use super::Model;
-use super::memory::Memory;
+use crate::model::Model;
+use crate::model::families::memory::Memory;
 use crate::units::MotorVec;
 
 /// Corners that are kept. At one every [`SPACING_COUNTS`] they are 16 full strokes of 2000 counts.

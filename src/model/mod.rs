@@ -32,51 +32,40 @@
 //! | `inverse` | damped Newton inside the hull |
 //! | `round_trip` | the proof that the inverse of a model leads back |
 
-mod check;
-pub mod direction;
 mod error;
 mod estimate;
+mod families;
 pub mod file;
-mod gmm;
-mod gmr;
 mod history;
-mod hull;
-pub mod hysteresis;
-mod inverse;
-pub mod kinematic;
-mod linear;
-mod memory;
-mod plane;
-mod polygon;
-mod regression;
-mod round_trip;
-mod store;
+mod maths;
 
 use std::path::Path;
 
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
-pub use gmm::MAX_COMPONENTS;
+pub use families::memory::Memory;
+pub use families::{direction, hysteresis, kinematic};
+pub use file::store::ModelId;
 pub use history::History;
-pub use hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
-pub use memory::Memory;
-pub use regression::Local;
-pub use store::ModelId;
+pub use maths::gaussian_mixture::MAX_COMPONENTS;
+pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
+pub use maths::regression::Local;
 
 use nalgebra::SVector;
 
 use crate::units::{MotorVec, OutputVec};
-use direction::DirectionGmr;
+use families::direction::DirectionGmr;
+use families::hysteresis::Operator;
+use families::hysteresis::backlash_play::Plays;
+use families::hysteresis::chain::Chain;
+use families::hysteresis::residual::{Residual, ResidualParameters};
+use families::hysteresis::stop::Stops;
+use families::kinematic::Kinematic;
+use families::linear::Linear;
+use file::check;
 use file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit};
-use gmr::Gmr;
-use hysteresis::Operator;
-use hysteresis::chain::Chain;
-use hysteresis::play::Plays;
-use hysteresis::residual::{Residual, ResidualParameters};
-use hysteresis::stop::Stops;
-use kinematic::Kinematic;
-use linear::Linear;
-use regression::{Prepared, Runtime};
+use maths::gaussian_mixture_regression::Gmr;
+use maths::regression::{Prepared, Runtime};
 
 /// A model that has been checked and prepared. It does not change any more and can be shared
 /// between threads.
