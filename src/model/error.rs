@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use crate::model::file::{FORMAT, OutputUnit, SCHEMA_VERSION};
+use crate::model::output_unit::OutputUnit;
+use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
 use crate::units::MotorVec;
 
 /// Why a model could not be read, prepared, used or written.

@@ -2,8 +2,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::file::check::{matrix, parameters, positive_semidefinite, square};
 use crate::model::error::{ModelError, require};
+use crate::model::maths::matrix_checks::{matrix, parameters, positive_semidefinite, square};
 use crate::model::maths::regression::{Local, Prediction, Regression, vector};
 
 /// A prepared affine model, in rad (m) and counts.

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::families::direction::Travels;
-use crate::model::families::hysteresis::backlash_play::PlayState;
-use crate::model::families::hysteresis::stop::StopState;
+use crate::model::families::direction::travel::Travels;
+use crate::model::families::hysteresis::play_state::PlayState;
+use crate::model::families::hysteresis::stop::state::StopState;
 use crate::units::MotorVec;
 
 /// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks

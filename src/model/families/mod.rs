@@ -6,3 +6,4 @@ pub mod kinematic;
 pub(in crate::model) mod linear;
 pub(in crate::model) mod memory;
 pub(in crate::model) mod round_trip;
+pub(in crate::model) mod runtime;

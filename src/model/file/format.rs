@@ -3,9 +3,6 @@
 //! Files speak degrees (or millimetres) and counts; the prepared model speaks radians (metres) and
 //! counts.
 
-use std::f64::consts::PI;
-use std::fmt;
-
 use serde::{Deserialize, Serialize};
 
 use crate::model::families::hysteresis::backlash_play::PlayParameters;
@@ -13,11 +10,10 @@ use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::hysteresis::stop::StopParameters;
 use crate::model::families::kinematic::KinematicParameters;
 
-/// What the field `format` of every model file says.
-pub const FORMAT: &str = "i2ris-model";
-
-/// The version of the schema that this software writes and the only one that it reads.
-pub const SCHEMA_VERSION: u32 = 1;
+pub use crate::model::maths::gaussian_mixture::MixtureParameters;
+pub use crate::model::maths::hull::HullParameters;
+pub use crate::model::output_unit::OutputUnit;
+pub use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
 
 /// A model file as it stands, not yet checked.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,36 +45,6 @@ pub struct OutputSpec {
     pub name: String,
     /// Unit in the file.
     pub unit: OutputUnit,
-}
-
-/// Unit of an output in files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum OutputUnit {
-    /// Degrees; radians in code.
-    Deg,
-    /// Millimetres; metres in code.
-    Mm,
-}
-
-impl OutputUnit {
-    /// One of this unit in radians or metres.
-    #[must_use]
-    pub const fn si(self) -> f64 {
-        match self {
-            Self::Deg => PI / 180.0,
-            Self::Mm => 1e-3,
-        }
-    }
-}
-
-impl fmt::Display for OutputUnit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Deg => "deg",
-            Self::Mm => "mm",
-        })
-    }
 }
 
 /// The parameters of a family, in units of the file. `d` motors, `m` outputs.
@@ -138,27 +104,6 @@ pub enum FamilyParameters {
         /// The region of virtual counts that calibration visited.
         virtual_hull: HullParameters,
     },
-}
-
-/// A Gaussian mixture over `n` variables with `K` components.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MixtureParameters {
-    /// K, summing to 1.
-    pub weights: Vec<f64>,
-    /// K rows of n.
-    pub means: Vec<Vec<f64>>,
-    /// K times n rows of n.
-    pub covariances: Vec<Vec<Vec<f64>>>,
-}
-
-/// The convex region of motor space that calibration visited, counts.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HullParameters {
-    /// One motor: lowest and highest count. Two motors: corners of a convex polygon,
-    /// counter-clockwise.
-    pub corners: Vec<Vec<f64>>,
 }
 
 /// Where a model comes from.

@@ -14,10 +14,9 @@ use std::{fmt, process};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::model::Model;
-use crate::model::file::check::check_header;
 use crate::model::error::ModelError;
 use crate::model::file::ModelFile;
+use crate::model::file::check::check_header;
 
 /// SHA-256 of the canonical form of a model file: the identity of a model.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
@@ -45,7 +44,7 @@ struct Header {
 }
 
 impl ModelFile {
-    /// Parses the text of a model file. What it holds is not checked: [`Model::from_file`] does
+    /// Parses the text of a model file. What it holds is not checked: [`crate::model::Model::from_file`] does
     /// that.
     ///
     /// # Errors
@@ -59,7 +58,7 @@ impl ModelFile {
         Ok(serde_json::from_str(text)?)
     }
 
-    /// Reads a model file. What it holds is not checked: [`Model::load`] does that.
+    /// Reads a model file. What it holds is not checked: [`crate::model::Model::load`] does that.
     ///
     /// # Errors
     ///
@@ -92,15 +91,9 @@ impl ModelFile {
         Ok(ModelId(Sha256::digest(self.canonical_form()?).into()))
     }
 
-    /// Checks the model as [`Model::from_file`] does and writes it, whole or not at all: into a new
-    /// file in the same folder that then takes the name.
-    ///
-    /// # Errors
-    ///
-    /// When the model is refused, or the file cannot be written. What was at `path` before is then
-    /// still there.
-    pub fn write(&self, path: &Path) -> Result<(), ModelError> {
-        Model::from_file(self.clone()).map_err(|error| error.in_file(path))?;
+    /// Writes the file without a check, whole or not at all: into a new file in the same folder that
+    /// then takes the name.
+    pub(in crate::model) fn save(&self, path: &Path) -> Result<(), ModelError> {
         let text = readable(&serde_json::to_string_pretty(self)?);
         replace(path, text.as_bytes()).map_err(|source| ModelError::Write {
             path: path.to_owned(),

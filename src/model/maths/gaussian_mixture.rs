@@ -2,9 +2,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::model::file::check::{parameters, positive_definite, square};
+use serde::{Deserialize, Serialize};
+
 use crate::model::error::{ModelError, require};
-use crate::model::file::MixtureParameters;
+use crate::model::maths::matrix_checks::{parameters, positive_definite, square};
+
+/// A Gaussian mixture over `n` variables with `K` components.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MixtureParameters {
+    /// K, summing to 1.
+    pub weights: Vec<f64>,
+    /// K rows of n.
+    pub means: Vec<Vec<f64>>,
+    /// K times n rows of n.
+    pub covariances: Vec<Vec<Vec<f64>>>,
+}
 
 /// The most components of a mixture: bounds the work of every tick.
 pub const MAX_COMPONENTS: usize = 64;

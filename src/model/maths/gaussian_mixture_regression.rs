@@ -34,7 +34,7 @@
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
 use crate::model::error::{ModelError, require};
-use crate::model::file::MixtureParameters;
+use crate::model::maths::gaussian_mixture::MixtureParameters;
 use crate::model::maths::gaussian_mixture::{Component, MAX_COMPONENTS, components};
 use crate::model::maths::regression::{Local, Prediction, Regression};
 
@@ -60,7 +60,10 @@ impl<const D: usize, const M: usize> Gmr<D, M> {
     /// # Errors
     ///
     /// As [`components`], and when a component is too narrow to compute with.
-    pub(in crate::model) fn prepare(mixture: &MixtureParameters, si: f64) -> Result<Self, ModelError> {
+    pub(in crate::model) fn prepare(
+        mixture: &MixtureParameters,
+        si: f64,
+    ) -> Result<Self, ModelError> {
         let scale: Vec<f64> = (0..D).map(|_| 1.0).chain((0..M).map(|_| si)).collect();
         Self::new(&components(mixture, &scale)?)
     }

@@ -4,24 +4,31 @@
 //! and as half-planes `normal . x <= offset` with unit normals, so that a violation is a distance
 //! in counts.
 
+use serde::{Deserialize, Serialize};
+
 use crate::model::error::{ModelError, require};
-use crate::model::file::HullParameters;
-use crate::model::maths::quadratic::{Quadratic, add, dot, subtract};
 use crate::model::maths::polygon;
+pub use crate::model::maths::polygon::TOLERANCE_COUNTS;
+use crate::model::maths::quadratic::{Quadratic, add, dot, subtract};
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The most corners of a polygon: bounds the work of every tick.
 pub const MAX_CORNERS: usize = 64;
-
-/// How far outside a point may lie and still count as inside, in counts: rounding of the
-/// arithmetic, far below what a motor can be asked for.
-pub const TOLERANCE_COUNTS: f64 = 1e-6;
 
 /// Positions beyond these do not exist: the drive reports 32 bits (object 0x6064).
 pub(in crate::model) const MAX_COUNTS: f64 = 2_147_483_648.0;
 
 /// The narrowest hull, in counts. Below that there is no room for a motion.
 const MIN_WIDTH_COUNTS: f64 = 1.0;
+
+/// The convex region of motor space that calibration visited, counts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HullParameters {
+    /// One motor: lowest and highest count. Two motors: corners of a convex polygon,
+    /// counter-clockwise.
+    pub corners: Vec<Vec<f64>>,
+}
 
 /// A convex region of motor space.
 #[derive(Debug, Clone, PartialEq)]

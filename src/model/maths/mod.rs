@@ -3,6 +3,7 @@
 pub(in crate::model) mod gaussian_mixture;
 pub(in crate::model) mod gaussian_mixture_regression;
 pub(in crate::model) mod hull;
+pub(in crate::model) mod matrix_checks;
 pub(in crate::model) mod mixture_conditioning;
 pub(in crate::model) mod newton_inverse;
 pub(in crate::model) mod polygon;

@@ -46,8 +46,8 @@ const DAMPING_FACTOR: f64 = 10.0;
 const GOAL_LIMIT: f64 = 1e3;
 
 /// Searches the counts for a goal, from a start; see [`crate::model::Model::invert`].
-pub(in crate::model) fn invert<R: Regression<D, M>, const D: usize, const M: usize>(
-    regression: &R,
+pub(in crate::model) fn invert<const D: usize, const M: usize>(
+    regression: &dyn Regression<D, M>,
     hull: &Hull,
     goal: &OutputVec,
     start: &MotorVec,
@@ -87,13 +87,13 @@ pub(in crate::model) fn invert<R: Regression<D, M>, const D: usize, const M: usi
     }
 }
 
-struct Search<'a, R, const D: usize, const M: usize> {
-    regression: &'a R,
+struct Search<'a, const D: usize, const M: usize> {
+    regression: &'a dyn Regression<D, M>,
     hull: &'a Hull,
     goal: SVector<f64, M>,
 }
 
-/// Where a search stands.
+/// A position of the search, with its error.
 #[derive(Clone, Copy)]
 struct Attempt<const D: usize, const M: usize> {
     counts: MotorVec,
@@ -107,9 +107,9 @@ struct Attempt<const D: usize, const M: usize> {
     iterations: u32,
 }
 
-impl<R: Regression<D, M>, const D: usize, const M: usize> Search<'_, R, D, M> {
+impl<const D: usize, const M: usize> Search<'_, D, M> {
     fn descend(&self, start: MotorVec, iterations_before: u32) -> Attempt<D, M> {
-        let mut here = self.stand(start);
+        let mut here = self.attempt_at(start);
         let mut damping = LEAST_DAMPING;
         let mut iterations = 0;
         while iterations < MAX_ITERATIONS {
@@ -120,7 +120,7 @@ impl<R: Regression<D, M>, const D: usize, const M: usize> Search<'_, R, D, M> {
                 break;
             }
             iterations += 1;
-            let there = self.stand(step.counts);
+            let there = self.attempt_at(step.counts);
             let gain = here.residual - there.residual;
             if gain > 0.0 {
                 here = Attempt {
@@ -141,7 +141,7 @@ impl<R: Regression<D, M>, const D: usize, const M: usize> Search<'_, R, D, M> {
         }
     }
 
-    fn stand(&self, counts: MotorVec) -> Attempt<D, M> {
+    fn attempt_at(&self, counts: MotorVec) -> Attempt<D, M> {
         let local = self.regression.local(&vector(&counts));
         let error = local.mean - self.goal;
         Attempt {
@@ -200,7 +200,9 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
 }
 
 /// What one count of the more effective motor moves, rad (m).
-pub(in crate::model) fn one_count<const D: usize, const M: usize>(jacobian: &SMatrix<f64, M, D>) -> f64 {
+pub(in crate::model) fn one_count<const D: usize, const M: usize>(
+    jacobian: &SMatrix<f64, M, D>,
+) -> f64 {
     jacobian
         .column_iter()
         .map(|column| column.norm())

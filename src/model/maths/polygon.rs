@@ -1,8 +1,11 @@
 //! Convex hull of points in the plane, and its simplification.
 
-use crate::model::maths::hull::TOLERANCE_COUNTS;
 use crate::model::maths::quadratic::subtract;
 use crate::units::MotorVec;
+
+/// How far outside a point may lie and still count as inside, in counts: rounding of the
+/// arithmetic, far below what a motor can be asked for.
+pub const TOLERANCE_COUNTS: f64 = 1e-6;
 
 /// The points with the lowest and the highest first coordinate, if there are two.
 pub(in crate::model) fn interval(points: &[MotorVec]) -> Vec<MotorVec> {

@@ -1,20 +1,17 @@
-//! What every family computes, in vectors of its own size, and the bridge to arrays of fixed size.
+//! Regression in vectors whose sizes are types, and conversion to arrays of fixed size.
 
 use std::fmt::Debug;
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::model::error::ModelError;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
-use crate::model::file::OutputUnit;
-use crate::model::maths::hull::{Hull, MAX_COUNTS};
-use crate::model::families::memory::Memory;
-use crate::model::families::round_trip;
-use crate::model::maths::newton_inverse as inverse;
-use crate::units::{MotorVec, OutputVec};
+use crate::model::estimate::Estimate;
+use crate::model::maths::hull::MAX_COUNTS;
+use crate::units::MotorVec;
 
 /// A regression of M outputs, rad (m), on D inputs, counts.
-pub(in crate::model) trait Regression<const D: usize, const M: usize>: Debug + Send + Sync {
+pub(in crate::model) trait Regression<const D: usize, const M: usize>:
+    Debug + Send + Sync
+{
     /// Mean and Jacobian: what the inverse needs.
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M>;
 
@@ -42,59 +39,6 @@ pub(in crate::model) struct Prediction<const M: usize> {
     pub covariance_within: SMatrix<f64, M, M>,
 }
 
-/// A family behind a door of fixed size: the one place where sizes become types. What a family
-/// without memory leaves out is the right thing for it.
-pub(in crate::model) trait Runtime: Debug + Send + Sync {
-    /// Brings the state of a memory, whose position has been noted, to that position.
-    fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
-
-    /// The range that every motor has to cover to wipe out what was remembered before, counts.
-    fn wipe_counts(&self) -> MotorVec {
-        MotorVec::default()
-    }
-
-    /// See [`crate::model::Model::correction`].
-    fn correction(&self, _memory: &Memory) -> OutputVec {
-        OutputVec::default()
-    }
-
-    /// See [`crate::model::Model::virtual_counts`].
-    fn virtual_counts(&self, counts: &MotorVec, _memory: &Memory) -> MotorVec {
-        bounded(counts)
-    }
-
-    fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate;
-    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
-    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse;
-    /// See [`round_trip::check`].
-    fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
-}
-
-/// Gives a regression on the counts, of sizes `D` and `M` the door of fixed size.
-#[derive(Debug)]
-pub(in crate::model) struct Prepared<R, const D: usize, const M: usize>(pub R);
-
-impl<R: Regression<D, M>, const D: usize, const M: usize> Runtime for Prepared<R, D, M> {
-    fn predict(&self, counts: &MotorVec, _memory: &Memory) -> Estimate {
-        estimate(&self.0.predict(&vector(&bounded(counts))))
-    }
-
-    fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {
-        rows(&self.0.local(&vector(&bounded(counts))).jacobian)
-    }
-
-    fn invert(&self, goal: &OutputVec, _memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        inverse::invert(&self.0, hull, goal, &query.start)
-    }
-
-    fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
-        let local = |counts: &MotorVec| Some(self.0.local(&vector::<D>(counts)));
-        round_trip::check(hull, unit, local, |goal| {
-            inverse::invert(&self.0, hull, goal, &hull.centre())
-        })
-    }
-}
-
 /// A prediction in arrays of fixed size.
 pub(in crate::model) fn estimate<const M: usize>(prediction: &Prediction<M>) -> Estimate {
     Estimate {
@@ -120,7 +64,9 @@ pub(in crate::model) fn vector<const N: usize>(array: &[f64]) -> SVector<f64, N>
 }
 
 /// A vector in an array of fixed size, filled up with 0.
-pub(in crate::model) fn array<const N: usize, const F: usize>(vector: &SVector<f64, N>) -> [f64; F] {
+pub(in crate::model) fn array<const N: usize, const F: usize>(
+    vector: &SVector<f64, N>,
+) -> [f64; F] {
     let mut array = [0.0; F];
     array
         .iter_mut()

@@ -15,29 +15,29 @@
 //! the answer does not hold, and the other directions are tried: at most 2^D solves in all, 3^D
 //! while no direction is known.
 
-mod travel;
+pub(in crate::model) mod travel;
 
+use travel::Travels;
 pub use travel::{Direction, Travel};
 
 use crate::model::error::{ModelError, require};
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
-use crate::model::file::{MixtureParameters, OutputUnit};
+use crate::model::families::memory::{Memory, State};
+use crate::model::families::round_trip;
+use crate::model::families::runtime::Runtime;
+use crate::model::maths::gaussian_mixture::MixtureParameters;
 use crate::model::maths::gaussian_mixture::{Component, components};
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
-use crate::model::families::memory::{Memory, State};
-use crate::model::maths::regression::{Local, Regression, Runtime, array, bounded, estimate, rows, vector};
-use crate::model::families::round_trip;
-use crate::model::file::check;
-use crate::model::maths::newton_inverse as inverse;
+use crate::model::maths::matrix_checks;
 use crate::model::maths::mixture_conditioning::condition;
+use crate::model::maths::newton_inverse;
+use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
+use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// The narrowest dead-band, counts: a reading that flickers between two neighbours turns nothing.
 pub const LEAST_DEAD_BAND_COUNTS: f64 = 1.0;
-
-/// The travel of every motor; that of a motor which does not exist never changes.
-pub(in crate::model) type Travels = [Travel; MAX_MOTORS];
 
 type Directions = [Direction; MAX_MOTORS];
 
@@ -72,7 +72,7 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
             format!("{} numbers", dead_bands.len()),
             "must have one per motor",
         )?;
-        check::parameters(dead_bands, key)?;
+        matrix_checks::parameters(dead_bands, key)?;
         let wide = dead_bands
             .iter()
             .all(|band| *band >= LEAST_DEAD_BAND_COUNTS);
@@ -150,7 +150,7 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         start: MotorVec,
         directions: Directions,
     ) -> Inverse {
-        let found = inverse::invert(self.regression(directions), hull, goal, &start);
+        let found = newton_inverse::invert(self.regression(directions), hull, goal, &start);
         let there = self.advanced(travels, &found.counts).map(Travel::direction);
         if there == directions || !found.residual.is_finite() {
             return found;
@@ -197,7 +197,7 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
     /// The goal that lies across a gap is reached by the other branch. A part of the compensation
     /// is a part of the way from the counts of a model without memory.
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        let without = || inverse::invert(&self.marginal, hull, goal, &query.start);
+        let without = || newton_inverse::invert(&self.marginal, hull, goal, &query.start);
         let Some(travels) = remembered(memory) else {
             return without();
         };
@@ -225,7 +225,7 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
                 Some(regression.local(&vector(counts)))
             };
             round_trip::check(hull, unit, local, |goal| {
-                inverse::invert(regression, hull, goal, &hull.centre())
+                newton_inverse::invert(regression, hull, goal, &hull.centre())
             })
         })
     }

@@ -2,6 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::units::MAX_MOTORS;
+
+/// The travel of every motor. The entry of a motor that does not exist never changes.
+pub(in crate::model) type Travels = [Travel; MAX_MOTORS];
+
 /// Which way a motor travels, with a dead-band: it has turned when it has come back by the
 /// dead-band, so a reading that flickers by a count turns nothing. The dead-band is in counts,
 /// above 0.

@@ -11,14 +11,13 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::{Lags, Operator, Remember};
-use crate::model::file::check::parameters;
 use crate::model::error::{ModelError, require};
+pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
+use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::memory::State;
+use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::regression::{Local, array, vector};
-use crate::units::{MAX_MOTORS, MotorVec};
-
-/// The most plays per motor, that of threshold 0 included, and the most planar plays.
-pub const MAX_PLAYS: usize = 13;
+use crate::units::MotorVec;
 
 /// The least weight of the threshold 0: the inverse is steeper by its reciprocal at a turning
 /// point.
@@ -47,14 +46,6 @@ pub struct Plays<const D: usize> {
 struct Play {
     threshold: f64,
     weight: f64,
-}
-
-/// Where the motors are and where the plays are.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PlayState {
-    position: MotorVec,
-    outputs: [[f64; MAX_PLAYS]; MAX_MOTORS],
-    planar: [MotorVec; MAX_PLAYS],
 }
 
 impl<const D: usize> Plays<D> {

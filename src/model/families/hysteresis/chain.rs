@@ -6,28 +6,28 @@ use super::Remember;
 use super::residual::Residual;
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
-use crate::model::file::OutputUnit;
+use crate::model::families::memory::Memory;
+use crate::model::families::round_trip;
+use crate::model::families::runtime::Runtime;
+use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse;
-use crate::model::families::memory::Memory;
-use crate::model::maths::regression::{
-    Local, Regression, Runtime, array, bounded, estimate, rows, vector,
-};
-use crate::model::families::round_trip;
+use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
+use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// A prepared model with memory.
 #[derive(Debug)]
-pub(in crate::model) struct Chain<O, R, const D: usize, const M: usize> {
+pub(in crate::model) struct Chain<O, const D: usize, const M: usize> {
     pub operator: O,
     /// From virtual counts to outputs.
-    pub read_out: R,
+    pub read_out: Gmr<D, M>,
     pub residual: Option<Residual<D, M>>,
     /// The region of virtual counts that calibration visited.
     pub virtual_hull: Hull,
 }
 
-impl<O: Remember<D>, R: Regression<D, M>, const D: usize, const M: usize> Chain<O, R, D, M> {
+impl<O: Remember<D>, const D: usize, const M: usize> Chain<O, D, M> {
     /// The state of a memory, or what is known when only a position is.
     fn state(&self, memory: &Memory) -> O::State {
         let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
@@ -65,7 +65,8 @@ impl<O: Remember<D>, R: Regression<D, M>, const D: usize, const M: usize> Chain<
             .operator
             .local(state, &vector(&bounded(&query.start)))
             .mean;
-        let found = inverse::invert(&self.read_out, &self.virtual_hull, goal, &array(&start));
+        let found =
+            newton_inverse::invert(&self.read_out, &self.virtual_hull, goal, &array(&start));
         if !found.residual.is_finite() {
             return Inverse {
                 counts: hull.project(&query.start),
@@ -96,9 +97,7 @@ impl<O: Remember<D>, R: Regression<D, M>, const D: usize, const M: usize> Chain<
     }
 }
 
-impl<O: Remember<D>, R: Regression<D, M>, const D: usize, const M: usize> Runtime
-    for Chain<O, R, D, M>
-{
+impl<O: Remember<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> {
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         let counts = vector(&bounded(counts));
         memory.state = match O::unpack(&memory.state) {

@@ -17,8 +17,9 @@
 //! | [`stop`] | stop operators, in a balance of forces |
 //! | [`residual`] | the residual and its features |
 
-pub(in crate::model) mod chain;
 pub mod backlash_play;
+pub(in crate::model) mod chain;
+pub(in crate::model) mod play_state;
 pub mod read_out;
 pub mod residual;
 pub mod stop;

@@ -5,7 +5,7 @@ use nalgebra::SVector;
 
 use crate::model::error::ModelError;
 use crate::model::estimate::Estimate;
-use crate::model::file::MixtureParameters;
+use crate::model::maths::gaussian_mixture::MixtureParameters;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::regression::{Regression, array, estimate};
 use crate::units::OutputVec;

@@ -8,8 +8,8 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::{Lags, MAX_LAGS};
-use crate::model::file::check::{matrix, parameters};
 use crate::model::error::{ModelError, require};
+use crate::model::maths::matrix_checks::{matrix, parameters};
 
 /// The highest degree of the monomials.
 pub const MAX_DEGREE: usize = 5;

@@ -20,10 +20,10 @@ use std::f64::consts::{SQRT_2, TAU};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
-use crate::model::file::check::{parameters, positive_semidefinite, square};
 use crate::model::error::{ModelError, require};
-use crate::model::file::OutputUnit;
+use crate::model::maths::matrix_checks::{parameters, positive_semidefinite, square};
 use crate::model::maths::regression::{Local, Prediction, Regression, vector};
+use crate::model::output_unit::OutputUnit;
 use crate::units::MAX_OUTPUTS;
 
 /// Joints that pitch, and as many that yaw (the robot's drawing).

@@ -49,7 +49,7 @@
 mod balance;
 mod parameters;
 mod segment;
-mod state;
+pub(in crate::model) mod state;
 mod wire;
 
 use nalgebra::{SMatrix, SVector};

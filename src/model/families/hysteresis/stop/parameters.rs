@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::file::check::parameters;
 use crate::model::error::{ModelError, require};
+use crate::model::maths::matrix_checks::parameters;
 
 /// The most stops.
 pub const MAX_STOPS: usize = 5;

@@ -102,7 +102,12 @@ impl<const D: usize> Stops<D> {
     }
 
     /// Makes a balance the state.
-    pub(in crate::model) fn commit(&self, state: &mut StopState, holds: &Holds<D>, settled: &Settled<D>) {
+    pub(in crate::model) fn commit(
+        &self,
+        state: &mut StopState,
+        holds: &Holds<D>,
+        settled: &Settled<D>,
+    ) {
         let segments = state.segments.iter_mut().zip(holds).zip(&settled.bends);
         for ((segment, hold), bend) in segments.take(self.segments.len()) {
             let moved = bend - hold.bend;
