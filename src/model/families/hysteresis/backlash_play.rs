@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::{Lags, Operator, Remember};
 use crate::model::error::{ModelError, require};
 pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
-use crate::model::families::hysteresis::play_state::PlayState;
+pub use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::memory::State;
 use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::regression::{Local, array, vector};
