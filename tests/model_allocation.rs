@@ -6,7 +6,7 @@ use std::cell::Cell;
 use std::hint::black_box;
 
 use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters};
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::residual::{self, ResidualParameters};
 use i2ris::model::kinematic::KinematicParameters;
 use i2ris::model::{Model, Query};

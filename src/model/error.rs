@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::file::{FORMAT, OutputUnit, SCHEMA_VERSION};
+use crate::model::output_unit::OutputUnit;
+use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
 use crate::units::MotorVec;
 
 /// Why a model could not be read, prepared, used or written.
@@ -111,7 +112,7 @@ pub enum ModelError {
 }
 
 /// `Ok` when `right`; otherwise a [`ModelError::Value`] that names `key` and shows `value`.
-pub(super) fn require(
+pub(in crate::model) fn require(
     right: bool,
     key: impl FnOnce() -> String,
     value: impl ToString,
@@ -130,7 +131,7 @@ pub(super) fn require(
 
 impl ModelError {
     /// Names the file that the error is about.
-    pub(super) fn in_file(self, path: &std::path::Path) -> Self {
+    pub(in crate::model) fn in_file(self, path: &std::path::Path) -> Self {
         Self::InFile {
             path: path.to_owned(),
             source: Box::new(self),

@@ -9,8 +9,6 @@
 
 use std::collections::VecDeque;
 
-use super::Model;
-use super::memory::Memory;
 use crate::units::MotorVec;
 
 /// Corners that are kept. At one every [`SPACING_COUNTS`] they are 16 full strokes of 2000 counts.
@@ -78,19 +76,6 @@ impl History {
                 let (came, goes) = (newest - last, next - newest);
                 came * goes < 0.0 || (next - last).abs() > SPACING_COUNTS
             })
-    }
-}
-
-impl Model {
-    /// The memory that this model would have, had it seen a history. Not for the control loop:
-    /// thousands of steps.
-    #[must_use]
-    pub fn recall(&self, history: &History) -> Memory {
-        let mut memory = self.new_memory();
-        history
-            .positions()
-            .for_each(|counts| self.advance(&mut memory, counts));
-        memory
     }
 }
 

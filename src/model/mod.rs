@@ -5,357 +5,42 @@
 //! - **motor space**: encoder counts of one or two motors, fractional here.
 //! - **output space**: one to three outputs, pitch and yaw in radians or the tip position in
 //!   metres.
-//! - **memory**: what the model has to remember of the past, because the angle depends on it.
-//!   Families without hysteresis have an empty one.
-//! - **hull**: the region of motor space that calibration visited. No model commands a count
-//!   outside it.
+//! - **memory**: the state of the hysteresis operators. Families without hysteresis have none.
+//! - **hull**: the region of motor space that calibration visited. No model commands counts outside
+//!   it.
 //! - **one count's worth**: how far one count of the more effective motor moves the outputs at a
 //!   pose.
 //!
+//! # Layers
+//!
+//! Imports point downwards only.
+//!
 //! | file | holds |
 //! |---|---|
-//! | `file` | model files: the schema |
-//! | `store` | reading and writing them, and their identity |
-//! | `check` | what a file must fulfil |
-//! | `error` | why a model is refused |
-//! | `gmm` | the Gaussian mixture: validation, prepared form |
-//! | `gmr` | Gaussian mixture regression: mean, both covariances, Jacobian |
-//! | `linear` | affine least squares |
-//! | [`kinematic`] | the analytic chain of the robot |
-//! | [`direction`] | Gaussian mixture regression on the counts and the direction of travel |
-//! | `memory` | what a model remembers |
-//! | `history` | where the motors have been, to rebuild a memory from |
-//! | [`hysteresis`] | models with memory: operators, residual |
-//! | `regression` | what all families have in common, and the step from sizes at run time to sizes in types |
-//! | `estimate` | what a model answers |
-//! | `hull`, `polygon`, `plane` | convex region of motor space, and the geometry for it |
-//! | `inverse` | damped Newton inside the hull |
-//! | `round_trip` | the proof that the inverse of a model leads back |
+//! | `prepared` | [`Model`]: a file that was checked and prepared, for the control loop |
+//! | `file` | model files: format, checks, reading and writing, identity |
+//! | `families` | linear, [`kinematic`], mixture regression, [`direction`], [`hysteresis`]; memory |
+//! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
+//! | `history` | positions of the motors, to rebuild a memory from |
+//! | `estimate`, `error`, `output_unit`, `schema_version` | answers, refusals, units, version |
 
-mod check;
-pub mod direction;
 mod error;
 mod estimate;
+mod families;
 pub mod file;
-mod gmm;
-mod gmr;
 mod history;
-mod hull;
-pub mod hysteresis;
-mod inverse;
-pub mod kinematic;
-mod linear;
-mod memory;
-mod plane;
-mod polygon;
-mod regression;
-mod round_trip;
-mod store;
-
-use std::path::Path;
+mod maths;
+mod output_unit;
+mod prepared;
+mod schema_version;
 
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
-pub use gmm::MAX_COMPONENTS;
+pub use families::memory::Memory;
+pub use families::{direction, hysteresis, kinematic};
+pub use file::store::ModelId;
 pub use history::History;
-pub use hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
-pub use memory::Memory;
-pub use regression::Local;
-pub use store::ModelId;
-
-use nalgebra::SVector;
-
-use crate::units::{MotorVec, OutputVec};
-use direction::DirectionGmr;
-use file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit};
-use gmr::Gmr;
-use hysteresis::Operator;
-use hysteresis::chain::Chain;
-use hysteresis::play::Plays;
-use hysteresis::residual::{Residual, ResidualParameters};
-use hysteresis::stop::Stops;
-use kinematic::Kinematic;
-use linear::Linear;
-use regression::{Prepared, Runtime};
-
-/// A model that has been checked and prepared. It does not change any more and can be shared
-/// between threads.
-///
-/// Everything but its construction is for the control loop: bounded work, no allocation, no panic.
-#[derive(Debug)]
-pub struct Model {
-    file: ModelFile,
-    id: ModelId,
-    motors: usize,
-    hull: Hull,
-    wipe_counts: MotorVec,
-    runtime: Box<dyn Runtime>,
-}
-
-impl Model {
-    /// Reads, checks and prepares a model file.
-    ///
-    /// # Errors
-    ///
-    /// As [`ModelFile::read`] and [`Model::from_file`]; all name the file.
-    pub fn load(path: &Path) -> Result<Self, ModelError> {
-        Self::from_file(ModelFile::read(path)?).map_err(|error| error.in_file(path))
-    }
-
-    /// Checks and prepares a model.
-    ///
-    /// # Errors
-    ///
-    /// When a value makes no sense, or the prediction at the inverse of a prediction is off by more
-    /// than one count's worth somewhere in the hull.
-    pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
-        let motors = check::check(&file)?;
-        let hull = Hull::new(&file.hull, motors)?;
-        let runtime = prepare(&file, motors)?;
-        runtime.check_round_trip(&hull, unit(&file))?;
-        let wipe_counts = within(runtime.wipe_counts(), &hull);
-        Ok(Self {
-            id: file.id()?,
-            file,
-            motors,
-            hull,
-            wipe_counts,
-            runtime,
-        })
-    }
-
-    /// That the model belongs to a robot.
-    ///
-    /// # Errors
-    ///
-    /// When it was calibrated on another robot or is for another number of motors.
-    pub fn check_robot(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
-        if self.file.robot_id != robot_id {
-            return Err(ModelError::Robot {
-                model: self.file.robot_id.clone(),
-                robot: robot_id.to_owned(),
-            });
-        }
-        if self.motors != motors {
-            return Err(ModelError::Motors {
-                model: self.motors,
-                robot: motors,
-            });
-        }
-        Ok(())
-    }
-
-    /// The file that it was prepared from.
-    #[must_use]
-    pub fn file(&self) -> &ModelFile {
-        &self.file
-    }
-
-    /// Its identity.
-    #[must_use]
-    pub fn id(&self) -> ModelId {
-        self.id
-    }
-
-    /// Number of motors, 1 or 2.
-    #[must_use]
-    pub fn motors(&self) -> usize {
-        self.motors
-    }
-
-    /// Number of outputs, 1 to 3.
-    #[must_use]
-    pub fn outputs(&self) -> usize {
-        self.file.outputs.len()
-    }
-
-    /// The region of motor space that calibration visited.
-    #[must_use]
-    pub fn hull(&self) -> &Hull {
-        &self.hull
-    }
-
-    /// A memory of nothing.
-    #[must_use]
-    pub fn new_memory(&self) -> Memory {
-        Memory::default()
-    }
-
-    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in
-    /// order. What is not finite is not noted.
-    pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
-        if counts.iter().all(|c| c.is_finite()) {
-            memory.note(*counts);
-            self.runtime.advance(memory, counts);
-        }
-    }
-
-    /// Whether a memory has seen enough motion for everything before it to be wiped out. Until then
-    /// predictions may be off by the width of the hysteresis loop. Always true of families without
-    /// memory, once there is a position.
-    #[must_use]
-    pub fn knows(&self, memory: &Memory) -> bool {
-        memory.covered(&self.wipe_counts)
-    }
-
-    /// The range that every motor has to cover to wipe out what was remembered before, counts; 0
-    /// for families without memory. Never more than the calibrated hull is wide: what its whole
-    /// width does not wipe out, calibration could not know either.
-    #[must_use]
-    pub fn wipe_counts(&self) -> MotorVec {
-        self.wipe_counts
-    }
-
-    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m);
-    /// see [`hysteresis`].
-    #[must_use]
-    pub fn correction(&self, memory: &Memory) -> OutputVec {
-        self.runtime.correction(memory)
-    }
-
-    /// What the regression of the model takes in if the motors went straight from where they are to
-    /// `counts`: the virtual counts; of families without them, the counts.
-    #[must_use]
-    pub fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
-        self.runtime.virtual_counts(counts, memory)
-    }
-
-    /// The outputs if the motors went straight from where they are to `counts`. Finite for every
-    /// finite position, in the hull or not; far outside it extrapolates. A position that is not a
-    /// number gives estimates that are none.
-    #[must_use]
-    pub fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
-        self.runtime.predict(counts, memory)
-    }
-
-    /// Derivative of the predicted mean with respect to the counts, rad (m) per count.
-    #[must_use]
-    pub fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
-        self.runtime.jacobian(counts, memory)
-    }
-
-    /// The counts that bring the outputs to `goal`, rad (m), from where the memory says that the
-    /// motors are. The answer lies in the hull, whatever the goal; rounded to whole counts, up to
-    /// half a count beside it.
-    ///
-    /// - A goal that no position in the hull reaches gives a nearest one, by distance in output
-    ///   space, marked `clipped`.
-    /// - With more outputs than motors the nearest one is all there is; `clipped` then says that
-    ///   the hull was in the way.
-    /// - With more motors than outputs, it is the position near the start that does.
-    /// - A goal that is not finite gives the start, moved into the hull, marked `clipped`, with an
-    ///   infinite residual.
-    #[must_use]
-    pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
-        self.runtime.invert(goal, memory, &self.hull, query)
-    }
-}
-
-/// Ranges of the motors, cut to the extent of the hull.
-fn within(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
-    for (motor, range) in ranges.iter_mut().enumerate() {
-        let of_motor = || hull.corners().map(|corner| corner[motor]);
-        let extent =
-            of_motor().fold(f64::NEG_INFINITY, f64::max) - of_motor().fold(f64::INFINITY, f64::min);
-        *range = range.min(extent);
-    }
-    ranges
-}
-
-/// The unit of all outputs; [`check::check`] saw to it that they have the same.
-fn unit(file: &ModelFile) -> OutputUnit {
-    file.outputs
-        .first()
-        .map_or(OutputUnit::Deg, |output| output.unit)
-}
-
-/// Turns sizes known at run time into types.
-fn prepare(file: &ModelFile, motors: usize) -> Result<Box<dyn Runtime>, ModelError> {
-    match (motors, file.outputs.len()) {
-        (1, 1) => prepare_sized::<1, 1>(file),
-        (1, 2) => prepare_sized::<1, 2>(file),
-        (1, _) => prepare_sized::<1, 3>(file),
-        (_, 1) => prepare_sized::<2, 1>(file),
-        (_, 2) => prepare_sized::<2, 2>(file),
-        (_, _) => prepare_sized::<2, 3>(file),
-    }
-}
-
-fn prepare_sized<const D: usize, const M: usize>(
-    file: &ModelFile,
-) -> Result<Box<dyn Runtime>, ModelError> {
-    let si = unit(file).si();
-    Ok(match &file.family {
-        FamilyParameters::Linear {
-            gain,
-            offset,
-            covariance,
-        } => Box::new(Prepared(Linear::<D, M>::prepare(
-            gain, offset, covariance, si,
-        )?)),
-        FamilyParameters::Kinematic {
-            kinematics,
-            offset,
-            covariance,
-        } => Box::new(Prepared(Kinematic::<D, M>::prepare(
-            kinematics,
-            offset,
-            covariance,
-            unit(file),
-        )?)),
-        FamilyParameters::Gmr { mixture } => Box::new(Prepared(Gmr::<D, M>::prepare(mixture, si)?)),
-        FamilyParameters::GmrDirection {
-            dead_bands_counts,
-            mixture,
-        } => Box::new(DirectionGmr::<D, M>::prepare(
-            dead_bands_counts,
-            mixture,
-            si,
-        )?),
-        FamilyParameters::GmrPlay {
-            plays,
-            mixture,
-            residual,
-            virtual_hull,
-        } => Box::new(chain::<_, D, M>(
-            Plays::prepare(plays)?,
-            mixture,
-            residual.as_ref(),
-            virtual_hull,
-            si,
-        )?),
-        FamilyParameters::GmrStop {
-            stops,
-            mixture,
-            residual,
-            virtual_hull,
-        } => Box::new(chain::<_, D, M>(
-            Stops::prepare(stops)?,
-            mixture,
-            residual.as_ref(),
-            virtual_hull,
-            si,
-        )?),
-    })
-}
-
-fn chain<O: Operator<D>, const D: usize, const M: usize>(
-    operator: O,
-    mixture: &MixtureParameters,
-    residual: Option<&ResidualParameters>,
-    virtual_hull: &HullParameters,
-    si: f64,
-) -> Result<Chain<O, Gmr<D, M>, D, M>, ModelError> {
-    let lags = operator
-        .lags(&operator.begin(&SVector::zeros()))
-        .as_slice()
-        .len();
-    Ok(Chain {
-        operator,
-        read_out: Gmr::prepare(mixture, si)?,
-        residual: residual
-            .map(|residual| Residual::prepare(residual, lags, si))
-            .transpose()?,
-        virtual_hull: Hull::new(virtual_hull, D)?,
-    })
-}
+pub use maths::gaussian_mixture::MAX_COMPONENTS;
+pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
+pub use maths::regression::Local;
+pub use prepared::Model;

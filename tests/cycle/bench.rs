@@ -17,7 +17,7 @@ use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
     OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{History, Model};
 use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};

@@ -2,7 +2,7 @@
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile};
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::play::{PlayParameters, PlayState, Plays};
+use i2ris::model::hysteresis::backlash_play::{PlayParameters, PlayState, Plays};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
 use i2ris::model::{History, Inverse, Memory, Model, Query};
 use i2ris::units::MotorVec;

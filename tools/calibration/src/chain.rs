@@ -290,7 +290,7 @@ fn padded<const D: usize>(virtual_counts: &SVector<f64, D>) -> MotorVec {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+    use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 
     use super::*;
     use crate::progress::Silent;

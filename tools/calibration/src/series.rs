@@ -158,7 +158,7 @@ fn inner<const D: usize>(counts: &MotorVec) -> SVector<f64, D> {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+    use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 
     use super::*;
     use crate::testing::one_motor;

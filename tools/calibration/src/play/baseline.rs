@@ -3,7 +3,7 @@
 
 use i2ris::model::ModelError;
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::play::Plays;
+use i2ris::model::hysteresis::backlash_play::Plays;
 use i2ris::units::MAX_OUTPUTS;
 use nalgebra::{DMatrix, DVector, SVector};
 use rayon::prelude::*;

@@ -35,7 +35,7 @@ mod weights;
 
 use i2ris::model::ModelError;
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 
 use crate::chain::{ChainError, ChainFit, ChainOptions, fit_chain};
 use crate::linear::LinearError;

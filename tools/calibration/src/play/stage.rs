@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use i2ris::model::ModelError;
-use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use i2ris::model::hysteresis::residual::{count, features};
 use nalgebra::{DMatrix, DVector};
 

@@ -1,7 +1,7 @@
 //! What every report promises.
 
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Hull, Model};
 
 use super::stroke::branches;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, FitMetrics};
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::model::hysteresis::stop::StopParameters;
 use serde_json::json;

@@ -1,0 +1,141 @@
+//! Which way a motor travels.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::MAX_MOTORS;
+
+/// The travel of every motor. The entry of a motor that does not exist never changes.
+pub(in crate::model) type Travels = [Travel; MAX_MOTORS];
+
+/// Which way a motor travels, with a dead-band: it has turned when it has come back by the
+/// dead-band, so a reading that flickers by a count turns nothing. The dead-band is in counts,
+/// above 0.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum Travel {
+    /// Not known: so far the motor has stayed within less than the dead-band.
+    Unknown {
+        /// The lowest position so far, counts.
+        low: f64,
+        /// The highest.
+        high: f64,
+    },
+    /// Towards higher counts.
+    Up {
+        /// The highest position since it turned, counts.
+        highest: f64,
+    },
+    /// Towards lower counts.
+    Down {
+        /// The lowest position since it turned, counts.
+        lowest: f64,
+    },
+}
+
+impl Travel {
+    /// At the first position of a motor.
+    #[must_use]
+    pub fn begin(at: f64) -> Self {
+        Self::Unknown { low: at, high: at }
+    }
+
+    /// After the motor went straight to a position.
+    #[must_use]
+    pub fn advanced(self, at: f64, dead_band: f64) -> Self {
+        match self {
+            Self::Unknown { low, .. } if at - low >= dead_band => Self::Up { highest: at },
+            Self::Unknown { high, .. } if high - at >= dead_band => Self::Down { lowest: at },
+            Self::Unknown { low, high } => Self::Unknown {
+                low: low.min(at),
+                high: high.max(at),
+            },
+            Self::Up { highest } if highest - at >= dead_band => Self::Down { lowest: at },
+            Self::Up { highest } => Self::Up {
+                highest: highest.max(at),
+            },
+            Self::Down { lowest } if at - lowest >= dead_band => Self::Up { highest: at },
+            Self::Down { lowest } => Self::Down {
+                lowest: lowest.min(at),
+            },
+        }
+    }
+
+    /// The direction.
+    #[must_use]
+    pub fn direction(self) -> Direction {
+        match self {
+            Self::Unknown { .. } => Direction::Unknown,
+            Self::Up { .. } => Direction::Up,
+            Self::Down { .. } => Direction::Down,
+        }
+    }
+}
+
+/// A direction of travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// Not known.
+    Unknown,
+    /// Towards higher counts.
+    Up,
+    /// Towards lower counts.
+    Down,
+}
+
+impl Direction {
+    /// The variable of the mixture: 1 upwards, -1 downwards; `None` when not known.
+    #[must_use]
+    pub fn variable(self) -> Option<f64> {
+        match self {
+            Self::Unknown => None,
+            Self::Up => Some(1.0),
+            Self::Down => Some(-1.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn a_motor_turns_when_it_has_come_back_by_the_dead_band() {
+        let mut travel = Travel::begin(10.0);
+        let way = [
+            (12.0, Direction::Unknown),
+            (7.5, Direction::Unknown),
+            (12.5, Direction::Up),
+            (30.0, Direction::Up),
+            (25.5, Direction::Up),
+            (29.0, Direction::Up),
+            (25.0, Direction::Down),
+            (29.9, Direction::Down),
+            (24.0, Direction::Down),
+            (29.0, Direction::Up),
+        ];
+        for (at, direction) in way {
+            travel = travel.advanced(at, 5.0);
+            assert_eq!(travel.direction(), direction, "at {at}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn positions_within_a_straight_way_change_nothing(
+            way in prop::collection::vec(-50.0..50.0_f64, 1..20), last in -50.0..50.0_f64, part in 0.0..1.0_f64,
+        ) {
+            let before = way.iter().fold(Travel::begin(0.0), |travel, at| travel.advanced(*at, 8.0));
+            let from = way[way.len() - 1];
+            let direct = before.advanced(last, 8.0);
+            prop_assert_eq!(before.advanced(from + part * (last - from), 8.0).advanced(last, 8.0), direct);
+        }
+
+        #[test]
+        fn a_range_of_the_dead_band_makes_the_direction_known(way in prop::collection::vec(-9.0..9.0_f64, 1..20)) {
+            let travel = way.iter().skip(1).fold(Travel::begin(way[0]), |travel, at| travel.advanced(*at, 8.0));
+            let (low, high) = way.iter().fold((way[0], way[0]), |(low, high), at| (low.min(*at), high.max(*at)));
+            prop_assert_eq!(travel.direction() != Direction::Unknown, high - low >= 8.0);
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Play operators, one weighted sum per motor: the Prandtl-Ishlinskii model of hysteresis.
+//!
+//! A play of threshold `r` is a gap of half-width `r`: its output `z` stays where it is until the
+//! input `q` pushes it, `z <- max(q - r, min(q + r, z))`. The virtual counts of a motor are
+//! `v = sum_j w_j z_j` with weights that are not negative and sum to 1; the first threshold is 0
+//! and its weight positive, so `v` grows with `q` and has an inverse (P. Krejci and K. Kuhnen
+//! 2001). Beside them, planar plays drag a disc over the plane of both motors: they show only in
+//! the lags.
+
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+use super::{Lags, Operator, Remember};
+use crate::model::error::{ModelError, require};
+pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
+pub use crate::model::families::hysteresis::play_state::PlayState;
+use crate::model::families::memory::State;
+use crate::model::maths::matrix_checks::parameters;
+use crate::model::maths::regression::{Local, array, vector};
+use crate::units::MotorVec;
+
+/// The least weight of the threshold 0: the inverse is steeper by its reciprocal at a turning
+/// point.
+pub const LEAST_FIRST_WEIGHT: f64 = 1e-3;
+
+/// Play operators as they stand in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlayParameters {
+    /// Per motor, rising, the first 0, counts.
+    pub thresholds_counts: Vec<Vec<f64>>,
+    /// Per motor, one per threshold, not negative, the sum 1.
+    pub weights: Vec<Vec<f64>>,
+    /// Thresholds of the planar plays, rising, above 0, counts; none for one motor.
+    pub planar_thresholds_counts: Vec<f64>,
+}
+
+/// Prepared play operators of D motors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plays<const D: usize> {
+    motors: [Vec<Play>; D],
+    planar: Vec<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Play {
+    threshold: f64,
+    weight: f64,
+}
+
+impl<const D: usize> Plays<D> {
+    /// Checks the parameters of a file.
+    ///
+    /// # Errors
+    ///
+    /// When sizes differ, thresholds do not rise from 0, or weights are negative, do not sum to 1,
+    /// or leave nothing for the threshold 0.
+    pub fn prepare(file: &PlayParameters) -> Result<Self, ModelError> {
+        let key = || "family.plays".to_owned();
+        let sizes = (file.thresholds_counts.len(), file.weights.len());
+        require(
+            sizes == (D, D),
+            key,
+            format!("{sizes:?} rows"),
+            "must have one row per motor",
+        )?;
+        let mut motors = [const { Vec::new() }; D];
+        for (motor, plays) in motors.iter_mut().enumerate() {
+            *plays = one_motor(&file.thresholds_counts[motor], &file.weights[motor], motor)?;
+        }
+        let planar = file.planar_thresholds_counts.clone();
+        let key = || "family.plays.planar_thresholds_counts".to_owned();
+        let fits = planar.len() <= if D == 2 { MAX_PLAYS } else { 0 };
+        require(
+            fits,
+            key,
+            planar.len(),
+            "at most 13 planar plays of two motors",
+        )?;
+        parameters(&planar, key)?;
+        let rising =
+            planar.is_sorted_by(|a, b| a < b) && planar.first().is_none_or(|first| *first > 0.0);
+        require(rising, key, format!("{planar:?}"), "must rise from above 0")?;
+        Ok(Self { motors, planar })
+    }
+
+    /// The plays of one motor and where they are, in order of the thresholds.
+    fn plays<'a>(
+        &'a self,
+        state: &'a PlayState,
+        motor: usize,
+    ) -> impl Iterator<Item = (&'a Play, f64)> {
+        let outputs = state
+            .outputs
+            .get(motor)
+            .map(<[f64; MAX_PLAYS]>::as_slice)
+            .unwrap_or_default();
+        let plays = self
+            .motors
+            .get(motor)
+            .map(Vec::as_slice)
+            .unwrap_or_default();
+        plays.iter().zip(outputs.iter().copied())
+    }
+
+    /// Sum and slope of one motor.
+    fn sum(&self, state: &PlayState, motor: usize, counts: f64) -> (f64, f64) {
+        self.plays(state, motor)
+            .fold((0.0, 0.0), |(sum, slope), (play, output)| {
+                let moves = if play.drags(output, counts) {
+                    play.weight
+                } else {
+                    0.0
+                };
+                (sum + play.weight * play.drag(output, counts), slope + moves)
+            })
+    }
+
+    /// Newton from where the motor is: upwards from there the sum is convex, downwards concave, so
+    /// after the first step the search never passes the goal again and ends, exactly, after one
+    /// step per play at the latest.
+    fn invert_motor(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+        let mut counts = state.position.get(motor).copied().unwrap_or_default();
+        for _ in 0..=MAX_PLAYS {
+            let (sum, slope) = self.sum(state, motor, counts);
+            let step = (goal - sum) / slope;
+            counts += step;
+            if step.abs() < 1e-9 {
+                break;
+            }
+        }
+        counts
+    }
+}
+
+impl Play {
+    fn drag(&self, output: f64, counts: f64) -> f64 {
+        output
+            .min(counts + self.threshold)
+            .max(counts - self.threshold)
+    }
+
+    /// Whether the input pushes an output. From the very sums of [`Play::drag`]: the distance of
+    /// input and output would be rounded, and a slope without one of its plays lets the inverse run
+    /// away.
+    fn drags(&self, output: f64, counts: f64) -> bool {
+        counts - self.threshold >= output || counts + self.threshold <= output
+    }
+}
+
+fn one_motor(thresholds: &[f64], weights: &[f64], motor: usize) -> Result<Vec<Play>, ModelError> {
+    let key = || format!("family.plays.thresholds_counts[{motor}]");
+    parameters(thresholds, key)?;
+    let right = (1..=MAX_PLAYS).contains(&thresholds.len()) && thresholds.first() == Some(&0.0);
+    let rising = right && thresholds.is_sorted_by(|a, b| a < b);
+    require(
+        rising,
+        key,
+        format!("{thresholds:?}"),
+        "must be 1 to 13 numbers that rise from 0",
+    )?;
+    let key = || format!("family.plays.weights[{motor}]");
+    parameters(weights, key)?;
+    let fit = weights.len() == thresholds.len() && weights.iter().all(|w| *w >= 0.0);
+    require(
+        fit,
+        key,
+        format!("{weights:?}"),
+        "must be one number per threshold, none negative",
+    )?;
+    let sum: f64 = weights.iter().sum();
+    require((sum - 1.0).abs() < 1e-6, key, sum, "must sum to 1")?;
+    require(
+        weights[0] >= LEAST_FIRST_WEIGHT,
+        key,
+        weights[0],
+        "the first must be at least 0.001",
+    )?;
+    Ok(thresholds
+        .iter()
+        .zip(weights)
+        .map(|(&threshold, &weight)| Play {
+            threshold,
+            weight: weight / sum,
+        })
+        .collect())
+}
+
+impl<const D: usize> Operator<D> for Plays<D> {
+    type State = PlayState;
+
+    fn begin(&self, counts: &SVector<f64, D>) -> PlayState {
+        let position: MotorVec = array(counts);
+        PlayState {
+            position,
+            outputs: position.map(|at| [at; MAX_PLAYS]),
+            planar: [position; MAX_PLAYS],
+        }
+    }
+
+    fn advance(&self, state: &mut PlayState, counts: &SVector<f64, D>) {
+        state.position = array(counts);
+        let position = state.position;
+        for ((outputs, plays), at) in state.outputs.iter_mut().zip(&self.motors).zip(position) {
+            outputs
+                .iter_mut()
+                .zip(plays)
+                .for_each(|(output, play)| *output = play.drag(*output, at));
+        }
+        for (disc, threshold) in state.planar.iter_mut().zip(&self.planar) {
+            let apart = [position[0] - disc[0], position[1] - disc[1]];
+            let distance = apart[0].hypot(apart[1]);
+            if distance > *threshold {
+                let share = threshold / distance;
+                *disc = [
+                    position[0] - share * apart[0],
+                    position[1] - share * apart[1],
+                ];
+            }
+        }
+    }
+
+    fn local(&self, state: &PlayState, counts: &SVector<f64, D>) -> Local<D, D> {
+        let mut local = Local {
+            mean: SVector::zeros(),
+            jacobian: SMatrix::zeros(),
+        };
+        for (motor, at) in counts.iter().enumerate() {
+            let (sum, slope) = self.sum(state, motor, *at);
+            local.mean[motor] = sum;
+            local.jacobian[(motor, motor)] = slope;
+        }
+        local
+    }
+
+    fn invert(
+        &self,
+        state: &PlayState,
+        goal: &SVector<f64, D>,
+        compensation: f64,
+    ) -> SVector<f64, D> {
+        let mut counts = *goal;
+        for (motor, counts) in counts.iter_mut().enumerate() {
+            *counts += compensation * (self.invert_motor(state, motor, *counts) - *counts);
+        }
+        counts
+    }
+
+    /// Per motor one for every threshold above 0, then two for every planar play.
+    fn lags(&self, state: &PlayState) -> Lags {
+        let mut lags = Lags::default();
+        for (motor, at) in state.position.into_iter().take(D).enumerate() {
+            for (play, output) in self.plays(state, motor).skip(1) {
+                lags.push((at - play.drag(output, at)) / play.threshold);
+            }
+        }
+        for (disc, threshold) in state.planar.iter().zip(&self.planar) {
+            state
+                .position
+                .iter()
+                .zip(disc)
+                .for_each(|(at, disc)| lags.push((at - disc) / threshold));
+        }
+        lags
+    }
+
+    fn wipe_counts(&self) -> MotorVec {
+        let planar = self.planar.last().copied().unwrap_or_default();
+        let widest = |plays: &Vec<Play>| {
+            plays
+                .last()
+                .map_or(0.0, |play| 2.0 * play.threshold.max(planar))
+        };
+        array(&vector::<D>(&self.motors.each_ref().map(widest)))
+    }
+}
+
+impl<const D: usize> Remember<D> for Plays<D> {
+    fn pack(state: PlayState) -> State {
+        State::Plays(state)
+    }
+
+    fn unpack(state: &State) -> Option<PlayState> {
+        match state {
+            State::Plays(state) => Some(*state),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_inverse_is_exact_for_thresholds_that_are_not_round(
+            low in 3.0..60.0_f64,
+            ratio in 1.2..2.0_f64,
+            first in 0.01..1.0_f64,
+            past in prop::collection::vec(-8000.0..8000.0_f64, 1..12),
+            goal in -7000.0..7000.0_f64,
+        ) {
+            let thresholds = std::iter::once(0.0).chain((0..10).map(|i| low * ratio.powi(i))).collect();
+            let weights = std::iter::once(first).chain([(1.0 - first) / 10.0; 10]).collect();
+            let file = PlayParameters {
+                thresholds_counts: vec![thresholds],
+                weights: vec![weights],
+                planar_thresholds_counts: Vec::new(),
+            };
+            let plays = Plays::<1>::prepare(&file).unwrap();
+            let mut state = plays.begin(&SVector::zeros());
+            past.iter().for_each(|counts| plays.advance(&mut state, &SVector::from([*counts])));
+            let counts = plays.invert(&state, &SVector::from([goal]), 1.0);
+            let reached = plays.local(&state, &counts).mean[0];
+            prop_assert!((reached - goal).abs() < 1e-6, "{reached} instead of {goal}");
+        }
+    }
+}

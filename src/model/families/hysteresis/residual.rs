@@ -1,0 +1,196 @@
+//! The residual of a model with memory: linear in features of the operator's state.
+//!
+//! The features are the monomials of the scaled virtual counts up to a degree, and every lag times
+//! such monomials up to a lower degree: a friction force that grows with the bend is a lag times a
+//! shape. Fitted by ridge regression.
+
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+use super::{Lags, MAX_LAGS};
+use crate::model::error::{ModelError, require};
+use crate::model::maths::matrix_checks::{matrix, parameters};
+
+/// The highest degree of the monomials.
+pub const MAX_DEGREE: usize = 5;
+
+/// A residual as it stands in a file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ResidualParameters {
+    /// Virtual counts are divided by this before powers are taken.
+    pub scale_counts: f64,
+    /// Degree of the monomials that stand alone, up to [`MAX_DEGREE`].
+    pub shape_degree: usize,
+    /// Degree of the monomials that multiply every lag, up to `shape_degree`.
+    pub lag_degree: usize,
+    /// One row per output, in its unit: one number per feature, in the order of [`features`].
+    pub coefficients: Vec<Vec<f64>>,
+}
+
+/// A prepared residual, rad (m).
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::model) struct Residual<const D: usize, const M: usize> {
+    scale_counts: f64,
+    shape_degree: usize,
+    lag_degree: usize,
+    /// One column per feature.
+    coefficients: Vec<SVector<f64, M>>,
+}
+
+impl<const D: usize, const M: usize> Residual<D, M> {
+    /// Checks the parameters of a file and scales its outputs by `si`. `lags` is the number of lags
+    /// of the operator.
+    pub fn prepare(file: &ResidualParameters, lags: usize, si: f64) -> Result<Self, ModelError> {
+        let ResidualParameters {
+            scale_counts,
+            shape_degree,
+            lag_degree,
+            ref coefficients,
+        } = *file;
+        let key = || "family.residual.scale_counts".to_owned();
+        parameters(&[scale_counts], key)?;
+        require(scale_counts > 0.0, key, scale_counts, "must be above 0")?;
+        let key = || "family.residual.shape_degree".to_owned();
+        require(
+            shape_degree <= MAX_DEGREE,
+            key,
+            shape_degree,
+            "must be at most 5",
+        )?;
+        let key = || "family.residual.lag_degree".to_owned();
+        require(
+            lag_degree <= shape_degree,
+            key,
+            lag_degree,
+            "must be at most the shape degree",
+        )?;
+        let features = count::<D>(shape_degree, lag_degree, lags);
+        let matrix = matrix(coefficients, M, features, || {
+            "family.residual.coefficients".to_owned()
+        })?;
+        let column =
+            |j: usize| SVector::<f64, M>::from_iterator(matrix.column(j).iter().map(|c| c * si));
+        Ok(Self {
+            scale_counts,
+            shape_degree,
+            lag_degree,
+            coefficients: (0..features).map(column).collect(),
+        })
+    }
+
+    /// The residual where the operator stands.
+    pub fn at(&self, virtual_counts: &SVector<f64, D>, lags: &Lags) -> SVector<f64, M> {
+        let mut coefficients = self.coefficients.iter();
+        let mut sum = SVector::<f64, M>::zeros();
+        let scaled = virtual_counts / self.scale_counts;
+        features(
+            &scaled,
+            lags,
+            self.shape_degree,
+            self.lag_degree,
+            |feature| {
+                if let Some(column) = coefficients.next() {
+                    sum += column * feature;
+                }
+            },
+        );
+        sum
+    }
+}
+
+/// Number of monomials of D variables up to a degree.
+fn monomials<const D: usize>(degree: usize) -> usize {
+    if D == 1 {
+        degree + 1
+    } else {
+        (degree + 1) * (degree + 2) / 2
+    }
+}
+
+/// Number of features.
+#[must_use]
+pub fn count<const D: usize>(shape_degree: usize, lag_degree: usize, lags: usize) -> usize {
+    monomials::<D>(shape_degree) + lags.min(MAX_LAGS) * monomials::<D>(lag_degree)
+}
+
+/// Hands out the features in order: the monomials 1, x, y, x^2, xy, y^2, ... of the scaled virtual
+/// counts, then every lag times the same monomials up to the lag degree.
+pub fn features<const D: usize>(
+    scaled: &SVector<f64, D>,
+    lags: &Lags,
+    shape_degree: usize,
+    lag_degree: usize,
+    mut take: impl FnMut(f64),
+) {
+    let powers = powers(scaled);
+    let each = |degree: usize, factor: f64, take: &mut dyn FnMut(f64)| {
+        for total in 0..=degree.min(MAX_DEGREE) {
+            let splits = if D == 1 { 0..=0 } else { 0..=total };
+            for second in splits {
+                take(
+                    factor
+                        * powers[(total - second, 0)]
+                        * if D == 1 { 1.0 } else { powers[(second, D - 1)] },
+                );
+            }
+        }
+    };
+    each(shape_degree, 1.0, &mut take);
+    for lag in lags.as_slice() {
+        each(lag_degree, *lag, &mut take);
+    }
+}
+
+/// Row: power, column: variable.
+fn powers<const D: usize>(scaled: &SVector<f64, D>) -> SMatrix<f64, { MAX_DEGREE + 1 }, D> {
+    let mut powers = SMatrix::<f64, { MAX_DEGREE + 1 }, D>::from_element(1.0);
+    for power in 1..=MAX_DEGREE {
+        for variable in 0..D {
+            powers[(power, variable)] = powers[(power - 1, variable)] * scaled[variable];
+        }
+    }
+    powers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_features_are_the_monomials_and_then_the_lags_times_monomials() {
+        let mut lags = Lags::default();
+        lags.push(10.0);
+        let mut found = Vec::new();
+        features(&SVector::from([2.0, 3.0]), &lags, 2, 1, |feature| {
+            found.push(feature)
+        });
+        assert_eq!(found, [1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 10.0, 20.0, 30.0]);
+        assert_eq!(found.len(), count::<2>(2, 1, 1));
+        let mut found = Vec::new();
+        features(&SVector::from([2.0]), &lags, 3, 1, |feature| {
+            found.push(feature)
+        });
+        assert_eq!(found, [1.0, 2.0, 4.0, 8.0, 10.0, 20.0]);
+        assert_eq!(found.len(), count::<1>(3, 1, 1));
+    }
+
+    #[test]
+    fn the_residual_is_the_sum_of_the_features_times_their_coefficients_in_si() {
+        let file = ResidualParameters {
+            scale_counts: 100.0,
+            shape_degree: 1,
+            lag_degree: 0,
+            coefficients: vec![vec![1.0, 2.0, 0.0, 4.0], vec![0.0, 0.0, 1.0, 0.0]],
+        };
+        let residual = Residual::<2, 2>::prepare(&file, 1, 0.5).unwrap();
+        let mut lags = Lags::default();
+        lags.push(-1.0);
+        let found = residual.at(&SVector::from([100.0, 300.0]), &lags);
+        assert_eq!(found, SVector::from([0.5 * (1.0 + 2.0 - 4.0), 0.5 * 3.0]));
+        assert!(
+            Residual::<2, 2>::prepare(&file, 2, 0.5).is_err(),
+            "one coefficient per feature"
+        );
+    }
+}

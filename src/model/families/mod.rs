@@ -1,0 +1,9 @@
+//! The families of models.
+
+pub mod direction;
+pub mod hysteresis;
+pub mod kinematic;
+pub(in crate::model) mod linear;
+pub(in crate::model) mod memory;
+pub(in crate::model) mod round_trip;
+pub(in crate::model) mod runtime;

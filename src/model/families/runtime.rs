@@ -1,0 +1,68 @@
+//! What the controller needs of every family, in arrays of fixed size.
+
+use std::fmt::Debug;
+
+use crate::model::error::ModelError;
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::families::memory::Memory;
+use crate::model::families::round_trip;
+use crate::model::maths::hull::Hull;
+use crate::model::maths::newton_inverse;
+use crate::model::maths::regression::{Regression, bounded, estimate, rows, vector};
+use crate::model::output_unit::OutputUnit;
+use crate::units::{MotorVec, OutputVec};
+
+/// A family behind an interface of fixed size: the one place where sizes become types. The provided
+/// methods are right for a family without memory.
+pub(in crate::model) trait Runtime: Debug + Send + Sync {
+    /// Brings the state of a memory, whose position has been noted, to that position.
+    fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
+
+    /// The range that every motor has to cover to wipe out what was remembered before, counts.
+    fn wipe_counts(&self) -> MotorVec {
+        MotorVec::default()
+    }
+
+    /// See [`crate::model::Model::correction`].
+    fn correction(&self, _memory: &Memory) -> OutputVec {
+        OutputVec::default()
+    }
+
+    /// See [`crate::model::Model::virtual_counts`].
+    fn virtual_counts(&self, counts: &MotorVec, _memory: &Memory) -> MotorVec {
+        bounded(counts)
+    }
+
+    fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate;
+    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
+    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse;
+    /// See [`round_trip::check`].
+    fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
+}
+
+/// A regression on the counts, without memory.
+#[derive(Debug)]
+pub(in crate::model) struct Memoryless<const D: usize, const M: usize>(
+    pub Box<dyn Regression<D, M>>,
+);
+
+impl<const D: usize, const M: usize> Runtime for Memoryless<D, M> {
+    fn predict(&self, counts: &MotorVec, _memory: &Memory) -> Estimate {
+        estimate(&self.0.predict(&vector(&bounded(counts))))
+    }
+
+    fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {
+        rows(&self.0.local(&vector(&bounded(counts))).jacobian)
+    }
+
+    fn invert(&self, goal: &OutputVec, _memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
+        newton_inverse::invert(&*self.0, hull, goal, &query.start)
+    }
+
+    fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
+        let local = |counts: &MotorVec| Some(self.0.local(&vector::<D>(counts)));
+        round_trip::check(hull, unit, local, |goal| {
+            newton_inverse::invert(&*self.0, hull, goal, &hull.centre())
+        })
+    }
+}

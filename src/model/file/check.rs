@@ -1,0 +1,109 @@
+//! Checks on what a model file holds, before anything is computed from it.
+
+use crate::model::error::{ModelError, require};
+use crate::model::file::{FORMAT, FitMetrics, ModelFile, SCHEMA_VERSION, TrainingRecord};
+use crate::model::maths::matrix_checks::finite;
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
+
+/// The longest name of an output, in bytes.
+const MAX_NAME_BYTES: usize = 16;
+
+/// Everything but the parameters of the family and the hull. Returns the number of motors.
+pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
+    check_header(&file.format, u64::from(file.schema_version))?;
+    let named = !file.robot_id.trim().is_empty();
+    require(
+        named,
+        || "robot_id".to_owned(),
+        format!("`{}`", file.robot_id),
+        "must name the robot",
+    )?;
+    check_outputs(file)?;
+    check_records(file)?;
+    let motors = file.hull.corners.first().map_or(0, Vec::len);
+    require(
+        (1..=MAX_MOTORS).contains(&motors),
+        || "hull.corners[0]".to_owned(),
+        format!("{motors} numbers"),
+        "must have one number per motor, 1 or 2",
+    )?;
+    Ok(motors)
+}
+
+/// That a file is a model of the version that this software reads.
+pub(in crate::model) fn check_header(format: &str, schema_version: u64) -> Result<(), ModelError> {
+    if format != FORMAT {
+        return Err(ModelError::Format {
+            found: format.to_owned(),
+        });
+    }
+    if schema_version != u64::from(SCHEMA_VERSION) {
+        return Err(ModelError::SchemaVersion {
+            found: schema_version,
+        });
+    }
+    Ok(())
+}
+
+fn check_outputs(file: &ModelFile) -> Result<(), ModelError> {
+    let outputs = &file.outputs;
+    let count = outputs.len();
+    require(
+        (1..=MAX_OUTPUTS).contains(&count),
+        || "outputs".to_owned(),
+        count,
+        "there must be 1 to 3",
+    )?;
+    for (i, output) in outputs.iter().enumerate() {
+        let shown = format!("`{}`", output.name);
+        let key = || format!("outputs[{i}].name");
+        let fits = (1..=MAX_NAME_BYTES).contains(&output.name.len());
+        require(fits, key, &shown, "must be 1 to 16 bytes long")?;
+        let twice = outputs
+            .iter()
+            .take(i)
+            .any(|other| other.name == output.name);
+        require(!twice, key, &shown, "is the name of another output already")?;
+        let same = outputs.iter().all(|other| other.unit == output.unit);
+        let key = || format!("outputs[{i}].unit");
+        require(
+            same,
+            key,
+            output.unit,
+            "all outputs must have one unit, or a distance between poses has none",
+        )?;
+    }
+    Ok(())
+}
+
+fn check_records(file: &ModelFile) -> Result<(), ModelError> {
+    let TrainingRecord {
+        log_likelihood,
+        bic,
+        ..
+    } = &file.training;
+    finite(log_likelihood.as_slice(), || {
+        "training.log_likelihood".to_owned()
+    })?;
+    finite(bic.as_slice(), || "training.bic".to_owned())?;
+    let (entries, outputs) = (file.metrics.len(), file.outputs.len());
+    require(
+        entries == outputs,
+        || "metrics".to_owned(),
+        format!("{entries} entries"),
+        "must have one per output",
+    )?;
+    for (i, metrics) in file.metrics.iter().enumerate() {
+        for fit in std::iter::once(&metrics.training).chain(&metrics.held_out) {
+            let FitMetrics {
+                r2,
+                rmsd,
+                nrmsd,
+                mae,
+                max,
+            } = *fit;
+            finite(&[r2, rmsd, nrmsd, mae, max], || format!("metrics[{i}]"))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,155 @@
+//! Model files: JSON, versioned, unknown fields refused.
+//!
+//! Files speak degrees (or millimetres) and counts; the prepared model speaks radians (metres) and
+//! counts.
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::families::hysteresis::backlash_play::PlayParameters;
+use crate::model::families::hysteresis::residual::ResidualParameters;
+use crate::model::families::hysteresis::stop::StopParameters;
+use crate::model::families::kinematic::KinematicParameters;
+
+pub use crate::model::maths::gaussian_mixture::MixtureParameters;
+pub use crate::model::maths::hull::HullParameters;
+pub use crate::model::output_unit::OutputUnit;
+pub use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
+
+/// A model file as it stands, not yet checked.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelFile {
+    /// [`FORMAT`].
+    pub format: String,
+    /// [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// The robot that it was calibrated on; the controller compares it with its configuration.
+    pub robot_id: String,
+    /// What the model computes, one to three.
+    pub outputs: Vec<OutputSpec>,
+    /// The parameters.
+    pub family: FamilyParameters,
+    /// The region of motor space that calibration visited.
+    pub hull: HullParameters,
+    /// Where it comes from.
+    pub training: TrainingRecord,
+    /// How well it fits, one entry per output.
+    pub metrics: Vec<OutputMetrics>,
+}
+
+/// One output of a model.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputSpec {
+    /// `pitch`, `yaw`, `x`, ...
+    pub name: String,
+    /// Unit in the file.
+    pub unit: OutputUnit,
+}
+
+/// The parameters of a family, in units of the file. `d` motors, `m` outputs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum FamilyParameters {
+    /// `output = gain * counts + offset`.
+    Linear {
+        /// m rows of d.
+        gain: Vec<Vec<f64>>,
+        /// m.
+        offset: Vec<f64>,
+        /// Covariance of the residuals, m rows of m.
+        covariance: Vec<Vec<f64>>,
+    },
+    /// The analytic chain of the robot.
+    Kinematic {
+        /// What differs from robot to robot.
+        kinematics: KinematicParameters,
+        /// Outputs of the straight snake, less those that the chain gives it; m.
+        offset: Vec<f64>,
+        /// Covariance of the residuals, m rows of m.
+        covariance: Vec<Vec<f64>>,
+    },
+    /// Gaussian mixture regression on the counts, without memory.
+    Gmr {
+        /// Mixture over `[counts; outputs]`.
+        mixture: MixtureParameters,
+    },
+    /// Gaussian mixture regression on the counts and the direction of travel of every motor.
+    GmrDirection {
+        /// A motor has turned when it has come back by so much, counts; d.
+        dead_bands_counts: Vec<f64>,
+        /// Mixture over `[counts; directions; outputs]`; a direction is 1 upwards and -1 downwards.
+        mixture: MixtureParameters,
+    },
+    /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.
+    GmrPlay {
+        /// From counts to virtual counts.
+        plays: PlayParameters,
+        /// Mixture over `[virtual counts; outputs]`.
+        mixture: MixtureParameters,
+        /// What is left, unless it is nothing.
+        residual: Option<ResidualParameters>,
+        /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
+    },
+    /// Stop operators in a balance of forces, then Gaussian mixture regression on the virtual
+    /// counts, then a residual.
+    GmrStop {
+        /// From counts to virtual counts.
+        stops: StopParameters,
+        /// Mixture over `[virtual counts; outputs]`.
+        mixture: MixtureParameters,
+        /// What is left, unless it is nothing.
+        residual: Option<ResidualParameters>,
+        /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
+    },
+}
+
+/// Where a model comes from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrainingRecord {
+    /// Name of the recording, without folders.
+    pub data_file: String,
+    /// SHA-256 of the bytes of the recording, hexadecimal.
+    pub data_sha256: String,
+    /// Rows used for training.
+    pub rows: usize,
+    /// Seed of the random starts.
+    pub seed: u64,
+    /// Starts tried.
+    pub restarts: usize,
+    /// Mean log-likelihood per row, nats; absent for families without one.
+    pub log_likelihood: Option<f64>,
+    /// Bayesian information criterion; absent for families without one.
+    pub bic: Option<f64>,
+    /// Version of the software that fitted it.
+    pub software: String,
+}
+
+/// How well one output is fitted, in its unit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutputMetrics {
+    /// On the rows used for training.
+    pub training: FitMetrics,
+    /// On the rows held out; absent when none were.
+    pub held_out: Option<FitMetrics>,
+}
+
+/// Metrics of one output on one set of rows.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitMetrics {
+    /// Coefficient of determination.
+    pub r2: f64,
+    /// Root mean square deviation.
+    pub rmsd: f64,
+    /// `rmsd` divided by the range of the measured values.
+    pub nrmsd: f64,
+    /// Mean absolute error.
+    pub mae: f64,
+    /// Largest absolute error.
+    pub max: f64,
+}

@@ -1,0 +1,406 @@
+//! The convex region of motor space that calibration visited.
+//!
+//! One motor: an interval. Two motors: a convex polygon, kept as corners in counter-clockwise order
+//! and as half-planes `normal . x <= offset` with unit normals, so that a violation is a distance
+//! in counts.
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::error::{ModelError, require};
+use crate::model::maths::polygon;
+pub use crate::model::maths::polygon::TOLERANCE_COUNTS;
+use crate::model::maths::quadratic::{Quadratic, add, dot, subtract};
+use crate::units::{MAX_MOTORS, MotorVec};
+
+/// The most corners of a polygon: bounds the work of every tick.
+pub const MAX_CORNERS: usize = 64;
+
+/// Positions beyond these do not exist: the drive reports 32 bits (object 0x6064).
+pub(in crate::model) const MAX_COUNTS: f64 = 2_147_483_648.0;
+
+/// The narrowest hull, in counts. Below that there is no room for a motion.
+const MIN_WIDTH_COUNTS: f64 = 1.0;
+
+/// The convex region of motor space that calibration visited, counts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HullParameters {
+    /// One motor: lowest and highest count. Two motors: corners of a convex polygon,
+    /// counter-clockwise.
+    pub corners: Vec<Vec<f64>>,
+}
+
+/// A convex region of motor space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hull {
+    shape: Shape,
+    centre: MotorVec,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Shape {
+    Interval {
+        low: f64,
+        high: f64,
+    },
+    Polygon {
+        edges: Vec<Edge>,
+        /// Of a circle around the centre that touches the nearest side: most poses lie in it, and
+        /// need no more tests.
+        inner_radius: f64,
+    },
+}
+
+/// One side of a polygon: from `corner` along `along` to the next corner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Edge {
+    corner: MotorVec,
+    along: MotorVec,
+    /// Outward, of length 1.
+    normal: MotorVec,
+    offset: f64,
+}
+
+impl Edge {
+    fn new(corner: MotorVec, next: MotorVec) -> Self {
+        let along = subtract(next, corner);
+        let length = along[0].hypot(along[1]);
+        let normal = [along[1] / length, -along[0] / length];
+        Self {
+            corner,
+            along,
+            normal,
+            offset: dot(normal, corner),
+        }
+    }
+
+    fn excess(&self, counts: MotorVec) -> f64 {
+        dot(self.normal, counts) - self.offset
+    }
+}
+
+/// Where [`Hull::minimise`] ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::model) struct Minimum {
+    pub counts: MotorVec,
+    /// How far outside the hull the minimum without the hull lies, counts; not above 0 when inside.
+    pub excess: f64,
+}
+
+impl Hull {
+    /// The hull of a model file.
+    ///
+    /// # Errors
+    ///
+    /// When the corners are not those of an interval (one motor) or of a convex polygon in
+    /// counter-clockwise order with at most [`MAX_CORNERS`] corners (two motors), are not finite
+    /// counts of a drive, or enclose less than one count.
+    pub fn new(parameters: &HullParameters, motors: usize) -> Result<Self, ModelError> {
+        let corners = checked_corners(parameters, motors)?;
+        let centre = mean(&corners);
+        let shape = match (motors, corners.as_slice()) {
+            (1, [low, high]) => Shape::Interval {
+                low: low[0],
+                high: high[0],
+            },
+            _ => {
+                let edges = edges(&corners);
+                let inner_radius = edges
+                    .iter()
+                    .map(|edge| -edge.excess(centre))
+                    .fold(f64::INFINITY, f64::min);
+                Shape::Polygon {
+                    edges,
+                    inner_radius,
+                }
+            }
+        };
+        let hull = Self { shape, centre };
+        hull.check(&corners)?;
+        Ok(hull)
+    }
+
+    /// The smallest convex hull around positions that the motors visited; with more than
+    /// [`MAX_CORNERS`] corners, the ones that enclose least are cut off, which only makes it
+    /// smaller.
+    ///
+    /// # Errors
+    ///
+    /// When a position is not finite or all of them lie within one count of a point (one motor) or
+    /// a line (two motors).
+    pub fn from_points(motors: usize, points: &[MotorVec]) -> Result<Self, ModelError> {
+        for (i, point) in points.iter().enumerate() {
+            let shown = format!("{point:?}");
+            require(
+                point.iter().all(|c| c.is_finite()),
+                || format!("position {i}"),
+                shown,
+                "must be finite counts",
+            )?;
+        }
+        let corners = match motors {
+            1 => polygon::interval(points),
+            _ => polygon::thin(polygon::convex_hull(points), MAX_CORNERS),
+        };
+        if corners.len() < motors + 1 {
+            return Err(ModelError::FlatHull { near: mean(points) });
+        }
+        let corners = corners
+            .iter()
+            .map(|corner| corner.iter().take(motors).copied().collect())
+            .collect();
+        Self::new(&HullParameters { corners }, motors)
+    }
+
+    /// The hull as a model file holds it.
+    #[must_use]
+    pub fn parameters(&self) -> HullParameters {
+        let corners = match &self.shape {
+            Shape::Interval { low, high } => vec![vec![*low], vec![*high]],
+            Shape::Polygon { edges, .. } => edges.iter().map(|edge| edge.corner.to_vec()).collect(),
+        };
+        HullParameters { corners }
+    }
+
+    /// The corners: the two ends for one motor, the polygon in counter-clockwise order for two.
+    pub fn corners(&self) -> impl Iterator<Item = MotorVec> + '_ {
+        let (ends, edges) = match &self.shape {
+            Shape::Interval { low, high } => {
+                ([Some([*low, 0.0]), Some([*high, 0.0])], [].as_slice())
+            }
+            Shape::Polygon { edges, .. } => ([None, None], edges.as_slice()),
+        };
+        ends.into_iter()
+            .flatten()
+            .chain(edges.iter().map(|edge| edge.corner))
+    }
+
+    /// A point well inside: the mean of the corners.
+    #[must_use]
+    pub fn centre(&self) -> MotorVec {
+        self.centre
+    }
+
+    /// Whether a point lies in the hull, within [`TOLERANCE_COUNTS`]. Never for a point that is not
+    /// finite.
+    #[must_use]
+    pub fn contains(&self, counts: &MotorVec) -> bool {
+        match &self.shape {
+            Shape::Interval { low, high } => {
+                counts[0] >= low - TOLERANCE_COUNTS && counts[0] <= high + TOLERANCE_COUNTS
+            }
+            Shape::Polygon { edges, .. } => edges
+                .iter()
+                .all(|edge| edge.excess(*counts) <= TOLERANCE_COUNTS),
+        }
+    }
+
+    /// The nearest point of the hull, counts: the point itself when inside, the centre when it is
+    /// not a number.
+    #[must_use]
+    pub fn project(&self, counts: &MotorVec) -> MotorVec {
+        if counts.iter().any(|c| c.is_nan()) {
+            return self.centre;
+        }
+        let bounded = counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS));
+        self.minimise(&Quadratic::DISTANCE, bounded).counts
+    }
+
+    /// The point of the hull where a quadratic of the step away from `from` is least. Where its
+    /// minimum lies outside, that point lies on a side, because both are convex. `from` may lie
+    /// outside.
+    pub(in crate::model) fn minimise(&self, quadratic: &Quadratic, from: MotorVec) -> Minimum {
+        let free = add(from, quadratic.minimum());
+        match &self.shape {
+            Shape::Interval { low, high } => Minimum {
+                counts: [free[0].clamp(*low, *high), 0.0],
+                excess: (low - free[0]).max(free[0] - high),
+            },
+            Shape::Polygon {
+                edges,
+                inner_radius,
+            } => {
+                let [across_0, across_1] = subtract(free, self.centre);
+                if across_0 * across_0 + across_1 * across_1 <= inner_radius * inner_radius {
+                    return Minimum {
+                        counts: free,
+                        excess: 0.0,
+                    };
+                }
+                let excess = edges
+                    .iter()
+                    .map(|edge| edge.excess(free))
+                    .fold(f64::NEG_INFINITY, f64::max);
+                let counts = if excess <= 0.0 {
+                    free
+                } else {
+                    self.minimise_on(edges, quadratic, from, free)
+                };
+                Minimum { counts, excess }
+            }
+        }
+    }
+
+    /// The least of the minima along the sides that `free` lies beyond; those it lies behind cannot
+    /// hold it. For at the constrained minimum `x` the gradient `H (x - free)` is minus a sum of
+    /// outward normals of the active sides, `-n`, so `n . (free - x) = n . H^-1 n > 0`: `free` lies
+    /// beyond at least one of them.
+    fn minimise_on(
+        &self,
+        edges: &[Edge],
+        quadratic: &Quadratic,
+        from: MotorVec,
+        free: MotorVec,
+    ) -> MotorVec {
+        let mut best = (f64::INFINITY, self.centre);
+        for edge in edges.iter().filter(|edge| edge.excess(free) > 0.0) {
+            let counts = edge.minimum(quadratic, from);
+            let value = quadratic.value(subtract(counts, from));
+            if value < best.0 {
+                best = (value, counts);
+            }
+        }
+        best.1
+    }
+
+    fn check(&self, corners: &[MotorVec]) -> Result<(), ModelError> {
+        match &self.shape {
+            Shape::Interval { low, high } => require(
+                high - low >= MIN_WIDTH_COUNTS,
+                || "hull.corners".to_owned(),
+                format!("[[{low}], [{high}]]"),
+                "the second must lie at least one count above the first",
+            ),
+            Shape::Polygon { edges, .. } => edges
+                .iter()
+                .enumerate()
+                .try_for_each(|(i, edge)| edge.check(i, corners)),
+        }
+    }
+}
+
+impl Edge {
+    /// The least value of a quadratic along a side: a parabola in the fraction of the side, cut to
+    /// [0, 1].
+    fn minimum(&self, quadratic: &Quadratic, from: MotorVec) -> MotorVec {
+        let slope = dot(quadratic.slope(subtract(self.corner, from)), self.along);
+        let curvature = dot(self.along, quadratic.bend(self.along));
+        let fraction = (-slope / curvature).clamp(0.0, 1.0);
+        add(self.corner, self.along.map(|along| fraction * along))
+    }
+
+    fn check(&self, number: usize, corners: &[MotorVec]) -> Result<(), ModelError> {
+        let key = || format!("hull.corners[{number}]");
+        let shown = format!("{:?}", self.corner);
+        let (lowest, highest) = corners
+            .iter()
+            .map(|corner| self.excess(*corner))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), excess| {
+                (low.min(excess), high.max(excess))
+            });
+        let convex = highest <= TOLERANCE_COUNTS;
+        require(
+            convex,
+            key,
+            &shown,
+            "the corners must go round a convex polygon counter-clockwise",
+        )?;
+        require(
+            lowest <= -MIN_WIDTH_COUNTS,
+            key,
+            &shown,
+            "the polygon must be at least one count wide",
+        )
+    }
+}
+
+fn checked_corners(
+    parameters: &HullParameters,
+    motors: usize,
+) -> Result<Vec<MotorVec>, ModelError> {
+    let key = || "hull.corners".to_owned();
+    let given = &parameters.corners;
+    let count = given.len();
+    require(
+        (1..=MAX_MOTORS).contains(&motors),
+        key,
+        format!("for {motors} motors"),
+        "there must be 1 or 2",
+    )?;
+    match motors {
+        1 => require(
+            count == 2,
+            key,
+            format!("{count} corners"),
+            "one motor takes 2: lowest and highest count",
+        )?,
+        _ => require(
+            (3..=MAX_CORNERS).contains(&count),
+            key,
+            format!("{count} corners"),
+            "two motors take 3 to 64 corners of a convex polygon",
+        )?,
+    }
+    let corners = given
+        .iter()
+        .enumerate()
+        .map(|(i, corner)| checked_corner(i, corner, motors));
+    let corners = corners.collect::<Result<Vec<_>, _>>()?;
+    for (i, (corner, next)) in corners
+        .iter()
+        .zip(corners.iter().cycle().skip(1))
+        .enumerate()
+    {
+        let side = subtract(*next, *corner);
+        let apart = side[0].hypot(side[1]) > TOLERANCE_COUNTS;
+        require(
+            apart,
+            || format!("hull.corners[{i}]"),
+            format!("{corner:?}"),
+            "stands there twice in a row",
+        )?;
+    }
+    Ok(corners)
+}
+
+fn checked_corner(number: usize, corner: &[f64], motors: usize) -> Result<MotorVec, ModelError> {
+    let key = || format!("hull.corners[{number}]");
+    let shown = format!("{corner:?}");
+    require(
+        corner.len() == motors,
+        key,
+        &shown,
+        "must have one number per motor",
+    )?;
+    // `contains` is false for NaN too.
+    let counts = corner
+        .iter()
+        .all(|c| (-MAX_COUNTS..=MAX_COUNTS).contains(c));
+    require(
+        counts,
+        key,
+        &shown,
+        "must be finite counts that fit 32 bits",
+    )?;
+    let mut padded = [0.0; MAX_MOTORS];
+    padded
+        .iter_mut()
+        .zip(corner)
+        .for_each(|(to, from)| *to = *from);
+    Ok(padded)
+}
+
+fn edges(corners: &[MotorVec]) -> Vec<Edge> {
+    corners
+        .iter()
+        .zip(corners.iter().cycle().skip(1))
+        .map(|(corner, next)| Edge::new(*corner, *next))
+        .collect()
+}
+
+fn mean(points: &[MotorVec]) -> MotorVec {
+    let sum = points
+        .iter()
+        .fold([0.0; MAX_MOTORS], |sum, point| add(sum, *point));
+    sum.map(|s| s / points.len().max(1) as f64)
+}

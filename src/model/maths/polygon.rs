@@ -1,0 +1,77 @@
+//! Convex hull of points in the plane, and its simplification.
+
+use crate::model::maths::quadratic::subtract;
+use crate::units::MotorVec;
+
+/// How far outside a point may lie and still count as inside, in counts: rounding of the
+/// arithmetic, far below what a motor can be asked for.
+pub const TOLERANCE_COUNTS: f64 = 1e-6;
+
+/// The points with the lowest and the highest first coordinate, if there are two.
+pub(in crate::model) fn interval(points: &[MotorVec]) -> Vec<MotorVec> {
+    match sorted(points).as_slice() {
+        [low, .., high] => vec![*low, *high],
+        _ => Vec::new(),
+    }
+}
+
+/// The corners of the convex hull, counter-clockwise, without corners that stick out less than the
+/// tolerance; fewer than three if the points lie on a line. Coordinates must be finite.
+///
+/// Andrew's monotone chain (A. M. Andrew, Information Processing Letters 9, 1979).
+pub(in crate::model) fn convex_hull(points: &[MotorVec]) -> Vec<MotorVec> {
+    let sorted = sorted(points);
+    let mut lower = chain(sorted.iter());
+    let mut upper = chain(sorted.iter().rev());
+    // The end of each chain is the start of the other.
+    lower.pop();
+    upper.pop();
+    lower.append(&mut upper);
+    lower
+}
+
+/// Cuts off corners, the one that encloses least first, until `limit` are left. The result lies
+/// inside the polygon.
+pub(in crate::model) fn thin(mut corners: Vec<MotorVec>, limit: usize) -> Vec<MotorVec> {
+    while corners.len() > limit.max(3) {
+        let n = corners.len();
+        let area = |i: &usize| area(corners[(i + n - 1) % n], corners[*i], corners[(i + 1) % n]);
+        let Some(least) = (0..n).min_by(|a, b| area(a).total_cmp(&area(b))) else {
+            break;
+        };
+        corners.remove(least);
+    }
+    corners
+}
+
+fn sorted(points: &[MotorVec]) -> Vec<MotorVec> {
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    sorted.dedup();
+    sorted
+}
+
+/// The convex chain below points that come in order from left to right (above, from right to left).
+fn chain<'a>(points: impl Iterator<Item = &'a MotorVec>) -> Vec<MotorVec> {
+    let mut chain: Vec<MotorVec> = Vec::new();
+    for point in points {
+        while let [.., before, last] = chain.as_slice()
+            && !turns_left(*before, *last, *point)
+        {
+            chain.pop();
+        }
+        chain.push(*point);
+    }
+    chain
+}
+
+fn turns_left(a: MotorVec, b: MotorVec, c: MotorVec) -> bool {
+    let chord = subtract(c, a);
+    2.0 * area(a, b, c) > TOLERANCE_COUNTS * chord[0].hypot(chord[1])
+}
+
+/// Area of a triangle, positive when `a`, `b`, `c` go counter-clockwise.
+fn area(a: MotorVec, b: MotorVec, c: MotorVec) -> f64 {
+    let (ab, ac) = (subtract(b, a), subtract(c, a));
+    0.5 * (ab[0] * ac[1] - ab[1] * ac[0])
+}

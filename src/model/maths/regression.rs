@@ -1,0 +1,89 @@
+//! Regression in vectors whose sizes are types, and conversion to arrays of fixed size.
+
+use std::fmt::Debug;
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::model::estimate::Estimate;
+use crate::model::maths::hull::MAX_COUNTS;
+use crate::units::MotorVec;
+
+/// A regression of M outputs, rad (m), on D inputs, counts.
+pub(in crate::model) trait Regression<const D: usize, const M: usize>:
+    Debug + Send + Sync
+{
+    /// Mean and Jacobian: what the inverse needs.
+    fn local(&self, input: &SVector<f64, D>) -> Local<D, M>;
+
+    /// Mean and both covariances.
+    fn predict(&self, input: &SVector<f64, D>) -> Prediction<M>;
+
+    /// Where else to start the search for the input of a goal, if its first start leads nowhere.
+    fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>>;
+}
+
+/// Mean and slope of a regression at a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Local<const D: usize, const M: usize> {
+    /// The outputs.
+    pub mean: SVector<f64, M>,
+    /// d mean / d input.
+    pub jacobian: SMatrix<f64, M, D>,
+}
+
+/// Mean and spread of a regression at a point; see [`Estimate`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::model) struct Prediction<const M: usize> {
+    pub mean: SVector<f64, M>,
+    pub covariance: SMatrix<f64, M, M>,
+    pub covariance_within: SMatrix<f64, M, M>,
+}
+
+/// A prediction in arrays of fixed size.
+pub(in crate::model) fn estimate<const M: usize>(prediction: &Prediction<M>) -> Estimate {
+    Estimate {
+        mean: array(&prediction.mean),
+        covariance: rows(&prediction.covariance),
+        covariance_within: rows(&prediction.covariance_within),
+    }
+}
+
+/// Keeps squares from overflowing; no drive reports more.
+pub(in crate::model) fn bounded(counts: &MotorVec) -> MotorVec {
+    counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS))
+}
+
+/// The first entries of an array of fixed size.
+pub(in crate::model) fn vector<const N: usize>(array: &[f64]) -> SVector<f64, N> {
+    let mut vector = SVector::<f64, N>::zeros();
+    vector
+        .iter_mut()
+        .zip(array)
+        .for_each(|(to, from)| *to = *from);
+    vector
+}
+
+/// A vector in an array of fixed size, filled up with 0.
+pub(in crate::model) fn array<const N: usize, const F: usize>(
+    vector: &SVector<f64, N>,
+) -> [f64; F] {
+    let mut array = [0.0; F];
+    array
+        .iter_mut()
+        .zip(vector.iter())
+        .for_each(|(to, from)| *to = *from);
+    array
+}
+
+/// A matrix as rows of fixed size, filled up with 0.
+pub(in crate::model) fn rows<const R: usize, const C: usize, const FR: usize, const FC: usize>(
+    matrix: &SMatrix<f64, R, C>,
+) -> [[f64; FC]; FR] {
+    let mut rows = [[0.0; FC]; FR];
+    for (row, from) in rows.iter_mut().zip(matrix.row_iter()) {
+        row.iter_mut()
+            .zip(from.iter())
+            .for_each(|(to, from)| *to = *from);
+    }
+    rows
+}

@@ -1,0 +1,335 @@
+//! A model that is ready for the control loop.
+
+use std::path::Path;
+
+use nalgebra::SVector;
+
+use crate::model::error::ModelError;
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::families::direction::DirectionGmr;
+use crate::model::families::hysteresis::Operator;
+use crate::model::families::hysteresis::backlash_play::Plays;
+use crate::model::families::hysteresis::chain::Chain;
+use crate::model::families::hysteresis::residual::{Residual, ResidualParameters};
+use crate::model::families::hysteresis::stop::Stops;
+use crate::model::families::kinematic::Kinematic;
+use crate::model::families::linear::Linear;
+use crate::model::families::memory::Memory;
+use crate::model::families::runtime::{Memoryless, Runtime};
+use crate::model::file::store::ModelId;
+use crate::model::file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, check};
+use crate::model::history::History;
+use crate::model::maths::gaussian_mixture_regression::Gmr;
+use crate::model::maths::hull::Hull;
+use crate::model::output_unit::OutputUnit;
+use crate::units::{MotorVec, OutputVec};
+
+/// A model that has been checked and prepared. It does not change any more and can be shared
+/// between threads.
+///
+/// Everything but its construction is for the control loop: bounded work, no allocation, no panic.
+#[derive(Debug)]
+pub struct Model {
+    file: ModelFile,
+    id: ModelId,
+    motors: usize,
+    hull: Hull,
+    wipe_counts: MotorVec,
+    runtime: Box<dyn Runtime>,
+}
+
+impl Model {
+    /// Reads, checks and prepares a model file.
+    ///
+    /// # Errors
+    ///
+    /// As [`ModelFile::read`] and [`Model::from_file`]; all name the file.
+    pub fn load(path: &Path) -> Result<Self, ModelError> {
+        Self::from_file(ModelFile::read(path)?).map_err(|error| error.in_file(path))
+    }
+
+    /// Checks and prepares a model.
+    ///
+    /// # Errors
+    ///
+    /// When a value makes no sense, or the prediction at the inverse of a prediction is off by more
+    /// than one count's worth somewhere in the hull.
+    pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
+        let motors = check::check(&file)?;
+        let hull = Hull::new(&file.hull, motors)?;
+        let runtime = prepare(&file, motors)?;
+        runtime.check_round_trip(&hull, unit(&file))?;
+        let wipe_counts = within(runtime.wipe_counts(), &hull);
+        Ok(Self {
+            id: file.id()?,
+            file,
+            motors,
+            hull,
+            wipe_counts,
+            runtime,
+        })
+    }
+
+    /// That the model belongs to a robot.
+    ///
+    /// # Errors
+    ///
+    /// When it was calibrated on another robot or is for another number of motors.
+    pub fn check_robot(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
+        if self.file.robot_id != robot_id {
+            return Err(ModelError::Robot {
+                model: self.file.robot_id.clone(),
+                robot: robot_id.to_owned(),
+            });
+        }
+        if self.motors != motors {
+            return Err(ModelError::Motors {
+                model: self.motors,
+                robot: motors,
+            });
+        }
+        Ok(())
+    }
+
+    /// The file that it was prepared from.
+    #[must_use]
+    pub fn file(&self) -> &ModelFile {
+        &self.file
+    }
+
+    /// Its identity.
+    #[must_use]
+    pub fn id(&self) -> ModelId {
+        self.id
+    }
+
+    /// Number of motors, 1 or 2.
+    #[must_use]
+    pub fn motors(&self) -> usize {
+        self.motors
+    }
+
+    /// Number of outputs, 1 to 3.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        self.file.outputs.len()
+    }
+
+    /// The region of motor space that calibration visited.
+    #[must_use]
+    pub fn hull(&self) -> &Hull {
+        &self.hull
+    }
+
+    /// A memory of nothing.
+    #[must_use]
+    pub fn new_memory(&self) -> Memory {
+        Memory::default()
+    }
+
+    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in
+    /// order. What is not finite is not noted.
+    pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+        if counts.iter().all(|c| c.is_finite()) {
+            memory.note(*counts);
+            self.runtime.advance(memory, counts);
+        }
+    }
+
+    /// Whether a memory has seen enough motion for everything before it to be wiped out. Until then
+    /// predictions may be off by the width of the hysteresis loop. Always true of families without
+    /// memory, once there is a position.
+    #[must_use]
+    pub fn knows(&self, memory: &Memory) -> bool {
+        memory.covered(&self.wipe_counts)
+    }
+
+    /// The range that every motor has to cover to wipe out what was remembered before, counts; 0
+    /// for families without memory. Never more than the calibrated hull is wide: what its whole
+    /// width does not wipe out, calibration could not know either.
+    #[must_use]
+    pub fn wipe_counts(&self) -> MotorVec {
+        self.wipe_counts
+    }
+
+    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m);
+    /// see [`hysteresis`].
+    #[must_use]
+    pub fn correction(&self, memory: &Memory) -> OutputVec {
+        self.runtime.correction(memory)
+    }
+
+    /// What the regression of the model takes in if the motors went straight from where they are to
+    /// `counts`: the virtual counts; of families without them, the counts.
+    #[must_use]
+    pub fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
+        self.runtime.virtual_counts(counts, memory)
+    }
+
+    /// The outputs if the motors went straight from where they are to `counts`. Finite for every
+    /// finite position, in the hull or not; far outside it extrapolates. A position that is not a
+    /// number gives estimates that are none.
+    #[must_use]
+    pub fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
+        self.runtime.predict(counts, memory)
+    }
+
+    /// Derivative of the predicted mean with respect to the counts, rad (m) per count.
+    #[must_use]
+    pub fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
+        self.runtime.jacobian(counts, memory)
+    }
+
+    /// The counts that bring the outputs to `goal`, rad (m), from where the memory says that the
+    /// motors are. The answer lies in the hull, whatever the goal; rounded to whole counts, up to
+    /// half a count beside it.
+    ///
+    /// - A goal that no position in the hull reaches gives a nearest one, by distance in output
+    ///   space, marked `clipped`.
+    /// - With more outputs than motors the nearest one is all there is; `clipped` then says that
+    ///   the hull was in the way.
+    /// - With more motors than outputs, it is the position near the start that does.
+    /// - A goal that is not finite gives the start, moved into the hull, marked `clipped`, with an
+    ///   infinite residual.
+    #[must_use]
+    pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
+        self.runtime.invert(goal, memory, &self.hull, query)
+    }
+}
+
+/// Ranges of the motors, cut to the extent of the hull.
+fn within(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
+    for (motor, range) in ranges.iter_mut().enumerate() {
+        let of_motor = || hull.corners().map(|corner| corner[motor]);
+        let extent =
+            of_motor().fold(f64::NEG_INFINITY, f64::max) - of_motor().fold(f64::INFINITY, f64::min);
+        *range = range.min(extent);
+    }
+    ranges
+}
+
+/// The unit of all outputs; [`check::check`] saw to it that they have the same.
+fn unit(file: &ModelFile) -> OutputUnit {
+    file.outputs
+        .first()
+        .map_or(OutputUnit::Deg, |output| output.unit)
+}
+
+/// Turns sizes known at run time into types.
+fn prepare(file: &ModelFile, motors: usize) -> Result<Box<dyn Runtime>, ModelError> {
+    match (motors, file.outputs.len()) {
+        (1, 1) => prepare_sized::<1, 1>(file),
+        (1, 2) => prepare_sized::<1, 2>(file),
+        (1, _) => prepare_sized::<1, 3>(file),
+        (_, 1) => prepare_sized::<2, 1>(file),
+        (_, 2) => prepare_sized::<2, 2>(file),
+        (_, _) => prepare_sized::<2, 3>(file),
+    }
+}
+
+fn prepare_sized<const D: usize, const M: usize>(
+    file: &ModelFile,
+) -> Result<Box<dyn Runtime>, ModelError> {
+    let si = unit(file).si();
+    Ok(match &file.family {
+        FamilyParameters::Linear {
+            gain,
+            offset,
+            covariance,
+        } => Box::new(Memoryless(Box::new(Linear::<D, M>::prepare(
+            gain, offset, covariance, si,
+        )?))),
+        FamilyParameters::Kinematic {
+            kinematics,
+            offset,
+            covariance,
+        } => Box::new(Memoryless(Box::new(Kinematic::<D, M>::prepare(
+            kinematics,
+            offset,
+            covariance,
+            unit(file),
+        )?))),
+        FamilyParameters::Gmr { mixture } => {
+            Box::new(Memoryless(Box::new(Gmr::<D, M>::prepare(mixture, si)?)))
+        }
+        FamilyParameters::GmrDirection {
+            dead_bands_counts,
+            mixture,
+        } => Box::new(DirectionGmr::<D, M>::prepare(
+            dead_bands_counts,
+            mixture,
+            si,
+        )?),
+        FamilyParameters::GmrPlay {
+            plays,
+            mixture,
+            residual,
+            virtual_hull,
+        } => Box::new(chain::<_, D, M>(
+            Plays::prepare(plays)?,
+            mixture,
+            residual.as_ref(),
+            virtual_hull,
+            si,
+        )?),
+        FamilyParameters::GmrStop {
+            stops,
+            mixture,
+            residual,
+            virtual_hull,
+        } => Box::new(chain::<_, D, M>(
+            Stops::prepare(stops)?,
+            mixture,
+            residual.as_ref(),
+            virtual_hull,
+            si,
+        )?),
+    })
+}
+
+fn chain<O: Operator<D>, const D: usize, const M: usize>(
+    operator: O,
+    mixture: &MixtureParameters,
+    residual: Option<&ResidualParameters>,
+    virtual_hull: &HullParameters,
+    si: f64,
+) -> Result<Chain<O, D, M>, ModelError> {
+    let lags = operator
+        .lags(&operator.begin(&SVector::zeros()))
+        .as_slice()
+        .len();
+    Ok(Chain {
+        operator,
+        read_out: Gmr::prepare(mixture, si)?,
+        residual: residual
+            .map(|residual| Residual::prepare(residual, lags, si))
+            .transpose()?,
+        virtual_hull: Hull::new(virtual_hull, D)?,
+    })
+}
+
+impl Model {
+    /// The memory that this model would have, had it seen a history. Not for the control loop:
+    /// thousands of steps.
+    #[must_use]
+    pub fn recall(&self, history: &History) -> Memory {
+        let mut memory = self.new_memory();
+        history
+            .positions()
+            .for_each(|counts| self.advance(&mut memory, counts));
+        memory
+    }
+}
+
+impl ModelFile {
+    /// Checks the model as [`Model::from_file`] does and writes it, whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// When the model is refused, or the file cannot be written. An earlier file at `path` then
+    /// stays.
+    pub fn write(&self, path: &Path) -> Result<(), ModelError> {
+        Model::from_file(self.clone()).map_err(|error| error.in_file(path))?;
+        self.save(path)
+    }
+}
