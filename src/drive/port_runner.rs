@@ -129,13 +129,14 @@ impl AxisSlot {
             config: config.clone(),
             identity,
             settings: family.settings(config),
-            axis: AxisStateMachine::new(config, family, port.pattern),
+            axis: AxisStateMachine::new(config, family, port.polling),
             requests,
             feedback,
             next_reconnect: Nanos::ZERO,
             position_check,
             watchdog: RequestWatchdog {
-                timeout: (port.loop_timeout_ms > 0).then(|| Nanos::from_millis(port.loop_timeout_ms)),
+                timeout: (port.loop_timeout_ms > 0)
+                    .then(|| Nanos::from_millis(port.loop_timeout_ms)),
                 sequence: 0,
                 seen: Nanos::ZERO,
                 reported: false,

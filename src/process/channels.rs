@@ -8,8 +8,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use rtrb::{Consumer, Producer, RingBuffer};
 use triple_buffer::triple_buffer;
 
-use crate::core::model_slots::slots::{Candidate, ModelReply, ModelRequest};
-use crate::core::{Event, External, Report, ServoCommand, StateReply, StateRequest};
+use crate::core::{CycleEvent, CycleReport, ExternalPose, ServoCommand, StateReply, StateRequest};
+use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
 use crate::ipc::payload;
 use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
@@ -29,14 +29,14 @@ pub struct ModelOffer {
     /// Counts up by one per offer.
     pub number: u64,
     /// The model with its memory.
-    pub candidate: Candidate,
+    pub candidate: ModelCandidate,
 }
 
 /// One tick for the IPC thread.
 #[derive(Debug, Clone, Copy)]
 pub struct TickReport {
-    /// Report of the cycle.
-    pub report: Report,
+    /// CycleReport of the cycle.
+    pub report: CycleReport,
     /// Timing of the tick.
     pub timing: TickTiming,
 }
@@ -44,23 +44,23 @@ pub struct TickReport {
 /// The ends of the control loop.
 pub struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
-    pub external: triple_buffer::Output<Option<External>>,
+    pub external: triple_buffer::Output<Option<ExternalPose>>,
     pub requests: Consumer<StateRequest>,
     pub replies: Producer<StateReply>,
     pub offers: Consumer<ModelOffer>,
-    pub model_requests: Consumer<ModelRequest>,
-    pub model_replies: Producer<ModelReply>,
+    pub model_requests: Consumer<ModelSwapRequest>,
+    pub model_replies: Producer<ModelSwapReply>,
     /// Models that the model manager frees.
-    pub retired: Producer<Candidate>,
+    pub retired: Producer<ModelCandidate>,
     pub reports: Producer<TickReport>,
     pub recorder: RecorderChannels,
-    pub events: Producer<Event>,
+    pub events: Producer<CycleEvent>,
 }
 
 /// The ends of the IPC thread.
 pub struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
-    pub external: triple_buffer::Input<Option<External>>,
+    pub external: triple_buffer::Input<Option<ExternalPose>>,
     pub requests: Producer<StateRequest>,
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,
@@ -69,16 +69,21 @@ pub struct IpcChannels {
 /// The ends of the model manager.
 pub struct ModelChannels {
     pub offers: Producer<ModelOffer>,
-    pub requests: Producer<ModelRequest>,
-    pub replies: Consumer<ModelReply>,
-    pub retired: Consumer<Candidate>,
+    pub requests: Producer<ModelSwapRequest>,
+    pub replies: Consumer<ModelSwapReply>,
+    pub retired: Consumer<ModelCandidate>,
 }
 
 /// All channels of the loop, and the events for the log.
 #[must_use]
 pub fn loop_channels(
     recorder: RecorderChannels,
-) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<Event>) {
+) -> (
+    LoopChannels,
+    IpcChannels,
+    ModelChannels,
+    Consumer<CycleEvent>,
+) {
     let (servo_in, servo) = triple_buffer(&None);
     let (external_in, external) = triple_buffer(&None);
     let (requests_in, requests) = RingBuffer::new(COMMANDS);

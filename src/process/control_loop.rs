@@ -1,15 +1,15 @@
 //! The control loop: the real-time thread.
 //!
-//! No allocation, no lock, no I/O: only [`Cycle::step`] and wait-free channels.
+//! No allocation, no lock, no I/O: only [`ControlCycle::step`] and wait-free channels.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
 use crate::config::ControlConfig;
-use crate::core::Inputs;
-use crate::core::cycle::Cycle;
+use crate::core::CycleInputs;
+use crate::core::cycle::ControlCycle;
 use crate::drive::AxisFeedback;
-use crate::drive::runner::AxisLink;
+use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::process::black_box::{RecorderChannels, TickRecord};
 use crate::process::channels::{LoopChannels, TickReport};
@@ -19,7 +19,7 @@ use crate::units::{MAX_MOTORS, Nanos};
 
 /// Everything that the loop needs; built before the thread starts.
 pub struct ControlLoop {
-    pub cycle: Cycle,
+    pub cycle: ControlCycle,
     pub channels: LoopChannels,
     pub links: Vec<AxisLink>,
     pub heartbeat: HeartbeatWriter,
@@ -54,7 +54,7 @@ impl ControlLoop {
             }
             // Nothing is freed here: a model that does not fit stays in the cycle.
             if !channels.retired.is_full()
-                && let Some(retired) = self.cycle.retired()
+                && let Some(retired) = self.cycle.take_retired()
             {
                 let _ = channels.retired.push(retired);
             }
@@ -81,17 +81,17 @@ impl ControlLoop {
 
     /// Passes the next model to the cycle, if it can take one. Returns the number of the offer.
     fn take_offer(&mut self) -> Option<u64> {
-        if self.channels.offers.is_empty() || !self.cycle.takes_candidates() {
+        if self.channels.offers.is_empty() || !self.cycle.can_stage_model() {
             return None;
         }
         let offer = self.channels.offers.pop().ok()?;
-        self.cycle.offer(offer.candidate);
+        self.cycle.stage_model(offer.candidate);
         Some(offer.number)
     }
 
-    fn read_inputs(&mut self, tick: &Tick, shutdown: &AtomicBool) -> Inputs {
+    fn read_inputs(&mut self, tick: &Tick, shutdown: &AtomicBool) -> CycleInputs {
         let channels = &mut self.channels;
-        Inputs {
+        CycleInputs {
             servo: newest(&mut channels.servo),
             request: channels.requests.pop().ok(),
             model: channels.model_requests.pop().ok(),
@@ -143,7 +143,7 @@ impl TickRecording {
         let _ = recorder.ticks.push(TickRecord { number, ..tick });
     }
 
-    fn push_snapshot(&mut self, cycle: &Cycle, recorder: &mut RecorderChannels) {
+    fn push_snapshot(&mut self, cycle: &ControlCycle, recorder: &mut RecorderChannels) {
         if self.ticks >= self.next_snapshot
             && !recorder.snapshots.is_full()
             && let Some(snapshot) = cycle.snapshot()

@@ -17,11 +17,11 @@ use rtrb::Consumer;
 
 use crate::clock;
 use crate::config::{Config, ControlConfig};
-use crate::core::Event;
-use crate::core::cycle::Cycle;
+use crate::core::CycleEvent;
+use crate::core::cycle::ControlCycle;
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
-use crate::drive::runner::PortRunner;
+use crate::drive::port_runner::PortRunner;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
 use crate::model::Model;
@@ -134,7 +134,7 @@ struct Threads {
     /// Ends all threads but the control loop.
     quit: Arc<AtomicBool>,
     granted: Granted,
-    events: Consumer<Event>,
+    events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<PortEvent>,
     recorder_lines: mpsc::Receiver<String>,
 }
@@ -177,7 +177,7 @@ fn start_threads(
     let mut links = drives.links;
     wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
-    let cycle = Cycle::new(config, model.cloned());
+    let cycle = ControlCycle::new(config, model.cloned());
     let control_loop = ControlLoop {
         cycle,
         channels,

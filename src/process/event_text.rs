@@ -2,16 +2,16 @@
 
 use std::fmt;
 
-use crate::core::{Event, EventKind};
+use crate::core::{CycleEvent, CycleEventKind};
 use crate::robot::Fault;
 
-impl fmt::Display for Event {
+impl fmt::Display for CycleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "[{:12.6}] {}", self.stamp.as_seconds(), self.kind)
     }
 }
 
-impl fmt::Display for EventKind {
+impl fmt::Display for CycleEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::State {

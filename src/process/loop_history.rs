@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::config::Config;
-use crate::core::model_slots::motion_history::Mark;
-use crate::core::{ModelSlots, Report};
+use crate::core::HistoryCursor;
+use crate::core::{CycleReport, ModelSlots};
 use crate::model::{History, Model, ModelId};
 use crate::units::MotorVec;
 
@@ -26,7 +26,7 @@ pub struct LoopHistory {
     /// Past positions of the motors, up to `mark`.
     pub history: History,
     /// Cursor in the motion history of the loop.
-    pub mark: Mark,
+    pub mark: HistoryCursor,
     /// Present position of the motors, counts.
     pub position: MotorVec,
     /// The models of the loop in the newest tick.
@@ -38,13 +38,18 @@ pub struct LoopHistory {
 impl LoopHistory {
     /// Adds a tick. If ticks were lost, the history starts again: a memory that is rebuilt from a
     /// history with a gap would be wrong without an error.
-    pub fn update(&mut self, report: &Report) {
+    pub fn update(&mut self, report: &CycleReport) {
         self.slots = report.models;
         if report.mark == self.mark {
             return;
         }
-        let noted = self.mark.noted + 1;
-        if report.mark != (Mark { noted, ..self.mark }) {
+        let recorded = self.mark.recorded + 1;
+        if report.mark
+            != (HistoryCursor {
+                recorded,
+                ..self.mark
+            })
+        {
             self.history.forget();
         }
         for (position, drive) in self.position.iter_mut().zip(&report.feedback) {
@@ -90,8 +95,8 @@ impl SharedLoopHistory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::Inputs;
-    use crate::core::cycle::Cycle;
+    use crate::core::CycleInputs;
+    use crate::core::cycle::ControlCycle;
     use crate::units::{Counts, Nanos};
 
     #[test]
@@ -100,11 +105,11 @@ mod tests {
                     motor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -9\n\
                     position_max_counts = 9\n";
         let config = Config::parse(text, "r.toml".as_ref()).unwrap();
-        let mut cycle = Cycle::new(&config, None);
-        let mut report = cycle.step(Nanos(1), &Inputs::default()).report;
+        let mut cycle = ControlCycle::new(&config, None);
+        let mut report = cycle.step(Nanos(1), &CycleInputs::default()).report;
         let mut history = LoopHistory::default();
-        let mut update = |epoch, noted, position| {
-            report.mark = Mark { epoch, noted };
+        let mut update = |epoch, recorded, position| {
+            report.mark = HistoryCursor { epoch, recorded };
             report.feedback[0].position = Counts(position);
             history.update(&report);
             assert_eq!(history.mark, report.mark);

@@ -8,7 +8,7 @@ use std::sync::mpsc::Receiver;
 use rtrb::Consumer;
 
 use crate::clock;
-use crate::core::{Event, EventKind};
+use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::ipc::{Domain, find_client_process};
 use crate::process::run_log::RunLog;
@@ -20,7 +20,7 @@ const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// Sources and destinations of log lines.
 pub struct MainThread<'a> {
-    pub events: Consumer<Event>,
+    pub events: Consumer<CycleEvent>,
     pub port_events: Receiver<PortEvent>,
     pub recorder_lines: Receiver<String>,
     pub run_log: RunLog,
@@ -65,8 +65,8 @@ impl MainThread<'_> {
     }
 
     /// The process that has taken the lease.
-    fn lease_holder(&self, event: &Event) -> Option<String> {
-        let EventKind::Lease { client_id } = event.kind else {
+    fn lease_holder(&self, event: &CycleEvent) -> Option<String> {
+        let CycleEventKind::Lease { client_id } = event.kind else {
             return None;
         };
         let client = find_client_process(&self.domain, self.boot_id, client_id);

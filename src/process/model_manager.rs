@@ -11,10 +11,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::time::Duration;
 
-use crate::file_permissions;
 use crate::clock;
 use crate::config::Config;
-use crate::core::model_slots::slots::{Candidate, ModelChange, ModelRequest};
+use crate::core::{ModelCandidate, ModelChange, ModelSwapRequest};
+use crate::file_permissions;
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
 use crate::model::{Model, ModelError, ModelId};
 use crate::process::black_box::{OfferRecord, RecorderRequest};
@@ -170,13 +170,13 @@ impl ModelManager {
             shared.known.insert(id, loaded);
             (shared.history.clone(), shared.mark)
         };
-        let candidate = Candidate::new(Arc::clone(&model), &self.config, &history, mark);
+        let candidate = ModelCandidate::new(Arc::clone(&model), &self.config, &history, mark);
         self.offers += 1;
         let number = self.offers;
         let record = Box::new(OfferRecord {
             number,
             model: id,
-            carried: candidate.carried(),
+            carried: candidate.state(),
         });
         // If the recorder has ended there is no black box, and the robot continues.
         let _ = self.recorder.send(RecorderRequest::Offer(record, model));
@@ -196,9 +196,9 @@ impl ModelManager {
         let id = self.requests;
         let to = match change {
             ModelChange::Activate(to) => Some(to),
-            ModelChange::Rollback => self.history.lock().slots.former,
+            ModelChange::Rollback => self.history.lock().slots.previous,
         };
-        let request = ModelRequest { id, change, forced };
+        let request = ModelSwapRequest { id, change, forced };
         self.channels
             .requests
             .push(request)
@@ -238,7 +238,7 @@ impl ModelManager {
         while self.channels.retired.pop().is_ok() {}
         let mut history = self.history.lock();
         let slots = history.slots;
-        let loaded = [slots.active, slots.staged, slots.former];
+        let loaded = [slots.active, slots.staged, slots.previous];
         history
             .known
             .retain(|id, known| loaded.contains(&Some(*id)) || Arc::strong_count(&known.model) > 1);
@@ -261,7 +261,7 @@ fn model_slots(history: &LoopHistory) -> [ModelSlot; 3] {
     let models = [
         (slots.active, true),
         (slots.staged, slots.staged_known),
-        (slots.former, true),
+        (slots.previous, true),
     ];
     models.map(|(id, memory_known)| {
         let loaded = history.model(id);

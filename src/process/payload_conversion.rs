@@ -1,7 +1,7 @@
 //! Conversion between payloads and values of the core. Nothing is checked here: the core does that,
 //! and the server sets sequence and boot id.
 
-use crate::core::{External, Goal, Report, ServoCommand};
+use crate::core::{CycleReport, ExternalPose, ServoCommand, ServoGoal};
 use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
@@ -16,7 +16,7 @@ impl From<&ServoJp> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: Goal::Joint(raw.position, raw.count),
+            goal: ServoGoal::Joint(raw.position, raw.count),
             clutched: raw.flags & ServoJp::CLUTCH != 0,
         }
     }
@@ -29,7 +29,7 @@ impl From<&ServoActuator> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: Goal::Actuator(raw.position_counts.map(Counts), raw.count),
+            goal: ServoGoal::Actuator(raw.position_counts.map(Counts), raw.count),
             clutched: false,
         }
     }
@@ -37,9 +37,9 @@ impl From<&ServoActuator> for ServoCommand {
 
 /// The measurement of a camera, if it is valid.
 #[must_use]
-pub fn external(raw: &ExternalPosition) -> Option<External> {
+pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
     let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
-    let seen = External {
+    let seen = ExternalPose {
         stamp: Nanos(raw.stamp_ns),
         position: raw.position,
         outputs: raw.count,
@@ -49,7 +49,7 @@ pub fn external(raw: &ExternalPosition) -> Option<External> {
 
 /// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are not valid.
 #[must_use]
-pub fn joint_states(report: &Report) -> [JointState; 3] {
+pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
     let mut base = JointState {
         stamp_ns: report.now.0,
         ..JointState::default()
@@ -82,7 +82,7 @@ const fn flag(set: bool, value: u32) -> u32 {
 
 /// `actuators/measured_js` of one tick, for this number of motors.
 #[must_use]
-pub fn actuator_state(report: &Report, motors: u32) -> ActuatorState {
+pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
     let feedback = &report.feedback;
     let written = feedback.map(|axis| axis.written.unwrap_or_default());
     ActuatorState {
@@ -106,7 +106,7 @@ pub fn actuator_state(report: &Report, motors: u32) -> ActuatorState {
 
 /// `operating_state` of one tick.
 #[must_use]
-pub fn operating_state(report: &Report, granted: &Granted) -> OperatingStateMsg {
+pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStateMsg {
     let memory_known = report.joint.is_some_and(|joint| joint.memory_known);
     let flags = [
         flag(report.homed, OperatingStateMsg::HOMED),

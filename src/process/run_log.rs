@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::config::Config;
-use crate::core::{Event, EventKind};
+use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::AxisIdentity;
 use crate::model::ModelId;
 use crate::realtime::Granted;
@@ -70,7 +70,7 @@ impl RunLog {
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn write_event(&mut self, event: &Event, client: Option<&str>) -> io::Result<()> {
+    pub fn write_event(&mut self, event: &CycleEvent, client: Option<&str>) -> io::Result<()> {
         let Some((name, fields)) = event_fields(&event.kind, client) else {
             return Ok(());
         };
@@ -144,10 +144,10 @@ fn drive(axis: &AxisIdentity) -> Value {
 }
 
 /// Name and fields of an event that belongs to the run log.
-fn event_fields(kind: &EventKind, client: Option<&str>) -> Option<(&'static str, Value)> {
+fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static str, Value)> {
     let id = |client_id: &u64| format!("{client_id:016x}");
     Some(match kind {
-        EventKind::State {
+        CycleEventKind::State {
             from,
             to,
             command,
@@ -159,22 +159,22 @@ fn event_fields(kind: &EventKind, client: Option<&str>) -> Option<(&'static str,
             let fields = json!({ "from": from, "to": to, "command": command, "fault": fault });
             ("state", fields)
         }
-        EventKind::Model { from, to } => {
+        CycleEventKind::Model { from, to } => {
             let from = from.map(|from| from.to_string());
             ("model", json!({ "from": from, "to": to.to_string() }))
         }
-        EventKind::Lease { client_id } => (
+        CycleEventKind::Lease { client_id } => (
             "lease",
             json!({ "client": id(client_id), "caller": client }),
         ),
-        EventKind::StaleStop { client_id, age } => {
+        CycleEventKind::StaleStop { client_id, age } => {
             let silent_ms = age.as_seconds() * 1e3;
             (
                 "stop",
                 json!({ "client": id(client_id), "silent_ms": silent_ms }),
             )
         }
-        EventKind::Axis {
+        CycleEventKind::Axis {
             motor,
             to,
             error_code,
@@ -186,7 +186,7 @@ fn event_fields(kind: &EventKind, client: Option<&str>) -> Option<(&'static str,
                 json!({ "motor": motor, "phase": phase, "error_code": code }),
             )
         }
-        EventKind::Axis { .. } | EventKind::Refused { .. } => return None,
+        CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => return None,
     })
 }
 

@@ -1,13 +1,13 @@
 //! Model, ports and drives at the start of the controller.
 
 use crate::COMMIT;
-use crate::file_permissions::{self, WritableByAll};
 use crate::clock;
 use crate::config::Config;
 use crate::drive::AxisIdentity;
 use crate::drive::error::DriveError;
 use crate::drive::port::{Opened, Port};
-use crate::drive::runner::{AxisLink, PortRunner};
+use crate::drive::port_runner::{AxisLink, PortRunner};
+use crate::file_permissions::{self, WritableByAll};
 use crate::model::{Model, ModelError};
 use crate::units::Nanos;
 

@@ -4,8 +4,8 @@ use std::fmt;
 use std::path::PathBuf;
 
 use super::heartbeat_monitor::ControllerStatus;
-use crate::drive::bring_up::StopError;
-use crate::drive::cia402::State;
+use crate::drive::bring_up::QuickStopError;
+use crate::drive::cia402::DriveState;
 use crate::units::Nanos;
 
 /// An event of the watchdog.
@@ -31,7 +31,7 @@ pub struct AxisStop {
     /// The motor.
     pub motor: usize,
     /// State of the drive, or why it is not known.
-    pub outcome: Result<State, StopError>,
+    pub outcome: Result<DriveState, QuickStopError>,
 }
 
 /// One line; for [`WatchdogEvent::Stopped`] one line per axis.

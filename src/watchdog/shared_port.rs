@@ -11,11 +11,11 @@ use nix::libc;
 use super::event::{AxisStop, WatchdogEvent};
 use crate::clock;
 use crate::config::{AxisConfig, PortConfig};
-use crate::drive::bring_up::{self, StopError};
-use crate::drive::cia402::State;
-use crate::drive::exchange::Link;
-use crate::drive::family;
-use crate::drive::serial;
+use crate::drive::bring_up::{self, QuickStopError};
+use crate::drive::cia402::DriveState;
+use crate::drive::family_selection;
+use crate::drive::link::DriveLink;
+use crate::drive::serial_transport;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
@@ -73,7 +73,7 @@ impl SharedPort {
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
         let stopped = match file {
             Some(file) => self.stop_axes(file),
-            None => self.for_each_axis(|_| Err(StopError::NotHeld)),
+            None => self.for_each_axis(|_| Err(QuickStopError::NotHeld)),
         };
         if let Some(file) = &self.file {
             // SAFETY: the request takes no argument, and the descriptor is open.
@@ -87,21 +87,24 @@ impl SharedPort {
             reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
             ..self.config.clone()
         };
-        let mut link = Link::new(OpenPort(file), family::of_port(&config), &config);
-        link.know_frame_timeout(FRAME_TIMEOUT);
+        let mut link = DriveLink::new(
+            OpenPort(file),
+            family_selection::family_of_port(&config),
+            &config,
+        );
+        link.set_frame_timeout(FRAME_TIMEOUT);
         let _ = link.wait_for_quiet();
         self.for_each_axis(|axis| {
-            let parts = family::of_axis(&self.config, axis).parts();
             (0..ATTEMPTS)
-                .map(|_| bring_up::quick_stop(&mut link, axis.node_id, parts))
+                .map(|_| bring_up::quick_stop(&mut link, axis.node_id))
                 .find(Result::is_ok)
-                .unwrap_or(Err(StopError::NoAnswer))
+                .unwrap_or(Err(QuickStopError::NoAnswer))
         })
     }
 
     fn for_each_axis(
         &self,
-        mut stop: impl FnMut(&AxisConfig) -> Result<State, StopError>,
+        mut stop: impl FnMut(&AxisConfig) -> Result<DriveState, QuickStopError>,
     ) -> Vec<AxisStop> {
         let axes = self.config.axes.iter();
         axes.map(|axis| AxisStop {
@@ -152,7 +155,7 @@ impl Transport for OpenPort {
 
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
         loop {
-            if serial::wait(self.0.as_fd(), deadline)? {
+            if serial_transport::wait(self.0.as_fd(), deadline)? {
                 return match self.0.read(into) {
                     Ok(0) => Err(io::ErrorKind::BrokenPipe.into()),
                     Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(0),

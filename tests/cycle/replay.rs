@@ -8,7 +8,7 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris::process::black_box::{Content, Header, ReplayError, replay};
+use i2ris::process::black_box::{BlackBox, BlackBoxHeader as Header, ReplayError, replay};
 use i2ris::units::Nanos;
 
 use crate::bench::{Bench, Recording, config, play_model, scaled_play_model};
@@ -50,9 +50,12 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
 }
 
 /// A recorded session, with the snapshots that `keep` asks for.
-fn recorded(keep: impl Fn(usize) -> bool) -> Content {
+fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let (first, second) = (play_model(), scaled_play_model(1.2));
-    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
+    let mut bench = Bench::new(
+        config("[model_swap]\nblend_ms = 100"),
+        Some(Arc::clone(&first)),
+    );
     bench.recording = Some(Recording::default());
     run_session(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();
@@ -62,7 +65,7 @@ fn recorded(keep: impl Fn(usize) -> bool) -> Content {
         .iter()
         .enumerate()
         .filter(|(number, _)| keep(*number));
-    Content {
+    BlackBox {
         header: Header {
             software: "test".to_owned(),
             ..Header::default()
@@ -79,7 +82,7 @@ fn recorded(keep: impl Fn(usize) -> bool) -> Content {
 fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
     let content = recorded(|number| number == 0);
     let bytes = content.to_bytes().unwrap();
-    let content = Content::from_bytes(&bytes, Path::new("session.box")).unwrap();
+    let content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.

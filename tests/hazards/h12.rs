@@ -1,12 +1,12 @@
 //! H12: an axis is stuck, a wire is slack, a motor runs away.
 
-use i2ris::core::External;
+use i2ris::core::ExternalPose;
 use i2ris::drive::Demand;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
 
 use crate::bench::{Bench, config, model};
-use crate::drive::Quirk;
+use crate::simulated_drive::Quirk;
 
 #[test]
 fn h12_a_blocked_motor_is_a_following_error_and_loses_its_power() {
@@ -56,7 +56,7 @@ fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
             if k > 2000 {
                 position[0] += slack_deg.to_radians();
             }
-            bench.external = Some(External {
+            bench.external = Some(ExternalPose {
                 stamp,
                 position,
                 outputs: 2,

@@ -1,6 +1,6 @@
 //! H16: false trips. A robot in ordinary use never stops by itself.
 
-use i2ris::core::External;
+use i2ris::core::ExternalPose;
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
 
@@ -37,7 +37,7 @@ fn h16_five_minutes_of_ordinary_use_trip_nothing() {
                 *angle += noise_deg.to_radians();
             }
             let (stamp, outputs) = (bench.now, 2);
-            bench.external = Some(External {
+            bench.external = Some(ExternalPose {
                 stamp,
                 position,
                 outputs,

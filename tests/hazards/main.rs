@@ -16,17 +16,17 @@
 )]
 #[path = "../cycle/bench.rs"]
 mod bench;
+#[path = "../cycle/invariants.rs"]
+mod invariants;
+mod noise;
+#[path = "../rig/mod.rs"]
+mod rig;
 #[allow(
     dead_code,
     reason = "shared with the tests of the cycle, which use all of it"
 )]
-#[path = "../cycle/drive.rs"]
-mod drive;
-#[path = "../cycle/invariant.rs"]
-mod invariant;
-mod noise;
-#[path = "../rig/mod.rs"]
-mod rig;
+#[path = "../cycle/simulated_drive.rs"]
+mod simulated_drive;
 
 mod campaign;
 mod coverage;

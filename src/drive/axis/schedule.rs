@@ -23,7 +23,7 @@ const IDLE_PERIOD: u32 = 8;
 /// The transfer schedule of one axis.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Schedule {
-    pattern: Pattern,
+    polling: Polling,
     next: TransferSlot,
     round: u32,
     skipped: u32,
@@ -60,9 +60,9 @@ impl From<MonitoredValue> for Transfer {
 }
 
 impl Schedule {
-    pub(super) fn new(pattern: Pattern) -> Self {
+    pub(super) fn new(polling: Polling) -> Self {
         Self {
-            pattern,
+            polling,
             ..Self::default()
         }
     }
@@ -88,10 +88,13 @@ impl Schedule {
 
     fn begin_round(&mut self) -> TransferSlot {
         self.round = self.round.wrapping_add(1);
-        if self.round.is_multiple_of(self.pattern.status_every_rounds.max(1)) {
+        if self
+            .round
+            .is_multiple_of(self.polling.status_every_rounds.max(1))
+        {
             return TransferSlot::Monitor(MonitoredValue::Status);
         }
-        match self.round % self.pattern.slow_every_rounds.max(1) {
+        match self.round % self.polling.slow_every_rounds.max(1) {
             CURRENT_ROUND => TransferSlot::Monitor(MonitoredValue::Current),
             ERROR_CODE_ROUND => TransferSlot::Monitor(MonitoredValue::ErrorCode),
             _ => TransferSlot::Command,
@@ -184,7 +187,7 @@ mod tests {
     #[test]
     fn the_status_period_is_as_configured() {
         let slots = following(
-            Schedule::new(Pattern {
+            Schedule::new(Polling {
                 status_every_rounds: 2,
                 slow_every_rounds: 64,
             }),

@@ -113,7 +113,7 @@ pub(in crate::drive) struct AxisStateMachine {
     pub(super) plan: HomingPlan,
     pub(super) state: AxisState,
     pub(super) interlock: EnableInterlock,
-    pattern: Pattern,
+    polling: Polling,
     pub(super) schedule: Schedule,
     pub(super) trigger: TriggerState,
     pub(super) feedback: AxisFeedback,
@@ -149,7 +149,7 @@ impl AxisStateMachine {
     pub(in crate::drive) fn new(
         config: &AxisConfig,
         family: &'static dyn DriveFamily,
-        pattern: Pattern,
+        polling: Polling,
     ) -> Self {
         Self {
             motor: config.motor,
@@ -159,8 +159,8 @@ impl AxisStateMachine {
             plan: family.homing(config),
             state: AxisState::Starting,
             interlock: EnableInterlock::Engaged,
-            pattern,
-            schedule: Schedule::new(pattern),
+            polling,
+            schedule: Schedule::new(polling),
             trigger: TriggerState::default(),
             position_mismatch: false,
             settings_changed: false,
@@ -290,7 +290,7 @@ impl AxisStateMachine {
         }
         self.at_standstill = false;
         self.state = state;
-        self.schedule = Schedule::new(self.pattern);
+        self.schedule = Schedule::new(self.polling);
         self.trigger = TriggerState::default();
         self.reported.refusal = None;
         let (to, statusword) = (state.phase(), self.feedback.statusword);

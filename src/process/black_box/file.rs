@@ -22,8 +22,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::tick_record::TickRecord;
-use crate::core::cycle::Snapshot;
-use crate::core::model_slots::slots::Carried;
+use crate::core::CandidateState;
+use crate::core::CycleSnapshot;
 use crate::model::ModelId;
 
 /// The first bytes of every file.
@@ -45,7 +45,7 @@ pub struct BlackBox {
     /// Models that were passed to the cycle.
     pub offers: Vec<OfferRecord>,
     /// The state of the cycle, once a second.
-    pub snapshots: Vec<Snapshot>,
+    pub snapshots: Vec<CycleSnapshot>,
     /// Every tick.
     pub ticks: Vec<TickRecord>,
 }
@@ -73,7 +73,7 @@ pub struct OfferRecord {
     /// The model.
     pub model: ModelId,
     /// State of the model.
-    pub carried: Carried,
+    pub carried: CandidateState,
 }
 
 /// Why a file cannot be read or written.

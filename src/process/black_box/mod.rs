@@ -8,7 +8,7 @@
 //! | `recorder` | fills the ring and writes the file: on FAULT, on request, at exit |
 //! | `replay` | the same ticks through the same cycle, compared bit by bit |
 //!
-//! A file is complete: it begins with a [`Snapshot`] of the state of the cycle, and holds the
+//! A file is complete: it begins with a [`CycleSnapshot`] of the state of the cycle, and holds the
 //! configuration, every loaded model, every model that was passed to the cycle, and all outputs. It
 //! can be replayed on another machine by software with the same format and the same arithmetic.
 //!
@@ -21,7 +21,7 @@ mod replay;
 mod ring;
 mod tick_record;
 
-pub use crate::core::cycle::Snapshot;
+pub use crate::core::CycleSnapshot;
 pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
 pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};

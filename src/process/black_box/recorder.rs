@@ -15,8 +15,8 @@ use super::ring::Ring;
 use super::tick_record::TickRecord;
 use crate::clock;
 use crate::config::Config;
-use crate::core::EventKind;
-use crate::core::cycle::Snapshot;
+use crate::core::CycleEventKind;
+use crate::core::CycleSnapshot;
 use crate::model::{Model, ModelId};
 use crate::robot::OperatingState;
 use crate::units::Nanos;
@@ -53,7 +53,7 @@ pub struct RecorderChannels {
     /// Every tick.
     pub ticks: Producer<TickRecord>,
     /// The state of the cycle, once a second.
-    pub snapshots: Producer<Snapshot>,
+    pub snapshots: Producer<CycleSnapshot>,
 }
 
 /// Fills the ring and writes the file.
@@ -62,9 +62,9 @@ pub struct Recorder {
     software: String,
     boot_id: u64,
     ticks: Consumer<TickRecord>,
-    snapshots: Consumer<Snapshot>,
+    snapshots: Consumer<CycleSnapshot>,
     /// A snapshot whose next tick has not arrived.
-    waiting: Option<Snapshot>,
+    waiting: Option<CycleSnapshot>,
     ring: Ring,
     models: BTreeMap<ModelId, Arc<Model>>,
     offers: VecDeque<OfferRecord>,
@@ -169,7 +169,7 @@ impl Recorder {
         self.newest = tick.number;
         let to_fault = |kind| {
             let fault = OperatingState::Fault;
-            matches!(kind, EventKind::State { to, .. } if to == fault)
+            matches!(kind, CycleEventKind::State { to, .. } if to == fault)
         };
         let faulted = tick
             .outputs
@@ -186,7 +186,7 @@ impl Recorder {
         }
         // A snapshot comes before the tick after it.
         self.waiting = self.waiting.take().or_else(|| self.snapshots.pop().ok());
-        let is_due = |snapshot: &mut Snapshot| snapshot.ticks() < tick.number;
+        let is_due = |snapshot: &mut CycleSnapshot| snapshot.ticks() < tick.number;
         while let Some(snapshot) = self.waiting.take_if(is_due) {
             self.ring.push_snapshot(snapshot);
             self.waiting = self.snapshots.pop().ok();
@@ -209,7 +209,7 @@ impl Recorder {
 
     /// The models of the ring and of the offers.
     fn used_models(&self) -> impl Iterator<Item = ModelId> {
-        let in_snapshots = self.ring.snapshots().flat_map(Snapshot::models);
+        let in_snapshots = self.ring.snapshots().flat_map(CycleSnapshot::models);
         in_snapshots.chain(self.offers.iter().map(|offer| offer.model))
     }
 

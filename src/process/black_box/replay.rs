@@ -7,9 +7,10 @@ use std::sync::Arc;
 use super::file::{BlackBox, OfferRecord};
 use super::tick_record::TickRecord;
 use crate::config::{Config, ConfigError};
-use crate::core::Outputs;
-use crate::core::cycle::{Cycle, Snapshot};
-use crate::core::model_slots::slots::Candidate;
+use crate::core::CycleOutputs;
+use crate::core::CycleSnapshot;
+use crate::core::ModelCandidate;
+use crate::core::cycle::ControlCycle;
 use crate::model::file::ModelFile;
 use crate::model::{Model, ModelError, ModelId};
 use crate::robot::Refusal;
@@ -49,7 +50,7 @@ pub struct ReplayResult {
 pub struct ReplayDifference {
     /// The tick.
     pub number: u64,
-    /// The first field of [`Outputs`] that differs.
+    /// The first field of [`CycleOutputs`] that differs.
     pub field: &'static str,
     /// Recorded value.
     pub recorded: String,
@@ -113,7 +114,7 @@ struct Player<'a> {
     content: &'a BlackBox,
     config: Config,
     models: BTreeMap<ModelId, Arc<Model>>,
-    cycle: Option<Cycle>,
+    cycle: Option<ControlCycle>,
     /// Number of the next tick.
     next: u64,
 }
@@ -125,17 +126,18 @@ impl Player<'_> {
             return Ok(true);
         }
         self.cycle = None;
-        let precedes = |snapshot: &&Snapshot| snapshot.ticks() + 1 == tick.number;
+        let precedes = |snapshot: &&CycleSnapshot| snapshot.ticks() + 1 == tick.number;
         let Some(snapshot) = self.content.snapshots.iter().find(precedes) else {
             return Ok(false);
         };
         let model = |id: ModelId| self.models.get(&id).map(Arc::clone);
-        let cycle = Cycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
+        let cycle =
+            ControlCycle::restored(&self.config, snapshot, model).map_err(ReplayError::NoModel)?;
         (self.cycle, self.next) = (Some(cycle), tick.number);
         Ok(true)
     }
 
-    fn step(&mut self, tick: &TickRecord) -> Result<Outputs, ReplayError> {
+    fn step(&mut self, tick: &TickRecord) -> Result<CycleOutputs, ReplayError> {
         let candidate = tick
             .offered
             .map(|number| self.candidate(number))
@@ -144,15 +146,15 @@ impl Player<'_> {
             return Err(ReplayError::NoSnapshot);
         };
         if let Some(candidate) = candidate {
-            cycle.offer(candidate);
+            cycle.stage_model(candidate);
         }
         let outputs = cycle.step(tick.timing.tick.started, &tick.inputs);
-        drop(cycle.retired());
+        drop(cycle.take_retired());
         self.next += 1;
         Ok(outputs)
     }
 
-    fn candidate(&self, number: u64) -> Result<Candidate, ReplayError> {
+    fn candidate(&self, number: u64) -> Result<ModelCandidate, ReplayError> {
         let missing = || ReplayError::NoModel(ModelId::default());
         let of_number = |offer: &&OfferRecord| offer.number == number;
         let offer = self
@@ -165,7 +167,7 @@ impl Player<'_> {
             .models
             .get(&offer.model)
             .ok_or(ReplayError::NoModel(offer.model))?;
-        Ok(Candidate::restored(
+        Ok(ModelCandidate::restored(
             Arc::clone(model),
             &self.config,
             offer.carried,
@@ -175,7 +177,7 @@ impl Player<'_> {
 
 /// The first field that differs. The bits decide; the text, which shows all digits and the sign of
 /// zero, names the field.
-fn difference(tick: &TickRecord, now: &Outputs) -> Option<ReplayDifference> {
+fn difference(tick: &TickRecord, now: &CycleOutputs) -> Option<ReplayDifference> {
     let before = &tick.outputs;
     if bits(before) == bits(now) {
         return None;
@@ -212,6 +214,6 @@ fn text(value: &impl std::fmt::Debug) -> String {
 }
 
 /// Every bit of every field.
-fn bits(outputs: &Outputs) -> Vec<u8> {
+fn bits(outputs: &CycleOutputs) -> Vec<u8> {
     postcard::to_allocvec(outputs).unwrap_or_default()
 }

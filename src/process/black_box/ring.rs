@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::tick_record::TickRecord;
-use crate::core::cycle::Snapshot;
+use crate::core::CycleSnapshot;
 use crate::units::Nanos;
 
 /// The last seconds, tick by tick, from a snapshot on. Grows to its full size once.
@@ -11,7 +11,7 @@ use crate::units::Nanos;
 pub struct Ring {
     span: Nanos,
     ticks: VecDeque<TickRecord>,
-    snapshots: VecDeque<Snapshot>,
+    snapshots: VecDeque<CycleSnapshot>,
 }
 
 impl Ring {
@@ -31,12 +31,12 @@ impl Ring {
     }
 
     /// Adds a snapshot, and drops everything before the last snapshot that is older than the span.
-    pub fn push_snapshot(&mut self, snapshot: Snapshot) {
+    pub fn push_snapshot(&mut self, snapshot: CycleSnapshot) {
         self.snapshots.push_back(snapshot);
         let Some(newest) = self.ticks.back().map(|tick| tick.timing.tick.started) else {
             return;
         };
-        while let Some(second) = self.snapshots.get(1).map(Snapshot::ticks) {
+        while let Some(second) = self.snapshots.get(1).map(CycleSnapshot::ticks) {
             let begin = self.ticks.partition_point(|tick| tick.number <= second);
             let first = self.ticks.get(begin).map(|tick| tick.timing.tick.started);
             if first.is_none_or(|first| newest.since(first) < self.span) {
@@ -53,7 +53,7 @@ impl Ring {
     }
 
     /// The snapshots, oldest first.
-    pub fn snapshots(&self) -> impl Iterator<Item = &Snapshot> {
+    pub fn snapshots(&self) -> impl Iterator<Item = &CycleSnapshot> {
         self.snapshots.iter()
     }
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::{Inputs, Outputs};
+use crate::core::{CycleInputs, CycleOutputs};
 use crate::realtime::TickTiming;
 
 /// One tick, as the loop saw it.
@@ -13,10 +13,10 @@ pub struct TickRecord {
     /// The model that was passed to the cycle before the tick: number of its
     /// [`super::OfferRecord`].
     pub offered: Option<u64>,
-    /// Inputs of the cycle.
-    pub inputs: Inputs,
-    /// Outputs of the cycle.
-    pub outputs: Outputs,
+    /// CycleInputs of the cycle.
+    pub inputs: CycleInputs,
+    /// CycleOutputs of the cycle.
+    pub outputs: CycleOutputs,
     /// Timing. `timing.tick.started` is the time argument of the cycle.
     pub timing: TickTiming,
 }

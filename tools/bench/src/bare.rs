@@ -7,10 +7,10 @@
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 
 use i2ris::config::{AxisConfig, PortConfig};
-use i2ris::drive::exchange::{Link, Repeat};
-use i2ris::drive::family::of_port;
+use i2ris::drive::family_selection::family_of_port;
+use i2ris::drive::link::{DriveLink, Retry};
 use i2ris::drive::object::{POSITION, TARGET};
-use i2ris::drive::serial::SerialTransport;
+use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::realtime::{Wanted, request};
 use i2ris::units::Counts;
 use i2ris_emulator::Emulator;
@@ -57,13 +57,13 @@ pub fn serve(port: &PortConfig, priority: u8, shared: &Shared) -> Result<(), Ben
         priority,
         ..Wanted::default()
     });
-    let mut link = Link::new(SerialTransport::open(port)?, of_port(port), port);
+    let mut link = DriveLink::new(SerialTransport::open(port)?, family_of_port(port), port);
     while !shared.stop.load(Ordering::Acquire) {
         let asked = link
             .write(
                 LOCAL,
                 TARGET.set(shared.target.load(Ordering::Acquire)),
-                Repeat::Safe,
+                Retry::Safe,
             )
             .and_then(|_| link.read_raw(LOCAL, POSITION.address()));
         match asked {

@@ -68,7 +68,12 @@ fn measure() {
         server::COMMAND_POLL_LEAD,
         "steady",
     );
-    relay("relay, faulty client", PERIOD, server::COMMAND_POLL_LEAD, "faulty");
+    relay(
+        "relay, faulty client",
+        PERIOD,
+        server::COMMAND_POLL_LEAD,
+        "faulty",
+    );
     blackboard("blackboard", "steady");
     blackboard("blackboard, faulty client", "faulty");
     kill_a_writer();

@@ -80,8 +80,9 @@ impl Rig {
         .unwrap();
         let (config, shutdown) = (self.config.clone(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&shutdown);
-        let thread =
-            thread::spawn(move || controller::run(&config, "", &asked, &mut std::io::sink()).unwrap());
+        let thread = thread::spawn(move || {
+            controller::run(&config, "", &asked, &mut std::io::sink()).unwrap()
+        });
         self.controller = Some((shutdown, thread));
     }
 

@@ -181,7 +181,7 @@ impl Emulator {
                 let (stamp, count) = (Nanos(frame.stamp_ns), frame.count as usize);
                 let (position, deviation) = (&frame.position[..count], &frame.deviation[..count]);
                 // Without a controller the frame is lost.
-                let _ = publisher.publish_judged(stamp, position, deviation, frame.quality);
+                let _ = publisher.publish_with_quality(stamp, position, deviation, frame.quality);
             }
         })
     }

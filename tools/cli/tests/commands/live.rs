@@ -56,8 +56,9 @@ impl Robot {
             Arc::new(AtomicBool::new(false)),
         );
         let asked = Arc::clone(&stop);
-        let controller =
-            thread::spawn(move || controller::run(&config, "", &asked, &mut std::io::sink()).unwrap());
+        let controller = thread::spawn(move || {
+            controller::run(&config, "", &asked, &mut std::io::sink()).unwrap()
+        });
         Self {
             domain,
             folder,

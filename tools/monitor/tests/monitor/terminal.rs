@@ -4,9 +4,7 @@
 use std::fs;
 
 use i2ris::clock;
-use i2ris::ipc::{
-    Domain, DomainLock, Fault, ModelAction, OperatingState, StateCommand, random_id,
-};
+use i2ris::ipc::{Domain, DomainLock, Fault, ModelAction, OperatingState, StateCommand, random_id};
 use nix::sys::signal::{Signal, kill};
 
 use i2ris_testing::Controller;
