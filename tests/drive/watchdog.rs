@@ -14,7 +14,7 @@ use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
 use nix::sys::signal::Signal;
 
-use crate::controller_rig::{PATIENCE, Rig};
+use crate::controller_rig::{Rig, TIMEOUT};
 
 /// A rig whose watchdog was started first, with an enabled robot.
 struct WatchedRig {
@@ -118,7 +118,7 @@ impl Drop for WatchedRig {
 fn until(what: &str, mut is_true: impl FnMut() -> bool) {
     let start = clock::now();
     while !is_true() {
-        assert!(clock::now() - start < PATIENCE, "never: {what}");
+        assert!(clock::now() - start < TIMEOUT, "never: {what}");
         clock::sleep(Nanos::from_millis(5));
     }
 }

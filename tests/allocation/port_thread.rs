@@ -1,17 +1,8 @@
 //! A running port thread allocates nothing: not in an exchange, not in a transition, not when it
 //! reconnects.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test may")]
-
-#[path = "drive/fixture/mod.rs"]
-mod fixture;
-
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::io;
 use std::path::Path;
 
-use fixture::port_rig::{NODE, one_drive};
-use fixture::*;
 use i2ris::config::PortConfig;
 use i2ris::drive::transport::Transport;
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortRunner};
@@ -19,48 +10,15 @@ use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 
-thread_local! {
-    static COUNTING: Cell<bool> = const { Cell::new(false) };
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-/// Counts the allocations of threads that enable it.
-struct Counting;
-
-// SAFETY: every call is forwarded to the system allocator; the counters allocate nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        if COUNTING.get() {
-            ALLOCATIONS.set(ALLOCATIONS.get() + 1);
-        }
-        // SAFETY: the caller's guarantee is forwarded.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's guarantee is forwarded.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use crate::fixture::port_rig::{NODE, one_drive};
+use crate::fixture::*;
+use crate::{calls, uncounted};
 
 /// The number of allocations of `work` in this thread.
 fn allocations(work: impl FnOnce()) -> u64 {
-    let before = ALLOCATIONS.get();
-    COUNTING.set(true);
+    let before = calls();
     work();
-    COUNTING.set(false);
-    ALLOCATIONS.get() - before
-}
-
-/// Runs `work` without counting: it stands for hardware, or changes the hardware.
-fn uncounted<R>(work: impl FnOnce() -> R) -> R {
-    let counting = COUNTING.replace(false);
-    let result = work();
-    COUNTING.set(counting);
-    result
+    calls() - before
 }
 
 /// The simulated line may allocate.
