@@ -49,7 +49,7 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
             thread::sleep(BREATH);
             continue;
         };
-        let Some(place) = Place::take(&open) else {
+        let Some(place) = ListenAddress::take(&open) else {
             refuse(stream);
             continue;
         };
@@ -66,9 +66,9 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
 }
 
 /// A place among the connections, given back when dropped.
-struct Place(Arc<AtomicUsize>);
+struct ListenAddress(Arc<AtomicUsize>);
 
-impl Place {
+impl ListenAddress {
     fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
         let place = Self(Arc::clone(open));
         // Counted first: dropping it gives it back.
@@ -76,7 +76,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for ListenAddress {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }

@@ -16,7 +16,7 @@ use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
 /// How long anything may take on a machine that does other things.
-const PATIENCE: Nanos = Nanos::from_millis(60_000);
+const TIMEOUT: Nanos = Nanos::from_millis(60_000);
 /// Tells the child of a test that it is the controller.
 const CONFIG: &str = "I2RIS_TEST_CONTROLLER";
 
@@ -207,14 +207,14 @@ fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
 }
 
 fn bring_up(domain: &Domain) {
-    let mut client = Client::connect(domain, PATIENCE).unwrap();
+    let mut client = Client::connect(domain, TIMEOUT).unwrap();
     let ask = |client: &mut Client, command, done: &dyn Fn(&OperatingStateMsg) -> bool| {
         let end = Instant::now() + Duration::from_secs(60);
         while let Err(error) = client.state_command(command) {
             assert!(Instant::now() < end, "{error}");
             std::thread::sleep(Duration::from_millis(100));
         }
-        client.wait_for(PATIENCE, done).unwrap();
+        client.wait_for(TIMEOUT, done).unwrap();
     };
     let idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     ask(&mut client, StateCommand::Home, &|state| {

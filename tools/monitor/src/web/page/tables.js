@@ -150,19 +150,19 @@ function showLoop(live) {
 function showModels(live) {
   const models = live.models;
   const row = (name, model) => [[name, ''], [model ? model.name + (model.memory_known ? '' : ', memory unknown') : models.known ? 'none' : '–', 'text']];
-  fill(byId('models'), [row('in use', models.used), row('staged', models.staged), row('former', models.former)]);
+  fill(byId('models'), [row('in use', models.used), row('staged', models.staged), row('previous', models.previous)]);
   showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
 }
 
 function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
-  const rows = live.events.map((event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.level]);
+  const rows = live.events.map((event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity]);
   const place = byId('events');
   const key = JSON.stringify(rows);
   if (place.dataset.key === key) return;
   place.dataset.key = key;
-  place.replaceChildren(...rows.map(([when, text, level]) => {
-    const line = element('li', undefined, level);
+  place.replaceChildren(...rows.map(([when, text, severity]) => {
+    const line = element('li', undefined, severity);
     line.append(element('time', when), text);
     return line;
   }));

@@ -13,8 +13,8 @@ use i2ris::ipc::payload::{ModelSlot, text_of};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
-use super::hull::{Outline, outline_of};
-use super::view::short_id;
+use super::hull_outline::{Outline, outline_of};
+use super::latest_messages::short_id;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(200);
@@ -37,7 +37,7 @@ pub struct Models {
 
 /// A model that is at hand.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Named {
+pub struct LoadedModel {
     pub id: ModelId,
     /// Family and the beginning of the identity.
     pub name: String,
@@ -48,28 +48,28 @@ pub struct Named {
 
 impl Models {
     /// The model in use.
-    pub fn used(&self) -> Option<Named> {
+    pub fn used(&self) -> Option<LoadedModel> {
         self.named(0)
     }
 
     /// The model that was staged.
-    pub fn staged(&self) -> Option<Named> {
+    pub fn staged(&self) -> Option<LoadedModel> {
         self.named(1)
     }
 
     /// The model that was in use before.
-    pub fn former(&self) -> Option<Named> {
+    pub fn previous(&self) -> Option<LoadedModel> {
         self.named(2)
     }
 
-    fn named(&self, place: usize) -> Option<Named> {
+    fn named(&self, place: usize) -> Option<LoadedModel> {
         let slot = self
             .slots
             .as_ref()?
             .get(place)
             .filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
         let id = ModelId(slot.model_id);
-        Some(Named {
+        Some(LoadedModel {
             id,
             name: format!("{} {}", text_of(&slot.family), short_id(id)),
             file: text_of(&slot.file),
@@ -81,12 +81,12 @@ impl Models {
 /// Looks up models every few seconds, and whenever it is told to. It asks one question, `list`,
 /// over a connection that it closes again; it has no way to change anything.
 #[derive(Debug)]
-pub struct Librarian {
+pub struct ModelPoller {
     known: Arc<Mutex<Models>>,
     asks: SyncSender<()>,
 }
 
-impl Librarian {
+impl ModelPoller {
     /// Starts it. `file`: where the model in use lies, if its path as the controller tells it is no
     /// good here.
     pub fn start(domain: &Domain, file: Option<PathBuf>) -> Self {
@@ -94,13 +94,13 @@ impl Librarian {
         let (asks, questions) = sync_channel(1);
         thread::spawn({
             let (domain, known) = (domain.clone(), Arc::clone(&known));
-            move || look_again_and_again(&domain, file.as_deref(), &questions, &known)
+            move || poll_until_disconnected(&domain, file.as_deref(), &questions, &known)
         });
         Self { known, asks }
     }
 
     /// Has it look now. One look that waits is as good as two.
-    pub fn look(&self) {
+    pub fn poll_now(&self) {
         let _ = self.asks.try_send(());
     }
 
@@ -114,7 +114,7 @@ impl Librarian {
 }
 
 /// Until nobody can ask any more.
-fn look_again_and_again(
+fn poll_until_disconnected(
     domain: &Domain,
     file: Option<&Path>,
     questions: &Receiver<()>,
@@ -179,7 +179,7 @@ mod tests {
             (named.name.as_str(), named.file.as_str()),
             ("gmr-play 5a5a5a5a", "/models/a.json")
         );
-        assert!(named.memory_known && models.staged().is_none() && models.former().is_some());
+        assert!(named.memory_known && models.staged().is_none() && models.previous().is_some());
         assert!(Models::default().used().is_none());
     }
 }

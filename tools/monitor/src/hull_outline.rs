@@ -85,8 +85,8 @@ pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {
         let (found, used) = (
-            super::view::short_id(model.id()),
-            super::view::short_id(used),
+            super::latest_messages::short_id(model.id()),
+            super::latest_messages::short_id(used),
         );
         return Err(OutlineError::Other {
             file: file.display().to_string(),

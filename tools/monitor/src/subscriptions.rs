@@ -7,8 +7,8 @@ use i2ris::ipc::payload::{
 };
 use i2ris::units::{MAX_MOTORS, Nanos};
 
-use super::board::Board;
-use super::view::View;
+use super::dashboard::Dashboard;
+use super::latest_messages::LatestMessages;
 
 /// How often streams are read: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
@@ -17,7 +17,7 @@ const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
 /// Subscriptions to all streams.
-pub struct Sight {
+pub struct Subscriptions {
     state: Subscription<OperatingStateMsg>,
     goal: Subscription<JointState>,
     setpoint: Subscription<JointState>,
@@ -29,7 +29,7 @@ pub struct Sight {
     boot_id: Option<u64>,
 }
 
-impl Sight {
+impl Subscriptions {
     pub fn new(watcher: &Watcher) -> Self {
         Self {
             state: watcher.operating_state(),
@@ -46,37 +46,40 @@ impl Sight {
 
     /// Takes in what arrived. Returns whether another start of the controller, or another model, is
     /// there.
-    pub fn refresh(&mut self, board: &mut Board, now: Nanos) -> bool {
-        let model = board.view.measured.map(|measured| measured.model_id);
-        let outcome = self.read(board);
-        board.problem = outcome.as_ref().err().map(ToString::to_string);
-        board.journal.reach(board.problem.as_deref(), now);
-        board.journal.camera(&board.view, now);
-        board.trail.note(&board.view, now);
-        outcome.unwrap_or(false) || model != board.view.measured.map(|measured| measured.model_id)
+    pub fn refresh(&mut self, dashboard: &mut Dashboard, now: Nanos) -> bool {
+        let model = dashboard.view.measured.map(|measured| measured.model_id);
+        let outcome = self.read(dashboard);
+        dashboard.problem = outcome.as_ref().err().map(ToString::to_string);
+        dashboard
+            .event_log
+            .update_connection(dashboard.problem.as_deref(), now);
+        dashboard.event_log.update_camera(&dashboard.view, now);
+        dashboard.history.sample(&dashboard.view, now);
+        outcome.unwrap_or(false)
+            || model != dashboard.view.measured.map(|measured| measured.model_id)
     }
 
-    fn read(&mut self, board: &mut Board) -> Result<bool, ClientError> {
-        let Board {
+    fn read(&mut self, dashboard: &mut Dashboard) -> Result<bool, ClientError> {
+        let Dashboard {
             view,
-            trail,
-            journal,
+            history,
+            event_log,
             ..
-        } = board;
+        } = dashboard;
         let (mut states, mut motors) = (Vec::new(), Vec::new());
         self.state.drain(|message| states.push(message))?;
         let anew = self.boot_id != self.state.boot_id();
         if anew {
             // What another start of the controller said is past.
-            (self.boot_id, *view) = (self.state.boot_id(), View::default());
+            (self.boot_id, *view) = (self.state.boot_id(), LatestMessages::default());
         }
         for message in &states {
-            journal.state(message);
+            event_log.update_state(message);
             view.state = Some(*message);
         }
         self.actuators.drain(|message| motors.push(message))?;
         for message in &motors {
-            journal.motors(message);
+            event_log.update_motors(message);
             view.actuators = Some(*message);
         }
         view.exchange_rates = view
@@ -88,15 +91,15 @@ impl Sight {
         if keep(&mut view.measured, self.measured.newest()?) {
             view.measured
                 .iter()
-                .for_each(|message| journal.model(message));
+                .for_each(|message| event_log.update_model(message));
         }
         if keep(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()
-                .for_each(|message| journal.ticks(message));
+                .for_each(|message| event_log.update_ticks(message));
         }
         self.camera.drain(|message| {
-            trail.see(&message);
+            history.add_frame(&message);
             view.camera = Some(message);
         })?;
         Ok(anew)

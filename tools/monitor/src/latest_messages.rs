@@ -18,7 +18,7 @@ pub const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
 
 /// The last message of every stream, as far as there is one.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct View {
+pub struct LatestMessages {
     pub state: Option<OperatingStateMsg>,
     pub goal: Option<JointState>,
     pub setpoint: Option<JointState>,
@@ -30,7 +30,7 @@ pub struct View {
     pub exchange_rates: Option<[f64; MAX_MOTORS]>,
 }
 
-impl View {
+impl LatestMessages {
     /// Everything, in several lines.
     pub fn page(&self, now: Nanos) -> Vec<String> {
         let mut lines = vec![self.state_line(now), self.lease_line()];
@@ -390,8 +390,8 @@ mod tests {
         }
     }
 
-    fn view() -> View {
-        View {
+    fn view() -> LatestMessages {
+        LatestMessages {
             state: Some(OperatingStateMsg {
                 stamp_ns: NOW.0,
                 since_ns: NOW.0 - 12_000_000_000,
@@ -440,7 +440,7 @@ mod tests {
         }
     }
 
-    fn page(view: &View) -> String {
+    fn page(view: &LatestMessages) -> String {
         view.page(NOW).join("\n")
     }
 
@@ -470,7 +470,7 @@ mod tests {
 
     #[test]
     fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
-        let camera = |stamp_ns, flags| View {
+        let camera = |stamp_ns, flags| LatestMessages {
             camera: Some(ExternalPosition {
                 stamp_ns,
                 flags,
@@ -486,7 +486,7 @@ mod tests {
 
     #[test]
     fn what_is_not_known_is_not_invented() {
-        let text = page(&View::default());
+        let text = page(&LatestMessages::default());
         assert!(
             text.contains("state      not told yet") && text.contains("loop       not told yet"),
             "{text}"
@@ -495,12 +495,12 @@ mod tests {
             flags: 0,
             ..joint(5.0, 5.0)
         };
-        let text = page(&View {
+        let text = page(&LatestMessages {
             measured: Some(invalid),
             ..view()
         });
         assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
-        assert!(View::default().line(NOW).contains("no state"));
+        assert!(LatestMessages::default().line(NOW).contains("no state"));
     }
 
     #[test]
@@ -530,7 +530,7 @@ mod tests {
             ..OperatingStateMsg::default()
         };
         assert!(
-            View {
+            LatestMessages {
                 state: Some(fault),
                 ..view()
             }
