@@ -1,11 +1,11 @@
 //! `i2ris command`: moves the robot and changes its state.
 
-mod path;
-mod player;
 pub mod prepare;
 mod stream;
+pub mod stream_monitor;
 mod teleop;
-pub mod watch;
+mod trajectory;
+mod trajectory_player;
 
 use std::path::PathBuf;
 
@@ -18,9 +18,9 @@ use i2ris::units::Nanos;
 use crate::Cli;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
-use path::{Angles, Path, Table};
 use stream::Plan;
-use teleop::Device;
+use teleop::DeviceOption;
+use trajectory::{Angles, Trajectory, Waypoints};
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
@@ -72,13 +72,13 @@ struct TeleopOptions {
 }
 
 impl TeleopOptions {
-    fn device(&self) -> Option<Device> {
-        let gamepad = |path: &PathBuf| Device::Gamepad {
+    fn device(&self) -> Option<DeviceOption> {
+        let gamepad = |path: &PathBuf| DeviceOption::Gamepad {
             path: path.clone(),
             dead_man: self.dead_man,
         };
         if self.keyboard {
-            Some(Device::Keyboard)
+            Some(DeviceOption::Keyboard)
         } else {
             self.gamepad.as_ref().map(gamepad)
         }
@@ -216,7 +216,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     } = arguments;
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
-        (None, Some(device)) => return lead(&domain, &stream, &teleop, device),
+        (None, Some(device)) => return teleoperate(&domain, &stream, &teleop, device),
         (Some(_), Some(_)) => {
             wrong_usage("give either --keyboard or --gamepad or a subcommand, not both")
         }
@@ -225,8 +225,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         }
     };
     // A file with a mistake is refused before the robot moves.
-    let table = if let What::File { csv } = &what {
-        Some(Table::load(csv)?)
+    let waypoints = if let What::File { csv } = &what {
+        Some(Waypoints::load(csv)?)
     } else {
         None
     };
@@ -239,7 +239,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             pitch_deg,
             yaw_deg,
             duration_s,
-        } => ("pose", Some(Path::Point([pitch_deg, yaw_deg])), duration_s),
+        } => (
+            "pose",
+            Some(Trajectory::Point([pitch_deg, yaw_deg])),
+            duration_s,
+        ),
         What::Sine {
             amplitude_deg,
             periodic,
@@ -247,7 +251,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             let (center, amplitude) = (pair(&periodic.center), pair(&amplitude_deg));
             (
                 "sine",
-                Some(Path::Sine {
+                Some(Trajectory::Sine {
                     center,
                     amplitude,
                     period_s: periodic.period_s,
@@ -260,14 +264,14 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             periodic,
         } => {
             let center = pair(&periodic.center);
-            let path = Path::Circle {
+            let path = Trajectory::Circle {
                 center,
                 radius: radius_deg,
                 period_s: periodic.period_s,
             };
             ("circle", Some(path), periodic.duration_s)
         }
-        What::File { .. } => ("file", table.map(Path::Table), None),
+        What::File { .. } => ("file", waypoints.map(Trajectory::Waypoints), None),
     };
     let StreamOptions {
         rate_hz,
@@ -278,7 +282,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         &mut client,
         Plan {
             name,
-            path,
+            trajectory: path,
             duration_s,
             rate_hz,
             speed_deg_s,
@@ -295,11 +299,11 @@ fn wrong_usage(what: &str) -> ! {
         .exit()
 }
 
-fn lead(
+fn teleoperate(
     domain: &DomainOption,
     stream: &StreamOptions,
     options: &TeleopOptions,
-    device: Device,
+    device: DeviceOption,
 ) -> Result<(), Failure> {
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;

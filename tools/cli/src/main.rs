@@ -27,6 +27,7 @@ mod exit;
 mod external;
 mod model;
 mod replay;
+mod trajectory_time;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
 #[derive(Debug, Parser)]

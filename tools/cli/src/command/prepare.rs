@@ -7,7 +7,7 @@ use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
 use super::stream::FIRST_NEWS;
-use super::watch::{Stop, enabled};
+use super::stream_monitor::{StopReason, enabled};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
@@ -22,7 +22,7 @@ pub fn prepare(
 ) -> Result<OperatingStateMsg, Failure> {
     let silent = |error| {
         if matches!(error, ClientError::Timeout { .. }) {
-            Stop::Silent.into()
+            StopReason::Silent.into()
         } else {
             error.into()
         }
@@ -30,11 +30,11 @@ pub fn prepare(
     let mut state = client
         .wait_for(FIRST_NEWS, |_| true)
         .map_err(|error| -> Failure { silent(error) })?;
-    if enable && enabled(&state) == Err(Stop::NotEnabled(OperatingState::Paused)) {
+    if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Paused)) {
         client.state_command(StateCommand::Resume)?;
         state = arrive(client, interrupt, "enabled", is_enabled)?;
     }
-    if enable && enabled(&state) == Err(Stop::NotEnabled(OperatingState::Disabled)) {
+    if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Disabled)) {
         if !is_homed(&state) {
             insist(client, StateCommand::Home, interrupt)?;
             arrive(client, interrupt, "homed", is_homed)?;
@@ -75,7 +75,9 @@ fn arrive(
         other => other?,
     };
     if is_fault(&state) {
-        return Err(Stop::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None)).into());
+        return Err(
+            StopReason::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None)).into(),
+        );
     }
     if wanted(&state) {
         Ok(state)

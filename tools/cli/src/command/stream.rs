@@ -7,10 +7,10 @@ use i2ris::ipc::payload::JointState;
 use i2ris::rt::Ticker;
 use i2ris::units::Nanos;
 
-use super::path::{Angles, Path};
-use super::player::Player;
 use super::prepare::prepare;
-use super::watch::{Stop, Tracking, Watch};
+use super::stream_monitor::{StopReason, StreamMonitor, TrackingSummary};
+use super::trajectory::{Angles, Trajectory};
+use super::trajectory_player::TrajectoryPlayer;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{Interrupt, Screen, until_closed};
 
@@ -26,7 +26,7 @@ pub struct Plan {
     /// What people read while it runs.
     pub name: &'static str,
     /// Where to go; `None`: stay where the robot is.
-    pub path: Option<Path>,
+    pub trajectory: Option<Trajectory>,
     /// Seconds to stay on the path; `None`: as long as it is, or until interrupted.
     pub duration_s: Option<f64>,
     /// Commands per second.
@@ -51,7 +51,7 @@ pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
                         .into(),
                 );
             }
-            None if clock::now().since(start) > FIRST_NEWS => return Err(Stop::Silent.into()),
+            None if clock::now().since(start) > FIRST_NEWS => return Err(StopReason::Silent.into()),
             _ => clock::sleep(Nanos::from_millis(5)),
         }
     }
@@ -75,22 +75,22 @@ pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut screen = Screen::stdout();
     let state = prepare(client, plan.enable, interrupt)?;
-    let watch = Watch::new(client.id(), &state, clock::now());
+    let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
-    let player = Player::new(
+    let player = TrajectoryPlayer::new(
         pose,
-        plan.path.unwrap_or(Path::Point(pose)),
+        plan.trajectory.unwrap_or(Trajectory::Point(pose)),
         plan.speed_deg_s,
         plan.duration_s,
     );
     let mut stream = Stream {
         name: plan.name,
         player,
-        watch,
+        monitor,
         commander: client.commander(),
         goal: Latest::new(client.watcher().goal_js()),
         measured: Latest::new(client.watcher().measured_js()),
-        tracking: Tracking::default(),
+        tracking: TrackingSummary::default(),
         next_show: Nanos::ZERO,
     };
     let outcome = stream.play(
@@ -110,12 +110,12 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
 
 struct Stream {
     name: &'static str,
-    player: Player,
-    watch: Watch,
+    player: TrajectoryPlayer,
+    monitor: StreamMonitor,
     commander: Commander,
     goal: Latest<JointState>,
     measured: Latest<JointState>,
-    tracking: Tracking,
+    tracking: TrackingSummary,
     next_show: Nanos,
 }
 
@@ -132,7 +132,7 @@ impl Stream {
         loop {
             let now = ticker.wait().started;
             let stop = interrupt.came() || closed;
-            if self.player.finished(stop) {
+            if self.player.is_finished(stop) {
                 return Ok(());
             }
             let angles = self.player.advance((now - last).as_seconds(), stop);
@@ -153,7 +153,7 @@ impl Stream {
         let state = client.operating_state()?;
         let now = clock::now();
         let refusal = state
-            .map(|state| self.watch.judge(&state, now))
+            .map(|state| self.monitor.check(&state, now))
             .transpose()?
             .flatten();
         if let (Some(goal), Some(measured)) = (self.goal.refresh()?, self.measured.refresh()?) {
@@ -176,7 +176,7 @@ impl Stream {
 
     fn line(&self, [pitch, yaw]: Angles) -> String {
         let left = match self.player.left_s() {
-            _ if self.player.approaching() => "approaching".to_owned(),
+            _ if self.player.is_approaching() => "approaching".to_owned(),
             Some(left_s) => format!("{left_s:.1} s left"),
             None => "until Ctrl-C".to_owned(),
         };

@@ -3,18 +3,18 @@
 //! | file | holds |
 //! |---|---|
 //! | `process` | children that never outlive the demo |
-//! | `bench` | folder, domain, emulator and controllers |
-//! | `motion` | motions that no calibration has seen |
-//! | `track` | following a motion and measuring it |
-//! | `images` | a calibration through pictures beside one from true angles |
+//! | `setup` | folder, domain, emulator and controllers |
+//! | `unseen_motion` | motions that no calibration has seen |
+//! | `tracking` | following a motion and measuring it |
+//! | `through_images` | a calibration through pictures beside one from true angles |
 //! | `summary` | what is printed at the end |
 
-mod bench;
-mod images;
-mod motion;
 mod process;
+mod setup;
 mod summary;
-mod track;
+mod through_images;
+mod tracking;
+mod unseen_motion;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -24,11 +24,11 @@ use std::time::Duration;
 use i2ris_terminal::programs;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use bench::{Bench, Snake, text};
 use i2ris_terminal::Failure;
-use motion::Motion;
 use process::Process;
+use setup::{DemoSetup, Snake, text};
 use summary::Followed;
+use unseen_motion::Motion;
 
 /// Arguments of `i2ris demo`.
 #[derive(Debug, clap::Args)]
@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Calibrate twice over the same motion, by the true angles and through synthetic pictures of
     /// this size, and compare
     #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960",
-          value_parser = images::size)]
+          value_parser = through_images::size)]
     through_images: Option<String>,
     /// With --through-images: use every so manieth picture of the camera, for both calibrations; 1
     /// draws 18,000 pictures of five minutes
@@ -96,36 +96,36 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let this_program = std::env::current_exe()?;
     let controller_program = controller_program(&this_program, arguments.through_images.is_some())?;
     let folder = demo_folder(&this_program)?;
-    let bench = Bench::new(folder, arguments.snake, this_program, controller_program)?;
+    let demo = DemoSetup::new(folder, arguments.snake, this_program, controller_program)?;
     let outcome = match &arguments.through_images {
-        None => show(&bench, &arguments),
-        Some(size) => images::show(&bench, &arguments, size),
+        None => show(&demo, &arguments),
+        Some(size) => through_images::show(&demo, &arguments, size),
     };
     if let Some(folder) = &arguments.keep {
-        bench.keep(folder)?;
+        demo.keep(folder)?;
     }
     outcome
 }
 
-fn show(bench: &Bench, arguments: &Arguments) -> Result<(), Failure> {
+fn show(demo: &DemoSetup, arguments: &Arguments) -> Result<(), Failure> {
     let mut emulator = step("start two emulated drives with a snake behind them", || {
-        bench.start_emulator(arguments.seed, &[])
+        demo.start_emulator(arguments.seed, &[])
     })?;
     match &arguments.from {
-        Some(folder) => bench.take(folder)?,
-        None => calibrate(bench, &mut emulator, arguments)?,
+        Some(folder) => demo.take(folder)?,
+        None => calibrate(demo, &mut emulator, arguments)?,
     }
     let families = arguments.families("linear,gmr,best");
     for family in &families {
-        if !bench.path(&format!("{family}.json")).exists() {
+        if !demo.path(&format!("{family}.json")).exists() {
             step(&format!("fit `{family}`"), || {
-                fit_to(bench, "recording.csv", family, family, arguments.seed)
+                fit_to(demo, "recording.csv", family, family, arguments.seed)
             })?;
         }
     }
     let mut followed = Vec::new();
     for family in &families {
-        followed.extend(follow(bench, &mut emulator, arguments, family)?);
+        followed.extend(follow(demo, &mut emulator, arguments, family)?);
     }
     step("stop the emulator", || emulator.end())?;
     summary::print(
@@ -137,26 +137,26 @@ fn show(bench: &Bench, arguments: &Arguments) -> Result<(), Failure> {
 
 /// Follows every motion with a model.
 fn follow(
-    bench: &Bench,
+    demo: &DemoSetup,
     emulator: &mut Process,
     arguments: &Arguments,
     model: &str,
 ) -> Result<Vec<Followed>, Failure> {
-    let start = || bench.start_controller(Some(&format!("{model}.json")));
+    let start = || demo.start_controller(Some(&format!("{model}.json")));
     let (mut controller, mut client) =
         step(&format!("start the controller with `{model}`"), start)?;
-    step("condition the wires", || bench::condition(&mut client))?;
+    step("condition the wires", || setup::condition(&mut client))?;
     let mut followed = Vec::new();
     for motion in &arguments.motions {
         let path = motion.path(arguments.motion_s, MOTION_SEEDS + arguments.seed);
-        let file = bench.path("motion.csv");
-        track::write_path(&file, &path)?;
+        let file = demo.path("motion.csv");
+        tracking::write_path(&file, &path)?;
         let bar = bar(
             &format!("follow {motion} with `{model}`"),
-            path.len() as f64 / motion::RATE_HZ,
+            path.len() as f64 / unseen_motion::RATE_HZ,
         );
-        let run = track::follow(
-            bench,
+        let run = tracking::follow(
+            demo,
             &client,
             &mut [&mut *emulator, &mut controller],
             &file,
@@ -174,16 +174,20 @@ fn follow(
     Ok(followed)
 }
 
-fn calibrate(bench: &Bench, emulator: &mut Process, arguments: &Arguments) -> Result<(), Failure> {
+fn calibrate(
+    demo: &DemoSetup,
+    emulator: &mut Process,
+    arguments: &Arguments,
+) -> Result<(), Failure> {
     let (mut controller, client) = step("start the controller, home, enable", || {
-        bench.start_controller(None)
+        demo.start_controller(None)
     })?;
     drop(client);
     let duration_s = arguments.calibration_s;
     let bar = bar("calibration protocol through the controller", duration_s);
     let (config, output) = (
-        text(&bench.path("controller.toml"))?,
-        text(&bench.path("recording.csv"))?,
+        text(&demo.path("controller.toml"))?,
+        text(&demo.path("recording.csv"))?,
     );
     let duration = duration_s.to_string();
     let seed = arguments.seed.to_string();
@@ -199,10 +203,10 @@ fn calibrate(bench: &Bench, emulator: &mut Process, arguments: &Arguments) -> Re
         "--seed",
         &seed,
     ];
-    let mut collect = bench.tool("collect", &collect)?;
+    let mut collect = demo.tool("collect", &collect)?;
     let start = i2ris::clock::now();
     while !collect.finished()? {
-        watch_over(&mut [emulator, &mut controller])?;
+        check_children(&mut [emulator, &mut controller])?;
         bar.set_position(((i2ris::clock::now() - start).as_seconds() * 10.0) as u64);
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -212,17 +216,17 @@ fn calibrate(bench: &Bench, emulator: &mut Process, arguments: &Arguments) -> Re
 
 /// Fits a family to a recording and calls the model `name`.
 fn fit_to(
-    bench: &Bench,
+    demo: &DemoSetup,
     recording: &str,
     family: &str,
     name: &str,
     seed: u64,
 ) -> Result<(), Failure> {
     let (recording, output) = (
-        text(&bench.path(recording))?,
-        text(&bench.path(&format!("{name}.json")))?,
+        text(&demo.path(recording))?,
+        text(&demo.path(&format!("{name}.json")))?,
     );
-    let robot = bench.config().robot_id.as_str();
+    let robot = demo.config().robot_id.as_str();
     let seed = seed.to_string();
     let fit = [
         "calibrate",
@@ -237,16 +241,16 @@ fn fit_to(
         "--output",
         &output,
     ];
-    let mut fit = bench.tool("fit", &fit)?;
+    let mut fit = demo.tool("fit", &fit)?;
     while !fit.finished()? {
-        watch_over(&mut [])?;
+        check_children(&mut [])?;
         std::thread::sleep(Duration::from_millis(20));
     }
     Ok(())
 }
 
 /// Fails when the demo is interrupted or a child has ended.
-fn watch_over(children: &mut [&mut Process]) -> Result<(), Failure> {
+fn check_children(children: &mut [&mut Process]) -> Result<(), Failure> {
     if INTERRUPTED.load(Ordering::Acquire) {
         return Err("interrupted; everything was stopped and cleaned up".into());
     }
@@ -254,7 +258,7 @@ fn watch_over(children: &mut [&mut Process]) -> Result<(), Failure> {
 }
 
 fn step<T>(what: &str, work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-    watch_over(&mut [])?;
+    check_children(&mut [])?;
     let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
     spinner.enable_steady_tick(Duration::from_millis(100));
     let done = work()?;

@@ -2,8 +2,8 @@
 
 use i2ris::ipc::payload::PeriodStatistics;
 
-use super::motion::Motion;
-use super::track::{Run, length_percentile_deg, rms_deg};
+use super::tracking::{MotionRun, length_percentile_deg, rms_deg};
+use super::unseen_motion::Motion;
 use crate::series::percentile;
 
 /// One model and its run.
@@ -13,7 +13,7 @@ pub struct Followed {
     /// What it followed.
     pub motion: Motion,
     /// What it showed.
-    pub run: Run,
+    pub run: MotionRun,
 }
 
 /// Prints everything. `note` says what the camera adds.

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use i2ris::units::Nanos;
 
-use super::master::Input;
-use super::{Gone, Source};
+use super::virtual_master::DeviceInput;
+use super::{DeviceLost, InputDevice};
 use i2ris_terminal::Failure;
 
 /// Bytes of an event: time, ms (u32), value (i16), kind (u8), number (u8).
@@ -21,9 +21,9 @@ const AXIS: u8 = 2;
 const FIRST: u8 = 0x80;
 /// Axes of the left stick.
 const SIDE: u8 = 0;
-const FORTH: u8 = 1;
+const FORWARD: u8 = 1;
 /// Deflection below which a stick is at rest: worn ones do not come back to the middle.
-const REST: f64 = 0.1;
+const DEAD_ZONE: f64 = 0.1;
 /// A stick in a hand is never quite still. One that is deflected and says nothing for so long may
 /// be out of reach of its receiver.
 const SILENCE: Nanos = Nanos::from_millis(2000);
@@ -34,7 +34,7 @@ pub(super) struct Gamepad {
     path: PathBuf,
     file: File,
     part: Vec<u8>,
-    pad: Pad,
+    pad: GamepadState,
 }
 
 impl Gamepad {
@@ -50,36 +50,36 @@ impl Gamepad {
             path: path.to_owned(),
             file,
             part: Vec::new(),
-            pad: Pad::new(dead_man),
+            pad: GamepadState::new(dead_man),
         })
     }
 
-    fn gone(&self, why: &str) -> Gone {
-        Gone {
-            what: format!("gamepad {} is gone ({why})", self.path.display()),
+    fn lost(&self, why: &str) -> DeviceLost {
+        DeviceLost {
+            what: format!("gamepad {} is lost ({why})", self.path.display()),
         }
     }
 }
 
-impl Source for Gamepad {
-    fn read(&mut self, now: Nanos) -> Result<Input, Gone> {
+impl InputDevice for Gamepad {
+    fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost> {
         let mut buffer = [0; 64 * EVENT];
         loop {
             match self.file.read(&mut buffer) {
                 // A pipe that nobody has opened yet says the same as one that was closed.
-                Ok(0) if self.pad.heard.is_none() => break,
-                Ok(0) => return Err(self.gone("closed")),
+                Ok(0) if self.pad.last_event.is_none() => break,
+                Ok(0) => return Err(self.lost("closed")),
                 Ok(length) => {
                     self.part.extend(&buffer[..length]);
                     let whole = self.part.len() - self.part.len() % EVENT;
                     for event in self.part[..whole].chunks_exact(EVENT) {
-                        self.pad.hear(event, now);
+                        self.pad.apply_event(event, now);
                     }
                     self.part.drain(..whole);
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => break,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(self.gone(&error.to_string())),
+                Err(error) => return Err(self.lost(&error.to_string())),
             }
         }
         Ok(self.pad.input(now))
@@ -92,50 +92,54 @@ impl Source for Gamepad {
 
 /// What the events say. Without a device.
 #[derive(Debug)]
-struct Pad {
+struct GamepadState {
     dead_man: u8,
     held: bool,
     stick: [f64; 2],
-    heard: Option<Nanos>,
+    last_event: Option<Nanos>,
 }
 
-impl Pad {
+impl GamepadState {
     fn new(dead_man: u8) -> Self {
         Self {
             dead_man,
             held: false,
             stick: [0.0; 2],
-            heard: None,
+            last_event: None,
         }
     }
 
-    fn hear(&mut self, event: &[u8], now: Nanos) {
+    fn apply_event(&mut self, event: &[u8], now: Nanos) {
         let &[_, _, _, _, low, high, kind, number] = event else {
             return;
         };
         let value = i16::from_le_bytes([low, high]);
-        self.heard = Some(now);
+        self.last_event = Some(now);
         match (kind, number) {
             // A button that is down when the program starts, a bag that lies on it say, does not
             // count.
             (BUTTON, number) if number == self.dead_man => self.held = value != 0,
             (kind, SIDE) if kind & !FIRST == AXIS => self.stick[1] = deflection(value),
             // Pushing a stick away gives negative values; away is up.
-            (kind, FORTH) if kind & !FIRST == AXIS => self.stick[0] = -deflection(value),
+            (kind, FORWARD) if kind & !FIRST == AXIS => self.stick[0] = -deflection(value),
             _ => {}
         }
     }
 
-    fn input(&mut self, now: Nanos) -> Input {
+    fn input(&mut self, now: Nanos) -> DeviceInput {
         let deflected = self.stick != [0.0; 2];
-        if deflected && self.heard.is_none_or(|heard| now.since(heard) > SILENCE) {
+        if deflected
+            && self
+                .last_event
+                .is_none_or(|last_event| now.since(last_event) > SILENCE)
+        {
             // It has to be held anew.
             self.held = false;
         }
-        Input {
+        DeviceInput {
             engaged: self.held,
             velocity: self.stick,
-            ..Input::default()
+            ..DeviceInput::default()
         }
     }
 }
@@ -143,7 +147,7 @@ impl Pad {
 /// -1 to 1, and exactly 0 near the middle, without a jump at its edge.
 fn deflection(value: i16) -> f64 {
     let share = (f64::from(value) / f64::from(i16::MAX)).clamp(-1.0, 1.0);
-    share.signum() * ((share.abs() - REST) / (1.0 - REST)).max(0.0)
+    share.signum() * ((share.abs() - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0)
 }
 
 #[cfg(test)]
@@ -157,9 +161,11 @@ mod tests {
         [0, 0, 0, 0, low, high, kind, number]
     }
 
-    fn pad(events: &[[u8; EVENT]]) -> Pad {
-        let mut pad = Pad::new(DEAD_MAN);
-        events.iter().for_each(|event| pad.hear(event, Nanos(1)));
+    fn pad(events: &[[u8; EVENT]]) -> GamepadState {
+        let mut pad = GamepadState::new(DEAD_MAN);
+        events
+            .iter()
+            .for_each(|event| pad.apply_event(event, Nanos(1)));
         pad
     }
 
@@ -184,8 +190,11 @@ mod tests {
 
     #[test]
     fn the_stick_leads_up_and_to_the_side_and_rests_near_the_middle() {
-        let input =
-            pad(&[event(-32767, AXIS, FORTH), event(16384, AXIS | FIRST, SIDE)]).input(Nanos(2));
+        let input = pad(&[
+            event(-32767, AXIS, FORWARD),
+            event(16384, AXIS | FIRST, SIDE),
+        ])
+        .input(Nanos(2));
         assert!(
             (input.velocity[0] - 1.0).abs() < 1e-9 && (input.velocity[1] - 0.444).abs() < 0.001,
             "{input:?}"
@@ -202,9 +211,9 @@ mod tests {
         let mut pad = pad(&[event(1, BUTTON, DEAD_MAN), event(30_000, AXIS, SIDE)]);
         let late = Nanos(1) + SILENCE + Nanos(1);
         assert!(pad.input(Nanos(1) + SILENCE).engaged && !pad.input(late).engaged);
-        pad.hear(&event(30_001, AXIS, SIDE), late);
+        pad.apply_event(&event(30_001, AXIS, SIDE), late);
         assert!(!pad.input(late).engaged);
-        pad.hear(&event(1, BUTTON, DEAD_MAN), late);
+        pad.apply_event(&event(1, BUTTON, DEAD_MAN), late);
         assert!(pad.input(late).engaged);
     }
 

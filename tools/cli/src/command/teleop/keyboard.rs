@@ -12,8 +12,8 @@ use i2ris_terminal::Failure;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 
-use super::master::Input;
-use super::{Gone, Source};
+use super::virtual_master::DeviceInput;
+use super::{DeviceLost, InputDevice};
 
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.
@@ -71,11 +71,11 @@ impl Drop for Keyboard {
     }
 }
 
-impl Source for Keyboard {
-    fn read(&mut self, now: Nanos) -> Result<Input, Gone> {
-        let mut input = Input::default();
-        let bytes = self.bytes().map_err(|error| Gone {
-            what: format!("the terminal is gone ({error})"),
+impl InputDevice for Keyboard {
+    fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost> {
+        let mut input = DeviceInput::default();
+        let bytes = self.bytes().map_err(|error| DeviceLost {
+            what: format!("the terminal is lost ({error})"),
         })?;
         for key in keys(&bytes) {
             self.keys.press(key, now, &mut input);
@@ -154,7 +154,7 @@ struct Keys {
 }
 
 impl Keys {
-    fn press(&mut self, key: Key, now: Nanos, input: &mut Input) {
+    fn press(&mut self, key: Key, now: Nanos, input: &mut DeviceInput) {
         let [pitch, yaw] = &mut input.steps;
         match key {
             Key::Quit => input.quit = true,
@@ -185,8 +185,8 @@ mod tests {
         Nanos::from_millis(5_000 + milliseconds)
     }
 
-    fn press(keys: &mut Keys, key: Key, now: Nanos) -> Input {
-        let mut input = Input::default();
+    fn press(keys: &mut Keys, key: Key, now: Nanos) -> DeviceInput {
+        let mut input = DeviceInput::default();
         keys.press(key, now, &mut input);
         input.engaged = keys.engaged(now);
         input

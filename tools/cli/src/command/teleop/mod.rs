@@ -7,7 +7,7 @@
 
 mod gamepad;
 mod keyboard;
-mod master;
+mod virtual_master;
 
 use std::path::PathBuf;
 
@@ -20,23 +20,23 @@ use i2ris::units::Nanos;
 
 use super::prepare::prepare;
 use super::stream::{present_pose, two_angles};
-use super::watch::Watch;
+use super::stream_monitor::StreamMonitor;
 use gamepad::Gamepad;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{Interrupt, Screen, until_closed};
 use keyboard::Keyboard;
-use master::{Input, Master, Order};
+use virtual_master::{DeviceInput, MasterCommand, VirtualMaster};
 
 /// How often the screen shows something new, and a file.
 const SHOW_PERIOD: Nanos = Nanos::from_millis(100);
 const LOG_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// How long a command may be on its way to the control loop: some ticks.
-const ON_ITS_WAY: Nanos = Nanos::from_millis(20);
+const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
 
 /// What leads.
 #[derive(Debug, Clone)]
-pub enum Device {
+pub enum DeviceOption {
     /// The keys of this terminal.
     Keyboard,
     /// A device of the joystick interface of the kernel.
@@ -52,7 +52,7 @@ pub enum Device {
 #[derive(Debug, Clone)]
 pub struct Plan {
     /// What leads.
-    pub device: Device,
+    pub device: DeviceOption,
     /// Speed at full deflection, and of the way to where keys point, deg/s.
     pub speed_deg_s: f64,
     /// How far one key press goes, deg.
@@ -66,37 +66,37 @@ pub struct Plan {
 }
 
 /// A device that leads.
-trait Source {
+trait InputDevice {
     /// What it asks now. Never waits.
-    fn read(&mut self, now: Nanos) -> Result<Input, Gone>;
+    fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost>;
     /// What people have to know of it.
     fn help(&self) -> &'static str;
 }
 
-/// The device is gone.
+/// The device is lost.
 #[derive(Debug, thiserror::Error)]
 #[error("{what}; the snake holds")]
-pub struct Gone {
+pub struct DeviceLost {
     what: String,
 }
 
 /// Leads until the person, or the system, ends it, or it makes no sense any more; then the snake
 /// holds and the lease is free.
 pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<(), Failure> {
-    let mut source: Box<dyn Source> = match &plan.device {
-        Device::Keyboard => Box::new(Keyboard::open()?),
-        Device::Gamepad { path, dead_man } => Box::new(Gamepad::open(path, *dead_man)?),
+    let mut source: Box<dyn InputDevice> = match &plan.device {
+        DeviceOption::Keyboard => Box::new(Keyboard::open()?),
+        DeviceOption::Gamepad { path, dead_man } => Box::new(Gamepad::open(path, *dead_man)?),
     };
     let state = prepare(client, plan.enable, interrupt)?;
-    let watch = Watch::new(client.id(), &state, clock::now());
+    let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
-    let mut lead = Lead {
-        master: Master::new(
+    let mut teleoperation = Teleoperation {
+        master: VirtualMaster::new(
             pose,
             plan.speed_deg_s * plan.scale,
             plan.step_deg * plan.scale,
         ),
-        watch,
+        monitor,
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
         next_show: Nanos::ZERO,
@@ -104,11 +104,11 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     let mut screen = Screen::stdout();
     until_closed(screen.say(source.help()))?;
     let period = Nanos((1e9 / plan.rate_hz) as u64);
-    let outcome = lead.go(client, source.as_mut(), period, interrupt, &mut screen);
+    let outcome = teleoperation.run(client, source.as_mut(), period, interrupt, &mut screen);
     // The clutch first: the lease runs on until it is given back.
-    let held = lead.hold();
+    let held = teleoperation.hold();
     // A command that is still on its way would take the lease again.
-    clock::sleep(ON_ITS_WAY);
+    clock::sleep(COMMAND_DELAY);
     let released = client.state_command(StateCommand::Release);
     outcome?;
     held?;
@@ -116,19 +116,19 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     Ok(())
 }
 
-struct Lead {
-    master: Master,
-    watch: Watch,
+struct Teleoperation {
+    master: VirtualMaster,
+    monitor: StreamMonitor,
     commander: Commander,
     setpoint: Latest<JointState>,
     next_show: Nanos,
 }
 
-impl Lead {
-    fn go(
+impl Teleoperation {
+    fn run(
         &mut self,
         client: &mut Client,
-        source: &mut dyn Source,
+        source: &mut dyn InputDevice,
         period: Nanos,
         interrupt: &Interrupt,
         screen: &mut Screen,
@@ -142,40 +142,41 @@ impl Lead {
                 break;
             }
             let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
-            let order = self.master.lead(&input, snake, (now - last).as_seconds());
+            let command = self.master.update(&input, snake, (now - last).as_seconds());
             last = now;
-            self.send(&order)?;
-            if !self.follow(client, &order, now, screen)? {
+            self.send(&command)?;
+            if !self.check_response(client, &command, now, screen)? {
                 break;
             }
         }
         Ok(())
     }
 
-    fn send(&mut self, order: &Order) -> Result<(), Failure> {
-        self.commander.set_clutch(order.clutch_open);
-        self.commander.servo_jp(&order.pose.map(f64::to_radians))?;
+    fn send(&mut self, command: &MasterCommand) -> Result<(), Failure> {
+        self.commander.set_clutch(command.clutch_open);
+        self.commander
+            .servo_jp(&command.pose.map(f64::to_radians))?;
         Ok(())
     }
 
     /// Opens the clutch: the snake stops now, not at the deadline.
     fn hold(&mut self) -> Result<(), Failure> {
-        let order = self.master.hold();
-        self.send(&order)
+        let command = self.master.hold();
+        self.send(&command)
     }
 
     /// Looks at what the controller makes of it. The answer is whether anyone still reads what is
     /// shown.
-    fn follow(
+    fn check_response(
         &mut self,
         client: &mut Client,
-        order: &Order,
+        command: &MasterCommand,
         now: Nanos,
         screen: &mut Screen,
     ) -> Result<bool, Failure> {
         let state = client.operating_state()?;
         let refusal = state
-            .map(|state| self.watch.judge(&state, clock::now()))
+            .map(|state| self.monitor.check(&state, clock::now()))
             .transpose()?
             .flatten();
         if let Some(refusal) = refusal {
@@ -190,12 +191,12 @@ impl Lead {
             } else {
                 LOG_PERIOD
             };
-        let clutch = if order.clutch_open {
+        let clutch = if command.clutch_open {
             "HOLDS (dead-man not held)"
         } else {
             "FOLLOWS"
         };
-        let [pitch, yaw] = order.pose;
+        let [pitch, yaw] = command.pose;
         Ok(until_closed(screen.draw(&[format!(
             "the snake {clutch}; pitch, yaw asked {pitch:+.2} {yaw:+.2} deg"
         )]))?)

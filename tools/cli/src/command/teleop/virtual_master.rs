@@ -1,19 +1,18 @@
 //! The virtual master that a device leads. Pure.
 
-use super::super::path::Angles;
+use crate::command::trajectory::Angles;
+use crate::trajectory_time::LONGEST_STEP_S;
 
 /// How far the master may be ahead of the snake, deg. Whoever keeps pushing against a limit must
 /// not gather a way that the snake goes later.
-const LEAD_DEG: f64 = 2.0;
+const MAX_AHEAD_DEG: f64 = 2.0;
 /// Key presses that may wait. Keys repeat faster than the snake moves, and it should stop soon
 /// after they do.
 const WAITING_STEPS: f64 = 3.0;
-/// A program that was held up goes on where it was instead of jumping ahead.
-const LONGEST_STEP_S: f64 = 0.02;
 
 /// What a device asks.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Input {
+pub(super) struct DeviceInput {
     /// The dead-man is held.
     pub engaged: bool,
     /// Share of the full speed, pitch and yaw, -1 to 1.
@@ -26,7 +25,7 @@ pub(super) struct Input {
 
 /// What the controller is told.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Order {
+pub(super) struct MasterCommand {
     /// Where the master is, deg.
     pub pose: Angles,
     /// The snake holds.
@@ -35,7 +34,7 @@ pub(super) struct Order {
 
 /// The virtual master.
 #[derive(Debug, Clone)]
-pub(super) struct Master {
+pub(super) struct VirtualMaster {
     pose: Angles,
     engaged: bool,
     speed_deg_s: f64,
@@ -44,7 +43,7 @@ pub(super) struct Master {
     left: Angles,
 }
 
-impl Master {
+impl VirtualMaster {
     /// At a pose, clutch open.
     pub fn new(pose: Angles, speed_deg_s: f64, step_deg: f64) -> Self {
         Self {
@@ -58,7 +57,12 @@ impl Master {
 
     /// Goes on by `step_s` seconds; `snake`: where the snake is asked to be, as the controller told
     /// last.
-    pub fn lead(&mut self, input: &Input, snake: Option<Angles>, step_s: f64) -> Order {
+    pub fn update(
+        &mut self,
+        input: &DeviceInput,
+        snake: Option<Angles>,
+        step_s: f64,
+    ) -> MasterCommand {
         let begins = input.engaged && !self.engaged;
         self.engaged = input.engaged;
         if begins || !input.engaged {
@@ -69,22 +73,22 @@ impl Master {
         if input.engaged {
             self.advance(input, snake, step_s.clamp(0.0, LONGEST_STEP_S));
         }
-        Order {
+        MasterCommand {
             pose: self.pose,
             clutch_open: !input.engaged,
         }
     }
 
     /// Opens the clutch.
-    pub fn hold(&mut self) -> Order {
+    pub fn hold(&mut self) -> MasterCommand {
         self.engaged = false;
-        Order {
+        MasterCommand {
             pose: self.pose,
             clutch_open: true,
         }
     }
 
-    fn advance(&mut self, input: &Input, snake: Option<Angles>, step_s: f64) {
+    fn advance(&mut self, input: &DeviceInput, snake: Option<Angles>, step_s: f64) {
         let reach = self.speed_deg_s * step_s;
         for axis in 0..2 {
             let waiting = WAITING_STEPS * self.step_deg;
@@ -96,7 +100,7 @@ impl Master {
             self.pose[axis] += (pressed + pushed).clamp(-reach, reach);
             if let Some(snake) = snake {
                 self.pose[axis] =
-                    self.pose[axis].clamp(snake[axis] - LEAD_DEG, snake[axis] + LEAD_DEG);
+                    self.pose[axis].clamp(snake[axis] - MAX_AHEAD_DEG, snake[axis] + MAX_AHEAD_DEG);
             }
         }
     }
@@ -108,35 +112,35 @@ mod tests {
 
     const STEP_S: f64 = 0.005;
 
-    fn pushed(pitch: f64, yaw: f64) -> Input {
-        Input {
+    fn pushed(pitch: f64, yaw: f64) -> DeviceInput {
+        DeviceInput {
             engaged: true,
             velocity: [pitch, yaw],
-            ..Input::default()
+            ..DeviceInput::default()
         }
     }
 
-    fn pressed(pitch: i32) -> Input {
-        Input {
+    fn pressed(pitch: i32) -> DeviceInput {
+        DeviceInput {
             engaged: true,
             steps: [pitch, 0],
-            ..Input::default()
+            ..DeviceInput::default()
         }
     }
 
     #[test]
     fn without_the_dead_man_nothing_moves_whatever_the_stick_says() {
-        let mut master = Master::new([1.0, 2.0], 10.0, 0.25);
+        let mut master = VirtualMaster::new([1.0, 2.0], 10.0, 0.25);
         for _ in 0..100 {
-            let input = Input {
+            let input = DeviceInput {
                 engaged: false,
                 velocity: [1.0, -1.0],
                 steps: [3, 3],
                 quit: false,
             };
             assert_eq!(
-                master.lead(&input, Some([1.0, 2.0]), STEP_S),
-                Order {
+                master.update(&input, Some([1.0, 2.0]), STEP_S),
+                MasterCommand {
                     pose: [1.0, 2.0],
                     clutch_open: true
                 }
@@ -145,7 +149,7 @@ mod tests {
         // And what was pressed meanwhile is not done later.
         assert_eq!(
             master
-                .lead(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S)
+                .update(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S)
                 .pose,
             [1.0, 2.0]
         );
@@ -153,54 +157,59 @@ mod tests {
 
     #[test]
     fn a_full_stick_is_the_full_speed_and_one_press_one_step() {
-        let mut master = Master::new([0.0; 2], 10.0, 0.25);
+        let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
         let mut snake = [0.0; 2];
         for _ in 0..200 {
-            snake = master.lead(&pushed(1.0, -0.5), Some(snake), STEP_S).pose;
+            snake = master.update(&pushed(1.0, -0.5), Some(snake), STEP_S).pose;
         }
         assert!(
             (snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9,
             "{snake:?}"
         );
         let mut at = [0.0; 2];
-        let mut fresh = Master::new(at, 10.0, 0.25);
-        at = fresh.lead(&pressed(1), Some(at), STEP_S).pose;
+        let mut fresh = VirtualMaster::new(at, 10.0, 0.25);
+        at = fresh.update(&pressed(1), Some(at), STEP_S).pose;
         for _ in 0..50 {
-            at = fresh.lead(&pushed(0.0, 0.0), Some(at), STEP_S).pose;
+            at = fresh.update(&pushed(0.0, 0.0), Some(at), STEP_S).pose;
         }
         assert!((at[0] - 0.25).abs() < 1e-9, "{at:?}");
     }
 
     #[test]
     fn a_hundred_presses_at_once_are_three_steps() {
-        let mut master = Master::new([0.0; 2], 10.0, 0.25);
-        let mut at = master.lead(&pressed(100), Some([0.0; 2]), STEP_S).pose;
+        let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
+        let mut at = master.update(&pressed(100), Some([0.0; 2]), STEP_S).pose;
         for _ in 0..1000 {
-            at = master.lead(&pushed(0.0, 0.0), Some(at), STEP_S).pose;
+            at = master.update(&pushed(0.0, 0.0), Some(at), STEP_S).pose;
         }
         assert!((at[0] - 0.75).abs() < 1e-9, "{at:?}");
     }
 
     #[test]
     fn a_master_that_pushes_against_a_limit_gathers_no_way() {
-        let mut master = Master::new([0.0; 2], 10.0, 0.25);
+        let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
         for _ in 0..2000 {
-            assert!(master.lead(&pushed(1.0, 0.0), Some([0.0; 2]), STEP_S).pose[0] <= LEAD_DEG);
+            assert!(
+                master
+                    .update(&pushed(1.0, 0.0), Some([0.0; 2]), STEP_S)
+                    .pose[0]
+                    <= MAX_AHEAD_DEG
+            );
         }
     }
 
     #[test]
     fn closing_the_clutch_starts_where_the_snake_is() {
-        let mut master = Master::new([9.0, 9.0], 10.0, 0.25);
+        let mut master = VirtualMaster::new([9.0, 9.0], 10.0, 0.25);
         assert_eq!(
             master
-                .lead(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S)
+                .update(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S)
                 .pose,
             [3.0, 4.0]
         );
         assert_eq!(
             master.hold(),
-            Order {
+            MasterCommand {
                 pose: [3.0, 4.0],
                 clutch_open: true
             }
@@ -209,8 +218,8 @@ mod tests {
 
     #[test]
     fn a_program_that_was_held_up_does_not_jump() {
-        let mut master = Master::new([0.0; 2], 10.0, 0.25);
-        let order = master.lead(&pushed(1.0, 1.0), Some([0.0; 2]), 5.0);
-        assert!(order.pose[0] <= 10.0 * LONGEST_STEP_S + 1e-12);
+        let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
+        let command = master.update(&pushed(1.0, 1.0), Some([0.0; 2]), 5.0);
+        assert!(command.pose[0] <= 10.0 * LONGEST_STEP_S + 1e-12);
     }
 }

@@ -22,7 +22,7 @@ const START_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 
 /// How late an emulated drive may answer. The demo shares the machine with whatever else runs on
 /// it, and a stall of the emulator is not what it is about.
-const PATIENCE_MS: u64 = 500;
+const REPLY_TIMEOUT_MS: u64 = 500;
 
 /// A stroke of conditioning takes so long at most.
 const CONDITION_TIMEOUT: Nanos = Nanos::from_millis(120_000);
@@ -49,7 +49,7 @@ impl Snake {
 }
 
 /// Folder, domain and programs of one demo.
-pub struct Bench {
+pub struct DemoSetup {
     folder: PathBuf,
     domain: String,
     config: Config,
@@ -57,7 +57,7 @@ pub struct Bench {
     controller_program: PathBuf,
 }
 
-impl Bench {
+impl DemoSetup {
     /// Prepares an empty folder with the configuration of the emulated snake.
     pub fn new(
         folder: PathBuf,
@@ -73,10 +73,10 @@ impl Bench {
         config.ipc.domain.clone_from(&domain);
         for (number, port) in config.ports.iter_mut().enumerate() {
             port.device = folder.join(format!("axis{number}"));
-            port.reply_timeout_ms = PATIENCE_MS;
+            port.reply_timeout_ms = REPLY_TIMEOUT_MS;
         }
-        config.limits.feedback_stale_ms = PATIENCE_MS;
-        config.limits.feedback_lost_ms = 5 * PATIENCE_MS;
+        config.limits.feedback_stale_ms = REPLY_TIMEOUT_MS;
+        config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
         Ok(Self {
             folder,
             domain,
@@ -205,7 +205,7 @@ impl Bench {
     }
 }
 
-impl Drop for Bench {
+impl Drop for DemoSetup {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.folder);
     }

@@ -8,10 +8,10 @@ use i2ris::ipc::payload::{ActuatorState, JointState, PeriodStatistics};
 use i2ris::units::Nanos;
 use indicatif::ProgressBar;
 
-use super::bench::{Bench, text};
-use super::motion::RATE_HZ;
+use super::check_children;
 use super::process::Process;
-use super::watch_over;
+use super::setup::{DemoSetup, text};
+use super::unseen_motion::RATE_HZ;
 use crate::series::{Series, percentile};
 use i2ris_terminal::Failure;
 
@@ -24,7 +24,7 @@ const NEAR_DEG: f64 = 0.2;
 
 /// What one run showed.
 #[derive(Debug, Default)]
-pub struct Run {
+pub struct MotionRun {
     /// Difference between goal and camera for every picture: pitch and yaw, degrees.
     pub errors_deg: Vec<[f64; 2]>,
     /// From the stamp of a command until its set-point had been handed to the serial line,
@@ -66,18 +66,18 @@ pub fn write_path(file: &Path, path: &[[f64; 2]]) -> Result<(), Failure> {
 
 /// Has another process command the motion in `file` and watches until that process is done.
 pub fn follow(
-    bench: &Bench,
+    demo: &DemoSetup,
     client: &Client,
     children: &mut [&mut Process],
     file: &Path,
     bar: &ProgressBar,
-) -> Result<Run, Failure> {
+) -> Result<MotionRun, Failure> {
     let mut recorder = Recorder::new(client);
-    let mut commander = bench.tool_in_domain("command", &["command", "file", &text(file)?])?;
+    let mut commander = demo.tool_in_domain("command", &["command", "file", &text(file)?])?;
     let start = clock::now();
     while !commander.finished()? {
         let now = clock::now();
-        watch_over(children)?;
+        check_children(children)?;
         recorder.read()?;
         bar.set_position(((now - start).as_seconds() * 10.0) as u64);
         clock::sleep_until(now + READ_PERIOD);
@@ -95,7 +95,7 @@ struct Recorder {
     pictures: Series<2>,
     /// Sequence of the command that each motor carried out last.
     carried_out: [u64; 2],
-    run: Run,
+    run: MotionRun,
 }
 
 impl Recorder {
@@ -109,7 +109,7 @@ impl Recorder {
             goals: Series::default(),
             pictures: Series::default(),
             carried_out: [0; 2],
-            run: Run::default(),
+            run: MotionRun::default(),
         }
     }
 
@@ -138,7 +138,7 @@ impl Recorder {
         Ok(())
     }
 
-    fn finish(mut self) -> Run {
+    fn finish(mut self) -> MotionRun {
         // Every motion begins at the straight pose.
         let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
         let started = self

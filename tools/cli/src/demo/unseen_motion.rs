@@ -6,6 +6,8 @@ use std::fmt;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::trajectory_time::minimum_jerk;
+
 /// Samples per second: tremor of 10 Hz needs many.
 pub const RATE_HZ: f64 = 200.0;
 
@@ -69,16 +71,13 @@ fn samples(duration_s: f64) -> impl Iterator<Item = f64> + Clone {
     (0..(duration_s * RATE_HZ) as u32).map(|i| f64::from(i) / RATE_HZ)
 }
 
-/// From 0 to 1 without a jerk at the ends.
-fn ease(share: f64) -> f64 {
-    let s = share.clamp(0.0, 1.0);
-    s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
-}
-
 fn circle() -> Vec<[f64; 2]> {
     let at = |t_s: f64| {
         let (sin, cos) = (TAU * t_s / 10.0).sin_cos();
-        [20.0 * ease(t_s / 4.0) * cos, 20.0 * ease(t_s / 4.0) * sin]
+        [
+            20.0 * minimum_jerk(t_s / 4.0) * cos,
+            20.0 * minimum_jerk(t_s / 4.0) * sin,
+        ]
     };
     samples(34.0).map(at).collect()
 }
@@ -92,7 +91,7 @@ fn visit(places: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
         let duration_s = (way[0].hypot(way[1]) / 10.0 * 1.3_f64).max(0.5);
         path.extend(
             samples(duration_s)
-                .map(|t_s| ease(t_s / duration_s))
+                .map(|t_s| minimum_jerk(t_s / duration_s))
                 .map(|s| [from[0] + s * way[0], from[1] + s * way[1]]),
         );
         path.extend(samples(0.5).map(|_| to));
@@ -102,9 +101,9 @@ fn visit(places: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
 }
 
 /// Noise of deviation 1 below a frequency: a sum of sines.
-struct Wandering(Vec<(f64, f64)>);
+struct BandNoise(Vec<(f64, f64)>);
 
-impl Wandering {
+impl BandNoise {
     fn below(hz: f64, random: &mut Pcg64) -> Self {
         Self(
             (0..16)
@@ -160,7 +159,7 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
     let mut random = Pcg64::seed_from_u64(seed);
     let parts = [0, 1].map(|_| {
         [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)]
-            .map(|(hz, share)| (Wandering::below(hz, &mut random), share))
+            .map(|(hz, share)| (BandNoise::below(hz, &mut random), share))
     });
     let loops: Vec<Loop> = (0..(duration_s / 8.0) as u32)
         .map(|_| Loop::new(duration_s, &mut random))
@@ -179,7 +178,7 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         }
         // A hand knows where the range ends.
         let far = goal[0].hypot(goal[1]).max(1e-9);
-        goal.map(|g| SPAN_DEG * ease(t_s / 3.0) * g * (far / 1.6).tanh() / far)
+        goal.map(|g| SPAN_DEG * minimum_jerk(t_s / 3.0) * g * (far / 1.6).tanh() / far)
     };
     let slowed = slow_down(&samples(duration_s).map(at).collect::<Vec<_>>());
     let phases = [0, 1].map(|_| random.random_range(0.0..TAU));

@@ -10,9 +10,10 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::rt::Ticker;
 use i2ris::units::Nanos;
 
-use crate::command::watch::Watch;
-use crate::demo::{process::Process, watch_over};
+use crate::command::stream_monitor::StreamMonitor;
+use crate::demo::{check_children, process::Process};
 use crate::series::Series;
+use crate::trajectory_time::LONGEST_STEP_S;
 use i2ris_terminal::Failure;
 
 /// How long a motion rests at its beginning, s.
@@ -25,22 +26,20 @@ const SWING_S: f64 = 8.0;
 const REACH_COUNTS: f64 = 950.0;
 /// Commands per second are four times what the deadline asks for.
 const PERIOD: Nanos = Nanos::from_millis(5);
-/// A program that was held up goes on where it was instead of jumping ahead, s.
-const LONGEST_STEP_S: f64 = 0.02;
 /// How long the controller may take to tell its state.
-const NEWS: Nanos = Nanos::from_millis(3000);
+const STATE_TIMEOUT: Nanos = Nanos::from_millis(3000);
 /// Pictures that are on their way.
-const AFTERGLOW: Nanos = Nanos::from_millis(300);
+const CAMERA_DELAY: Nanos = Nanos::from_millis(300);
 
 /// The motors pull at 45 degrees to the joint axes, so both turn for one axis. The signs are what a
 /// person finds out by turning a motor and looking at the snake.
 #[derive(Debug, Clone, Copy)]
-pub enum Swing {
+pub enum SingleAxisMotion {
     Pitch,
     Yaw,
 }
 
-impl Swing {
+impl SingleAxisMotion {
     fn directions(self) -> [f64; 2] {
         match self {
             Self::Pitch => [1.0, -1.0],
@@ -69,21 +68,25 @@ impl Swing {
         let mut seen = Series::<2>::default();
         let start = clock::now();
         camera.drain(|_| {})?;
-        let mut watch = Watch::new(client.id(), &client.wait_for(NEWS, |_| true)?, clock::now());
+        let mut monitor = StreamMonitor::new(
+            client.id(),
+            &client.wait_for(STATE_TIMEOUT, |_| true)?,
+            clock::now(),
+        );
         let mut ticker = Ticker::new(start + PERIOD, PERIOD, Nanos::ZERO);
         let (mut last, mut time_s) = (start, 0.0);
         while time_s <= REST_S + SWINGS * SWING_S {
             let now = ticker.wait().started;
-            watch_over(children)?;
+            check_children(children)?;
             time_s += now.since(last).as_seconds().min(LONGEST_STEP_S);
             last = now;
             commander.servo_actuators(&self.counts(time_s))?;
             listen(&mut camera, &mut seen)?;
             if let Some(state) = client.operating_state()? {
-                watch.judge(&state, clock::now())?;
+                monitor.check(&state, clock::now())?;
             }
         }
-        clock::sleep(AFTERGLOW);
+        clock::sleep(CAMERA_DELAY);
         listen(&mut camera, &mut seen)?;
         client.state_command(StateCommand::Release)?;
         write(file, &seen, start)
@@ -119,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_swing_rests_first_moves_one_axis_softly_and_ends_at_rest() {
-        for (swing, sign) in [(Swing::Pitch, -1), (Swing::Yaw, 1)] {
+        for (swing, sign) in [(SingleAxisMotion::Pitch, -1), (SingleAxisMotion::Yaw, 1)] {
             let places: Vec<[i32; 2]> = (0..=5200)
                 .map(|k| swing.counts(f64::from(k) * 0.005))
                 .collect();
