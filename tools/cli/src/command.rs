@@ -22,7 +22,7 @@ use stream::Plan;
 use teleop::DeviceOption;
 use trajectory::{Angles, Trajectory, Waypoints};
 
-/// How long to wait for a controller that is just starting.
+/// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
 
 /// Arguments of `i2ris command`.
@@ -35,8 +35,8 @@ const CONNECT: Nanos = Nanos::from_millis(2000);
   i2ris command pose 5 -3 --duration-s 2
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
   i2ris command file desired.csv
-  i2ris command --keyboard --scale 0.5           space bar: dead-man; arrows lead
-  i2ris command --gamepad /dev/input/js0         hold a shoulder button, lead with the left stick
+  i2ris command --keyboard --scale 0.5           space bar: dead-man switch; arrows steer
+  i2ris command --gamepad /dev/input/js0         hold a shoulder button, steer with the left stick
 
 Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
 )]
@@ -53,10 +53,10 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Args)]
 struct TeleopOptions {
-    /// Lead the snake with the keys of this terminal
+    /// Command the snake with the keys of this terminal
     #[arg(long, conflicts_with = "gamepad")]
     keyboard: bool,
-    /// Lead the snake with a gamepad
+    /// Command the snake with a gamepad
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "/dev/input/js0")]
     gamepad: Option<PathBuf>,
     /// Number of the button of the gamepad that has to be held; 5 is the right shoulder button of
@@ -91,8 +91,7 @@ struct StreamOptions {
     /// between
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate, global = true)]
     rate_hz: f64,
-    /// Speed limit on the way to the start of the path, and of the master that keys or a gamepad
-    /// lead
+    /// Speed limit of the approach to the start of the trajectory, and of keyboard and gamepad
     #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive, global = true)]
     speed_deg_s: f64,
     /// Home and enable the robot first, where necessary
@@ -163,7 +162,7 @@ struct Periodic {
     /// Time for one round
     #[arg(long, value_name = "S", value_parser = positive)]
     period_s: f64,
-    /// End after this time on the path instead of with Ctrl-C
+    /// End after this time on the trajectory instead of with Ctrl-C
     #[arg(long, value_name = "S", value_parser = positive)]
     duration_s: Option<f64>,
 }
@@ -224,7 +223,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`")
         }
     };
-    // A file with a mistake is refused before the robot moves.
+    // A wrong file is refused before the robot moves.
     let waypoints = if let What::File { csv } = &what {
         Some(Waypoints::load(csv)?)
     } else {
@@ -292,7 +291,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     )
 }
 
-/// Ends the program as any command line that makes no sense.
+/// Ends the program as clap does for a command line that is wrong.
 fn wrong_usage(what: &str) -> ! {
     Cli::command()
         .error(ErrorKind::ArgumentConflict, what)
@@ -330,12 +329,12 @@ fn teleoperate(
 
 fn change_state(client: &mut Client, command: StateCommand, json: bool) -> Result<(), Failure> {
     let state = client.state_command(command)?;
-    let told = if json {
+    let report = if json {
         serde_json::json!({ "accepted": command.text(), "state": state.text() }).to_string()
     } else {
         format!("accepted: {command}; the controller is {state}")
     };
-    until_closed(Screen::stdout().say(&told))?;
+    until_closed(Screen::stdout().say(&report))?;
     Ok(())
 }
 

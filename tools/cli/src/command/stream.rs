@@ -1,4 +1,4 @@
-//! Streaming a path to the controller.
+//! Streams a trajectory to the controller.
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
@@ -14,20 +14,20 @@ use super::trajectory_player::TrajectoryPlayer;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{Interrupt, Screen, until_closed};
 
-/// How long the controller may take to tell something for the first time.
-pub(super) const FIRST_NEWS: Nanos = Nanos::from_millis(2000);
-/// How often progress is shown to a person, and to a file.
+/// Time limit for the first message of the controller.
+pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
+/// Time between two lines on a terminal, and in a file.
 const SHOW_PERIOD: Nanos = Nanos::from_millis(100);
 const LOG_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// What to stream, and how.
+/// What to stream.
 #[derive(Debug)]
 pub struct Plan {
-    /// What people read while it runs.
+    /// Its name on the screen.
     pub name: &'static str,
-    /// Where to go; `None`: stay where the robot is.
+    /// The trajectory; `None`: hold the present pose.
     pub trajectory: Option<Trajectory>,
-    /// Seconds to stay on the path; `None`: as long as it is, or until interrupted.
+    /// Time on the trajectory, s; `None`: to its end, or until interrupted.
     pub duration_s: Option<f64>,
     /// Commands per second.
     pub rate_hz: f64,
@@ -37,21 +37,23 @@ pub struct Plan {
     pub enable: bool,
 }
 
-/// Waits for the present pose, as the set-points have it.
+/// Waits for the present pose, which is the set-point.
 pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
     let mut setpoint = Latest::new(client.watcher().setpoint_js());
     let start = clock::now();
     loop {
         match setpoint.refresh()? {
             Some(joint) if joint.flags & JointState::VALID != 0 => return two_angles(joint),
-            Some(_) if clock::now().since(start) > FIRST_NEWS => {
+            Some(_) if clock::now().since(start) > FIRST_MESSAGE_TIMEOUT => {
                 return Err(
                     "the controller has no model loaded, so it cannot be commanded by angles; \
                             name a model file in its configuration"
                         .into(),
                 );
             }
-            None if clock::now().since(start) > FIRST_NEWS => return Err(StopReason::Silent.into()),
+            None if clock::now().since(start) > FIRST_MESSAGE_TIMEOUT => {
+                return Err(StopReason::Silent.into());
+            }
             _ => clock::sleep(Nanos::from_millis(5)),
         }
     }
@@ -70,8 +72,8 @@ pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     }
 }
 
-/// Streams the plan until it ends, is interrupted, or makes no sense any more, and gives the lease
-/// back.
+/// Streams the plan until it ends, is interrupted, or the controller cannot follow any more.
+/// Releases the lease.
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut screen = Screen::stdout();
     let state = prepare(client, plan.enable, interrupt)?;

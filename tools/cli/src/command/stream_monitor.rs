@@ -1,55 +1,55 @@
-//! Judging, while commands go out, what the controller makes of them. Pure.
+//! Checks the response of the controller to a stream of commands. Pure.
 
 use i2ris::ipc::payload::{JointState, OperatingStateMsg};
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::units::Nanos;
 
-/// How long nothing may be accepted, and how old the state may be, before the program gives up.
+/// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
-/// The same refusal is reported again after this time.
+/// Time after which the same refusal is reported again.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// Why streaming commands makes no sense (any more).
+/// Why a stream of commands ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StopReason {
-    /// In FAULT.
+    /// The controller is in FAULT.
     #[error(
         "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command state acknowledge`"
     )]
     Fault(Fault),
-    /// Not in ENABLED.
+    /// The controller is not in ENABLED.
     #[error(
         "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
     )]
     NotEnabled(OperatingState),
-    /// A number that no enum knows.
+    /// A state number of another release.
     #[error(
         "the controller reports state {0}, which this program does not know; build both from one release"
     )]
     Unknown(u32),
-    /// Someone else commands.
+    /// Another client commands.
     #[error(
         "client {0:016x} holds the lease; end that program first, or wait until it falls silent"
     )]
     Lease(u64),
-    /// Someone else took over.
+    /// Another client has taken the lease.
     #[error("lost the lease to client {0:016x}")]
     LostLease(u64),
-    /// Everything is refused.
+    /// Every command is refused.
     #[error("the controller refuses every command: {0}")]
     Refused(Refusal),
-    /// Nothing is taken, and nothing refused either.
-    #[error("the controller takes no command; look at its log")]
+    /// No command is accepted, and none is refused.
+    #[error("the controller accepts no command; see its log")]
     Ignored,
-    /// No fresh state.
-    #[error("the controller has not reported its state for more than a second; look at its log")]
+    /// The state is too old.
+    #[error("the controller has not reported its state for more than a second; see its log")]
     Silent,
-    /// Another start of the controller.
-    #[error("the controller was started anew; look around before you go on")]
+    /// The controller was restarted.
+    #[error("the controller was restarted; check the robot before you continue")]
     Restarted,
 }
 
-/// The state, if commands are followed in it.
+/// Checks that commands are followed in this state.
 pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     match OperatingState::from_number(state.state) {
         Some(OperatingState::Enabled) => Ok(()),
@@ -61,7 +61,7 @@ pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     }
 }
 
-/// Follows the controller's answers to one stream of commands.
+/// Checks the controller's response to one stream of commands.
 #[derive(Debug)]
 pub struct StreamMonitor {
     client_id: u64,
@@ -75,7 +75,7 @@ pub struct StreamMonitor {
 }
 
 impl StreamMonitor {
-    /// From `state` on, at `now`.
+    /// Starts with `state`, received at `now`.
     pub fn new(client_id: u64, state: &OperatingStateMsg, now: Nanos) -> Self {
         Self {
             client_id,
@@ -89,7 +89,7 @@ impl StreamMonitor {
         }
     }
 
-    /// Takes in the newest state. The answer is a refusal that is worth telling.
+    /// Checks the newest state. Returns a refusal that is to be reported.
     pub fn check(
         &mut self,
         state: &OperatingStateMsg,
@@ -151,7 +151,7 @@ impl StreamMonitor {
     }
 }
 
-/// Sums up how well the goal was followed, as far as the model can tell from the encoders.
+/// Sums up the tracking error, by the model's estimate from the encoders.
 #[derive(Debug, Default)]
 pub struct TrackingSummary {
     samples: u64,
@@ -160,7 +160,7 @@ pub struct TrackingSummary {
 }
 
 impl TrackingSummary {
-    /// Takes in one pair of goal and measurement.
+    /// Adds one pair of goal and measurement.
     pub fn record(&mut self, goal: &JointState, measured: &JointState) {
         if goal.flags & measured.flags & JointState::VALID == 0 {
             return;
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn accepted_commands_are_no_news() {
+    fn accepted_commands_are_not_reported() {
         let mut monitor = monitor();
         for step in 1..300 {
             let now = at(step * 10);
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_refusal_is_told_once_a_second() {
+    fn a_refusal_is_reported_once_a_second() {
         let mut monitor = monitor();
         let mut reported = 0;
         for step in 1..=250 {
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn if_nothing_is_accepted_for_a_second_the_reason_is_given() {
+    fn after_a_second_without_an_accepted_command_the_reason_is_given() {
         let mut monitor = monitor();
         let refused = |now, refused| OperatingStateMsg {
             refused,
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn leaving_the_enabled_state_ends_it() {
+    fn leaving_the_enabled_state_ends_the_stream() {
         let fault = OperatingStateMsg {
             state: OperatingState::Fault.number(),
             fault: Fault::FollowingError.number(),
@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lease_in_other_hands_ends_it() {
+    fn a_lease_of_another_client_ends_the_stream() {
         let held_by = |client, now| OperatingStateMsg {
             lease_client_id: client,
             ..state(now)
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_and_a_restart_end_it() {
+    fn an_old_state_and_a_restart_end_the_stream() {
         assert_eq!(
             monitor().check(&state(at(0)), at(1200)),
             Err(StopReason::Silent)

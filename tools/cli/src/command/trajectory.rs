@@ -1,4 +1,4 @@
-//! Where to go: paths in degrees over time. Pure.
+//! Trajectories: desired angles over time. Pure.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -9,9 +9,9 @@ pub type Angles = [f64; 2];
 /// Desired angles over time.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Trajectory {
-    /// Stay.
+    /// One pose.
     Point(Angles),
-    /// Swing to both sides of the middle.
+    /// A sine on both axes.
     Sine {
         /// The middle.
         center: Angles,
@@ -20,7 +20,7 @@ pub enum Trajectory {
         /// Seconds per swing.
         period_s: f64,
     },
-    /// Go round.
+    /// A circle.
     Circle {
         /// The middle.
         center: Angles,
@@ -61,12 +61,12 @@ impl Trajectory {
         }
     }
 
-    /// Whether the path ever leaves its start.
+    /// Whether the trajectory leaves its start.
     pub fn is_moving(&self) -> bool {
         !matches!(self, Self::Point(_))
     }
 
-    /// Seconds until the path ends by itself.
+    /// Its length, s, if it has an end.
     pub fn length_s(&self) -> Option<f64> {
         match self {
             Self::Waypoints(table) => Some(table.length_s()),
@@ -107,7 +107,7 @@ pub enum WaypointsError {
         line: u64,
         /// The column.
         column: &'static str,
-        /// What stands there.
+        /// The cell.
         cell: String,
     },
     /// Time does not rise.
@@ -144,10 +144,10 @@ impl Waypoints {
             .from_path(path)
             .map_err(read)?;
         let header = reader.headers().map_err(read)?.clone();
-        let mut places = [0; 3];
-        for (place, column) in places.iter_mut().zip(COLUMNS) {
+        let mut columns = [0; 3];
+        for (index, column) in columns.iter_mut().zip(COLUMNS) {
             let found = header.iter().position(|name| name == column);
-            *place = found.ok_or(WaypointsError::Column {
+            *index = found.ok_or(WaypointsError::Column {
                 path: path.to_owned(),
                 column,
             })?;
@@ -156,7 +156,7 @@ impl Waypoints {
         for record in reader.records() {
             let record = record.map_err(read)?;
             let line = record.position().map_or(0, csv::Position::line);
-            let [t_s, pitch, yaw] = cells(&record, places, path, line)?;
+            let [t_s, pitch, yaw] = cells(&record, columns, path, line)?;
             if rows.last().is_some_and(|(before, _)| *before >= t_s) {
                 return Err(WaypointsError::Time {
                     path: path.to_owned(),
@@ -201,13 +201,13 @@ impl Waypoints {
 
 fn cells(
     record: &csv::StringRecord,
-    places: [usize; 3],
+    columns: [usize; 3],
     path: &Path,
     line: u64,
 ) -> Result<[f64; 3], WaypointsError> {
     let mut values = [0.0; 3];
-    for ((value, place), column) in values.iter_mut().zip(places).zip(COLUMNS) {
-        let cell = record.get(place).unwrap_or_default();
+    for ((value, index), column) in values.iter_mut().zip(columns).zip(COLUMNS) {
+        let cell = record.get(index).unwrap_or_default();
         let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
         let wrong = || WaypointsError::Cell {
             path: path.to_owned(),
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_starts_to_the_side_and_comes_back() {
+    fn a_circle_starts_at_its_side_and_is_closed() {
         let circle = Trajectory::Circle {
             center: [1.0, 2.0],
             radius: 5.0,

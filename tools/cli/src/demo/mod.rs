@@ -1,12 +1,12 @@
-//! `i2ris demo`: the whole path on the emulator, as real processes.
+//! `i2ris demo`: calibration, fit and tracking on the emulator, as real processes.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `process` | children that never outlive the demo |
+//! | `process` | child processes, ended with the demo |
 //! | `setup` | folder, domain, emulator and controllers |
 //! | `unseen_motion` | motions that no calibration has seen |
 //! | `tracking` | following a motion and measuring it |
-//! | `through_images` | a calibration through pictures beside one from true angles |
+//! | `through_images` | a calibration through images, compared with one from true angles |
 //! | `summary` | what is printed at the end |
 
 mod process;
@@ -47,13 +47,13 @@ pub struct Arguments {
     /// [default: linear,gmr,best; with --through-images: gmr-stop]
     #[arg(long, value_name = "FAMILY,..", value_delimiter = ',')]
     families: Vec<String>,
-    /// Calibrate twice over the same motion, by the true angles and through synthetic pictures of
+    /// Calibrate twice over the same motion, by the true angles and through synthetic images of
     /// this size, and compare
     #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960",
           value_parser = through_images::size)]
     through_images: Option<String>,
-    /// With --through-images: use every so manieth picture of the camera, for both calibrations; 1
-    /// draws 18,000 pictures of five minutes
+    /// With --through-images: use every Nth frame of the camera, for both calibrations; 1 renders
+    /// 18,000 images for five minutes
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     pictures_every: u32,
     /// What to follow
@@ -85,7 +85,7 @@ impl Arguments {
     }
 }
 
-/// Motions have seeds that no calibration has.
+/// Offset of the seeds of motions: no calibration has the same seed.
 const MOTION_SEEDS: u64 = 1000;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -162,7 +162,7 @@ fn follow(
             &file,
             &bar,
         )?;
-        finish(&bar, &format!("{} pictures", run.errors_deg.len()));
+        finish(&bar, &format!("{} frames", run.errors_deg.len()));
         followed.push(Followed {
             family: model.to_owned(),
             motion: *motion,

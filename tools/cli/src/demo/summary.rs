@@ -32,7 +32,7 @@ fn tracking(followed: &[Followed]) {
         "  {:14} {:16} {:>8} {:>9} {:>9} {:>10} {:>10} {:>10} {:>13}",
         "motion",
         "model",
-        "pictures",
+        "frames",
         "pitch RMS",
         "yaw RMS",
         "length RMS",
@@ -73,7 +73,7 @@ fn tracking(followed: &[Followed]) {
 
 fn statistics(windows: &[PeriodStatistics]) {
     let (Some(first), Some(last)) = (windows.first(), windows.last()) else {
-        println!("\nThe loop told no statistics.");
+        println!("\nThe loop reported no statistics.");
         return;
     };
     let us = |ns: u64| ns as f64 / 1e3;

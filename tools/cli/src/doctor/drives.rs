@@ -57,7 +57,7 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
         Err(error @ DriveError::Busy { .. }) => report.warn(
             name,
             error.to_string(),
-            "end the controller to look at its drives",
+            "end the controller to check its drives",
         ),
         Err(error) => report.fail(name, error.to_string(), "see there"),
     }

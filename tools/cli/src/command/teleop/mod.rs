@@ -1,9 +1,9 @@
-//! Leading the snake by hand: keyboard or gamepad, with a dead-man and motion scaling.
+//! Teleoperation with keyboard or gamepad: dead-man switch, clutch and motion scaling.
 //!
-//! Both devices lead a virtual master. While the dead-man is not held the clutch is open: the snake
-//! holds, and the master stays where the snake is. When it is held, the master moves by what the
-//! device asks, and the snake goes along. A device that is unplugged opens the clutch at once and
-//! ends the program.
+//! Both devices move a virtual master. While the dead-man switch is released the clutch is open: the
+//! snake holds, and the master stays at the pose of the snake. While it is held, the device moves the
+//! master, and the snake follows. A device that is unplugged opens the clutch at once and ends the
+//! program.
 
 mod gamepad;
 mod keyboard;
@@ -27,14 +27,14 @@ use i2ris_terminal::{Interrupt, Screen, until_closed};
 use keyboard::Keyboard;
 use virtual_master::{DeviceInput, MasterCommand, VirtualMaster};
 
-/// How often the screen shows something new, and a file.
+/// Time between two lines on a terminal, and in a file.
 const SHOW_PERIOD: Nanos = Nanos::from_millis(100);
 const LOG_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// How long a command may be on its way to the control loop: some ticks.
+/// Longest delay of a command to the control loop: some ticks.
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
 
-/// What leads.
+/// The input device.
 #[derive(Debug, Clone)]
 pub enum DeviceOption {
     /// The keys of this terminal.
@@ -43,21 +43,21 @@ pub enum DeviceOption {
     Gamepad {
         /// `/dev/input/js0`, say.
         path: PathBuf,
-        /// The number of the button that has to be held.
+        /// The number of the button that must be held.
         dead_man: u8,
     },
 }
 
-/// How to lead.
+/// The options of teleoperation.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// What leads.
+    /// The input device.
     pub device: DeviceOption,
-    /// Speed at full deflection, and of the way to where keys point, deg/s.
+    /// Speed at full deflection, and of steps by keys, deg/s.
     pub speed_deg_s: f64,
-    /// How far one key press goes, deg.
+    /// Step of one key press, deg.
     pub step_deg: f64,
-    /// What of all that reaches the snake, above 0, at most 1.
+    /// Motion scaling, above 0, at most 1.
     pub scale: f64,
     /// Commands per second.
     pub rate_hz: f64,
@@ -65,11 +65,11 @@ pub struct Plan {
     pub enable: bool,
 }
 
-/// A device that leads.
+/// An input device.
 trait InputDevice {
-    /// What it asks now. Never waits.
+    /// Its present state. Never waits.
     fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost>;
-    /// What people have to know of it.
+    /// How to use it, in one line.
     fn help(&self) -> &'static str;
 }
 
@@ -80,8 +80,8 @@ pub struct DeviceLost {
     what: String,
 }
 
-/// Leads until the person, or the system, ends it, or it makes no sense any more; then the snake
-/// holds and the lease is free.
+/// Commands the snake until the operator or the system ends it, or the controller cannot follow any
+/// more. Then the snake holds and the lease is free.
 pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut source: Box<dyn InputDevice> = match &plan.device {
         DeviceOption::Keyboard => Box::new(Keyboard::open()?),
@@ -105,9 +105,9 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     until_closed(screen.say(source.help()))?;
     let period = Nanos((1e9 / plan.rate_hz) as u64);
     let outcome = teleoperation.run(client, source.as_mut(), period, interrupt, &mut screen);
-    // The clutch first: the lease runs on until it is given back.
+    // The clutch first: the lease is valid until it is released.
     let held = teleoperation.hold();
-    // A command that is still on its way would take the lease again.
+    // A command that arrives later would take the lease again.
     clock::sleep(COMMAND_DELAY);
     let released = client.state_command(StateCommand::Release);
     outcome?;
@@ -159,14 +159,13 @@ impl Teleoperation {
         Ok(())
     }
 
-    /// Opens the clutch: the snake stops now, not at the deadline.
+    /// Opens the clutch: the snake stops now and not at the deadline.
     fn hold(&mut self) -> Result<(), Failure> {
         let command = self.master.hold();
         self.send(&command)
     }
 
-    /// Looks at what the controller makes of it. The answer is whether anyone still reads what is
-    /// shown.
+    /// Checks the response of the controller. Returns whether standard output still has a reader.
     fn check_response(
         &mut self,
         client: &mut Client,
@@ -192,13 +191,13 @@ impl Teleoperation {
                 LOG_PERIOD
             };
         let clutch = if command.clutch_open {
-            "HOLDS (dead-man not held)"
+            "HOLDS (dead-man switch released)"
         } else {
             "FOLLOWS"
         };
         let [pitch, yaw] = command.pose;
         Ok(until_closed(screen.draw(&[format!(
-            "the snake {clutch}; pitch, yaw asked {pitch:+.2} {yaw:+.2} deg"
+            "the snake {clutch}; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg"
         )]))?)
     }
 }

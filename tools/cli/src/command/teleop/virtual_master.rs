@@ -1,32 +1,32 @@
-//! The virtual master that a device leads. Pure.
+//! The virtual master: the pose that keyboard or gamepad command. Pure.
 
 use crate::command::trajectory::Angles;
 use crate::trajectory_time::LONGEST_STEP_S;
 
-/// How far the master may be ahead of the snake, deg. Whoever keeps pushing against a limit must
-/// not gather a way that the snake goes later.
+/// How far the master may be ahead of the snake, deg. A stick that is held against a limit must
+/// not accumulate a distance that the snake travels later.
 const MAX_AHEAD_DEG: f64 = 2.0;
-/// Key presses that may wait. Keys repeat faster than the snake moves, and it should stop soon
-/// after they do.
-const WAITING_STEPS: f64 = 3.0;
+/// Key presses that may be pending. Keys repeat faster than the snake moves, and the snake should
+/// stop soon after the keys do.
+const MAX_PENDING_STEPS: f64 = 3.0;
 
-/// What a device asks.
+/// The state of an input device.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct DeviceInput {
-    /// The dead-man is held.
+    /// The dead-man switch is held.
     pub engaged: bool,
     /// Share of the full speed, pitch and yaw, -1 to 1.
     pub velocity: Angles,
     /// Key presses since the last call, pitch and yaw.
     pub steps: [i32; 2],
-    /// The person wants to end.
+    /// The operator ends the program.
     pub quit: bool,
 }
 
-/// What the controller is told.
+/// The command to the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MasterCommand {
-    /// Where the master is, deg.
+    /// The pose of the master, deg.
     pub pose: Angles,
     /// The snake holds.
     pub clutch_open: bool,
@@ -39,7 +39,7 @@ pub(super) struct VirtualMaster {
     engaged: bool,
     speed_deg_s: f64,
     step_deg: f64,
-    /// What key presses have asked for and is not done yet, deg.
+    /// Requested by key presses and not travelled yet, deg.
     left: Angles,
 }
 
@@ -55,8 +55,7 @@ impl VirtualMaster {
         }
     }
 
-    /// Goes on by `step_s` seconds; `snake`: where the snake is asked to be, as the controller told
-    /// last.
+    /// Advances by `step_s` seconds. `snake`: the latest set-point of the controller, deg.
     pub fn update(
         &mut self,
         input: &DeviceInput,
@@ -91,9 +90,9 @@ impl VirtualMaster {
     fn advance(&mut self, input: &DeviceInput, snake: Option<Angles>, step_s: f64) {
         let reach = self.speed_deg_s * step_s;
         for axis in 0..2 {
-            let waiting = WAITING_STEPS * self.step_deg;
+            let limit = MAX_PENDING_STEPS * self.step_deg;
             let left = self.left[axis] + f64::from(input.steps[axis]) * self.step_deg;
-            let left = left.clamp(-waiting, waiting);
+            let left = left.clamp(-limit, limit);
             let pressed = left.clamp(-reach, reach);
             self.left[axis] = left - pressed;
             let pushed = input.velocity[axis].clamp(-1.0, 1.0) * reach;
@@ -129,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn without_the_dead_man_nothing_moves_whatever_the_stick_says() {
+    fn nothing_moves_while_the_dead_man_switch_is_released() {
         let mut master = VirtualMaster::new([1.0, 2.0], 10.0, 0.25);
         for _ in 0..100 {
             let input = DeviceInput {
@@ -146,7 +145,7 @@ mod tests {
                 }
             );
         }
-        // And what was pressed meanwhile is not done later.
+        // What was pressed meanwhile has no effect later.
         assert_eq!(
             master
                 .update(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S)
@@ -156,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_stick_is_the_full_speed_and_one_press_one_step() {
+    fn a_full_stick_is_full_speed_and_one_press_is_one_step() {
         let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
         let mut snake = [0.0; 2];
         for _ in 0..200 {
@@ -186,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_master_that_pushes_against_a_limit_gathers_no_way() {
+    fn a_master_at_a_limit_accumulates_no_distance() {
         let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
         for _ in 0..2000 {
             assert!(
@@ -217,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_program_that_was_held_up_does_not_jump() {
+    fn a_delayed_program_does_not_jump() {
         let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
         let command = master.update(&pushed(1.0, 1.0), Some([0.0; 2]), 5.0);
         assert!(command.pose[0] <= 10.0 * LONGEST_STEP_S + 1e-12);

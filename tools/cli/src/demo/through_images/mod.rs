@@ -1,5 +1,5 @@
-//! `i2ris demo --through-images`: a calibration whose angles come from pictures, beside one from
-//! the angles themselves.
+//! `i2ris demo --through-images`: a calibration whose angles come from images, compared with one from
+//! the true angles.
 //!
 //! One run of the emulator, its camera without noise, gives encoder counts and true angles. What a
 //! microscope would have filmed is drawn from the angles and measured by `i2ris vision`, which
@@ -30,15 +30,15 @@ use i2ris_terminal::Failure;
 use i2ris_terminal::pose_table::{self, Pose};
 use single_axis::{REST_S, SingleAxisMotion};
 
-/// The cameras stand turned by this, so that their calibration has something to find.
+/// Rotation of the cameras, deg, which their calibration has to find.
 const TURNED_DEG: &str = "10";
-/// Every so manieth picture of a motion of one axis is drawn: 10 a second tell enough.
+/// Every Nth frame of a single-axis motion is rendered: 10 images a second are enough.
 const EVERY: &str = "3";
 
-/// The recording with as many of its true angles as there are pictures.
+/// The recording with true angles at the instants of the images only.
 const DIRECT: &str = "direct.csv";
 
-/// The two ways to angles: name, and recording.
+/// The two sources of angles: name, and recording.
 const VARIANTS: [(&str, &str); 2] = [("direct", DIRECT), ("images", "images.csv")];
 
 /// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.
@@ -78,8 +78,8 @@ pub fn show(demo: &DemoSetup, arguments: &Arguments, size: &str) -> Result<(), F
     let families = arguments.families("gmr-stop");
     let mut followed = Vec::new();
     for family in &families {
-        for (way, recording) in VARIANTS {
-            let model = format!("{family}-{way}");
+        for (variant, recording) in VARIANTS {
+            let model = format!("{family}-{variant}");
             if !demo.path(&format!("{model}.json")).exists() {
                 step(&format!("fit `{family}` to {recording}"), || {
                     fit_to(demo, recording, family, &model, arguments.seed)
@@ -122,7 +122,7 @@ fn swing(demo: &DemoSetup, emulator: &mut Process) -> Result<(), Failure> {
     controller.end()
 }
 
-/// Draws what the cameras would have seen and measures it.
+/// Renders the images of the cameras and measures them.
 fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Result<(), Failure> {
     let file = |name: &str| text(&demo.path(name));
     for axis in ["pitch", "yaw"] {
@@ -134,7 +134,7 @@ fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Resul
         run(
             demo,
             emulator,
-            &format!("draw the motion of {axis}"),
+            &format!("render the motion of {axis}"),
             &[&render[..], &options].concat(),
         )?;
     }
@@ -181,7 +181,7 @@ fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Resul
     )
 }
 
-/// Leaves every so manieth row its angles, and all others their counts only.
+/// Keeps the angles of every Nth row that has angles; the other rows keep their counts only.
 fn keep_every(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     let mut reader = csv::Reader::from_path(recording)?;
     let header = reader.headers()?.clone();
@@ -192,13 +192,13 @@ fn keep_every(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     };
     let mut writer = csv::Writer::from_path(to)?;
     writer.write_record(&header)?;
-    let mut pictures = 0_u32;
+    let mut images = 0_u32;
     for row in reader.records() {
         let row = row?;
         let has_angles =
             (0..row.len()).any(|column| is_angle(column) && row.get(column) != Some(""));
-        let keeps = !has_angles || pictures.is_multiple_of(every);
-        pictures += u32::from(has_angles);
+        let keeps = !has_angles || images.is_multiple_of(every);
+        images += u32::from(has_angles);
         let cell = |(column, cell)| if keeps || !is_angle(column) { cell } else { "" };
         writer.write_record(row.iter().enumerate().map(cell))?;
     }
@@ -221,7 +221,7 @@ fn write_uncalibrated_setup(drawn: &Path, to: &Path) -> Result<(), Failure> {
     Ok(fs::write(to, toml::to_string(&setup)?)?)
 }
 
-/// Two processes: one draws the recording, the other measures.
+/// Two processes: one renders the recording, the other measures it.
 fn stream(
     demo: &DemoSetup,
     emulator: &mut Process,
@@ -231,10 +231,10 @@ fn stream(
     let file = |name: &str| text(&demo.path(name));
     let (recording, folder, angles) = (file(DIRECT)?, file("pictures")?, file("angles.csv")?);
     let (first, second) = (file("pictures/view0")?, file("pictures/view1")?);
-    let pictures = pose_table::read(&demo.path(DIRECT))?.len();
+    let images = pose_table::read(&demo.path(DIRECT))?.len();
     let bar = bar(
-        "draw the recording as pictures and measure them",
-        pictures as f64 / 10.0,
+        "render the recording as images and measure them",
+        images as f64 / 10.0,
     );
     let mut renderer = demo.tool(
         "render",
@@ -256,8 +256,7 @@ fn stream(
         renderer.check()?;
         std::thread::sleep(Duration::from_millis(10));
     }
-    // Every picture carries its stamp; a rate says that these come from a recording and need not
-    // come in time.
+    // Every image carries its stamp. The option --fps marks them as recorded: they may be late.
     let measure = [
         "vision", "--setup", setup, &first, &second, "--rest-s", "0", "--fps", "30", "--output",
         &angles,
@@ -268,7 +267,7 @@ fn stream(
         bar.set_position(lines(Path::new(&angles)));
         std::thread::sleep(Duration::from_millis(500));
     }
-    finish(&bar, &format!("{pictures} pairs of pictures"));
+    finish(&bar, &format!("{images} pairs of images"));
     while !renderer.finished()? {
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -298,7 +297,7 @@ fn run(
     })
 }
 
-/// How exact the pictures were: their angles against the true ones of the same instants.
+/// Prints the errors of the measured angles against the true ones of the same instants.
 fn print_image_errors(demo: &DemoSetup) -> Result<(), Failure> {
     let truth = pose_table::read(&demo.path(DIRECT))?;
     let measured = pose_table::read(&demo.path("images.csv"))?;
@@ -314,7 +313,7 @@ fn print_image_errors(demo: &DemoSetup) -> Result<(), Failure> {
         .collect();
     let [pitch, yaw, length] = rms_deg(&errors);
     println!(
-        "\nPictures: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, {yaw:.3} in yaw, \
+        "\nImages: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, {yaw:.3} in yaw, \
          {length:.3} in length (RMS)",
         measured.len(),
         truth.len()
@@ -322,17 +321,17 @@ fn print_image_errors(demo: &DemoSetup) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the way through pictures costs.
+/// Prints how much larger the tracking error is through images.
 fn print_loss(followed: &[Followed], family: &str, motion: Motion) {
-    let length = |way: &str| {
+    let length = |variant: &str| {
         let run = followed
             .iter()
-            .find(|run| run.family == format!("{family}-{way}") && run.motion == motion);
+            .find(|run| run.family == format!("{family}-{variant}") && run.motion == motion);
         run.map(|run| rms_deg(&run.run.errors_deg)[2])
     };
     if let (Some(direct), Some(images)) = (length("direct"), length("images")) {
         println!(
-            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through pictures {images:.3} deg, \
+            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through images {images:.3} deg, \
              loss {:+.3} deg",
             images - direct
         );
@@ -344,7 +343,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_other_picture_loses_its_angles_and_no_row_its_counts() {
+    fn every_other_frame_loses_its_angles_and_no_row_its_counts() {
         let folder = tempfile::tempdir().unwrap();
         let (from, to) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
         fs::write(

@@ -1,4 +1,4 @@
-//! Motions of one joint axis at a time, seen by the emulated camera: what tells the views apart.
+//! Motions of one joint axis at a time, recorded by the emulated camera. They identify the views.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -16,19 +16,19 @@ use crate::series::Series;
 use crate::trajectory_time::LONGEST_STEP_S;
 use i2ris_terminal::Failure;
 
-/// How long a motion rests at its beginning, s.
+/// Rest at the beginning of a motion, s.
 pub const REST_S: f64 = 2.0;
-/// Swings of a motion.
+/// Oscillations of a motion.
 const SWINGS: f64 = 3.0;
-/// Time of a swing, s.
+/// Period of an oscillation, s.
 const SWING_S: f64 = 8.0;
 /// How far each motor turns, counts: about 28 deg of bend.
 const REACH_COUNTS: f64 = 950.0;
 /// Commands per second are four times what the deadline asks for.
 const PERIOD: Nanos = Nanos::from_millis(5);
-/// How long the controller may take to tell its state.
+/// Time limit for the first state of the controller.
 const STATE_TIMEOUT: Nanos = Nanos::from_millis(3000);
-/// Pictures that are on their way.
+/// Delay of the last frames.
 const CAMERA_DELAY: Nanos = Nanos::from_millis(300);
 
 /// The motors pull at 45 degrees to the joint axes, so both turn for one axis. The signs are what a
@@ -49,14 +49,14 @@ impl SingleAxisMotion {
 
     fn counts(self, time_s: f64) -> [i32; 2] {
         let swung = (time_s - REST_S).max(0.0);
-        // The last swing comes to rest: no jump where it ends.
+        // The last oscillation fades out, so the motion ends at rest.
         let size = ((SWINGS * SWING_S - swung) / (0.5 * SWING_S)).clamp(0.0, 1.0);
-        let place = REACH_COUNTS * size * (TAU * swung / SWING_S).sin();
+        let counts = REACH_COUNTS * size * (TAU * swung / SWING_S).sin();
         self.directions()
-            .map(|direction| (direction * place).round() as i32)
+            .map(|direction| (direction * counts).round() as i32)
     }
 
-    /// Moves the robot and writes what the camera saw as angles over time.
+    /// Moves the robot and writes the angles of the camera over time.
     pub fn record(
         self,
         client: &mut Client,
@@ -81,26 +81,26 @@ impl SingleAxisMotion {
             time_s += now.since(last).as_seconds().min(LONGEST_STEP_S);
             last = now;
             commander.servo_actuators(&self.counts(time_s))?;
-            listen(&mut camera, &mut seen)?;
+            receive(&mut camera, &mut seen)?;
             if let Some(state) = client.operating_state()? {
                 monitor.check(&state, clock::now())?;
             }
         }
         clock::sleep(CAMERA_DELAY);
-        listen(&mut camera, &mut seen)?;
+        receive(&mut camera, &mut seen)?;
         client.state_command(StateCommand::Release)?;
         write(file, &seen, start)
     }
 }
 
-fn listen(
+fn receive(
     camera: &mut i2ris::ipc::client::Subscription<ExternalPosition>,
     seen: &mut Series<2>,
 ) -> Result<(), Failure> {
-    camera.drain(|picture| {
-        if picture.flags & ExternalPosition::VALID != 0 {
-            let [pitch, yaw, _] = picture.position;
-            seen.push(picture.stamp_ns, [pitch.to_degrees(), yaw.to_degrees()]);
+    camera.drain(|frame| {
+        if frame.flags & ExternalPosition::VALID != 0 {
+            let [pitch, yaw, _] = frame.position;
+            seen.push(frame.stamp_ns, [pitch.to_degrees(), yaw.to_degrees()]);
         }
     })?;
     Ok(())
@@ -121,20 +121,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_swing_rests_first_moves_one_axis_softly_and_ends_at_rest() {
+    fn a_motion_rests_first_moves_one_axis_softly_and_ends_at_rest() {
         for (swing, sign) in [(SingleAxisMotion::Pitch, -1), (SingleAxisMotion::Yaw, 1)] {
-            let places: Vec<[i32; 2]> = (0..=5200)
+            let positions: Vec<[i32; 2]> = (0..=5200)
                 .map(|k| swing.counts(f64::from(k) * 0.005))
                 .collect();
-            assert!(places.iter().all(|[a, b]| *b == sign * a));
-            assert!(places[..400].iter().all(|place| *place == [0, 0]));
+            assert!(positions.iter().all(|[a, b]| *b == sign * a));
+            assert!(positions[..400].iter().all(|position| *position == [0, 0]));
             assert!(
-                places
+                positions
                     .windows(2)
                     .all(|pair| (pair[1][0] - pair[0][0]).abs() < 6)
             );
-            assert!(places.iter().any(|[a, _]| *a > 900) && places.iter().any(|[a, _]| *a < -900));
-            assert_eq!(places.last(), Some(&[0, 0]));
+            assert!(
+                positions.iter().any(|[a, _]| *a > 900) && positions.iter().any(|[a, _]| *a < -900)
+            );
+            assert_eq!(positions.last(), Some(&[0, 0]));
         }
     }
 }
