@@ -1,5 +1,4 @@
-//! The last events, told from the streams: every change of what the controller says. Bounded,
-//! repeats folded.
+//! The last events: every change in the streams of the controller. Bounded; repeats are counted.
 
 use std::collections::VecDeque;
 
@@ -15,17 +14,17 @@ use super::latest_messages::{CAMERA_STALE, LatestMessages, short_id, state_name}
 
 /// Events that are kept.
 const CAPACITY: usize = 64;
-/// The same again within this time is told as one event with a count.
-const FOLDED: Nanos = Nanos::from_millis(2000);
+/// Repeats within this time are one event with a count.
+const REPEAT_WINDOW: Nanos = Nanos::from_millis(2000);
 
 /// How much an event matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
-    /// As it should be.
+    /// Normal.
     Info,
-    /// To be looked at.
+    /// Needs attention.
     Warning,
-    /// Now.
+    /// Needs action now.
     Alarm,
 }
 
@@ -52,7 +51,7 @@ pub struct EventLog {
     camera: Option<Camera>,
 }
 
-/// How a camera was when it was looked at last.
+/// The last known state of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Camera {
     Sees,
@@ -66,12 +65,12 @@ impl EventLog {
         self.events.iter().rev()
     }
 
-    /// Something that happened here.
+    /// Adds an event of the monitor itself.
     pub fn log(&mut self, stamp: Nanos, severity: Severity, text: String) {
         self.add(stamp, severity, text, 1);
     }
 
-    /// Whether the controller can be heard.
+    /// Whether the controller is reachable.
     pub fn update_connection(&mut self, problem: Option<&str>, now: Nanos) {
         if self.problem.as_deref() == problem {
             return;
@@ -81,7 +80,7 @@ impl EventLog {
             None => self.add(
                 now,
                 Severity::Info,
-                "the controller is heard again".to_owned(),
+                "the controller is reachable again".to_owned(),
                 1,
             ),
         }
@@ -103,7 +102,7 @@ impl EventLog {
             return self.add(
                 stamp,
                 Severity::Warning,
-                "another start of the controller".to_owned(),
+                "the controller was restarted".to_owned(),
                 1,
             );
         }
@@ -188,7 +187,7 @@ impl EventLog {
             );
         }
         if new.stale_stops > old.stale_stops {
-            let text = "the commander fell silent: held".to_owned();
+            let text = "no command before the deadline: held".to_owned();
             self.add(
                 new.stamp(),
                 Severity::Warning,
@@ -277,7 +276,7 @@ impl EventLog {
         let (severity, text) = match is {
             Camera::Sees => (Severity::Info, "camera sees the snake"),
             Camera::SeesNothing => (Severity::Warning, "camera sees nothing"),
-            Camera::Silent => (Severity::Warning, "camera fell silent"),
+            Camera::Silent => (Severity::Warning, "camera is silent"),
         };
         self.add(now, severity, text.to_owned(), 1);
     }
@@ -287,7 +286,7 @@ impl EventLog {
             .events
             .iter_mut()
             .rev()
-            .take_while(|event| stamp.since(event.stamp) < FOLDED);
+            .take_while(|event| stamp.since(event.stamp) < REPEAT_WINDOW);
         if let Some(same) = recent.into_iter().find(|event| event.text == text) {
             same.count += count;
             same.stamp = stamp;
@@ -321,7 +320,7 @@ mod tests {
         message
     }
 
-    fn told(event_log: &EventLog) -> Vec<(&str, u64)> {
+    fn logged(event_log: &EventLog) -> Vec<(&str, u64)> {
         event_log
             .events
             .iter()
@@ -330,11 +329,11 @@ mod tests {
     }
 
     #[test]
-    fn every_change_is_told_once() {
+    fn every_change_is_logged_once() {
         let mut event_log = EventLog::default();
         event_log.update_state(&state(1, |_| ()));
         event_log.update_state(&state(2, |_| ()));
-        assert_eq!(told(&event_log), []);
+        assert_eq!(logged(&event_log), []);
         event_log.update_state(&state(3, |state| state.lease_client_id = 0xab));
         event_log.update_state(&state(4, |state| {
             state.lease_client_id = 0xab;
@@ -342,7 +341,7 @@ mod tests {
             state.flags = 0;
         }));
         assert_eq!(
-            told(&event_log),
+            logged(&event_log),
             [
                 ("client 00000000000000ab has the lease", 1),
                 ("ENABLED to FAULT: a drive does not answer", 1),
@@ -353,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn repeats_are_folded_and_the_oldest_dropped() {
+    fn repeats_are_counted_and_the_oldest_event_is_dropped() {
         let mut event_log = EventLog::default();
         for n in 0..100 {
             event_log.update_state(&state(10 * n, |state| {
@@ -375,15 +374,15 @@ mod tests {
     }
 
     #[test]
-    fn another_start_of_the_controller_is_no_change_of_its_counters() {
+    fn a_restart_of_the_controller_is_no_change_of_its_counters() {
         let mut event_log = EventLog::default();
         event_log.update_state(&state(1, |state| state.refused = 50));
         event_log.update_state(&state(2, |state| (state.refused, state.boot_id) = (99, 2)));
-        assert_eq!(told(&event_log), [("another start of the controller", 1)]);
+        assert_eq!(logged(&event_log), [("the controller was restarted", 1)]);
     }
 
     #[test]
-    fn drives_models_ticks_and_cameras_are_told() {
+    fn changes_of_drives_models_ticks_and_cameras_are_logged() {
         let mut event_log = EventLog::default();
         let motors = |phase, code| ActuatorState {
             phase: [phase, 1],
@@ -416,7 +415,7 @@ mod tests {
         event_log.update_camera(&seen(0), Nanos(2));
         event_log.update_camera(&seen(0), Nanos::from_millis(5000));
         assert_eq!(
-            told(&event_log),
+            logged(&event_log),
             [
                 ("motor 0 at fault", 1),
                 ("motor 0 error 0x8611", 1),
@@ -424,21 +423,21 @@ mod tests {
                 ("tick missed by the loop", 2),
                 ("camera sees the snake", 1),
                 ("camera sees nothing", 1),
-                ("camera fell silent", 1)
+                ("camera is silent", 1)
             ]
         );
     }
 
     #[test]
-    fn a_controller_that_comes_and_goes_is_told() {
+    fn loss_and_return_of_the_controller_are_logged() {
         let mut event_log = EventLog::default();
         event_log.update_connection(None, Nanos(1));
         event_log.update_connection(Some("gone"), Nanos(2));
         event_log.update_connection(Some("gone"), Nanos(3));
         event_log.update_connection(None, Nanos(4));
         assert_eq!(
-            told(&event_log),
-            [("gone", 1), ("the controller is heard again", 1)]
+            logged(&event_log),
+            [("gone", 1), ("the controller is reachable again", 1)]
         );
     }
 }

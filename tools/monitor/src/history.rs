@@ -1,4 +1,4 @@
-//! What the plots show: the last seconds, thinned out. Bounded: the oldest is dropped.
+//! The data of the plots: the last seconds at a low rate. Bounded: the oldest entry is dropped.
 
 use std::collections::VecDeque;
 
@@ -8,15 +8,14 @@ use i2ris::units::{MAX_MOTORS, Nanos};
 
 use super::latest_messages::{LatestMessages, STALE, angles, count};
 
-/// How far apart samples are: enough for the eye, a thousandth of the load of the streams
-/// themselves.
+/// Time between samples: enough for a plot, and a small part of the rate of the streams.
 pub const SAMPLE_PERIOD: Nanos = Nanos::from_millis(40);
-/// How far back the history goes.
+/// Length of the history.
 pub const SPAN: Nanos = Nanos::from_millis(30_000);
 /// Samples, and frames of a camera, that are kept.
 const CAPACITY: usize = (SPAN.0 / SAMPLE_PERIOD.0) as usize;
 /// Frames that wait for the encoder position at their instant.
-const WAITING: usize = 16;
+const MAX_PENDING: usize = 16;
 
 /// Pitch and yaw, degrees.
 pub type Pair = Option<[f64; 2]>;
@@ -24,7 +23,7 @@ pub type Pair = Option<[f64; 2]>;
 /// Everything at one instant. A stream that is stale, invalid or absent leaves a gap.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
-    /// When it was looked at.
+    /// Time of the sample.
     pub stamp: Nanos,
     /// When the encoders were read.
     pub read: [Nanos; MAX_MOTORS],
@@ -33,23 +32,23 @@ pub struct Sample {
     pub estimate: Pair,
     /// Standard deviation of the estimate, degrees.
     pub deviation: Pair,
-    /// What the encoders say, counts.
+    /// Encoder positions, counts.
     pub counts: Pair,
-    /// What the motors are told, counts.
+    /// Set-points of the motors, counts.
     pub setpoint_counts: Pair,
     /// Milliampere.
     pub current: Pair,
 }
 
-/// Angles that a camera saw, and where the motors were when it did.
+/// Angles from a camera, with the encoder positions at the same instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
     /// When the frame was taken.
     pub stamp: Nanos,
     /// Degrees.
     pub angles: [f64; 2],
-    /// Counts at that instant: cameras are late, and a frame beside the present counts would
-    /// widen the loop.
+    /// Counts at that instant: frames arrive late, and the present counts would widen the
+    /// hysteresis loop.
     pub counts: Pair,
 }
 
@@ -62,7 +61,7 @@ pub struct History {
 }
 
 impl History {
-    /// Takes a sample, if it is time for one.
+    /// Adds a sample, if one is due.
     pub fn sample(&mut self, view: &LatestMessages, now: Nanos) {
         if self
             .samples
@@ -80,7 +79,7 @@ impl History {
         }
     }
 
-    /// Takes in what a camera saw; nothing if it saw nothing.
+    /// Adds a camera frame; ignores an invalid one.
     pub fn add_frame(&mut self, camera: &ExternalPosition) {
         if camera.flags & ExternalPosition::VALID == 0 || camera.count != 2 {
             return;
@@ -90,13 +89,13 @@ impl History {
             .back()
             .map(Message::stamp)
             .or(self.frames.last().map(|frame| frame.stamp));
-        // Stamps that do not rise come from a camera that was started anew, or from a second one.
+        // Stamps that do not increase come from a restarted camera, or from a second one.
         if last.is_some_and(|last| {
             camera.stamp().since(last) < SAMPLE_PERIOD && camera.stamp() >= last
         }) {
             return;
         }
-        if self.waiting.len() == WAITING {
+        if self.waiting.len() == MAX_PENDING {
             self.waiting.pop_front();
         }
         self.waiting.push_back(*camera);
@@ -107,12 +106,12 @@ impl History {
         (self.samples.after(after), self.samples.next)
     }
 
-    /// The same for what a camera saw.
+    /// The same for camera frames.
     pub fn frames(&self, after: u64) -> (impl Iterator<Item = &CameraFrame> + Clone, u64) {
         (self.frames.after(after), self.frames.next)
     }
 
-    /// The encoders have been read after the frame was taken, or never will be.
+    /// Whether the encoders were read after the frame was taken, or will not be.
     fn is_due(&self, camera: &ExternalPosition, now: Nanos) -> bool {
         let later = |read: &Nanos| *read >= camera.stamp();
         self.samples
@@ -190,7 +189,7 @@ fn sample(view: &LatestMessages, now: Nanos) -> Sample {
     }
 }
 
-/// When the encoders were read; a motor that is not there stands where it is.
+/// When the encoders were read. An absent motor counts as read now.
 fn readings(motors: &ActuatorState, now: Nanos) -> [Nanos; MAX_MOTORS] {
     let mut read = motors.measured_stamp_ns.map(Nanos);
     read.iter_mut()
@@ -239,7 +238,7 @@ impl<T> Ring<T> {
         self.entries.back()
     }
 
-    /// A number from another start of the monitor may be larger than any here: then everything is
+    /// A number of another run of the monitor may be larger than any here: then everything is
     /// new.
     fn after(&self, number: u64) -> impl Iterator<Item = &T> + Clone {
         let first = self.next - self.entries.len() as u64;
@@ -286,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_keep_their_distance_and_the_oldest_is_dropped() {
+    fn samples_have_a_period_and_the_oldest_is_dropped() {
         let mut history = History::default();
         for milliseconds in (1000..101_000).step_by(10) {
             history.sample(&moving(milliseconds), Nanos::from_millis(milliseconds));
@@ -303,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_picture_stands_beside_the_counts_of_its_instant() {
+    fn a_late_frame_gets_the_counts_of_its_instant() {
         let mut history = History::default();
         for milliseconds in (1000..2000).step_by(10) {
             if milliseconds == 1500 {
@@ -321,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_from_a_gap_has_no_counts_and_one_without_a_snake_is_none() {
+    fn a_frame_in_a_gap_has_no_counts_and_an_invalid_frame_is_dropped() {
         let mut history = History::default();
         history.add_frame(&ExternalPosition {
             flags: 0,
@@ -335,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stale_leaves_a_gap() {
+    fn stale_data_leave_a_gap() {
         let mut history = History::default();
         history.sample(&moving(1000), Nanos::from_millis(1100));
         history.sample(&moving(1000), Nanos::from_millis(1600));

@@ -1,4 +1,4 @@
-//! What the monitor shows, as text. Pure.
+//! The last message of every stream, and its text. Pure.
 
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
@@ -88,7 +88,7 @@ impl LatestMessages {
 
     fn state_line(&self, now: Nanos) -> String {
         let Some(state) = &self.state else {
-            return "state      not told yet".to_owned();
+            return "state      not received yet".to_owned();
         };
         let flag = |bit: u32, name: &'static str| (state.flags & bit != 0).then_some(name);
         let flags: Vec<&str> = [
@@ -178,7 +178,7 @@ impl LatestMessages {
 
     fn motor_lines(&self, now: Nanos) -> Vec<String> {
         let Some(actuators) = &self.actuators else {
-            return vec!["motors     not told yet".to_owned()];
+            return vec!["motors     not received yet".to_owned()];
         };
         (0..count(actuators.count))
             .map(|motor| self.motor_line(actuators, motor, now))
@@ -227,7 +227,7 @@ impl LatestMessages {
 
     fn loop_lines(&self, now: Nanos) -> Vec<String> {
         let Some(statistics) = &self.statistics else {
-            return vec!["loop       not told yet".to_owned()];
+            return vec!["loop       not received yet".to_owned()];
         };
         let hertz = if statistics.window_ns == 0 {
             0.0
@@ -252,7 +252,7 @@ impl LatestMessages {
         ]
     }
 
-    /// Whether every stream that a controller always tells has told something.
+    /// Whether there is a message of every stream that a controller always publishes.
     pub fn is_complete(&self) -> bool {
         let Self {
             state,
@@ -275,7 +275,7 @@ impl LatestMessages {
         Fault::from_number(state.fault)
     }
 
-    /// What the camera saw last, degrees, fresh or not.
+    /// The last angles of the camera, degrees, fresh or not.
     pub fn camera_angles(&self) -> Option<[f64; 2]> {
         let camera = self
             .camera
@@ -286,7 +286,7 @@ impl LatestMessages {
         ])
     }
 
-    /// No camera is nothing unusual, a camera that fell silent or sees nothing is.
+    /// A missing camera is normal; a silent camera, or one without a detection, is marked.
     fn camera_mark(&self, now: Nanos) -> String {
         match &self.camera {
             None => String::new(),
@@ -346,7 +346,7 @@ fn signed(degrees: Option<f64>) -> String {
     degrees.map_or_else(|| "-".to_owned(), |value| format!("{value:+.2}"))
 }
 
-/// The beginning of a model's identity: enough for people to tell models apart.
+/// The beginning of a model's identity: enough to distinguish models.
 pub fn short_id(id: ModelId) -> String {
     id.to_string().chars().take(8).collect()
 }
@@ -488,7 +488,8 @@ mod tests {
     fn what_is_not_known_is_not_invented() {
         let text = page(&LatestMessages::default());
         assert!(
-            text.contains("state      not told yet") && text.contains("loop       not told yet"),
+            text.contains("state      not received yet")
+                && text.contains("loop       not received yet"),
             "{text}"
         );
         let invalid = JointState {

@@ -1,12 +1,12 @@
-//! `i2ris monitor`: shows what the controller tells, as a screen, as lines, or as a page for a
-//! browser.
+//! `i2ris monitor`: shows the streams of the controller as a terminal screen, as lines, or as a web
+//! page.
 //!
 //! | part | does |
 //! |---|---|
-//! | `subscriptions` | subscribes to every stream; reads, and cannot move anything |
+//! | `subscriptions` | subscribes to every stream; it only reads |
 //! | `dashboard`, `view`, `history`, `event_log`, `models`, `hull` | what is shown: last messages, last seconds, last events, models |
-//! | `terminal` | the screen with keys; its `operator_commands` are the only part that asks the controller to do something |
-//! | `web` | the page; holds a dashboard and no client at all |
+//! | `terminal` | the screen with keys; its `operator_commands` are the only part that sends requests to the controller |
+//! | `web` | the page; it holds a dashboard and no client |
 //!
 //! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and
 //! the loop never waits.
@@ -40,13 +40,13 @@ use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
 use std::process::ExitCode;
 use subscriptions::{READ_PERIOD, Subscriptions};
 
-/// How long to wait for a controller that is just starting.
+/// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
-/// How often a person sees something new, and how often a file gets a line.
+/// Time between two screens, and between two lines in a file.
 const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
 const LINE_PERIOD: Nanos = Nanos::from_millis(1000);
-/// Statistics come once a second: what is not there by then will not come.
-const FIRST_NEWS: Nanos = Nanos::from_millis(1500);
+/// Time limit for the first messages. Statistics come once a second.
+const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);
 
 /// Watch the robot
 #[derive(Debug, Parser)]
@@ -58,7 +58,7 @@ const FIRST_NEWS: Nanos = Nanos::from_millis(1500);
 )]
 #[command(after_help = "Examples:
   i2ris monitor                     the screen, with keys to stop the robot and to change its model
-  i2ris monitor --web               a page to look at: http://127.0.0.1:8765/
+  i2ris monitor --web               a read-only page: http://127.0.0.1:8765/
   i2ris monitor --web 8080          the same on another port
   i2ris monitor | head              one line a second
 
@@ -72,7 +72,7 @@ struct Arguments {
     /// End after this time instead of with Ctrl-C
     #[arg(long = "duration-s", visible_alias = "duration", value_name = "S")]
     duration_s: Option<f64>,
-    /// Serve a page for a browser, to look at only, at PORT, ADDRESS or ADDRESS:PORT
+    /// Serve a read-only page for a browser at PORT, ADDRESS or ADDRESS:PORT
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = web::DEFAULT_ADDRESS)]
     web: Option<web::ListenAddress>,
     /// The file of the model in use, for its hull, where it is not where the controller says
@@ -89,8 +89,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let span = arguments
         .duration_s
         .map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
-    if let Some(place) = arguments.web {
-        return web::run(&domain, place, arguments.model, span);
+    if let Some(address) = arguments.web {
+        return web::run(&domain, address, arguments.model, span);
     }
     let mut client = Client::connect(&domain, CONNECT)?;
     let title = title(&mut client, domain.name())?;
@@ -141,7 +141,7 @@ fn lines(dashboard: &Dashboard, screen: &Screen, title: &str, now: Nanos) -> Vec
     }
 }
 
-/// Waits until every stream that a controller always tells has told something, then shows the page.
+/// Waits for a message of every stream that a controller always publishes, then shows the page.
 fn once(
     subscriptions: &mut Subscriptions,
     interrupt: &Interrupt,
@@ -155,7 +155,10 @@ fn once(
         if let Some(problem) = dashboard.problem {
             return Err(problem.into());
         }
-        if dashboard.view.is_complete() || now.since(start) > FIRST_NEWS || interrupt.came() {
+        if dashboard.view.is_complete()
+            || now.since(start) > FIRST_MESSAGE_TIMEOUT
+            || interrupt.came()
+        {
             let page = [vec![title], dashboard.view.page(now)].concat();
             until_closed(Screen::stdout().draw(&page))?;
             return Ok(());

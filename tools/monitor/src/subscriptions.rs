@@ -1,4 +1,4 @@
-//! All streams of a controller: subscriptions and nothing else, so nothing here can move the robot.
+//! The subscriptions to all streams of a controller. They only read, so they cannot move the robot.
 
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
@@ -12,7 +12,7 @@ use super::latest_messages::LatestMessages;
 
 /// How often streams are read: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
-/// Counters become rates over this time; the first rate is told early, from fewer exchanges.
+/// Time over which counters become rates; the first rate comes early, from fewer exchanges.
 const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
@@ -44,8 +44,7 @@ impl Subscriptions {
         }
     }
 
-    /// Takes in what arrived. Returns whether another start of the controller, or another model, is
-    /// there.
+    /// Reads what has arrived. Returns whether the controller was restarted or the model changed.
     pub fn refresh(&mut self, dashboard: &mut Dashboard, now: Nanos) -> bool {
         let model = dashboard.view.measured.map(|measured| measured.model_id);
         let outcome = self.read(dashboard);
@@ -68,9 +67,9 @@ impl Subscriptions {
         } = dashboard;
         let (mut states, mut motors) = (Vec::new(), Vec::new());
         self.state.drain(|message| states.push(message))?;
-        let anew = self.boot_id != self.state.boot_id();
-        if anew {
-            // What another start of the controller said is past.
+        let is_restarted = self.boot_id != self.state.boot_id();
+        if is_restarted {
+            // Messages from before the restart are invalid.
             (self.boot_id, *view) = (self.state.boot_id(), LatestMessages::default());
         }
         for message in &states {
@@ -86,14 +85,14 @@ impl Subscriptions {
             .actuators
             .as_ref()
             .and_then(|message| self.exchanges.rates(message));
-        keep(&mut view.goal, self.goal.newest()?);
-        keep(&mut view.setpoint, self.setpoint.newest()?);
-        if keep(&mut view.measured, self.measured.newest()?) {
+        replace_if_new(&mut view.goal, self.goal.newest()?);
+        replace_if_new(&mut view.setpoint, self.setpoint.newest()?);
+        if replace_if_new(&mut view.measured, self.measured.newest()?) {
             view.measured
                 .iter()
                 .for_each(|message| event_log.update_model(message));
         }
-        if keep(&mut view.statistics, self.statistics.newest()?) {
+        if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()
                 .for_each(|message| event_log.update_ticks(message));
@@ -102,14 +101,14 @@ impl Subscriptions {
             history.add_frame(&message);
             view.camera = Some(message);
         })?;
-        Ok(anew)
+        Ok(is_restarted)
     }
 }
 
-fn keep<T>(place: &mut Option<T>, new: Option<T>) -> bool {
+fn replace_if_new<T>(old: &mut Option<T>, new: Option<T>) -> bool {
     let came = new.is_some();
     if came {
-        *place = new;
+        *old = new;
     }
     came
 }

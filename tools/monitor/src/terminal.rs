@@ -51,7 +51,7 @@ pub fn run(
 }
 
 /// Takes the whole screen for as long as `work` runs, and gives it back: at its end, and before a
-/// panic is told.
+/// panic is printed.
 fn on_screen(
     work: impl FnOnce(&mut DefaultTerminal) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
@@ -86,7 +86,7 @@ impl Session {
             && span.is_none_or(|span| clock::now().since(start) < span)
         {
             let typed = self.keys()?;
-            self.look();
+            self.poll_models();
             let now = clock::now();
             if typed || now >= next_draw {
                 next_draw = now + DRAW_PERIOD;
@@ -104,13 +104,13 @@ impl Session {
         let mut any = event::poll(Duration::from_nanos(READ_PERIOD.0))?;
         let typed = any;
         while any {
-            // A change of size comes this way, too: drawing takes care of it.
+            // A change of size also arrives here; drawing handles it.
             if let Event::Key(key) = event::read()? {
                 let now = clock::now();
                 let order = self.key_handler.press(&key, &self.dashboard.models, now);
                 if let Some(refused) = order.and_then(|order| self.operator_commands.execute(order))
                 {
-                    self.hear(refused, now);
+                    self.show_result(refused, now);
                 }
             }
             any = event::poll(Duration::ZERO)?;
@@ -118,20 +118,20 @@ impl Session {
         Ok(typed)
     }
 
-    fn look(&mut self) {
+    fn poll_models(&mut self) {
         let now = clock::now();
         if self.subscriptions.refresh(&mut self.dashboard, now) {
             self.model_poller.poll_now();
         }
         let answers: Vec<CommandResult> = self.operator_commands.answers().collect();
         for answer in answers {
-            self.hear(answer, now);
+            self.show_result(answer, now);
             self.model_poller.poll_now();
         }
         self.dashboard.models = self.model_poller.known();
     }
 
-    fn hear(&mut self, answer: CommandResult, now: Nanos) {
+    fn show_result(&mut self, answer: CommandResult, now: Nanos) {
         let severity = if answer.good {
             Severity::Info
         } else {
@@ -140,7 +140,7 @@ impl Session {
         self.dashboard
             .event_log
             .log(now, severity, answer.text.clone());
-        self.key_handler.hear(answer, now);
+        self.key_handler.show_result(answer, now);
     }
 }
 
@@ -203,16 +203,16 @@ mod tests {
         });
         assert!(!child.wait().unwrap().success());
         let (text, _master) = reader.join().unwrap();
-        let place = |part: &str| {
+        let position = |part: &str| {
             text.find(part)
                 .unwrap_or_else(|| panic!("{part:?} is not in {text:?}"))
         };
         assert!(
-            place("\u{1b}[?1049h") < place("\u{1b}[?1049l"),
+            position("\u{1b}[?1049h") < position("\u{1b}[?1049l"),
             "the first screen again"
         );
         assert!(
-            place("\u{1b}[?1049l") < place("on purpose"),
+            position("\u{1b}[?1049l") < position("on purpose"),
             "and the reason is on it"
         );
         let flags = tcgetattr(ours.as_fd()).unwrap().local_flags;

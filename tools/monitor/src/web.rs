@@ -1,4 +1,4 @@
-//! The page for a browser: to look at, not to touch.
+//! The read-only page for a browser.
 //!
 //! That nothing can be done through it is how it is built, not how it is configured. The server
 //! knows one method, GET, and answers from a [`Dashboard`], which holds numbers; no type of the client
@@ -37,15 +37,15 @@ use i2ris_terminal::{Interrupt, Screen, until_closed};
 /// none.
 pub fn run(
     domain: &Domain,
-    place: ListenAddress,
+    address: ListenAddress,
     model: Option<PathBuf>,
     span: Option<Nanos>,
 ) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
-    let listener = TcpListener::bind(place.0).map_err(|error| {
+    let listener = TcpListener::bind(address.0).map_err(|error| {
         format!(
             "cannot serve at {}: {error}; is another monitor running there? --web ADDRESS:PORT chooses another",
-            place.0
+            address.0
         )
     })?;
     let address = listener.local_addr()?;
@@ -57,11 +57,11 @@ pub fn run(
     }
     let source = Arc::new(Source::new(domain.name(), clock::now()));
     server::start(listener, Arc::clone(&source), address.ip().is_loopback())?;
-    let told = Screen::stdout().say(&format!(
-        "watch domain {} at http://{address}/ (to look at only)",
+    let outcome = Screen::stdout().say(&format!(
+        "watch domain {} at http://{address}/ (read-only)",
         domain.name()
     ));
-    until_closed(told)?;
+    until_closed(outcome)?;
     let model_poller = ModelPoller::start(domain, model);
     let mut subscriptions = Subscriptions::new(&Watcher::new(domain));
     let start = clock::now();

@@ -1,4 +1,4 @@
-//! What the person at the screen does: keys in, orders out. Pure.
+//! The keys of the terminal screen: keys in, operator commands out. Pure.
 
 use i2ris::units::Nanos;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -6,10 +6,10 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use super::operator_commands::{CommandResult, OperatorCommand};
 use crate::model_poller::Models;
 
-/// A question that nobody answers is taken back: a late `y` may mean something else.
+/// Time after which a question is withdrawn: a late `y` may mean something else.
 const TIMEOUT: Nanos = Nanos::from_millis(10_000);
-/// How long an answer stays on the screen.
-const SHOWN: Nanos = Nanos::from_millis(10_000);
+/// Time that a result stays on the screen.
+const RESULT_TIME: Nanos = Nanos::from_millis(10_000);
 
 /// The keys, as the screen shows them.
 pub const KEYS: [(&str, &str); 9] = [
@@ -63,7 +63,7 @@ pub struct Confirmation {
     asked: Nanos,
 }
 
-/// The person's side of the screen.
+/// The state of the keyboard interface.
 #[derive(Debug, Clone, Default)]
 pub struct KeyHandler {
     pub panel: Panel,
@@ -120,12 +120,12 @@ impl KeyHandler {
     pub fn answer(&self, now: Nanos) -> Option<&CommandResult> {
         self.answer
             .as_ref()
-            .filter(|(_, at)| now.since(*at) < SHOWN)
+            .filter(|(_, at)| now.since(*at) < RESULT_TIME)
             .map(|(answer, _)| answer)
     }
 
     /// Shows an answer.
-    pub fn hear(&mut self, answer: CommandResult, now: Nanos) {
+    pub fn show_result(&mut self, answer: CommandResult, now: Nanos) {
         self.answer = Some((answer, now));
     }
 
@@ -137,7 +137,7 @@ impl KeyHandler {
     fn ask_to_swap(&mut self, models: &Models, now: Nanos) {
         let Some(staged) = models.staged() else {
             let text = "no model is staged: i2ris model stage FILE";
-            return self.hear(
+            return self.show_result(
                 CommandResult {
                     good: false,
                     text: text.to_owned(),
@@ -150,11 +150,11 @@ impl KeyHandler {
         } else {
             ", its memory unknown"
         };
-        let place = models
+        let replaced = models
             .used()
             .map_or_else(String::new, |used| format!(" in place of {}", used.name));
         self.question = Some(Confirmation {
-            text: format!("Activate {}{memory}{place}?", staged.name),
+            text: format!("Activate {}{memory}{replaced}?", staged.name),
             order: OperatorCommand::Activate(staged.id),
             asked: now,
         });
@@ -163,7 +163,7 @@ impl KeyHandler {
     fn ask_to_roll_back(&mut self, models: &Models, now: Nanos) {
         let Some(previous) = models.previous() else {
             let text = "no model was in use before this one";
-            return self.hear(
+            return self.show_result(
                 CommandResult {
                     good: false,
                     text: text.to_owned(),
@@ -179,14 +179,14 @@ impl KeyHandler {
     }
 
     fn look_elsewhere(&mut self, code: KeyCode) {
-        let place = Panel::ALL
+        let index = Panel::ALL
             .iter()
             .position(|panel| *panel == self.panel)
             .unwrap_or(0);
         let count = Panel::ALL.len();
         let next = match code {
-            KeyCode::Tab | KeyCode::Right => (place + 1) % count,
-            KeyCode::BackTab | KeyCode::Left => (place + count - 1) % count,
+            KeyCode::Tab | KeyCode::Right => (index + 1) % count,
+            KeyCode::BackTab | KeyCode::Left => (index + count - 1) % count,
             KeyCode::Char(digit @ '1'..='5') => usize::from(digit as u8 - b'1'),
             KeyCode::Up => return self.scroll = self.scroll.saturating_sub(1),
             KeyCode::Down => return self.scroll += 1,

@@ -1,6 +1,6 @@
-//! The only part of the monitor that asks the controller to do something. In threads of its own, so
-//! that the screen goes on while an answer is waited for; stopping has one that nothing else waits
-//! in.
+//! Operator commands: the only part of the monitor that sends requests to the controller. Requests run
+//! in threads of their own, so that the screen does not wait for replies. Commands that stop the robot
+//! have a thread that no other command can delay.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
@@ -12,13 +12,13 @@ use i2ris::units::Nanos;
 
 use crate::latest_messages::short_id;
 
-/// An order must not be carried out when everyone has forgotten it.
+/// Short, so that a command is not executed long after the key was pressed.
 const CONNECT: Nanos = Nanos::from_millis(200);
-/// Orders that may wait for the one before.
-const WAITING: usize = 2;
+/// Commands that may be pending behind the running one.
+const MAX_PENDING: usize = 2;
 
-/// What a person may ask for here. It can stop the robot and change its model; it cannot start it,
-/// and it cannot move it.
+/// A command of the operator. It can stop the robot and change its model. It cannot start or move the
+/// robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum OperatorCommand {
     /// Hold, and refuse servo commands until someone resumes.
@@ -49,14 +49,14 @@ impl OperatorCommand {
     }
 }
 
-/// What became of an order.
+/// The result of a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CommandResult {
     pub good: bool,
     pub text: String,
 }
 
-/// Carries out orders, one after the other, stops beside models.
+/// Executes commands in order; stops and model changes have separate threads.
 #[derive(Debug)]
 pub struct OperatorCommands {
     stops: SyncSender<OperatorCommand>,
@@ -65,7 +65,7 @@ pub struct OperatorCommands {
 }
 
 impl OperatorCommands {
-    /// Starts them. They connect when there is something to do.
+    /// Starts the threads. They connect when the first command comes.
     pub fn start(domain: &Domain) -> Self {
         let (answer, answers) = channel();
         Self {
@@ -75,8 +75,7 @@ impl OperatorCommands {
         }
     }
 
-    /// Has an order carried out; an answer follows. `Some`: it cannot be, because too many are
-    /// waiting.
+    /// Queues a command; its result follows. `Some`: it was not queued because too many are pending.
     pub fn execute(&self, order: OperatorCommand) -> Option<CommandResult> {
         let name = order.name();
         let queue = if order.is_about_models() {
@@ -92,14 +91,14 @@ impl OperatorCommands {
             .map(|_| CommandResult { good: false, text })
     }
 
-    /// What was answered since the last call.
+    /// The results since the last call.
     pub fn answers(&self) -> impl Iterator<Item = CommandResult> {
         self.answers.try_iter()
     }
 }
 
 fn worker(domain: &Domain, answers: Sender<CommandResult>) -> SyncSender<OperatorCommand> {
-    let (sender, orders) = sync_channel::<OperatorCommand>(WAITING);
+    let (sender, orders) = sync_channel::<OperatorCommand>(MAX_PENDING);
     let domain = domain.clone();
     thread::spawn(move || {
         let mut client = None;

@@ -1,10 +1,10 @@
-//! Where the page is served.
+//! The address of the web page.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;
 
 const DEFAULT_PORT: u16 = 8765;
-/// What `--web` alone means.
+/// The address for `--web` without a value.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
 /// An address and a port.
@@ -21,8 +21,7 @@ pub struct InvalidAddress(String);
 impl FromStr for ListenAddress {
     type Err = InvalidAddress;
 
-    /// Names are not looked up, `localhost` aside: who opens the page to others has to say to which
-    /// network.
+    /// Names other than `localhost` are not resolved: an address names the network that gets access.
     fn from_str(text: &str) -> Result<Self, InvalidAddress> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
         let local = text
@@ -51,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ports_stay_on_this_machine_and_addresses_are_named() {
+    fn a_port_alone_is_local_and_names_are_refused() {
         for (text, wanted) in [
             (DEFAULT_ADDRESS, "127.0.0.1:8765"),
             ("8080", "127.0.0.1:8080"),

@@ -26,7 +26,7 @@ pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> Strin
     if request.method != "GET" {
         return Response::refusal(
             405,
-            "this monitor is to look at only: it answers GET and nothing else",
+            "this monitor is read-only: it answers GET and nothing else",
         );
     }
     if request.has_body {

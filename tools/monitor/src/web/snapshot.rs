@@ -1,4 +1,4 @@
-//! What a browser is told, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
+//! The data for a browser, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
 //! moment of the answer, because a browser knows nothing of the controller's clock.
 
 use i2ris::ipc::payload::{
@@ -18,10 +18,10 @@ use crate::latest_messages::{
 };
 use crate::model_poller::LoadedModel;
 
-/// Events that are told.
+/// Events in the answer.
 const EVENTS: usize = 30;
 
-/// Everything there is to show; of the history what is new.
+/// Everything that the page shows; of the history the new part.
 pub fn snapshot(
     dashboard: &Dashboard,
     domain: &str,
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_degrees_and_ages_are_told() {
+    fn angles_are_degrees_and_ages_are_included() {
         let value = snapshot(&dashboard(), "test", 7, Nanos::ZERO, &Since::default(), NOW);
         assert_eq!(value["estimate"]["deg"], json!([5.73, -11.459]));
         assert_eq!(
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_holds_what_there_is_and_null_for_gaps() {
+    fn a_row_holds_the_data_and_null_for_gaps() {
         let value = snapshot(&dashboard(), "test", 7, NOW, &Since::default(), NOW);
         let row = value["samples"][0].as_array().unwrap();
         assert_eq!(row.len(), 15);
