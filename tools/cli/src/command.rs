@@ -92,7 +92,13 @@ struct StreamOptions {
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate, global = true)]
     rate_hz: f64,
     /// Speed limit of the approach to the start of the trajectory, and of keyboard and gamepad
-    #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive, global = true)]
+    #[arg(
+        long,
+        default_value_t = 10.0,
+        value_name = "DEG_PER_S",
+        value_parser = positive,
+        global = true
+    )]
     speed_deg_s: f64,
     /// Home and enable the robot first, where necessary
     #[arg(long, global = true)]
@@ -122,8 +128,8 @@ enum What {
     /// Swing to both sides
     Sine {
         /// Largest distance from the middle
-        #[arg(long, num_args = 2, required = true, value_names = ["PITCH_DEG", "YAW_DEG"], value_parser = finite,
-              allow_negative_numbers = true)]
+        #[arg(long, num_args = 2, required = true, value_names = ["PITCH_DEG", "YAW_DEG"],
+              value_parser = finite, allow_negative_numbers = true)]
         amplitude_deg: Vec<f64>,
         #[command(flatten)]
         periodic: Periodic,

@@ -58,7 +58,12 @@ pub struct Arguments {
     #[arg(long)]
     no_camera: bool,
     /// Standard deviation of the camera's angles; 0: the true angles, for rendering images of them
-    #[arg(long, value_name = "DEG", default_value_t = CameraConfig::default().noise_deg, value_parser = noise)]
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = CameraConfig::default().noise_deg,
+        value_parser = noise
+    )]
     camera_noise_deg: f64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]

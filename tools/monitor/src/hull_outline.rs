@@ -63,7 +63,8 @@ pub enum OutlineError {
     Model(#[from] i2ris::model::ModelError),
     /// It is another model.
     #[error(
-        "no hull: {file} is model {found}, the controller uses {used}; name the right file with --model"
+        "no hull: {file} is model {found}, the controller uses {used}; name the right file with \
+         --model"
     )]
     Other {
         file: String,
@@ -115,8 +116,8 @@ fn own_directions(model: &Model) -> Option<[[f64; 2]; MAX_MOTORS]> {
     Some([[d * scale[0], -b * scale[0]], [-c * scale[1], a * scale[1]]])
 }
 
-/// The angles after a motion of the motors from the middle of the hull to its edge. On the return they
-/// differ by the width of the hysteresis loop.
+/// The angles after a motion of the motors from the middle of the hull to its edge. On the return
+/// they differ by the width of the hysteresis loop.
 fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
     let angles = model
         .file()

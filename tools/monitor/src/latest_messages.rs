@@ -82,7 +82,8 @@ impl LatestMessages {
         let stale = mark(self.state.as_ref(), now, STALE);
         let goal = pair(self.goal.as_ref());
         format!(
-            "{state}{fault}{stale}; goal {goal} set-point {setpoint} measured {measured}{camera} deg{counts}{late}"
+            "{state}{fault}{stale}; goal {goal} set-point {setpoint} measured {measured}{camera} \
+             deg{counts}{late}"
         )
     }
 
@@ -142,7 +143,8 @@ impl LatestMessages {
             .map(|refusal| format!(", last: {refusal}"))
             .unwrap_or_default();
         format!(
-            "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops {stale_stops}"
+            "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops \
+             {stale_stops}"
         )
     }
 
@@ -217,7 +219,8 @@ impl LatestMessages {
             |rate| format!("{rate:.0} exchanges/s"),
         );
         format!(
-            "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status 0x{:04X}; {rate}{age}",
+            "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status \
+             0x{:04X}; {rate}{age}",
             drive(&actuators.setpoint_counts),
             drive(&actuators.measured_counts),
             drive(&actuators.current_ma),
@@ -451,7 +454,8 @@ mod tests {
             "ENABLED for 12 s, homed, model loaded",
             "0000000000000abc; accepted 400, refused 3, last: step too large",
             "+5.00      +4.50      +4.25     0.25",
-            "motor 0    set-point 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 exchanges/s",
+            "motor 0    set-point 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 \
+             exchanges/s",
             "motor 1    set-point -345, measured -340 counts, -7 mA; at fault, error 0x8611",
             "1000 Hz; late p50 0.1, p99 12, max 250 us",
             "4 of 5004 ticks",
@@ -521,7 +525,8 @@ mod tests {
         let text = view().line(NOW);
         assert_eq!(
             text,
-            "ENABLED; goal +5.00 -1.00 set-point +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 -345 -> 120 -340; \
+            "ENABLED; goal +5.00 -1.00 set-point +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 \
+             -345 -> 120 -340; \
              late p99 12 us, missed 4"
         );
         let fault = OperatingStateMsg {

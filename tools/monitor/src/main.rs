@@ -4,8 +4,10 @@
 //! | part | does |
 //! |---|---|
 //! | `subscriptions` | subscribes to every stream; it only reads |
-//! | `dashboard`, `view`, `history`, `event_log`, `models`, `hull` | what is shown: last messages, last seconds, last events, models |
-//! | `terminal` | the screen with keys; its `operator_commands` are the only part that sends requests to the controller |
+//! | `dashboard` | what is shown: |
+//! | `latest_messages`, `history`, `event_log` | last messages, last seconds, last events |
+//! | `model_poller`, `hull_outline` | models and hull |
+//! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
 //! | `web` | the page; it holds a dashboard and no client |
 //!
 //! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and
@@ -62,7 +64,8 @@ const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);
   i2ris monitor --web 8080          the same on another port
   i2ris monitor | head              one line a second
 
-Exit codes: 0 ended as asked, 1 no controller (except --web, which waits for one), 2 wrong arguments.")]
+Exit codes: 0 ended as asked, 1 no controller (except --web, which waits for one), 2 wrong \
+arguments.")]
 struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
@@ -73,7 +76,12 @@ struct Arguments {
     #[arg(long = "duration-s", visible_alias = "duration", value_name = "S")]
     duration_s: Option<f64>,
     /// Serve a read-only page for a browser at PORT, ADDRESS or ADDRESS:PORT
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = web::DEFAULT_ADDRESS)]
+    #[arg(
+        long,
+        value_name = "ADDR",
+        num_args = 0..=1,
+        default_missing_value = web::DEFAULT_ADDRESS
+    )]
     web: Option<web::ListenAddress>,
     /// The file of the model in use, for its hull, where it is not where the controller says
     #[arg(long, value_name = "FILE")]

@@ -1,10 +1,10 @@
 //! The read-only page for a browser.
 //!
 //! That nothing can be done through it is how it is built, not how it is configured. The server
-//! knows one method, GET, and answers from a [`Dashboard`], which holds numbers; no type of the client
-//! library is within its reach. The thread that fills the dashboard subscribes to streams and opens no
-//! publisher. What it asks for is the list of models, by a connection of its own that is closed
-//! again.
+//! knows one method, GET, and answers from a [`Dashboard`], which holds numbers; no type of the
+//! client library is within its reach. The thread that fills the dashboard subscribes to streams
+//! and opens no publisher. What it asks for is the list of models, by a connection of its own that
+//! is closed again.
 //!
 //! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a
 //! vanished one costs nothing: the server remembers nothing about any of them.
@@ -44,14 +44,16 @@ pub fn run(
     let interrupt = Interrupt::catch()?;
     let listener = TcpListener::bind(address.0).map_err(|error| {
         format!(
-            "cannot serve at {}: {error}; is another monitor running there? --web ADDRESS:PORT chooses another",
+            "cannot serve at {}: {error}; is another monitor running there? --web ADDRESS:PORT \
+             chooses another",
             address.0
         )
     })?;
     let address = listener.local_addr()?;
     if !address.ip().is_loopback() {
         eprintln!(
-            "warning: {address} can be reached from other machines: everyone there can watch, without a password and \
+            "warning: {address} can be reached from other machines: everyone there can watch, \
+             without a password and \
              without encryption. Nobody can command the robot this way."
         );
     }

@@ -14,7 +14,8 @@ const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 pub enum StopReason {
     /// The controller is in FAULT.
     #[error(
-        "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command state acknowledge`"
+        "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command \
+         state acknowledge`"
     )]
     Fault(Fault),
     /// The controller is not in ENABLED.
@@ -24,7 +25,8 @@ pub enum StopReason {
     NotEnabled(OperatingState),
     /// A state number of another release.
     #[error(
-        "the controller reports state {0}, which this program does not know; build both from one release"
+        "the controller reports state {0}, which this program does not know; build both from one \
+         release"
     )]
     Unknown(u32),
     /// Another client commands.
@@ -180,7 +182,8 @@ impl TrackingSummary {
         let rms = (self.squares / self.samples as f64).sqrt().to_degrees();
         let largest = self.largest.to_degrees();
         Some(format!(
-            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own estimate"
+            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own \
+             estimate"
         ))
     }
 }

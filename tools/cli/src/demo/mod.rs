@@ -35,7 +35,8 @@ use unseen_motion::Motion;
 #[command(after_help = "Examples:
   i2ris demo
   i2ris demo --through-images --calibration-s 300 --motion-s 60 --seed 7
-  i2ris demo --snake brass --calibration-s 300 --motions teleoperation,circle,square,points --motion-s 60")]
+  i2ris demo --snake brass --calibration-s 300 --motions teleoperation,circle,square,points \
+  --motion-s 60")]
 pub struct Arguments {
     /// The snake behind the drives
     #[arg(long, value_enum, default_value_t = Snake::Steel)]
@@ -54,7 +55,12 @@ pub struct Arguments {
     through_images: Option<String>,
     /// With --through-images: use every Nth frame of the camera, for both calibrations; 1 renders
     /// 18,000 images for five minutes
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 4,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     pictures_every: u32,
     /// What to follow
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]

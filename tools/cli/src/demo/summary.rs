@@ -65,7 +65,8 @@ fn tracking(followed: &[Followed]) {
             _ => "-".to_owned(),
         };
         println!(
-            "  {motion:14} {family:16} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} {max:>10.3} {below:>13}",
+            "  {motion:14} {family:16} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} \
+             {max:>10.3} {below:>13}",
             errors.len()
         );
     }
@@ -133,7 +134,8 @@ fn granted(statistics: &PeriodStatistics) -> String {
 fn latency(sorted_us: &[f64]) {
     let ms = |share| percentile(sorted_us, share) / 1e3;
     println!(
-        "\nCommand published by another process -> its set-point handed to the serial line, {} commands",
+        "\nCommand published by another process -> its set-point handed to the serial line, {} \
+         commands",
         sorted_us.len()
     );
     println!(

@@ -71,7 +71,8 @@ fn check_latency(port: &PortConfig, report: &mut Report) {
         Some(ms) => report.warn(
             name,
             format!("{ms} ms: some {} exchanges a second", 1000 / (ms + 2)),
-            "udev rule: ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"",
+            "udev rule: ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", \
+             ATTR{latency_timer}=\"1\"",
         ),
     }
 }

@@ -302,7 +302,8 @@ mod tests {
             let mut key_handler = KeyHandler::default();
             for character in typed.chars() {
                 let order = key_handler.press(&key(character), &models(), NOW);
-                prop_assert!(!matches!(order, Some(OperatorCommand::Activate(_) | OperatorCommand::Rollback)));
+                use OperatorCommand::{Activate, Rollback};
+                prop_assert!(!matches!(order, Some(Activate(_) | Rollback)));
             }
         }
     }

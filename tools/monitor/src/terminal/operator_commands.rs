@@ -1,6 +1,6 @@
-//! Operator commands: the only part of the monitor that sends requests to the controller. Requests run
-//! in threads of their own, so that the screen does not wait for replies. Commands that stop the robot
-//! have a thread that no other command can delay.
+//! Operator commands: the only part of the monitor that sends requests to the controller. Requests
+//! run in threads of their own, so that the screen does not wait for replies. Commands that stop
+//! the robot have a thread that no other command can delay.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
@@ -17,8 +17,8 @@ const CONNECT: Nanos = Nanos::from_millis(200);
 /// Commands that may be pending behind the running one.
 const MAX_PENDING: usize = 2;
 
-/// A command of the operator. It can stop the robot and change its model. It cannot start or move the
-/// robot.
+/// A command of the operator. It can stop the robot and change its model. It cannot start or move
+/// the robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum OperatorCommand {
     /// Hold, and refuse servo commands until someone resumes.
@@ -75,7 +75,8 @@ impl OperatorCommands {
         }
     }
 
-    /// Queues a command; its result follows. `Some`: it was not queued because too many are pending.
+    /// Queues a command; its result follows. `Some`: it was not queued because too many are
+    /// pending.
     pub fn execute(&self, order: OperatorCommand) -> Option<CommandResult> {
         let name = order.name();
         let queue = if order.is_about_models() {

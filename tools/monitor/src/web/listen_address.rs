@@ -21,7 +21,8 @@ pub struct InvalidAddress(String);
 impl FromStr for ListenAddress {
     type Err = InvalidAddress;
 
-    /// Names other than `localhost` are not resolved: an address names the network that gets access.
+    /// Names other than `localhost` are not resolved: an address names the network that gets
+    /// access.
     fn from_str(text: &str) -> Result<Self, InvalidAddress> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
         let local = text

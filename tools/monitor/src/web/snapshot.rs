@@ -33,6 +33,8 @@ pub fn snapshot(
     let view = &dashboard.view;
     let (samples, next_sample) = dashboard.history.samples(since.sample);
     let (frames, next_frame) = dashboard.history.frames(since.frame);
+    let points = dashboard.models.outline.points.iter();
+    let hull: Vec<[f64; 2]> = points.map(|point| point.map(short)).collect();
     json!({
         "run": run,
         "domain": domain,
@@ -47,7 +49,7 @@ pub fn snapshot(
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
         "models": models(dashboard),
-        "hull": dashboard.models.outline.points.iter().map(|point| point.map(short)).collect::<Vec<_>>(),
+        "hull": hull,
         "along": dashboard.models.outline.along,
         "along_names": [dashboard.models.outline.name(0), dashboard.models.outline.name(1)],
         "events": events(dashboard, now),
@@ -82,9 +84,10 @@ fn operating(view: &LatestMessages, state: &OperatingStateMsg, now: Nanos) -> Va
 }
 
 fn joint_state(joint: &JointState, now: Nanos) -> Value {
+    let deviation = [joint.deviation[0], joint.deviation[1]].map(|d| short(d.to_degrees()));
     json!({
         "deg": angles(Some(joint)).map(|pair| pair.map(short)),
-        "deviation_deg": angles(Some(joint)).map(|_| [joint.deviation[0], joint.deviation[1]].map(|d| short(d.to_degrees()))),
+        "deviation_deg": angles(Some(joint)).map(|_| deviation),
         "memory_known": joint.flags & JointState::MEMORY_KNOWN != 0,
         "is_position": joint.count == 3,
         "age_ms": milliseconds(joint.age(now)),
@@ -115,6 +118,10 @@ fn actuators(view: &LatestMessages, motors: &ActuatorState, now: Nanos) -> Value
             .get(motor)
             .copied()
             .map_or("unknown", phase_text);
+        let error = motors.error_code.get(motor).filter(|code| **code != 0);
+        let rate = view
+            .exchange_rates
+            .and_then(|rates| rates.get(motor).copied());
         json!({
             "setpoint_counts": value(&motors.setpoint_counts),
             "measured_counts": value(&motors.measured_counts),
@@ -122,8 +129,8 @@ fn actuators(view: &LatestMessages, motors: &ActuatorState, now: Nanos) -> Value
             "phase": phase,
             "bad": matches!(phase, "lost" | "at fault" | "unknown"),
             "status": word(&motors.statusword),
-            "error": motors.error_code.get(motor).filter(|code| **code != 0).map(|_| word(&motors.error_code)),
-            "exchanges_per_s": view.exchange_rates.and_then(|rates| rates.get(motor).map(|rate| rate.round())),
+            "error": error.map(|_| word(&motors.error_code)),
+            "exchanges_per_s": rate.map(|rate| rate.round()),
             "age_ms": read.map(|read| milliseconds(now.since(read))),
             "stale": read.is_none_or(|read| now.since(read) > STALE) || motors.age(now) > STALE,
         })
@@ -133,7 +140,10 @@ fn actuators(view: &LatestMessages, motors: &ActuatorState, now: Nanos) -> Value
 
 fn loop_statistics(statistics: &PeriodStatistics, now: Nanos) -> Value {
     let us = |nanos: u64| (nanos as f64 / 100.0).round() / 10.0;
-    let spans = |span: &SpanSummary| json!({ "p50_us": us(span.p50_ns), "p99_us": us(span.p99_ns), "max_us": us(span.max_ns) });
+    let spans = |span: &SpanSummary| {
+        let [p50, p99, max] = [span.p50_ns, span.p99_ns, span.max_ns].map(us);
+        json!({ "p50_us": p50, "p99_us": p99, "max_us": max })
+    };
     let window = Nanos(statistics.window_ns).as_seconds();
     json!({
         "hz": if window > 0.0 { (statistics.ticks as f64 / window).round() } else { 0.0 },
@@ -152,7 +162,13 @@ fn loop_statistics(statistics: &PeriodStatistics, now: Nanos) -> Value {
 fn models(dashboard: &Dashboard) -> Value {
     let models = &dashboard.models;
     let named = |named: Option<LoadedModel>| {
-        named.map(|named| json!({ "name": named.name, "file": named.file, "memory_known": named.memory_known }))
+        named.map(|named| {
+            json!({
+                "name": named.name,
+                "file": named.file,
+                "memory_known": named.memory_known,
+            })
+        })
     };
     json!({
         "known": models.slots.is_some(),

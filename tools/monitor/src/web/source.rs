@@ -71,8 +71,8 @@ impl Source {
         } else {
             Since::default()
         };
-        // Copied, so that the thread that fills the dashboard never waits for text to be made, however
-        // many browsers ask.
+        // Copied, so that the thread that fills the dashboard never waits for text to be made,
+        // however many browsers ask.
         let dashboard = self.dashboard().clone();
         snapshot(
             &dashboard,

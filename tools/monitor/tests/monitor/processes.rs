@@ -26,10 +26,12 @@ const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id"
     "family": {"kind": "linear", "gain": [[0.015, -0.015], [0.015, 0.015]], "offset": [0.0, 0.0],
         "covariance": [[0.25, 0.0], [0.0, 0.25]]},
     "hull": {"corners": [[-900.0, -900.0], [900.0, -900.0], [900.0, 900.0], [-900.0, 900.0]]},
-    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3, "restarts": 1,
+    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3,
+        "restarts": 1,
         "log_likelihood": null, "bic": null, "software": "test"},
     "metrics": [METRICS, METRICS]}"#;
-const METRICS: &str = r#"{"training": {"r2": 0.99, "rmsd": 0.5, "nrmsd": 0.1, "mae": 0.4, "max": 2.0}, "held_out": null}"#;
+const METRICS: &str = r#"{"held_out": null,
+    "training": {"r2": 0.99, "rmsd": 0.5, "nrmsd": 0.1, "mae": 0.4, "max": 2.0}}"#;
 
 /// The controller, when this program is started again by [`Robot::start`]; nothing otherwise.
 #[test]

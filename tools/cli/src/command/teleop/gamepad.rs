@@ -39,9 +39,12 @@ pub(super) struct Gamepad {
 impl Gamepad {
     /// Opens a device. `dead_man`: the number of the button that must be held.
     pub fn open(path: &Path, dead_man: u8) -> Result<Self, Failure> {
-        let file = OpenOptions::new().read(true).custom_flags(nix::libc::O_NONBLOCK).open(path).map_err(|error| {
+        let mut options = OpenOptions::new();
+        options.read(true).custom_flags(nix::libc::O_NONBLOCK);
+        let file = options.open(path).map_err(|error| {
             format!(
-                "cannot open gamepad {}: {error}; name another device with --gamepad, `ls /dev/input/js*`",
+                "cannot open gamepad {}: {error}; name another device with --gamepad, `ls \
+                 /dev/input/js*`",
                 path.display()
             )
         })?;
@@ -116,7 +119,8 @@ impl GamepadState {
         let value = i16::from_le_bytes([low, high]);
         self.last_event = Some(now);
         match (kind, number) {
-            // A button that is down when the program starts does not count: something may lie on it.
+            // A button that is down when the program starts does not count: something may lie on
+            // it.
             (BUTTON, number) if number == self.dead_man => self.held = value != 0,
             (kind, SIDE) if kind & !FIRST == AXIS => self.stick[1] = deflection(value),
             // Forward gives negative values; forward is up.

@@ -1,9 +1,9 @@
 //! Teleoperation with keyboard or gamepad: dead-man switch, clutch and motion scaling.
 //!
-//! Both devices move a virtual master. While the dead-man switch is released the clutch is open: the
-//! snake holds, and the master stays at the pose of the snake. While it is held, the device moves the
-//! master, and the snake follows. A device that is unplugged opens the clutch at once and ends the
-//! program.
+//! Both devices move a virtual master. While the dead-man switch is released the clutch is open:
+//! the snake holds, and the master stays at the pose of the snake. While it is held, the device
+//! moves the master, and the snake follows. A device that is unplugged opens the clutch at once and
+//! ends the program.
 
 mod gamepad;
 mod keyboard;

@@ -1,5 +1,5 @@
-//! `i2ris demo --through-images`: a calibration whose angles come from images, compared with one from
-//! the true angles.
+//! `i2ris demo --through-images`: a calibration whose angles come from images, compared with one
+//! from the true angles.
 //!
 //! One run of the emulator, its camera without noise, gives encoder counts and true angles. What a
 //! microscope would have filmed is drawn from the angles and measured by `i2ris vision`, which
@@ -313,7 +313,8 @@ fn print_image_errors(demo: &DemoSetup) -> Result<(), Failure> {
         .collect();
     let [pitch, yaw, length] = rms_deg(&errors);
     println!(
-        "\nImages: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, {yaw:.3} in yaw, \
+        "\nImages: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, \
+         {yaw:.3} in yaw, \
          {length:.3} in length (RMS)",
         measured.len(),
         truth.len()
@@ -331,7 +332,8 @@ fn print_loss(followed: &[Followed], family: &str, motion: Motion) {
     };
     if let (Some(direct), Some(images)) = (length("direct"), length("images")) {
         println!(
-            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through images {images:.3} deg, \
+            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through images \
+             {images:.3} deg, \
              loss {:+.3} deg",
             images - direct
         );
