@@ -1,6 +1,7 @@
 //! `i2ris command`: moves the robot and changes its state.
 
 pub mod prepare;
+mod progress;
 mod stream;
 pub mod stream_monitor;
 mod teleop;
@@ -9,13 +10,11 @@ mod trajectory_player;
 
 use std::path::PathBuf;
 
-use clap::CommandFactory;
 use clap::error::ErrorKind;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
-use crate::Cli;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
 use stream::Plan;
@@ -299,9 +298,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 
 /// Ends the program as clap does for a command line that is wrong.
 fn wrong_usage(what: &str) -> ! {
-    Cli::command()
-        .error(ErrorKind::ArgumentConflict, what)
-        .exit()
+    clap::Error::raw(ErrorKind::ArgumentConflict, format!("{what}\n")).exit()
 }
 
 fn teleoperate(

@@ -40,12 +40,11 @@ use dashboard::Dashboard;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
 use std::process::ExitCode;
-use subscriptions::{READ_PERIOD, Subscriptions};
+use subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 
 /// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
-/// Time between two screens, and between two lines in a file.
-const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
+/// Time between two lines in a file.
 const LINE_PERIOD: Nanos = Nanos::from_millis(1000);
 /// Time limit for the first messages. Statistics come once a second.
 const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);

@@ -12,6 +12,8 @@ use super::latest_messages::LatestMessages;
 
 /// How often streams are read: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
+/// Time between two screens.
+pub const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
 /// Time over which counters become rates; the first rate comes early, from fewer exchanges.
 const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);

@@ -16,11 +16,10 @@ use i2ris::units::Nanos;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 
-use super::DRAW_PERIOD;
 use super::dashboard::Dashboard;
 use super::event_log::Severity;
 use super::model_poller::ModelPoller;
-use super::subscriptions::{READ_PERIOD, Subscriptions};
+use super::subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 use key_handler::KeyHandler;

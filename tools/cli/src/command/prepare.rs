@@ -6,11 +6,12 @@ use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
-use super::stream::FIRST_MESSAGE_TIMEOUT;
 use super::stream_monitor::{StopReason, enabled};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
+/// Time limit for the first message of the controller.
+pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Time limit for the drives to start, to home, or to switch on.
 const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 

@@ -7,18 +7,13 @@ use i2ris::ipc::payload::JointState;
 use i2ris::rt::Ticker;
 use i2ris::units::Nanos;
 
-use super::prepare::prepare;
+use super::prepare::{FIRST_MESSAGE_TIMEOUT, prepare};
+use super::progress::Progress;
 use super::stream_monitor::{StopReason, StreamMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
 use i2ris_terminal::Failure;
-use i2ris_terminal::{Interrupt, Screen, until_closed};
-
-/// Time limit for the first message of the controller.
-pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
-/// Time between two lines on a terminal, and in a file.
-const SHOW_PERIOD: Nanos = Nanos::from_millis(100);
-const LOG_PERIOD: Nanos = Nanos::from_millis(1000);
+use i2ris_terminal::Interrupt;
 
 /// What to stream.
 #[derive(Debug)]
@@ -75,7 +70,6 @@ pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
 /// Streams the plan until it ends, is interrupted, or the controller cannot follow any more.
 /// Releases the lease.
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
-    let mut screen = Screen::stdout();
     let state = prepare(client, plan.enable, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
@@ -88,24 +82,18 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
     let mut stream = Stream {
         name: plan.name,
         player,
-        monitor,
+        progress: Progress::new(monitor),
         commander: client.commander(),
         goal: Latest::new(client.watcher().goal_js()),
         measured: Latest::new(client.watcher().measured_js()),
         tracking: TrackingSummary::default(),
-        next_show: Nanos::ZERO,
     };
-    let outcome = stream.play(
-        client,
-        Nanos((1e9 / plan.rate_hz) as u64),
-        interrupt,
-        &mut screen,
-    );
+    let outcome = stream.play(client, Nanos((1e9 / plan.rate_hz) as u64), interrupt);
     let released = client.state_command(StateCommand::Release);
     outcome?;
     released?;
     if let Some(summary) = stream.tracking.summary() {
-        until_closed(screen.say(&summary))?;
+        stream.progress.say(&summary)?;
     }
     Ok(())
 }
@@ -113,12 +101,11 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
 struct Stream {
     name: &'static str,
     player: TrajectoryPlayer,
-    monitor: StreamMonitor,
+    progress: Progress,
     commander: Commander,
     goal: Latest<JointState>,
     measured: Latest<JointState>,
     tracking: TrackingSummary,
-    next_show: Nanos,
 }
 
 impl Stream {
@@ -127,7 +114,6 @@ impl Stream {
         client: &mut Client,
         period: Nanos,
         interrupt: &Interrupt,
-        screen: &mut Screen,
     ) -> Result<(), Failure> {
         let (mut last, mut closed) = (clock::now(), false);
         let mut ticker = Ticker::new(last + period, period, Nanos::ZERO);
@@ -140,65 +126,44 @@ impl Stream {
             let angles = self.player.advance((now - last).as_seconds(), stop);
             last = now;
             self.commander.servo_jp(&angles.map(f64::to_radians))?;
-            closed |= !self.follow(client, angles, screen)?;
+            closed |= !self.check_response(client, angles)?;
         }
     }
 
-    /// Looks at what the controller makes of it. The answer is whether anyone still reads what is
-    /// shown.
-    fn follow(
-        &mut self,
-        client: &mut Client,
-        angles: Angles,
-        screen: &mut Screen,
-    ) -> Result<bool, Failure> {
-        let state = client.operating_state()?;
-        let now = clock::now();
-        let refusal = state
-            .map(|state| self.monitor.check(&state, now))
-            .transpose()?
-            .flatten();
+    /// Checks the response of the controller. Returns whether standard output still has a reader.
+    fn check_response(&mut self, client: &mut Client, angles: Angles) -> Result<bool, Failure> {
         if let (Some(goal), Some(measured)) = (self.goal.refresh()?, self.measured.refresh()?) {
             self.tracking.record(goal, measured);
         }
-        if let Some(refusal) = refusal {
-            return Ok(until_closed(screen.say(&format!("refused: {refusal}")))?);
-        }
-        if now < self.next_show {
-            return Ok(true);
-        }
-        self.next_show = now
-            + if screen.is_terminal() {
-                SHOW_PERIOD
-            } else {
-                LOG_PERIOD
-            };
-        Ok(until_closed(screen.draw(&[self.line(angles)]))?)
+        let Self {
+            name,
+            player,
+            measured,
+            progress,
+            ..
+        } = self;
+        progress.check(client, || line(name, player, measured.value(), angles))
     }
+}
 
-    fn line(&self, [pitch, yaw]: Angles) -> String {
-        let left = match self.player.left_s() {
-            _ if self.player.is_approaching() => "approaching".to_owned(),
-            Some(left_s) => format!("{left_s:.1} s left"),
-            None => "until Ctrl-C".to_owned(),
-        };
-        let measured = self
-            .measured
-            .value()
-            .filter(|joint| joint.flags & JointState::VALID != 0)
-            .map_or_else(
-                || "unknown".to_owned(),
-                |joint| {
-                    format!(
-                        "{:+.2} {:+.2}",
-                        joint.position[0].to_degrees(),
-                        joint.position[1].to_degrees()
-                    )
-                },
-            );
-        format!(
-            "{}: {left}; pitch, yaw commanded {pitch:+.2} {yaw:+.2}, measured {measured} deg",
-            self.name
-        )
-    }
+fn line(
+    name: &str,
+    player: &TrajectoryPlayer,
+    measured: Option<&JointState>,
+    [pitch, yaw]: Angles,
+) -> String {
+    let left = match player.left_s() {
+        _ if player.is_approaching() => "approaching".to_owned(),
+        Some(left_s) => format!("{left_s:.1} s left"),
+        None => "until Ctrl-C".to_owned(),
+    };
+    let measured = measured.filter(|joint| joint.flags & JointState::VALID != 0);
+    let measured = measured.map_or_else(
+        || "unknown".to_owned(),
+        |joint| {
+            let [pitch, yaw, _] = joint.position.map(f64::to_degrees);
+            format!("{pitch:+.2} {yaw:+.2}")
+        },
+    );
+    format!("{name}: {left}; pitch, yaw commanded {pitch:+.2} {yaw:+.2}, measured {measured} deg")
 }

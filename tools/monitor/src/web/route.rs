@@ -2,8 +2,8 @@
 
 use std::net::IpAddr;
 
+use super::cursor::Since;
 use super::http::{Request, Response};
-use super::source::Since;
 
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";

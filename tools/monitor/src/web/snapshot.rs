@@ -9,7 +9,7 @@ use i2ris::ipc::{Message, Refusal};
 use i2ris::units::Nanos;
 use serde_json::{Value, json};
 
-use super::source::Since;
+use super::cursor::Since;
 use crate::dashboard::Dashboard;
 use crate::event_log::Severity;
 use crate::history::{CameraFrame, Pair, Sample};

@@ -5,6 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use i2ris::clock;
 use i2ris::units::Nanos;
 
+use super::cursor::Since;
 use super::snapshot::snapshot;
 use crate::dashboard::Dashboard;
 
@@ -15,35 +16,6 @@ pub struct Source {
     domain: String,
     /// When this monitor was started: names it, and is where its seconds begin.
     origin: Nanos,
-}
-
-/// What a browser has already.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Since {
-    /// Of which start of the monitor.
-    pub run: u64,
-    /// The number of the next sample, and of the next frame.
-    pub sample: u64,
-    pub frame: u64,
-}
-
-impl Since {
-    /// From a query, `run=1&sample=2&frame=3`. What is missing or no number is 0: then everything
-    /// is new.
-    pub fn parse(query: &str) -> Self {
-        let value = |name: &str| {
-            let mut pairs = query.split('&').filter_map(|pair| pair.split_once('='));
-            pairs
-                .find(|(key, _)| *key == name)
-                .and_then(|(_, value)| value.parse().ok())
-                .unwrap_or(0)
-        };
-        Self {
-            run: value("run"),
-            sample: value("sample"),
-            frame: value("frame"),
-        }
-    }
 }
 
 impl Source {

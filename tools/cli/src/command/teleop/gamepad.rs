@@ -8,8 +8,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::units::Nanos;
 
-use super::virtual_master::DeviceInput;
-use super::{DeviceLost, InputDevice};
+use super::input_device::{DeviceInput, DeviceLost, InputDevice};
 use i2ris_terminal::Failure;
 
 /// Bytes of an event: time, ms (u32), value (i16), kind (u8), number (u8).

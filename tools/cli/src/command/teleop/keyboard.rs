@@ -12,8 +12,7 @@ use i2ris_terminal::Failure;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 
-use super::virtual_master::DeviceInput;
-use super::{DeviceLost, InputDevice};
+use super::input_device::{DeviceInput, DeviceLost, InputDevice};
 
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.

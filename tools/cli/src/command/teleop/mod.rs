@@ -6,6 +6,7 @@
 //! ends the program.
 
 mod gamepad;
+mod input_device;
 mod keyboard;
 mod virtual_master;
 
@@ -19,17 +20,15 @@ use i2ris::rt::Ticker;
 use i2ris::units::Nanos;
 
 use super::prepare::prepare;
+use super::progress::Progress;
 use super::stream::{present_pose, two_angles};
 use super::stream_monitor::StreamMonitor;
 use gamepad::Gamepad;
 use i2ris_terminal::Failure;
-use i2ris_terminal::{Interrupt, Screen, until_closed};
+use i2ris_terminal::Interrupt;
+use input_device::InputDevice;
 use keyboard::Keyboard;
-use virtual_master::{DeviceInput, MasterCommand, VirtualMaster};
-
-/// Time between two lines on a terminal, and in a file.
-const SHOW_PERIOD: Nanos = Nanos::from_millis(100);
-const LOG_PERIOD: Nanos = Nanos::from_millis(1000);
+use virtual_master::{MasterCommand, VirtualMaster};
 
 /// Longest delay of a command to the control loop: some ticks.
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
@@ -65,21 +64,6 @@ pub struct Plan {
     pub enable: bool,
 }
 
-/// An input device.
-trait InputDevice {
-    /// Its present state. Never waits.
-    fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost>;
-    /// How to use it, in one line.
-    fn help(&self) -> &'static str;
-}
-
-/// The device is lost.
-#[derive(Debug, thiserror::Error)]
-#[error("{what}; the snake holds")]
-pub struct DeviceLost {
-    what: String,
-}
-
 /// Commands the snake until the operator or the system ends it, or the controller cannot follow any
 /// more. Then the snake holds and the lease is free.
 pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -96,15 +80,13 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
             plan.speed_deg_s * plan.scale,
             plan.step_deg * plan.scale,
         ),
-        monitor,
+        progress: Progress::new(monitor),
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
-        next_show: Nanos::ZERO,
     };
-    let mut screen = Screen::stdout();
-    until_closed(screen.say(source.help()))?;
+    teleoperation.progress.say(source.help())?;
     let period = Nanos((1e9 / plan.rate_hz) as u64);
-    let outcome = teleoperation.run(client, source.as_mut(), period, interrupt, &mut screen);
+    let outcome = teleoperation.run(client, source.as_mut(), period, interrupt);
     // The clutch first: the lease is valid until it is released.
     let held = teleoperation.hold();
     // A command that arrives later would take the lease again.
@@ -118,10 +100,9 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
 
 struct Teleoperation {
     master: VirtualMaster,
-    monitor: StreamMonitor,
+    progress: Progress,
     commander: Commander,
     setpoint: Latest<JointState>,
-    next_show: Nanos,
 }
 
 impl Teleoperation {
@@ -131,7 +112,6 @@ impl Teleoperation {
         source: &mut dyn InputDevice,
         period: Nanos,
         interrupt: &Interrupt,
-        screen: &mut Screen,
     ) -> Result<(), Failure> {
         let mut last = clock::now();
         let mut ticker = Ticker::new(last + period, period, Nanos::ZERO);
@@ -145,7 +125,7 @@ impl Teleoperation {
             let command = self.master.update(&input, snake, (now - last).as_seconds());
             last = now;
             self.send(&command)?;
-            if !self.check_response(client, &command, now, screen)? {
+            if !self.progress.check(client, || line(&command))? {
                 break;
             }
         }
@@ -164,40 +144,14 @@ impl Teleoperation {
         let command = self.master.hold();
         self.send(&command)
     }
+}
 
-    /// Checks the response of the controller. Returns whether standard output still has a reader.
-    fn check_response(
-        &mut self,
-        client: &mut Client,
-        command: &MasterCommand,
-        now: Nanos,
-        screen: &mut Screen,
-    ) -> Result<bool, Failure> {
-        let state = client.operating_state()?;
-        let refusal = state
-            .map(|state| self.monitor.check(&state, clock::now()))
-            .transpose()?
-            .flatten();
-        if let Some(refusal) = refusal {
-            return Ok(until_closed(screen.say(&format!("refused: {refusal}")))?);
-        }
-        if now < self.next_show {
-            return Ok(true);
-        }
-        self.next_show = now
-            + if screen.is_terminal() {
-                SHOW_PERIOD
-            } else {
-                LOG_PERIOD
-            };
-        let clutch = if command.clutch_open {
-            "HOLDS (dead-man switch released)"
-        } else {
-            "FOLLOWS"
-        };
-        let [pitch, yaw] = command.pose;
-        Ok(until_closed(screen.draw(&[format!(
-            "the snake {clutch}; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg"
-        )]))?)
-    }
+fn line(command: &MasterCommand) -> String {
+    let clutch = if command.clutch_open {
+        "HOLDS (dead-man switch released)"
+    } else {
+        "FOLLOWS"
+    };
+    let [pitch, yaw] = command.pose;
+    format!("the snake {clutch}; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg")
 }

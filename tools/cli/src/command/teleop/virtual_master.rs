@@ -1,5 +1,6 @@
 //! The virtual master: the pose that keyboard or gamepad command. Pure.
 
+use super::input_device::DeviceInput;
 use crate::command::trajectory::Angles;
 use crate::trajectory_time::LONGEST_STEP_S;
 
@@ -9,19 +10,6 @@ const MAX_AHEAD_DEG: f64 = 2.0;
 /// Key presses that may be pending. Keys repeat faster than the snake moves, and the snake should
 /// stop soon after the keys do.
 const MAX_PENDING_STEPS: f64 = 3.0;
-
-/// The state of an input device.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct DeviceInput {
-    /// The dead-man switch is held.
-    pub engaged: bool,
-    /// Share of the full speed, pitch and yaw, -1 to 1.
-    pub velocity: Angles,
-    /// Key presses since the last call, pitch and yaw.
-    pub steps: [i32; 2],
-    /// The operator ends the program.
-    pub quit: bool,
-}
 
 /// The command to the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
