@@ -2,6 +2,9 @@
 //!
 //! | file | holds |
 //! |---|---|
+//! | `arguments` | its command line |
+//! | `progress` | steps on the screen, interruption |
+//! | `steps` | calibrate, fit, follow |
 //! | `process` | child processes, ended with the demo |
 //! | `setup` | folder, domain, emulator and controllers |
 //! | `unseen_motion` | motions that no calibration has seen |
@@ -9,8 +12,11 @@
 //! | `through_images` | a calibration through images, compared with one from true angles |
 //! | `summary` | what is printed at the end |
 
+mod arguments;
 mod process;
+mod progress;
 mod setup;
+mod steps;
 mod summary;
 mod through_images;
 mod tracking;
@@ -18,87 +24,17 @@ mod unseen_motion;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
-use i2ris_terminal::programs;
-use indicatif::{ProgressBar, ProgressStyle};
+use i2ris_terminal::{Failure, programs};
 
-use i2ris_terminal::Failure;
-use process::Process;
-use setup::{DemoSetup, Snake, text};
-use summary::Followed;
-use unseen_motion::Motion;
-
-/// Arguments of `i2ris demo`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
-  i2ris demo
-  i2ris demo --through-images --calibration-s 300 --motion-s 60 --seed 7
-  i2ris demo --snake brass --calibration-s 300 --motions teleoperation,circle,square,points \
-  --motion-s 60")]
-pub struct Arguments {
-    /// The snake behind the drives
-    #[arg(long, value_enum, default_value_t = Snake::Steel)]
-    snake: Snake,
-    /// How long to calibrate
-    #[arg(long, value_name = "S", default_value_t = 90.0)]
-    calibration_s: f64,
-    /// Families of models to compare; `best` is the one with the least error on what was held out
-    /// [default: linear,gmr,best; with --through-images: gmr-stop]
-    #[arg(long, value_name = "FAMILY,..", value_delimiter = ',')]
-    families: Vec<String>,
-    /// Calibrate twice over the same motion, by the true angles and through synthetic images of
-    /// this size, and compare
-    #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960",
-          value_parser = through_images::size)]
-    through_images: Option<String>,
-    /// With --through-images: use every Nth frame of the camera, for both calibrations; 1 renders
-    /// 18,000 images for five minutes
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 4,
-        value_parser = clap::value_parser!(u32).range(1..)
-    )]
-    pictures_every: u32,
-    /// What to follow
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]
-    motions: Vec<Motion>,
-    /// How long teleoperation lasts
-    #[arg(long, value_name = "S", default_value_t = 20.0)]
-    motion_s: f64,
-    /// Seed of everything random; no calibration has the one of the motions
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// Take an earlier recording instead of calibrating, and the models beside it that are called
-    /// FAMILY.json
-    #[arg(long, value_name = "FOLDER")]
-    from: Option<PathBuf>,
-    /// Copy the recording, the models and the logs to this folder before cleaning up
-    #[arg(long, value_name = "FOLDER")]
-    keep: Option<PathBuf>,
-}
-
-impl Arguments {
-    /// The families asked for, or the usual ones, separated by commas.
-    fn families(&self, usual: &str) -> Vec<String> {
-        if self.families.is_empty() {
-            usual.split(',').map(str::to_owned).collect()
-        } else {
-            self.families.clone()
-        }
-    }
-}
-
-/// Offset of the seeds of motions: no calibration has the same seed.
-const MOTION_SEEDS: u64 = 1000;
-
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+pub use arguments::Arguments;
+use progress::{catch_interrupts, step};
+use setup::DemoSetup;
+use steps::{calibrate, fit_to, follow};
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Release))?;
+    catch_interrupts()?;
     let this_program = std::env::current_exe()?;
     let controller_program = controller_program(&this_program, arguments.through_images.is_some())?;
     let folder = demo_folder(&this_program)?;
@@ -139,152 +75,6 @@ fn show(demo: &DemoSetup, arguments: &Arguments) -> Result<(), Failure> {
         "The camera adds its noise of about 0.05 degrees per axis.",
     );
     Ok(())
-}
-
-/// Follows every motion with a model.
-fn follow(
-    demo: &DemoSetup,
-    emulator: &mut Process,
-    arguments: &Arguments,
-    model: &str,
-) -> Result<Vec<Followed>, Failure> {
-    let start = || demo.start_controller(Some(&format!("{model}.json")));
-    let (mut controller, mut client) =
-        step(&format!("start the controller with `{model}`"), start)?;
-    step("condition the wires", || setup::condition(&mut client))?;
-    let mut followed = Vec::new();
-    for motion in &arguments.motions {
-        let path = motion.path(arguments.motion_s, MOTION_SEEDS + arguments.seed);
-        let file = demo.path("motion.csv");
-        tracking::write_path(&file, &path)?;
-        let bar = bar(
-            &format!("follow {motion} with `{model}`"),
-            path.len() as f64 / unseen_motion::RATE_HZ,
-        );
-        let run = tracking::follow(
-            demo,
-            &client,
-            &mut [&mut *emulator, &mut controller],
-            &file,
-            &bar,
-        )?;
-        finish(&bar, &format!("{} frames", run.errors_deg.len()));
-        followed.push(Followed {
-            family: model.to_owned(),
-            motion: *motion,
-            run,
-        });
-    }
-    drop(client);
-    controller.end()?;
-    Ok(followed)
-}
-
-fn calibrate(
-    demo: &DemoSetup,
-    emulator: &mut Process,
-    arguments: &Arguments,
-) -> Result<(), Failure> {
-    let (mut controller, client) = step("start the controller, home, enable", || {
-        demo.start_controller(None)
-    })?;
-    drop(client);
-    let duration_s = arguments.calibration_s;
-    let bar = bar("calibration protocol through the controller", duration_s);
-    let (config, output) = (
-        text(&demo.path("controller.toml"))?,
-        text(&demo.path("recording.csv"))?,
-    );
-    let duration = duration_s.to_string();
-    let seed = arguments.seed.to_string();
-    let collect = [
-        "calibrate",
-        "collect",
-        "--config",
-        &config,
-        "--output",
-        &output,
-        "--duration-s",
-        &duration,
-        "--seed",
-        &seed,
-    ];
-    let mut collect = demo.tool("collect", &collect)?;
-    let start = i2ris::clock::now();
-    while !collect.finished()? {
-        check_children(&mut [emulator, &mut controller])?;
-        bar.set_position(((i2ris::clock::now() - start).as_seconds() * 10.0) as u64);
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    finish(&bar, "done");
-    controller.end()
-}
-
-/// Fits a family to a recording and calls the model `name`.
-fn fit_to(
-    demo: &DemoSetup,
-    recording: &str,
-    family: &str,
-    name: &str,
-    seed: u64,
-) -> Result<(), Failure> {
-    let (recording, output) = (
-        text(&demo.path(recording))?,
-        text(&demo.path(&format!("{name}.json")))?,
-    );
-    let robot = demo.config().robot_id.as_str();
-    let seed = seed.to_string();
-    let fit = [
-        "calibrate",
-        "fit",
-        &recording,
-        "--family",
-        family,
-        "--robot-id",
-        robot,
-        "--seed",
-        &seed,
-        "--output",
-        &output,
-    ];
-    let mut fit = demo.tool("fit", &fit)?;
-    while !fit.finished()? {
-        check_children(&mut [])?;
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    Ok(())
-}
-
-/// Fails when the demo is interrupted or a child has ended.
-fn check_children(children: &mut [&mut Process]) -> Result<(), Failure> {
-    if INTERRUPTED.load(Ordering::Acquire) {
-        return Err("interrupted; everything was stopped and cleaned up".into());
-    }
-    children.iter_mut().try_for_each(|child| child.check())
-}
-
-fn step<T>(what: &str, work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-    check_children(&mut [])?;
-    let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
-    spinner.enable_steady_tick(Duration::from_millis(100));
-    let done = work()?;
-    finish(&spinner, "done");
-    Ok(done)
-}
-
-fn bar(what: &str, duration_s: f64) -> ProgressBar {
-    let bar = ProgressBar::new((duration_s * 10.0) as u64).with_message(what.to_owned());
-    if let Ok(style) = ProgressStyle::with_template("{msg:50} {bar:20} {eta} left") {
-        bar.set_style(style);
-    }
-    bar
-}
-
-/// One line per finished step, on a terminal and in a log alike.
-fn finish(bar: &ProgressBar, outcome: &str) {
-    let what = bar.message();
-    bar.finish_and_clear();
-    eprintln!("{what:<50} {outcome}");
 }
 
 /// `i2ris-control` beside this program, up to date.

@@ -8,8 +8,8 @@ use i2ris::ipc::payload::{ActuatorState, JointState, PeriodStatistics};
 use i2ris::units::Nanos;
 use indicatif::ProgressBar;
 
-use super::check_children;
 use super::process::Process;
+use super::progress::check_children;
 use super::setup::{DemoSetup, text};
 use super::unseen_motion::RATE_HZ;
 use crate::series::{Series, percentile};

@@ -21,11 +21,14 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use super::arguments::Arguments;
 use super::process::Process;
+use super::progress::{bar, check_children, finish, step};
 use super::setup::{DemoSetup, text};
+use super::steps::{calibrate, fit_to, follow};
 use super::summary::Followed;
 use super::tracking::rms_deg;
-use super::{Arguments, Motion, bar, calibrate, check_children, finish, fit_to, follow, step};
+use super::unseen_motion::Motion;
 use i2ris_terminal::Failure;
 use i2ris_terminal::pose_table::{self, Pose};
 use single_axis::{REST_S, SingleAxisMotion};
@@ -40,20 +43,6 @@ const DIRECT: &str = "direct.csv";
 
 /// The two sources of angles: name, and recording.
 const VARIANTS: [(&str, &str); 2] = [("direct", DIRECT), ("images", "images.csv")];
-
-/// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.
-pub fn size(text: &str) -> Result<String, String> {
-    let is_side = |side: &str| {
-        side.parse()
-            .is_ok_and(|side| (16..=1 << 14).contains(&side))
-    };
-    let is_size = text
-        .split_once('x')
-        .is_some_and(|(w, h)| is_side(w) && is_side(h));
-    is_size
-        .then(|| text.to_owned())
-        .ok_or_else(|| "write columns x rows, such as 1280x960".to_owned())
-}
 
 /// Runs it.
 pub fn show(demo: &DemoSetup, arguments: &Arguments, size: &str) -> Result<(), Failure> {

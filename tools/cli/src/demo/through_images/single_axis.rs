@@ -11,7 +11,8 @@ use i2ris::rt::Ticker;
 use i2ris::units::Nanos;
 
 use crate::command::stream_monitor::StreamMonitor;
-use crate::demo::{check_children, process::Process};
+use crate::demo::process::Process;
+use crate::demo::progress::check_children;
 use crate::series::Series;
 use crate::trajectory_time::LONGEST_STEP_S;
 use i2ris_terminal::Failure;
