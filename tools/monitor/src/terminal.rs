@@ -168,7 +168,7 @@ mod tests {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args([
             "--exact",
-            "monitor::terminal::tests::a_panic_puts_the_terminal_back",
+            "terminal::tests::a_panic_puts_the_terminal_back",
             "--nocapture",
         ]);
         command

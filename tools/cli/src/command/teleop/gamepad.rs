@@ -57,7 +57,7 @@ impl Gamepad {
 
     fn lost(&self, why: &str) -> DeviceLost {
         DeviceLost {
-            what: format!("gamepad {} is lost ({why})", self.path.display()),
+            what: format!("gamepad {} is gone ({why})", self.path.display()),
         }
     }
 }

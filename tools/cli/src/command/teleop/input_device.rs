@@ -25,7 +25,7 @@ pub(super) trait InputDevice {
     fn help(&self) -> &'static str;
 }
 
-/// The device is lost.
+/// The device is gone.
 #[derive(Debug, thiserror::Error)]
 #[error("{what}; the snake holds")]
 pub struct DeviceLost {

@@ -74,7 +74,7 @@ impl InputDevice for Keyboard {
     fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost> {
         let mut input = DeviceInput::default();
         let bytes = self.bytes().map_err(|error| DeviceLost {
-            what: format!("the terminal is lost ({error})"),
+            what: format!("the terminal is gone ({error})"),
         })?;
         for key in keys(&bytes) {
             self.keys.press(key, now, &mut input);
