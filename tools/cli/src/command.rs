@@ -1,28 +1,27 @@
 //! `i2ris command`: moves the robot and changes its state.
 
-mod path;
-mod player;
 pub mod prepare;
+mod progress;
 mod stream;
+pub mod stream_monitor;
 mod teleop;
-pub mod watch;
+mod trajectory;
+mod trajectory_player;
 
 use std::path::PathBuf;
 
-use clap::CommandFactory;
 use clap::error::ErrorKind;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
-use crate::Cli;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
-use path::{Angles, Path, Table};
 use stream::Plan;
-use teleop::Device;
+use teleop::DeviceOption;
+use trajectory::{Angles, Trajectory, Waypoints};
 
-/// How long to wait for a controller that is just starting.
+/// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
 
 /// Arguments of `i2ris command`.
@@ -35,8 +34,8 @@ const CONNECT: Nanos = Nanos::from_millis(2000);
   i2ris command pose 5 -3 --duration-s 2
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
   i2ris command file desired.csv
-  i2ris command --keyboard --scale 0.5           space bar: dead-man; arrows lead
-  i2ris command --gamepad /dev/input/js0         hold a shoulder button, lead with the left stick
+  i2ris command --keyboard --scale 0.5           space bar: dead-man switch; arrows steer
+  i2ris command --gamepad /dev/input/js0         hold a shoulder button, steer with the left stick
 
 Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
 )]
@@ -53,10 +52,10 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Args)]
 struct TeleopOptions {
-    /// Lead the snake with the keys of this terminal
+    /// Command the snake with the keys of this terminal
     #[arg(long, conflicts_with = "gamepad")]
     keyboard: bool,
-    /// Lead the snake with a gamepad
+    /// Command the snake with a gamepad
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "/dev/input/js0")]
     gamepad: Option<PathBuf>,
     /// Number of the button of the gamepad that has to be held; 5 is the right shoulder button of
@@ -72,13 +71,13 @@ struct TeleopOptions {
 }
 
 impl TeleopOptions {
-    fn device(&self) -> Option<Device> {
-        let gamepad = |path: &PathBuf| Device::Gamepad {
+    fn device(&self) -> Option<DeviceOption> {
+        let gamepad = |path: &PathBuf| DeviceOption::Gamepad {
             path: path.clone(),
             dead_man: self.dead_man,
         };
         if self.keyboard {
-            Some(Device::Keyboard)
+            Some(DeviceOption::Keyboard)
         } else {
             self.gamepad.as_ref().map(gamepad)
         }
@@ -91,9 +90,14 @@ struct StreamOptions {
     /// between
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate, global = true)]
     rate_hz: f64,
-    /// Speed limit on the way to the start of the path, and of the master that keys or a gamepad
-    /// lead
-    #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive, global = true)]
+    /// Speed limit of the approach to the start of the trajectory, and of keyboard and gamepad
+    #[arg(
+        long,
+        default_value_t = 10.0,
+        value_name = "DEG_PER_S",
+        value_parser = positive,
+        global = true
+    )]
     speed_deg_s: f64,
     /// Home and enable the robot first, where necessary
     #[arg(long, global = true)]
@@ -123,8 +127,8 @@ enum What {
     /// Swing to both sides
     Sine {
         /// Largest distance from the middle
-        #[arg(long, num_args = 2, required = true, value_names = ["PITCH_DEG", "YAW_DEG"], value_parser = finite,
-              allow_negative_numbers = true)]
+        #[arg(long, num_args = 2, required = true, value_names = ["PITCH_DEG", "YAW_DEG"],
+              value_parser = finite, allow_negative_numbers = true)]
         amplitude_deg: Vec<f64>,
         #[command(flatten)]
         periodic: Periodic,
@@ -163,7 +167,7 @@ struct Periodic {
     /// Time for one round
     #[arg(long, value_name = "S", value_parser = positive)]
     period_s: f64,
-    /// End after this time on the path instead of with Ctrl-C
+    /// End after this time on the trajectory instead of with Ctrl-C
     #[arg(long, value_name = "S", value_parser = positive)]
     duration_s: Option<f64>,
 }
@@ -216,7 +220,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     } = arguments;
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
-        (None, Some(device)) => return lead(&domain, &stream, &teleop, device),
+        (None, Some(device)) => return teleoperate(&domain, &stream, &teleop, device),
         (Some(_), Some(_)) => {
             wrong_usage("give either --keyboard or --gamepad or a subcommand, not both")
         }
@@ -224,9 +228,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`")
         }
     };
-    // A file with a mistake is refused before the robot moves.
-    let table = if let What::File { csv } = &what {
-        Some(Table::load(csv)?)
+    // A wrong file is refused before the robot moves.
+    let waypoints = if let What::File { csv } = &what {
+        Some(Waypoints::load(csv)?)
     } else {
         None
     };
@@ -239,7 +243,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             pitch_deg,
             yaw_deg,
             duration_s,
-        } => ("pose", Some(Path::Point([pitch_deg, yaw_deg])), duration_s),
+        } => (
+            "pose",
+            Some(Trajectory::Point([pitch_deg, yaw_deg])),
+            duration_s,
+        ),
         What::Sine {
             amplitude_deg,
             periodic,
@@ -247,7 +255,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             let (center, amplitude) = (pair(&periodic.center), pair(&amplitude_deg));
             (
                 "sine",
-                Some(Path::Sine {
+                Some(Trajectory::Sine {
                     center,
                     amplitude,
                     period_s: periodic.period_s,
@@ -260,14 +268,14 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             periodic,
         } => {
             let center = pair(&periodic.center);
-            let path = Path::Circle {
+            let path = Trajectory::Circle {
                 center,
                 radius: radius_deg,
                 period_s: periodic.period_s,
             };
             ("circle", Some(path), periodic.duration_s)
         }
-        What::File { .. } => ("file", table.map(Path::Table), None),
+        What::File { .. } => ("file", waypoints.map(Trajectory::Waypoints), None),
     };
     let StreamOptions {
         rate_hz,
@@ -278,7 +286,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         &mut client,
         Plan {
             name,
-            path,
+            trajectory: path,
             duration_s,
             rate_hz,
             speed_deg_s,
@@ -288,18 +296,16 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     )
 }
 
-/// Ends the program as any command line that makes no sense.
+/// Ends the program as clap does for a command line that is wrong.
 fn wrong_usage(what: &str) -> ! {
-    Cli::command()
-        .error(ErrorKind::ArgumentConflict, what)
-        .exit()
+    clap::Error::raw(ErrorKind::ArgumentConflict, format!("{what}\n")).exit()
 }
 
-fn lead(
+fn teleoperate(
     domain: &DomainOption,
     stream: &StreamOptions,
     options: &TeleopOptions,
-    device: Device,
+    device: DeviceOption,
 ) -> Result<(), Failure> {
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;
@@ -326,12 +332,12 @@ fn lead(
 
 fn change_state(client: &mut Client, command: StateCommand, json: bool) -> Result<(), Failure> {
     let state = client.state_command(command)?;
-    let told = if json {
+    let report = if json {
         serde_json::json!({ "accepted": command.text(), "state": state.text() }).to_string()
     } else {
         format!("accepted: {command}; the controller is {state}")
     };
-    until_closed(Screen::stdout().say(&told))?;
+    until_closed(Screen::stdout().say(&report))?;
     Ok(())
 }
 

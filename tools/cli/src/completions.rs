@@ -2,11 +2,10 @@
 
 use std::io::{Write, stdout};
 
-use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 use i2ris_terminal::{Failure, until_closed};
 
-use crate::{Cli, external};
+use crate::external;
 
 /// Arguments of `i2ris completions`.
 #[derive(Debug, clap::Args)]
@@ -21,9 +20,9 @@ pub struct Arguments {
     shell: Shell,
 }
 
-/// Runs it.
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut command = external::with_descriptions(Cli::command());
+/// Prints the script for `own`, the command line of `i2ris`, and its programs.
+pub fn run(arguments: &Arguments, own: clap::Command) -> Result<(), Failure> {
+    let mut command = external::with_descriptions(own);
     let mut script = Vec::new();
     generate(arguments.shell, &mut command, "i2ris", &mut script);
     until_closed(stdout().write_all(&script))?;

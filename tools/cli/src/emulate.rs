@@ -16,11 +16,11 @@ use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario
 
 use i2ris_terminal::Failure;
 
-/// How often the status line is refreshed.
+/// Time between two status lines.
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
 
-/// How often it is looked whether to end.
-const NAP: Nanos = Nanos::from_millis(20);
+/// Time between two checks for the end.
+const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// Arguments of `i2ris emulate`.
 #[derive(Debug, clap::Args)]
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Folder in which the ports appear as axis0 and axis1
     #[arg(long, value_name = "DIR", default_value = DEFAULT_FOLDER)]
     ports: PathBuf,
-    /// Domain of the controller that receives the camera's pictures
+    /// Domain of the controller that receives the frames of the camera
     #[arg(long, value_name = "NAME", default_value = "i2ris")]
     domain: String,
     /// Write every set-point, change of state and broken rule to a CSV file
@@ -54,11 +54,16 @@ pub struct Arguments {
     /// What is done to drives, lines and wires, and when (TOML)
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Do not publish camera pictures
+    /// Do not publish camera frames
     #[arg(long)]
     no_camera: bool,
-    /// Standard deviation of the camera's angles; 0: the true angles, for drawing pictures of them
-    #[arg(long, value_name = "DEG", default_value_t = CameraConfig::default().noise_deg, value_parser = noise)]
+    /// Standard deviation of the camera's angles; 0: the true angles, for rendering images of them
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = CameraConfig::default().noise_deg,
+        value_parser = noise
+    )]
     camera_noise_deg: f64,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -155,7 +160,7 @@ fn watch(emulator: &Emulator, stop: &AtomicBool, duration: Option<Nanos>) {
             next_status = clock::now() + STATUS_PERIOD;
             print_over(&status(&emulator.snapshot(), emulator.host_bugs()));
         }
-        clock::sleep(NAP);
+        clock::sleep(POLL_PERIOD);
     }
     if shows {
         print_over("");

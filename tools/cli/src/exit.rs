@@ -3,17 +3,23 @@
 use i2ris_terminal::Failure;
 use i2ris_terminal::exit::Coded;
 
-use crate::command::watch::Stop;
+use crate::command::stream_monitor::StopReason;
 
-/// Gives a failure that is a [`Stop`] its exit code.
+/// Gives a failure that is a [`StopReason`] its exit code.
 pub fn with_code(failure: Failure) -> Failure {
-    let Some(stop) = failure.downcast_ref::<Stop>() else {
+    let Some(stop) = failure.downcast_ref::<StopReason>() else {
         return failure;
     };
     let code = match stop {
-        Stop::Silent | Stop::Ignored | Stop::Restarted | Stop::Unknown(_) => 3,
-        Stop::NotEnabled(_) | Stop::Lease(_) | Stop::LostLease(_) | Stop::Refused(_) => 4,
-        Stop::Fault(_) => 5,
+        StopReason::Silent
+        | StopReason::Ignored
+        | StopReason::Restarted
+        | StopReason::Unknown(_) => 3,
+        StopReason::NotEnabled(_)
+        | StopReason::Lease(_)
+        | StopReason::LostLease(_)
+        | StopReason::Refused(_) => 4,
+        StopReason::Fault(_) => 5,
     };
     let sentence = stop.to_string();
     Coded { code, sentence }.into()
@@ -29,9 +35,9 @@ mod tests {
     #[test]
     fn a_stop_has_the_code_of_its_cause() {
         for (stop, expected) in [
-            (Stop::Silent, 3),
-            (Stop::Lease(7), 4),
-            (Stop::Fault(Fault::Drive), 5),
+            (StopReason::Silent, 3),
+            (StopReason::Lease(7), 4),
+            (StopReason::Fault(Fault::Drive), 5),
         ] {
             assert_eq!(code(&with_code(stop.into())), expected);
         }

@@ -27,6 +27,7 @@ mod exit;
 mod external;
 mod model;
 mod replay;
+mod trajectory_time;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
 #[derive(Debug, Parser)]
@@ -91,7 +92,7 @@ impl Task {
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Command(arguments) => command::run(arguments),
             Self::Config(command) => config::run(&command),
-            Self::Completions(arguments) => completions::run(&arguments),
+            Self::Completions(arguments) => completions::run(&arguments, Cli::command()),
             Self::Replay(arguments) => replay::run(&arguments),
             Self::Dump(arguments) => replay::dump(&arguments),
             Self::Demo(arguments) => demo::run(arguments),

@@ -62,7 +62,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     } = &replayed;
     if *skipped > 0 {
         println!(
-            "skipped    {skipped} ticks that come after a gap, or before the first state that was kept"
+            "skipped    {skipped} ticks that come after a gap, or before the first state that was \
+             kept"
         );
     }
     match difference {
@@ -124,8 +125,10 @@ fn describe(difference: &ReplayDifference, ticks: u64) -> String {
         replayed,
     } = difference;
     format!(
-        "tick {number} differs, after {} that came out the same; the first field that does is {field}\n  recorded: {recorded}\n  \
-         replayed: {replayed}\nthe file was written by other software than this, or on another kind of machine, or here is \
+        "tick {number} differs, after {} that came out the same; the first field that does is \
+         {field}\n  recorded: {recorded}\n  \
+         replayed: {replayed}\nthe file was written by other software than this, or on another \
+         kind of machine, or here is \
          a mistake in the software",
         ticks.saturating_sub(1)
     )

@@ -1,12 +1,14 @@
-//! `i2ris monitor`: shows what the controller tells, as a screen, as lines, or as a page for a
-//! browser.
+//! `i2ris monitor`: shows the streams of the controller as a terminal screen, as lines, or as a web
+//! page.
 //!
 //! | part | does |
 //! |---|---|
-//! | `sight` | subscribes to every stream; reads, and cannot move anything |
-//! | `board`, `view`, `trail`, `journal`, `models`, `hull` | what is shown: last messages, last seconds, last events, models |
-//! | `terminal` | the screen with keys; its `hands` are the only part that asks the controller to do something |
-//! | `web` | the page; holds a board and no client at all |
+//! | `subscriptions` | subscribes to every stream; it only reads |
+//! | `dashboard` | what is shown: |
+//! | `latest_messages`, `history`, `event_log` | last messages, last seconds, last events |
+//! | `model_poller`, `hull_outline` | models and hull |
+//! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
+//! | `web` | the page; it holds a dashboard and no client |
 //!
 //! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and
 //! the loop never waits.
@@ -16,14 +18,14 @@
     reason = "a command-line program prints"
 )]
 
-mod board;
-mod hull;
-mod journal;
-mod models;
-mod sight;
+mod dashboard;
+mod event_log;
+mod history;
+mod hull_outline;
+mod latest_messages;
+mod model_poller;
+mod subscriptions;
 mod terminal;
-mod trail;
-mod view;
 mod web;
 
 use std::io::{self, IsTerminal};
@@ -33,20 +35,19 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, Watcher};
 use i2ris::units::Nanos;
 
-use board::Board;
 use clap::Parser;
+use dashboard::Dashboard;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
-use sight::{READ_PERIOD, Sight};
 use std::process::ExitCode;
+use subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 
-/// How long to wait for a controller that is just starting.
+/// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
-/// How often a person sees something new, and how often a file gets a line.
-const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
+/// Time between two lines in a file.
 const LINE_PERIOD: Nanos = Nanos::from_millis(1000);
-/// Statistics come once a second: what is not there by then will not come.
-const FIRST_NEWS: Nanos = Nanos::from_millis(1500);
+/// Time limit for the first messages. Statistics come once a second.
+const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);
 
 /// Watch the robot
 #[derive(Debug, Parser)]
@@ -58,11 +59,12 @@ const FIRST_NEWS: Nanos = Nanos::from_millis(1500);
 )]
 #[command(after_help = "Examples:
   i2ris monitor                     the screen, with keys to stop the robot and to change its model
-  i2ris monitor --web               a page to look at: http://127.0.0.1:8765/
+  i2ris monitor --web               a read-only page: http://127.0.0.1:8765/
   i2ris monitor --web 8080          the same on another port
   i2ris monitor | head              one line a second
 
-Exit codes: 0 ended as asked, 1 no controller (except --web, which waits for one), 2 wrong arguments.")]
+Exit codes: 0 ended as asked, 1 no controller (except --web, which waits for one), 2 wrong \
+arguments.")]
 struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
@@ -72,9 +74,14 @@ struct Arguments {
     /// End after this time instead of with Ctrl-C
     #[arg(long = "duration-s", visible_alias = "duration", value_name = "S")]
     duration_s: Option<f64>,
-    /// Serve a page for a browser, to look at only, at PORT, ADDRESS or ADDRESS:PORT
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = web::DEFAULT_ADDRESS)]
-    web: Option<web::Place>,
+    /// Serve a read-only page for a browser at PORT, ADDRESS or ADDRESS:PORT
+    #[arg(
+        long,
+        value_name = "ADDR",
+        num_args = 0..=1,
+        default_missing_value = web::DEFAULT_ADDRESS
+    )]
+    web: Option<web::ListenAddress>,
     /// The file of the model in use, for its hull, where it is not where the controller says
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
@@ -89,32 +96,32 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let span = arguments
         .duration_s
         .map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
-    if let Some(place) = arguments.web {
-        return web::run(&domain, place, arguments.model, span);
+    if let Some(address) = arguments.web {
+        return web::run(&domain, address, arguments.model, span);
     }
     let mut client = Client::connect(&domain, CONNECT)?;
     let title = title(&mut client, domain.name())?;
     drop(client);
-    let mut sight = Sight::new(&Watcher::new(&domain));
+    let mut subscriptions = Subscriptions::new(&Watcher::new(&domain));
     if !arguments.once && io::stdout().is_terminal() && io::stdin().is_terminal() {
-        return terminal::run(&domain, sight, title, arguments.model, span);
+        return terminal::run(&domain, subscriptions, title, arguments.model, span);
     }
     let interrupt = Interrupt::catch()?;
     if arguments.once {
-        return once(&mut sight, &interrupt, title);
+        return once(&mut subscriptions, &interrupt, title);
     }
-    plain(&mut sight, &interrupt, &title, span)
+    plain(&mut subscriptions, &interrupt, &title, span)
 }
 
 /// Lines into a file or a pipe; the same page again and again on a terminal that has no keyboard.
 fn plain(
-    sight: &mut Sight,
+    subscriptions: &mut Subscriptions,
     interrupt: &Interrupt,
     title: &str,
     span: Option<Nanos>,
 ) -> Result<(), Failure> {
     let start = clock::now();
-    let (mut screen, mut board) = (Screen::stdout(), Board::default());
+    let (mut screen, mut dashboard) = (Screen::stdout(), Dashboard::default());
     let period = if screen.is_terminal() {
         DRAW_PERIOD
     } else {
@@ -123,36 +130,43 @@ fn plain(
     let (mut next_draw, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
     while open && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
         let now = clock::now();
-        sight.refresh(&mut board, now);
+        subscriptions.refresh(&mut dashboard, now);
         if now >= next_draw {
             next_draw = now + period;
-            open = until_closed(screen.draw(&lines(&board, &screen, title, now)))?;
+            open = until_closed(screen.draw(&lines(&dashboard, &screen, title, now)))?;
         }
         clock::sleep(READ_PERIOD);
     }
     Ok(())
 }
 
-fn lines(board: &Board, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
-    match &board.problem {
+fn lines(dashboard: &Dashboard, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
+    match &dashboard.problem {
         Some(problem) => vec![problem.clone()],
-        None if screen.is_terminal() => [vec![title.to_owned()], board.view.page(now)].concat(),
-        None => vec![board.view.line(now)],
+        None if screen.is_terminal() => [vec![title.to_owned()], dashboard.view.page(now)].concat(),
+        None => vec![dashboard.view.line(now)],
     }
 }
 
-/// Waits until every stream that a controller always tells has told something, then shows the page.
-fn once(sight: &mut Sight, interrupt: &Interrupt, title: String) -> Result<(), Failure> {
+/// Waits for a message of every stream that a controller always publishes, then shows the page.
+fn once(
+    subscriptions: &mut Subscriptions,
+    interrupt: &Interrupt,
+    title: String,
+) -> Result<(), Failure> {
     let start = clock::now();
-    let mut board = Board::default();
+    let mut dashboard = Dashboard::default();
     loop {
         let now = clock::now();
-        sight.refresh(&mut board, now);
-        if let Some(problem) = board.problem {
+        subscriptions.refresh(&mut dashboard, now);
+        if let Some(problem) = dashboard.problem {
             return Err(problem.into());
         }
-        if board.view.is_complete() || now.since(start) > FIRST_NEWS || interrupt.came() {
-            let page = [vec![title], board.view.page(now)].concat();
+        if dashboard.view.is_complete()
+            || now.since(start) > FIRST_MESSAGE_TIMEOUT
+            || interrupt.came()
+        {
+            let page = [vec![title], dashboard.view.page(now)].concat();
             until_closed(Screen::stdout().draw(&page))?;
             return Ok(());
         }
@@ -165,7 +179,10 @@ fn title(client: &mut Client, domain: &str) -> Result<String, Failure> {
     let [major, minor, patch] = version.software;
     let model: String = match version.model_id {
         [0, ..] if version.model_id == [0; 32] => "no model".to_owned(),
-        id => format!("model {}", view::short_id(i2ris::model::ModelId(id))),
+        id => format!(
+            "model {}",
+            latest_messages::short_id(i2ris::model::ModelId(id))
+        ),
     };
     Ok(format!(
         "i2ris {major}.{minor}.{patch}, domain {domain}, process {}, {model}",

@@ -1,11 +1,11 @@
 //! The screen with keys.
 
 mod charts;
-mod desk;
-mod hands;
-mod look;
+mod key_handler;
 mod numbers;
+mod operator_commands;
 mod screen;
+mod style;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,42 +16,41 @@ use i2ris::units::Nanos;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 
-use super::DRAW_PERIOD;
-use super::board::Board;
-use super::journal::Level;
-use super::models::Librarian;
-use super::sight::{READ_PERIOD, Sight};
-use desk::Desk;
-use hands::{Answer, Hands};
+use super::dashboard::Dashboard;
+use super::event_log::Severity;
+use super::model_poller::ModelPoller;
+use super::subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
+use key_handler::KeyHandler;
+use operator_commands::{CommandResult, OperatorCommands};
 
 /// Runs until `q`, a signal, or the end of `span`. The terminal is as it was afterwards, also after
 /// a panic.
 pub fn run(
     domain: &Domain,
-    sight: Sight,
+    subscriptions: Subscriptions,
     title: String,
     model: Option<PathBuf>,
     span: Option<Nanos>,
 ) -> Result<(), Failure> {
     // A second signal ends the program at once: not without putting the terminal back.
     let interrupt = Interrupt::catch_with(ratatui::restore)?;
-    let librarian = Librarian::start(domain, model);
-    librarian.look();
+    let model_poller = ModelPoller::start(domain, model);
+    model_poller.poll_now();
     let mut session = Session {
-        sight,
-        librarian,
-        hands: Hands::start(domain),
-        board: Board::default(),
-        desk: Desk::default(),
+        subscriptions,
+        model_poller,
+        operator_commands: OperatorCommands::start(domain),
+        dashboard: Dashboard::default(),
+        key_handler: KeyHandler::default(),
         title,
     };
     on_screen(|terminal| session.run(terminal, &interrupt, span))
 }
 
 /// Takes the whole screen for as long as `work` runs, and gives it back: at its end, and before a
-/// panic is told.
+/// panic is printed.
 fn on_screen(
     work: impl FnOnce(&mut DefaultTerminal) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
@@ -64,11 +63,11 @@ fn on_screen(
 }
 
 struct Session {
-    sight: Sight,
-    librarian: Librarian,
-    hands: Hands,
-    board: Board,
-    desk: Desk,
+    subscriptions: Subscriptions,
+    model_poller: ModelPoller,
+    operator_commands: OperatorCommands,
+    dashboard: Dashboard,
+    key_handler: KeyHandler,
     title: String,
 }
 
@@ -81,17 +80,18 @@ impl Session {
     ) -> Result<(), Failure> {
         let start = clock::now();
         let mut next_draw = start;
-        while !self.desk.quit
+        while !self.key_handler.quit
             && !interrupt.came()
             && span.is_none_or(|span| clock::now().since(start) < span)
         {
             let typed = self.keys()?;
-            self.look();
+            self.poll_models();
             let now = clock::now();
             if typed || now >= next_draw {
                 next_draw = now + DRAW_PERIOD;
-                terminal
-                    .draw(|frame| screen::draw(frame, &self.board, &self.desk, &self.title, now))?;
+                terminal.draw(|frame| {
+                    screen::draw(frame, &self.dashboard, &self.key_handler, &self.title, now)
+                })?;
             }
         }
         Ok(())
@@ -103,12 +103,13 @@ impl Session {
         let mut any = event::poll(Duration::from_nanos(READ_PERIOD.0))?;
         let typed = any;
         while any {
-            // A change of size comes this way, too: drawing takes care of it.
+            // A change of size also arrives here; drawing handles it.
             if let Event::Key(key) = event::read()? {
                 let now = clock::now();
-                let order = self.desk.press(&key, &self.board.models, now);
-                if let Some(refused) = order.and_then(|order| self.hands.carry_out(order)) {
-                    self.hear(refused, now);
+                let order = self.key_handler.press(&key, &self.dashboard.models, now);
+                if let Some(refused) = order.and_then(|order| self.operator_commands.execute(order))
+                {
+                    self.show_result(refused, now);
                 }
             }
             any = event::poll(Duration::ZERO)?;
@@ -116,27 +117,29 @@ impl Session {
         Ok(typed)
     }
 
-    fn look(&mut self) {
+    fn poll_models(&mut self) {
         let now = clock::now();
-        if self.sight.refresh(&mut self.board, now) {
-            self.librarian.look();
+        if self.subscriptions.refresh(&mut self.dashboard, now) {
+            self.model_poller.poll_now();
         }
-        let answers: Vec<Answer> = self.hands.answers().collect();
+        let answers: Vec<CommandResult> = self.operator_commands.answers().collect();
         for answer in answers {
-            self.hear(answer, now);
-            self.librarian.look();
+            self.show_result(answer, now);
+            self.model_poller.poll_now();
         }
-        self.board.models = self.librarian.known();
+        self.dashboard.models = self.model_poller.known();
     }
 
-    fn hear(&mut self, answer: Answer, now: Nanos) {
-        let level = if answer.good {
-            Level::Info
+    fn show_result(&mut self, answer: CommandResult, now: Nanos) {
+        let severity = if answer.good {
+            Severity::Info
         } else {
-            Level::Warning
+            Severity::Warning
         };
-        self.board.journal.say(now, level, answer.text.clone());
-        self.desk.hear(answer, now);
+        self.dashboard
+            .event_log
+            .log(now, severity, answer.text.clone());
+        self.key_handler.show_result(answer, now);
     }
 }
 
@@ -165,7 +168,7 @@ mod tests {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args([
             "--exact",
-            "monitor::terminal::tests::a_panic_puts_the_terminal_back",
+            "terminal::tests::a_panic_puts_the_terminal_back",
             "--nocapture",
         ]);
         command
@@ -199,16 +202,16 @@ mod tests {
         });
         assert!(!child.wait().unwrap().success());
         let (text, _master) = reader.join().unwrap();
-        let place = |part: &str| {
+        let position = |part: &str| {
             text.find(part)
                 .unwrap_or_else(|| panic!("{part:?} is not in {text:?}"))
         };
         assert!(
-            place("\u{1b}[?1049h") < place("\u{1b}[?1049l"),
+            position("\u{1b}[?1049h") < position("\u{1b}[?1049l"),
             "the first screen again"
         );
         assert!(
-            place("\u{1b}[?1049l") < place("on purpose"),
+            position("\u{1b}[?1049l") < position("on purpose"),
             "and the reason is on it"
         );
         let flags = tcgetattr(ours.as_fd()).unwrap().local_flags;

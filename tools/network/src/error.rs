@@ -11,7 +11,8 @@ use i2ris::ipc::{DomainError, IpcError};
 pub enum NetworkError {
     /// Without a key, on a network.
     #[error(
-        "{0} is not an address of this computer alone: give a key (`i2ris bridge key FILE`, the same file at both ends)"
+        "{0} is not an address of this computer alone: give a key (`i2ris bridge key FILE`, the \
+         same file at both ends)"
     )]
     KeyNeeded(SocketAddr),
     /// The key cannot be used.
@@ -37,7 +38,8 @@ pub enum NetworkError {
     Thread(io::Error),
     /// The gate speaks another version.
     #[error(
-        "the other end has interface version {theirs}, this program {ours}; build both from one release"
+        "the other end has interface version {theirs}, this program {ours}; build both from one \
+         release"
     )]
     Interface {
         /// The gate's.

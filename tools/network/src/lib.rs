@@ -36,12 +36,12 @@
 //! | kind | from | body |
 //! |---|---|---|
 //! | hello | console | version of the interface (u32), 0 (u32) |
-//! | welcome | gate | number of the hello (u64), version of the interface (u32), 1 if it passes commands on (u32) |
+//! | welcome | gate | number of the hello (u64), interface version (u32), 1: commands pass (u32) |
 //! | refused | gate | number of the hello (u64), why (u32), version of the interface (u32) |
 //! | beat | console | nothing; 50 times a second, so that the gate knows it lives |
-//! | state | gate | which payloads follow (u32), 1 if there is a controller (u32), the payloads in the order of their bits |
+//! | state | gate | payload bits (u32), 1: a controller is there (u32), payloads in bit order |
 //! | servo, counts | console | `ServoJp`, `ServoActuator` |
-//! | request | console | number (u64), `now` when it was asked (u64), which service (u32), 0 (u32), the payload |
+//! | request | console | number (u64), `now` of the request (u64), service (u32), 0, payload |
 //! | reply | gate | number (u64), what became of it (u32), 0 (u32), the payload |
 //! | end | both | nothing |
 //!

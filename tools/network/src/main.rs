@@ -1,4 +1,4 @@
-//! `i2ris bridge`: a console on another computer.
+//! `i2ris bridge`: watch and command from another computer.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -25,16 +25,19 @@ use std::process::ExitCode;
     propagate_version = true
 )]
 #[command(after_help = "Examples:
-  i2ris bridge key bridge.key                                        once; take the file to both computers
-  i2ris bridge serve --listen 192.168.1.10:7410 --key bridge.key     beside the controller: others may watch
+  i2ris bridge key bridge.key                      once; copy the file to both computers
+  i2ris bridge serve --listen 192.168.1.10:7410 --key bridge.key
+                                                   beside the controller; others may watch
   i2ris bridge serve --listen 192.168.1.10:7410 --key bridge.key --command
-  i2ris bridge connect 192.168.1.10:7410 --key bridge.key            on the other computer
-  i2ris monitor                                                      there, in another terminal
+  i2ris bridge connect 192.168.1.10:7410 --key bridge.key
+                                                   on the other computer
+  i2ris monitor                                    there, in another terminal
 
-While `connect` runs, every program on that computer finds a controller in its domain. Lease and deadlines are judged by the
-controller itself; how old a command is counts from a moment before it was sent, so the way over the network makes it older and
-never younger. When the link is cut the snake holds by the deadline of the last command, and programs on the console see the
-controller go. Packets are signed with the key and not encrypted.")]
+While `connect` runs, every program on that computer finds a controller in its domain. The
+controller itself checks lease and deadlines. The age of a command counts from a moment before it
+was sent, so the delay of the network can only make it older. When the link is cut the snake holds
+by the deadline of the last command, and programs on the other computer see that the controller is
+gone. Packets are signed with the key and not encrypted.")]
 struct Arguments {
     #[command(subcommand)]
     end: End,
@@ -46,7 +49,7 @@ enum End {
     Serve(ServeArguments),
     /// The end on the other computer: serves a domain there
     Connect(ConnectArguments),
-    /// Make a key that both ends share
+    /// Make a key for both ends
     Key {
         /// A file that does not exist yet
         file: PathBuf,
@@ -59,7 +62,12 @@ struct Shared {
     #[arg(long, value_name = "FILE")]
     key: Option<PathBuf>,
     /// Silence after which the other end counts as lost
-    #[arg(long, default_value_t = 500, value_name = "MS", value_parser = clap::value_parser!(u64).range(100..=10_000))]
+    #[arg(
+        long,
+        default_value_t = 500,
+        value_name = "MS",
+        value_parser = clap::value_parser!(u64).range(100..=10_000)
+    )]
     lost_ms: u64,
     #[command(flatten)]
     domain: DomainOption,
@@ -83,11 +91,16 @@ struct ServeArguments {
     /// Where to listen: address and UDP port
     #[arg(long, value_name = "ADDRESS:PORT")]
     listen: SocketAddr,
-    /// Pass commands and requests on, too; otherwise others can only watch
+    /// Forward commands and requests, too; otherwise others can only watch
     #[arg(long)]
     command: bool,
-    /// How often the state is sent
-    #[arg(long, default_value_t = 200, value_name = "HZ", value_parser = clap::value_parser!(u64).range(10..=1000))]
+    /// Rate of the state
+    #[arg(
+        long,
+        default_value_t = 200,
+        value_name = "HZ",
+        value_parser = clap::value_parser!(u64).range(10..=1000)
+    )]
     rate_hz: u64,
     #[command(flatten)]
     shared: Shared,
@@ -117,7 +130,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
 fn make_key(file: &Path) -> Result<(), Failure> {
     Key::make(file)?;
     until_closed(Screen::stdout().say(&format!(
-        "{}: a new key; take it to both computers",
+        "{}: a new key; copy it to both computers",
         file.display()
     )))?;
     Ok(())
@@ -135,17 +148,17 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     };
     let interrupt = Interrupt::catch()?;
     let gate = gate.open()?;
-    let what = if arguments.command {
+    let access = if arguments.command {
         "to watch and to command"
     } else {
         "to watch only"
     };
-    let mut news = News::new();
-    news.say(&format!(
-        "listening at {}, {what}; Ctrl-C ends",
+    let mut output = Output::new();
+    output.say(&format!(
+        "listening at {}, {access}; Ctrl-C ends",
         gate.address()
     ));
-    gate.run(|| interrupt.came(), |told| news.tell(&told));
+    gate.run(|| interrupt.came(), |told| output.report(&told));
     Ok(())
 }
 
@@ -158,9 +171,9 @@ fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
         .next();
     let gate = address.ok_or_else(|| format!("{}: no such address", arguments.gate))?;
     let domain = shared.domain.domain()?;
-    let mut news = News::new();
+    let mut output = Output::new();
     let interrupt = Interrupt::catch()?;
-    news.say(&format!(
+    output.say(&format!(
         "calling {gate} for domain {}; Ctrl-C ends",
         domain.name()
     ));
@@ -170,16 +183,16 @@ fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
         key: shared.key()?,
         lost_after: shared.lost_after(),
     };
-    Ok(console.run(|| interrupt.came(), |told| news.tell(&told))?)
+    Ok(console.run(|| interrupt.came(), |told| output.report(&told))?)
 }
 
-/// What people read. A reader that went away does not end the bridge: it may be all that holds the
-/// robot.
-struct News {
+/// Messages on standard output. A reader that went away does not end the bridge: the robot may
+/// depend on it.
+struct Output {
     screen: Screen,
 }
 
-impl News {
+impl Output {
     fn new() -> Self {
         Self {
             screen: Screen::stdout(),
@@ -190,9 +203,9 @@ impl News {
         let _ = self.screen.say(line);
     }
 
-    fn tell(&mut self, told: &Told) {
+    fn report(&mut self, told: &Told) {
         match told {
-            // Every second anew, on a screen that shows the last one only.
+            // Once a second, on a terminal that shows the latest one only.
             Told::RoundTrip(_) if self.screen.is_terminal() => {
                 drop(self.screen.draw(&[told.to_string()]))
             }

@@ -212,7 +212,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read(kind in 1_u8..=10, numbers: [u64; 5], body in prop::collection::vec(any::<u8>(), 0..1300)) {
+        fn what_is_written_is_read(
+            kind in 1_u8..=10,
+            numbers: [u64; 5],
+            body in prop::collection::vec(any::<u8>(), 0..1300),
+        ) {
             let [session, number, now, echo, held] = numbers;
             let header = Header { kind: Kind::of(kind).unwrap(), session, number, now, echo, held };
             let bytes = write(&header, &body, &Key::open());
@@ -229,11 +233,21 @@ mod tests {
         #[test]
         fn a_stamp_is_never_made_younger(
             ours in 1_u64 << 40..1 << 60, theirs in 1_u64 << 40..1 << 60,
-            there in 0_u64..1 << 34, held in 0_u64..1 << 34, back in 0_u64..1 << 34, before in 0_u64..1 << 34,
+            there in 0_u64..1 << 34,
+            held in 0_u64..1 << 34,
+            back in 0_u64..1 << 34,
+            before in 0_u64..1 << 34,
         ) {
             // We send at `ours`; it arrives `there` later, when their clock says `theirs`; they
             // send `held` later.
-            let header = Header { kind: Kind::ServoJp, session: 0, number: 0, now: theirs + held, echo: ours, held };
+            let header = Header {
+                kind: Kind::ServoJp,
+                session: 0,
+                number: 0,
+                now: theirs + held,
+                echo: ours,
+                held,
+            };
             let now = Nanos(ours + there + held + back);
             let shift = Shift::of(&header, now).unwrap();
             // A command that was stamped `before` it was sent has this age when it arrives.

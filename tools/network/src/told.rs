@@ -56,7 +56,8 @@ impl fmt::Display for Told {
             Self::Foreign { address, interface } => {
                 write!(
                     f,
-                    "{address}: refused, it has interface version {interface}; build both from one release"
+                    "{address}: refused, it has interface version {interface}; build both from \
+                     one release"
                 )
             }
             Self::Serving => write!(f, "the controller is there"),

@@ -60,15 +60,21 @@ impl Argument {
             let help = value.get_help().map(ToString::to_string);
             (value.get_name().to_owned(), help)
         };
+        let takes_values = arg.get_action().takes_values();
+        let values = if takes_values {
+            arg.get_possible_values()
+        } else {
+            Vec::new()
+        };
         Self {
             id: arg.get_id().to_string(),
             short: arg.get_short(),
             long: arg.get_long().map(str::to_owned),
             help: arg.get_help().map(ToString::to_string),
-            takes_values: arg.get_action().takes_values(),
+            takes_values,
             is_repeated: matches!(arg.get_action(), ArgAction::Append | ArgAction::Count),
             is_global: arg.is_global_set(),
-            values: arg.get_possible_values().into_iter().map(value).collect(),
+            values: values.into_iter().map(value).collect(),
         }
     }
 

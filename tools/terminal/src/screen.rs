@@ -2,7 +2,8 @@
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
 
-/// Standard output: a block of lines that is redrawn in place on a terminal, and appended elsewhere.
+/// Standard output: a block of lines that is redrawn in place on a terminal, and appended
+/// elsewhere.
 #[derive(Debug)]
 pub struct Screen {
     terminal: bool,

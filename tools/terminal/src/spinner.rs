@@ -11,7 +11,8 @@ const DELAY: Duration = Duration::from_secs(2);
 /// Time between two frames of the spinner.
 const FRAME: Duration = Duration::from_millis(100);
 
-/// Does the work. If it takes more than two seconds and stderr is a terminal, shows a spinner there.
+/// Does the work. If it takes more than two seconds and stderr is a terminal, shows a spinner
+/// there.
 pub fn while_working<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
     let (done, is_done) = channel::<()>();
     thread::scope(|scope| {

@@ -1,4 +1,4 @@
-//! Bringing the robot to where it takes commands.
+//! Brings the robot to ENABLED.
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
@@ -6,15 +6,16 @@ use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
-use super::stream::FIRST_NEWS;
-use super::watch::{Stop, enabled};
+use super::stream_monitor::{StopReason, enabled};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
-/// How long the drives may take to start, to find their zero, or to switch on.
-const DRIVES: Nanos = Nanos::from_millis(15_000);
+/// Time limit for the first message of the controller.
+pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
+/// Time limit for the drives to start, to home, or to switch on.
+const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 
-/// Brings the controller to ENABLED, if it is allowed to, and returns the state.
+/// Brings the controller to ENABLED, if `enable` permits it, and returns the state.
 pub fn prepare(
     client: &mut Client,
     enable: bool,
@@ -22,25 +23,25 @@ pub fn prepare(
 ) -> Result<OperatingStateMsg, Failure> {
     let silent = |error| {
         if matches!(error, ClientError::Timeout { .. }) {
-            Stop::Silent.into()
+            StopReason::Silent.into()
         } else {
             error.into()
         }
     };
     let mut state = client
-        .wait_for(FIRST_NEWS, |_| true)
+        .wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)
         .map_err(|error| -> Failure { silent(error) })?;
-    if enable && enabled(&state) == Err(Stop::NotEnabled(OperatingState::Paused)) {
+    if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Paused)) {
         client.state_command(StateCommand::Resume)?;
-        state = arrive(client, interrupt, "enabled", is_enabled)?;
+        state = wait_for_state(client, interrupt, "enabled", is_enabled)?;
     }
-    if enable && enabled(&state) == Err(Stop::NotEnabled(OperatingState::Disabled)) {
+    if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Disabled)) {
         if !is_homed(&state) {
-            insist(client, StateCommand::Home, interrupt)?;
-            arrive(client, interrupt, "homed", is_homed)?;
+            command_until_accepted(client, StateCommand::Home, interrupt)?;
+            wait_for_state(client, interrupt, "homed", is_homed)?;
         }
-        insist(client, StateCommand::Enable, interrupt)?;
-        state = arrive(client, interrupt, "enabled", is_enabled)?;
+        command_until_accepted(client, StateCommand::Enable, interrupt)?;
+        state = wait_for_state(client, interrupt, "enabled", is_enabled)?;
     }
     enabled(&state)?;
     Ok(state)
@@ -54,15 +55,15 @@ fn is_homed(state: &OperatingStateMsg) -> bool {
     state.flags & OperatingStateMsg::HOMED != 0 && state.flags & OperatingStateMsg::BUSY == 0
 }
 
-/// Waits until the state is as wanted; a fault or an interrupt ends the waiting.
-fn arrive(
+/// Waits for a state. A fault or an interrupt ends the wait.
+fn wait_for_state(
     client: &mut Client,
     interrupt: &Interrupt,
     name: &str,
     wanted: impl Fn(&OperatingStateMsg) -> bool,
 ) -> Result<OperatingStateMsg, Failure> {
     let is_fault = |state: &OperatingStateMsg| state.state == OperatingState::Fault.number();
-    let state = match client.wait_for(DRIVES, |state| {
+    let state = match client.wait_for(DRIVES_TIMEOUT, |state| {
         wanted(state) || is_fault(state) || interrupt.came()
     }) {
         Err(ClientError::Timeout { waited }) => {
@@ -75,7 +76,9 @@ fn arrive(
         other => other?,
     };
     if is_fault(&state) {
-        return Err(Stop::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None)).into());
+        return Err(
+            StopReason::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None)).into(),
+        );
     }
     if wanted(&state) {
         Ok(state)
@@ -84,8 +87,8 @@ fn arrive(
     }
 }
 
-/// Drives that are still starting, or a state that is still changing, are worth waiting for.
-fn insist(
+/// Repeats a state command while the drives start or the state changes.
+fn command_until_accepted(
     client: &mut Client,
     command: StateCommand,
     interrupt: &Interrupt,
@@ -96,7 +99,7 @@ fn insist(
             Err(ClientError::Refused {
                 refusal: Refusal::DrivesNotReady | Refusal::Busy,
                 ..
-            }) if clock::now().since(start) < DRIVES && !interrupt.came() => {
+            }) if clock::now().since(start) < DRIVES_TIMEOUT && !interrupt.came() => {
                 clock::sleep(Nanos::from_millis(50));
             }
             outcome => return outcome.map(drop),

@@ -11,7 +11,7 @@ use i2ris_terminal::Failure;
 /// Characters of a line of comment at most.
 const WIDTH: usize = 110;
 
-/// The configuration with every key: those that may be absent and are stand there as comments.
+/// The configuration with every key. Optional keys that are absent appear as comments.
 pub fn describe(config: &Config) -> Result<String, Failure> {
     let (table, schema) = (toml::Table::try_from(config)?, of(Kind::Controller)?);
     let mut text = String::new();
@@ -37,7 +37,7 @@ fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &st
         }
     }
     for (key, inner) in keys {
-        let place = if path.is_empty() {
+        let full_name = if path.is_empty() {
             key.to_owned()
         } else {
             format!("{path}.{key}")
@@ -46,16 +46,16 @@ fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &st
             Some(Value::Table(inside)) => {
                 text.push('\n');
                 write_meaning(text, inner);
-                let _ = writeln!(text, "[{place}]");
-                write_table(text, inside, inner, &place);
+                let _ = writeln!(text, "[{full_name}]");
+                write_table(text, inside, inner, &full_name);
             }
             Some(Value::Array(list)) if list.iter().any(Value::is_table) => {
                 let Some(entry) = inner.entry() else { continue };
                 for inside in list.iter().filter_map(Value::as_table) {
                     text.push('\n');
                     write_meaning(text, inner);
-                    let _ = writeln!(text, "[[{place}]]");
-                    write_table(text, inside, entry, &place);
+                    let _ = writeln!(text, "[[{full_name}]]");
+                    write_table(text, inside, entry, &full_name);
                 }
             }
             _ => {}
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_printed_means_the_same_and_tells_every_key() {
+    fn the_printed_configuration_is_equal_and_names_every_key() {
         for file in ["robot.toml", "emulator.toml"] {
             let path = Path::new(env!("CARGO_MANIFEST_DIR"))
                 .join("../../config")

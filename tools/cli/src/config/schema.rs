@@ -63,12 +63,12 @@ impl<'a> Node<'a> {
         node.here.get("items").map(|here| Self { here, ..self })
     }
 
-    /// What the key means: said where it stands.
+    /// The meaning of the key.
     pub fn meaning(self) -> Option<&'a str> {
         self.here.get("description").and_then(Value::as_str)
     }
 
-    /// The words that can stand here, each with what it means; empty where any value of a type can.
+    /// The permitted words with their meanings; empty where any value of the type is permitted.
     pub fn words(self) -> Vec<(&'a str, &'a str)> {
         let choices = self.resolved().here.get("oneOf").and_then(Value::as_array);
         let word = |choice: &'a Value| {
@@ -80,7 +80,7 @@ impl<'a> Node<'a> {
         choices.into_iter().flatten().filter_map(word).collect()
     }
 
-    /// Behind references, and behind "this or nothing".
+    /// Follows references and "this or null".
     fn resolved(self) -> Self {
         let here = self.here;
         if let Some(name) = here
@@ -115,19 +115,19 @@ mod tests {
     /// Every key of a table that is not in the schema, or has no meaning there.
     fn unknown(table: &toml::Table, node: Node<'_>, path: &str, found: &mut Vec<String>) {
         for (key, value) in table {
-            let place = format!("{path}{key}");
+            let name = format!("{path}{key}");
             let Some((_, inner)) = node.keys().into_iter().find(|(name, _)| name == key) else {
-                found.push(format!("{place}: not in the schema"));
+                found.push(format!("{name}: not in the schema"));
                 continue;
             };
             if inner.meaning().is_none_or(str::is_empty) {
-                found.push(format!("{place}: no meaning"));
+                found.push(format!("{name}: no meaning"));
             }
             match value {
-                toml::Value::Table(table) => unknown(table, inner, &format!("{place}."), found),
+                toml::Value::Table(table) => unknown(table, inner, &format!("{name}."), found),
                 toml::Value::Array(list) => {
                     for entry in list.iter().filter_map(toml::Value::as_table) {
-                        unknown(entry, inner.entry().unwrap(), &format!("{place}."), found);
+                        unknown(entry, inner.entry().unwrap(), &format!("{name}."), found);
                     }
                 }
                 _ => {}
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_that_is_misspelt_is_in_no_schema() {
+    fn a_misspelt_key_is_not_in_the_schema() {
         let table: toml::Table = "[control]\nrate_herz = 3".parse().unwrap();
         let (schema, mut found) = (of(Kind::Controller).unwrap(), Vec::new());
         unknown(&table, Node::root(&schema), "", &mut found);

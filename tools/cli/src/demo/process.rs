@@ -1,4 +1,4 @@
-//! Child processes that never outlive the demo.
+//! Child processes that end with the demo.
 
 use std::fs::{self, File};
 use std::os::unix::process::CommandExt;
@@ -12,11 +12,10 @@ use nix::unistd::Pid;
 
 use i2ris_terminal::Failure;
 
-/// How long a child may take to end after it was asked to: the controller brings the drives down in
-/// order first.
+/// Time limit for a child to end after SIGTERM: the controller switches the drives off first.
 const END_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// A running child. What it prints goes to a file; dropping it ends it.
+/// A running child process. Its output goes to a file. Dropping it ends it.
 pub struct Process {
     name: &'static str,
     child: Child,
@@ -47,7 +46,7 @@ impl Process {
         Ok(Self { name, child, log })
     }
 
-    /// Fails, with the end of what it printed, if it has ended.
+    /// Fails if it has ended, with the last lines of its output.
     pub fn check(&mut self) -> Result<(), Failure> {
         match self.child.try_wait()? {
             None => Ok(()),
@@ -55,7 +54,7 @@ impl Process {
         }
     }
 
-    /// Whether it has ended well; fails if it ended otherwise.
+    /// Whether it has ended with success. Fails if it ended otherwise.
     pub fn finished(&mut self) -> Result<bool, Failure> {
         match self.child.try_wait()? {
             None => Ok(false),
@@ -64,9 +63,9 @@ impl Process {
         }
     }
 
-    /// Asks it to end, and waits until it has. Anything but exit code 0 is a failure.
+    /// Ends it with SIGTERM and waits. Anything but exit code 0 is a failure.
     pub fn end(mut self) -> Result<(), Failure> {
-        self.ask_to_end();
+        self.terminate();
         match self.wait()? {
             Some(status) if status.success() => Ok(()),
             Some(status) => Err(self.failure(status)),
@@ -79,8 +78,8 @@ impl Process {
         }
     }
 
-    fn ask_to_end(&self) {
-        // It may have ended already, which is as good.
+    fn terminate(&self) {
+        // It may have ended already.
         let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
     }
 
@@ -100,7 +99,7 @@ impl Process {
         let lines: Vec<&str> = text.lines().collect();
         let tail = lines[lines.len().saturating_sub(8)..].join("\n  ");
         format!(
-            "{} ended early ({status}); it said last:\n  {tail}",
+            "{} ended early ({status}); its last lines:\n  {tail}",
             self.name
         )
         .into()
@@ -110,7 +109,7 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         if matches!(self.child.try_wait(), Ok(None)) {
-            self.ask_to_end();
+            self.terminate();
             if matches!(self.wait(), Ok(None) | Err(_)) {
                 let _ = self.child.kill();
             }

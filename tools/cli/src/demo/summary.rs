@@ -2,8 +2,8 @@
 
 use i2ris::ipc::payload::PeriodStatistics;
 
-use super::motion::Motion;
-use super::track::{Run, length_percentile_deg, rms_deg};
+use super::tracking::{MotionRun, length_percentile_deg, rms_deg};
+use super::unseen_motion::Motion;
 use crate::series::percentile;
 
 /// One model and its run.
@@ -13,7 +13,7 @@ pub struct Followed {
     /// What it followed.
     pub motion: Motion,
     /// What it showed.
-    pub run: Run,
+    pub run: MotionRun,
 }
 
 /// Prints everything. `note` says what the camera adds.
@@ -32,7 +32,7 @@ fn tracking(followed: &[Followed]) {
         "  {:14} {:16} {:>8} {:>9} {:>9} {:>10} {:>10} {:>10} {:>13}",
         "motion",
         "model",
-        "pictures",
+        "frames",
         "pitch RMS",
         "yaw RMS",
         "length RMS",
@@ -65,7 +65,8 @@ fn tracking(followed: &[Followed]) {
             _ => "-".to_owned(),
         };
         println!(
-            "  {motion:14} {family:16} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} {max:>10.3} {below:>13}",
+            "  {motion:14} {family:16} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} \
+             {max:>10.3} {below:>13}",
             errors.len()
         );
     }
@@ -73,7 +74,7 @@ fn tracking(followed: &[Followed]) {
 
 fn statistics(windows: &[PeriodStatistics]) {
     let (Some(first), Some(last)) = (windows.first(), windows.last()) else {
-        println!("\nThe loop told no statistics.");
+        println!("\nThe loop reported no statistics.");
         return;
     };
     let us = |ns: u64| ns as f64 / 1e3;
@@ -133,7 +134,8 @@ fn granted(statistics: &PeriodStatistics) -> String {
 fn latency(sorted_us: &[f64]) {
     let ms = |share| percentile(sorted_us, share) / 1e3;
     println!(
-        "\nCommand published by another process -> its set-point handed to the serial line, {} commands",
+        "\nCommand published by another process -> its set-point handed to the serial line, {} \
+         commands",
         sorted_us.len()
     );
     println!(

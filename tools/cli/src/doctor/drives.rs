@@ -57,7 +57,7 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
         Err(error @ DriveError::Busy { .. }) => report.warn(
             name,
             error.to_string(),
-            "end the controller to look at its drives",
+            "end the controller to check its drives",
         ),
         Err(error) => report.fail(name, error.to_string(), "see there"),
     }
@@ -71,7 +71,8 @@ fn check_latency(port: &PortConfig, report: &mut Report) {
         Some(ms) => report.warn(
             name,
             format!("{ms} ms: some {} exchanges a second", 1000 / (ms + 2)),
-            "udev rule: ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", ATTR{latency_timer}=\"1\"",
+            "udev rule: ACTION==\"add\", SUBSYSTEM==\"usb-serial\", DRIVER==\"ftdi_sio\", \
+             ATTR{latency_timer}=\"1\"",
         ),
     }
 }

@@ -91,9 +91,12 @@ fn linear_model(folder: &Path, name: &str, factor: f64) -> PathBuf {
             "kind": "linear", "gain": [[gain, -gain], [gain, gain]], "offset": [0.0, 0.0],
             "covariance": [[1.0, 0.0], [0.0, 1.0]],
         },
-        "hull": { "corners": [[-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0], [-1000.0, 1000.0]] },
+        "hull": { "corners": [
+            [-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0], [-1000.0, 1000.0]
+        ] },
         "training": {
-            "data_file": "none", "data_sha256": "0".repeat(64), "rows": 10, "seed": 0, "restarts": 0,
+            "data_file": "none", "data_sha256": "0".repeat(64),
+            "rows": 10, "seed": 0, "restarts": 0,
             "log_likelihood": null, "bic": null, "software": "test",
         },
         "metrics": [metrics, metrics],

@@ -4,6 +4,7 @@
 mod command;
 mod configuration;
 mod emulate;
+mod external;
 mod live;
 mod python;
 mod shell;

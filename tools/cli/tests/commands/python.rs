@@ -49,7 +49,8 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
         joints = arm.measured_js()
         if k > 20 and joints is not None and abs(math.degrees(joints.position[0]) - 5.0) < 1e-9:
             break
-    assert abs(math.degrees(joints.position[1]) + 3.0) < 1e-9 and joints.valid and len(joints.position) == 2, joints
+    assert abs(math.degrees(joints.position[1]) + 3.0) < 1e-9 and joints.valid and \
+    len(joints.position) == 2, joints
     state = arm.wait_for(lambda state: state.lease)
     assert state.accepted > 0, state
     assert list(arm.actuators.measured_js().measured_counts) == [40, -20]

@@ -88,7 +88,7 @@ fn place(controller: &Controller) -> ([f64; 2], usize) {
 }
 
 #[test]
-fn a_gamepad_leads_while_its_dead_man_is_held_and_when_it_is_unplugged_the_snake_holds() {
+fn a_gamepad_steers_while_its_dead_man_is_held_and_the_snake_holds_when_it_is_unplugged() {
     let controller = Controller::enabled();
     let mut pad = Pad::new();
     let program = lead(&controller, &pad);
@@ -118,7 +118,7 @@ fn a_gamepad_leads_while_its_dead_man_is_held_and_when_it_is_unplugged_the_snake
     let robot = controller.robot();
     assert!(
         clutch_is_open(robot.flags),
-        "the last word is the open clutch"
+        "the last command opens the clutch"
     );
     assert_eq!(
         (robot.lease, robot.asked.last()),
@@ -146,7 +146,7 @@ fn a_gamepad_that_is_not_there_is_named() {
 }
 
 #[test]
-fn keys_lead_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
+fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
     let controller = Controller::enabled();
     let terminal = openpty(None, None).unwrap();
     let mut program = Command::new(env!("CARGO_BIN_EXE_i2ris"))

@@ -8,9 +8,9 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
-use super::look::{CAMERA, ESTIMATE, GOAL, HULL, SETPOINT, faint};
-use crate::board::Board;
-use crate::trail::{Pair, Sample};
+use super::style::{CAMERA, ESTIMATE, GOAL, HULL, SETPOINT, faint};
+use crate::dashboard::Dashboard;
+use crate::history::{Pair, Sample};
 
 /// How far back strips go, and how far the other plots.
 const STRIP_S: f64 = 20.0;
@@ -57,9 +57,9 @@ impl Curve {
 }
 
 /// One strip: an angle over the last seconds.
-pub fn strip(frame: &mut Frame, area: Rect, board: &Board, axis: usize, now: Nanos) {
+pub fn strip(frame: &mut Frame, area: Rect, dashboard: &Dashboard, axis: usize, now: Nanos) {
     let at = |stamp: Nanos| stamp.as_seconds() - now.as_seconds();
-    let (samples, _) = board.trail.samples(0);
+    let (samples, _) = dashboard.history.samples(0);
     let samples = samples.filter(|sample| at(sample.stamp) >= -STRIP_S);
     let of = |value: Pair| value.and_then(|value| value.get(axis).copied());
     let curve = |colour, field: fn(&Sample) -> Pair| {
@@ -75,12 +75,12 @@ pub fn strip(frame: &mut Frame, area: Rect, board: &Board, axis: usize, now: Nan
             move |s: &Sample| Some((at(s.stamp), of(s.estimate)? + sign * of(s.deviation)?));
         Curve::dots(Color::DarkGray, samples.clone().map(value))
     };
-    let pictures = board
-        .trail
-        .pictures(0)
+    let frames = dashboard
+        .history
+        .frames(0)
         .0
-        .filter(|picture| at(picture.stamp) >= -STRIP_S);
-    let seen = pictures.map(|picture| Some((at(picture.stamp), *picture.angles.get(axis)?)));
+        .filter(|frame| at(frame.stamp) >= -STRIP_S);
+    let seen = frames.map(|frame| Some((at(frame.stamp), *frame.angles.get(axis)?)));
     let curves = [
         edge(1.0),
         edge(-1.0),
@@ -105,27 +105,27 @@ pub fn strip(frame: &mut Frame, area: Rect, board: &Board, axis: usize, now: Nan
 }
 
 /// The plane of pitch and yaw, with the hull.
-pub fn plane(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
-    let (samples, _) = board.trail.samples(0);
+pub fn plane(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
+    let (samples, _) = dashboard.history.samples(0);
     let samples = samples.filter(|sample| now.since(sample.stamp).as_seconds() <= TAIL_S);
     let point = |value: Pair| value.map(|[pitch, yaw]| (yaw, pitch));
-    let pictures = board
-        .trail
-        .pictures(0)
+    let frames = dashboard
+        .history
+        .frames(0)
         .0
-        .filter(|picture| now.since(picture.stamp).as_seconds() <= TAIL_S);
+        .filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
     let here = samples.clone().last().and_then(|sample| sample.estimate);
     let curves = [
         Curve::line(
             HULL,
-            board
+            dashboard
                 .models
                 .outline
                 .points
                 .iter()
                 .map(|point| Some((point[1], point[0]))),
         ),
-        Curve::line(CAMERA, pictures.map(|picture| point(Some(picture.angles)))),
+        Curve::line(CAMERA, frames.map(|frame| point(Some(frame.angles)))),
         Curve::line(GOAL, samples.clone().map(|sample| point(sample.goal))),
         Curve::line(ESTIMATE, samples.map(|sample| point(sample.estimate))),
         Curve::dots(Color::White, std::iter::once(point(here))),
@@ -139,7 +139,7 @@ pub fn plane(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
         LEAST_DEG,
     );
     let (x, y) = equal_scales(x, y, area);
-    let hull = if board.models.outline.points.is_empty() {
+    let hull = if dashboard.models.outline.points.is_empty() {
         "pitch over yaw, deg"
     } else {
         "pitch over yaw, deg, hull"
@@ -148,19 +148,19 @@ pub fn plane(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
 }
 
 /// Counts against angle: the hysteresis loop of a motor.
-pub fn hysteresis(frame: &mut Frame, area: Rect, board: &Board, motor: usize, now: Nanos) {
-    let outline = &board.models.outline;
-    let (samples, _) = board.trail.samples(0);
+pub fn hysteresis(frame: &mut Frame, area: Rect, dashboard: &Dashboard, motor: usize, now: Nanos) {
+    let outline = &dashboard.models.outline;
+    let (samples, _) = dashboard.history.samples(0);
     let samples = samples.filter(|sample| now.since(sample.stamp).as_seconds() <= TAIL_S);
-    let pictures = board
-        .trail
-        .pictures(0)
+    let frames = dashboard
+        .history
+        .frames(0)
         .0
-        .filter(|picture| now.since(picture.stamp).as_seconds() <= TAIL_S);
-    let seen = pictures.map(|picture| {
+        .filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
+    let seen = frames.map(|frame| {
         Some((
-            *picture.counts?.get(motor)?,
-            outline.bend(motor, picture.angles),
+            *frame.counts?.get(motor)?,
+            outline.bend(motor, frame.angles),
         ))
     });
     let estimated =
@@ -293,11 +293,13 @@ fn equal_scales(x: [f64; 2], y: [f64; 2], area: Rect) -> ([f64; 2], [f64; 2]) {
 }
 
 /// Motors that there are, for their plots.
-pub fn motors(board: &Board) -> usize {
-    board
+pub fn motors(dashboard: &Dashboard) -> usize {
+    dashboard
         .view
         .actuators
-        .map_or(MAX_MOTORS, |motors| crate::view::count(motors.count))
+        .map_or(MAX_MOTORS, |motors| {
+            crate::latest_messages::count(motors.count)
+        })
         .max(1)
 }
 

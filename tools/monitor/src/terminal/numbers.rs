@@ -7,28 +7,30 @@ use i2ris::units::Nanos;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::look::{CAMERA, ESTIMATE, GOAL, SETPOINT, alarm, faint, fold, warning};
-use crate::board::Board;
-use crate::models::Named;
-use crate::view::{CAMERA_STALE, STALE, STATISTICS_STALE, angles, count, granted, microseconds};
+use super::style::{CAMERA, ESTIMATE, GOAL, SETPOINT, alarm, faint, flow, warning};
+use crate::dashboard::Dashboard;
+use crate::latest_messages::{
+    CAMERA_STALE, STALE, STATISTICS_STALE, angles, count, granted, microseconds,
+};
+use crate::model_poller::LoadedModel;
 
 /// The width that the tables need; more is left free.
 pub const WIDTH: usize = 40;
 
 /// Everything that is a number.
-pub fn lines(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let mut lines = joints(board, width, now);
+pub fn lines(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let mut lines = joints(dashboard, width, now);
     lines.push(Line::default());
-    lines.extend(motors(board, width, now));
+    lines.extend(motors(dashboard, width, now));
     lines.push(Line::default());
-    lines.extend(statistics(board, width, now));
+    lines.extend(statistics(dashboard, width, now));
     lines.push(Line::default());
-    lines.extend(models(board, width));
+    lines.extend(models(dashboard, width));
     lines
 }
 
-fn joints(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let view = &board.view;
+fn joints(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let view = &dashboard.view;
     let head = [
         ("deg   ", faint()),
         ("   goal", GOAL.into()),
@@ -81,8 +83,8 @@ fn joints(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
         line.push_span(cell(&(view.camera_angles(), camera_old)));
         lines.push(line);
     }
-    lines.extend(fold(
-        joint_marks(board, now)
+    lines.extend(flow(
+        joint_marks(dashboard, now)
             .into_iter()
             .map(|text| Span::styled(text, alarm())),
         width,
@@ -90,8 +92,8 @@ fn joints(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
     lines
 }
 
-fn joint_marks(board: &Board, now: Nanos) -> Vec<String> {
-    let view = &board.view;
+fn joint_marks(dashboard: &Dashboard, now: Nanos) -> Vec<String> {
+    let view = &dashboard.view;
     let joint = |name: &str, joint: Option<&JointState>| match joint {
         None => Some(format!("{name} NOT TOLD YET")),
         Some(joint) => mark(name, joint.age(now), STALE),
@@ -112,8 +114,8 @@ fn joint_marks(board: &Board, now: Nanos) -> Vec<String> {
         .collect()
 }
 
-fn motors(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let Some(motors) = &board.view.actuators else {
+fn motors(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let Some(motors) = &dashboard.view.actuators else {
         return vec![Line::from(Span::styled("motors NOT TOLD YET", alarm()))];
     };
     let mut lines = vec![Line::from(Span::styled(
@@ -121,13 +123,13 @@ fn motors(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
         faint(),
     ))];
     for motor in 0..count(motors.count) {
-        lines.extend(motor_lines(board, motors, motor, width, now));
+        lines.extend(motor_lines(dashboard, motors, motor, width, now));
     }
     lines
 }
 
 fn motor_lines(
-    board: &Board,
+    dashboard: &Dashboard,
     motors: &ActuatorState,
     motor: usize,
     width: usize,
@@ -163,7 +165,7 @@ fn motor_lines(
         styled(numbers, old),
         phase,
     ])];
-    let rate = board
+    let rate = dashboard
         .view
         .exchange_rates
         .and_then(|rates| rates.get(motor).copied());
@@ -190,12 +192,12 @@ fn motor_lines(
         mark("encoder", now.since(read), STALE)
     };
     items.extend(age.map(|age| Span::styled(age, alarm())));
-    lines.extend(fold(items, width));
+    lines.extend(flow(items, width));
     lines
 }
 
-fn statistics(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let Some(statistics) = &board.view.statistics else {
+fn statistics(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let Some(statistics) = &dashboard.view.statistics else {
         return vec![Line::from(Span::styled("loop NOT TOLD YET", alarm()))];
     };
     let old = statistics.age(now) > STATISTICS_STALE;
@@ -215,7 +217,7 @@ fn statistics(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
     ])];
     lines.push(text(format!("late    {}", spans(&statistics.lateness))));
     lines.push(text(format!("compute {}", spans(&statistics.compute))));
-    lines.extend(fold(
+    lines.extend(flow(
         granted(statistics)
             .split(", ")
             .map(|part| styled(part.to_owned(), old)),
@@ -228,10 +230,10 @@ fn statistics(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
     lines
 }
 
-fn models(board: &Board, width: usize) -> Vec<Line<'static>> {
-    let models = &board.models;
-    let name = |named: Option<Named>| {
-        let memory = |named: &Named| {
+fn models(dashboard: &Dashboard, width: usize) -> Vec<Line<'static>> {
+    let models = &dashboard.models;
+    let name = |named: Option<LoadedModel>| {
+        let memory = |named: &LoadedModel| {
             if named.memory_known {
                 ""
             } else {
@@ -248,13 +250,13 @@ fn models(board: &Board, width: usize) -> Vec<Line<'static>> {
         for (title, named) in [
             ("in use", models.used()),
             ("staged", models.staged()),
-            ("former", models.former()),
+            ("previous", models.previous()),
         ] {
-            lines.extend(fold([Span::raw(format!("{title} {}", name(named)))], width));
+            lines.extend(flow([Span::raw(format!("{title} {}", name(named)))], width));
         }
     }
     let problems = models.problem.iter().chain(&models.hull_problem);
-    lines.extend(problems.flat_map(|text| fold([Span::styled(text.clone(), warning())], width)));
+    lines.extend(problems.flat_map(|text| flow([Span::styled(text.clone(), warning())], width)));
     lines
 }
 

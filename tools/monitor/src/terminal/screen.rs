@@ -10,21 +10,30 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::desk::{Desk, KEYS, Panel};
-use super::look::{alarm, faint, fold, of_level, warning};
+use super::key_handler::{KEYS, KeyHandler, Panel};
+use super::style::{alarm, faint, flow, of_severity, warning};
 use super::{charts, numbers};
-use crate::board::Board;
-use crate::view::{STALE, state_name};
+use crate::dashboard::Dashboard;
+use crate::latest_messages::{STALE, state_name};
 
 /// From here on everything fits on one screen.
 const WIDE: u16 = 110;
 const TALL: u16 = 30;
 
 /// Draws everything.
-pub fn draw(frame: &mut Frame, board: &Board, desk: &Desk, title: &str, now: Nanos) {
+pub fn draw(
+    frame: &mut Frame,
+    dashboard: &Dashboard,
+    key_handler: &KeyHandler,
+    title: &str,
+    now: Nanos,
+) {
     let area = frame.area();
     let width = usize::from(area.width);
-    let (head, foot) = (header(board, title, width, now), footer(desk, width, now));
+    let (head, foot) = (
+        header(dashboard, title, width, now),
+        footer(key_handler, width, now),
+    );
     let [top, middle, bottom] = Layout::vertical([
         Constraint::Length(lines_of(&head)),
         Constraint::Min(0),
@@ -33,9 +42,9 @@ pub fn draw(frame: &mut Frame, board: &Board, desk: &Desk, title: &str, now: Nan
     .areas(area);
     frame.render_widget(Paragraph::new(head), top);
     if area.width >= WIDE && middle.height >= TALL {
-        everything(frame, middle, board, desk, now);
+        everything(frame, middle, dashboard, key_handler, now);
     } else {
-        one_view(frame, middle, board, desk, now);
+        one_view(frame, middle, dashboard, key_handler, now);
     }
     frame.render_widget(Paragraph::new(foot), bottom);
 }
@@ -45,17 +54,17 @@ fn lines_of(lines: &[Line]) -> u16 {
 }
 
 /// State, what it means, who commands, and what is wrong.
-fn header(board: &Board, title: &str, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let problem = board
+fn header(dashboard: &Dashboard, title: &str, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let problem = dashboard
         .problem
         .iter()
         .map(|problem| Span::styled(problem.clone(), alarm()));
-    let mut lines = fold(problem, width);
-    match &board.view.state {
-        None => lines.extend(fold([Span::styled(" STATE NOT TOLD YET ", alarm())], width)),
+    let mut lines = flow(problem, width);
+    match &dashboard.view.state {
+        None => lines.extend(flow([Span::styled(" STATE NOT TOLD YET ", alarm())], width)),
         Some(state) => {
-            lines.extend(fold(state_items(board, state, now), width));
-            lines.extend(fold(command_items(state), width));
+            lines.extend(flow(state_items(dashboard, state, now), width));
+            lines.extend(flow(command_items(state), width));
         }
     }
     if width >= usize::from(WIDE) {
@@ -64,7 +73,7 @@ fn header(board: &Board, title: &str, width: usize, now: Nanos) -> Vec<Line<'sta
     lines
 }
 
-fn state_items(board: &Board, state: &OperatingStateMsg, now: Nanos) -> Vec<Span<'static>> {
+fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> Vec<Span<'static>> {
     let has = |flag: u32| state.flags & flag != 0;
     let name = state_name(state);
     let stale = state.age(now) > STALE;
@@ -75,7 +84,7 @@ fn state_items(board: &Board, state: &OperatingStateMsg, now: Nanos) -> Vec<Span
     };
     let mut items = vec![Span::styled(badge, badge_style(state, stale))];
     items.extend(
-        board
+        dashboard
             .view
             .fault()
             .map(|fault| Span::styled(fault.to_string(), alarm())),
@@ -84,7 +93,7 @@ fn state_items(board: &Board, state: &OperatingStateMsg, now: Nanos) -> Vec<Span
         "for {:.0} s",
         state.stamp().since(Nanos(state.since_ns)).as_seconds()
     )));
-    let model = board
+    let model = dashboard
         .models
         .used()
         .map(|used| format!("model {}", used.name));
@@ -163,22 +172,22 @@ fn command_items(state: &OperatingStateMsg) -> Vec<Span<'static>> {
 }
 
 /// What was asked and answered, and every key.
-fn footer(desk: &Desk, width: usize, now: Nanos) -> Vec<Line<'static>> {
+fn footer(key_handler: &KeyHandler, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
-    if let Some(question) = desk.question(now) {
-        lines.extend(fold(
+    if let Some(question) = key_handler.question(now) {
+        lines.extend(flow(
             [Span::styled(question.text.clone(), warning())],
             width,
         ));
-        lines.extend(fold([key("y", "yes"), key("n", "no")].concat(), width));
+        lines.extend(flow([key("y", "yes"), key("n", "no")].concat(), width));
     }
-    if let Some(answer) = desk.answer(now) {
+    if let Some(answer) = key_handler.answer(now) {
         let style = if answer.good {
             Style::new().fg(Color::Green)
         } else {
             alarm()
         };
-        lines.extend(fold([Span::styled(answer.text.clone(), style)], width));
+        lines.extend(flow([Span::styled(answer.text.clone(), style)], width));
     }
     lines.extend(keys(width));
     lines
@@ -211,13 +220,19 @@ fn keys(width: usize) -> Vec<Line<'static>> {
 }
 
 /// Numbers and events on the left, plots on the right.
-fn everything(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Nanos) {
+fn everything(
+    frame: &mut Frame,
+    area: Rect,
+    dashboard: &Dashboard,
+    key_handler: &KeyHandler,
+    now: Nanos,
+) {
     let [left, right] = Layout::horizontal([
         Constraint::Length(numbers::WIDTH as u16 + 3),
         Constraint::Min(0),
     ])
     .areas(area);
-    let text = numbers::lines(board, numbers::WIDTH, now);
+    let text = numbers::lines(dashboard, numbers::WIDTH, now);
     let [top, bottom] =
         Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)]).areas(left);
     frame.render_widget(Paragraph::new(text), top);
@@ -227,40 +242,51 @@ fn everything(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Na
             width: numbers::WIDTH as u16,
             ..bottom
         },
-        events(board, numbers::WIDTH, now),
-        desk.scroll,
+        events(dashboard, numbers::WIDTH, now),
+        key_handler.scroll,
     );
     let [strips, plots] =
         Layout::vertical([Constraint::Percentage(54), Constraint::Min(0)]).areas(right);
-    draw_strips(frame, strips, board, now);
+    draw_strips(frame, strips, dashboard, now);
     let [plane, loops] =
         Layout::horizontal([Constraint::Percentage(50), Constraint::Min(0)]).areas(plots);
-    charts::plane(frame, plane, board, now);
-    draw_loops(frame, loops, board, now);
+    charts::plane(frame, plane, dashboard, now);
+    draw_loops(frame, loops, dashboard, now);
 }
 
 /// One view, with its name beside those of the others.
-fn one_view(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Nanos) {
+fn one_view(
+    frame: &mut Frame,
+    area: Rect,
+    dashboard: &Dashboard,
+    key_handler: &KeyHandler,
+    now: Nanos,
+) {
     let width = usize::from(area.width);
-    let tabs = fold(Panel::ALL.map(|panel| tab(panel, desk.panel)), width);
+    let tabs = flow(Panel::ALL.map(|panel| tab(panel, key_handler.panel)), width);
     let [top, rest] =
         Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(tabs), top);
-    match desk.panel {
+    match key_handler.panel {
         Panel::Numbers => scrolled(
             frame,
             rest,
-            numbers::lines(board, width.min(60), now),
-            desk.scroll,
+            numbers::lines(dashboard, width.min(60), now),
+            key_handler.scroll,
         ),
-        Panel::Strips => draw_strips(frame, rest, board, now),
+        Panel::Strips => draw_strips(frame, rest, dashboard, now),
         Panel::Plane => with_legend(frame, rest, |frame, area| {
-            charts::plane(frame, area, board, now)
+            charts::plane(frame, area, dashboard, now)
         }),
         Panel::Loops => with_legend(frame, rest, |frame, area| {
-            draw_loops(frame, area, board, now)
+            draw_loops(frame, area, dashboard, now)
         }),
-        Panel::Events => scrolled(frame, rest, events(board, width, now), desk.scroll),
+        Panel::Events => scrolled(
+            frame,
+            rest,
+            events(dashboard, width, now),
+            key_handler.scroll,
+        ),
     }
 }
 
@@ -273,18 +299,18 @@ fn tab(panel: Panel, chosen: Panel) -> Span<'static> {
     Span::styled(panel.name(), style)
 }
 
-fn draw_strips(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
+fn draw_strips(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
     with_legend(frame, area, |frame, area| {
         let [pitch, yaw] =
             Layout::vertical([Constraint::Percentage(50), Constraint::Min(0)]).areas(area);
-        charts::strip(frame, pitch, board, 0, now);
-        charts::strip(frame, yaw, board, 1, now);
+        charts::strip(frame, pitch, dashboard, 0, now);
+        charts::strip(frame, yaw, dashboard, 1, now);
     });
 }
 
 /// Beside each other, or below each other where that is narrow.
-fn draw_loops(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
-    let motors = charts::motors(board);
+fn draw_loops(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
+    let motors = charts::motors(dashboard);
     let parts = vec![Constraint::Ratio(1, motors as u32); motors];
     let layout = if area.width >= 56 {
         Layout::horizontal(parts)
@@ -292,34 +318,37 @@ fn draw_loops(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
         Layout::vertical(parts)
     };
     for (motor, part) in layout.split(area).iter().enumerate() {
-        charts::hysteresis(frame, *part, board, motor, now);
+        charts::hysteresis(frame, *part, dashboard, motor, now);
     }
 }
 
 fn with_legend(frame: &mut Frame, area: Rect, plot: impl FnOnce(&mut Frame, Rect)) {
-    let legend = fold(charts::legend(), usize::from(area.width));
+    let legend = flow(charts::legend(), usize::from(area.width));
     let [top, rest] =
         Layout::vertical([Constraint::Length(lines_of(&legend)), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(legend), top);
     plot(frame, rest);
 }
 
-fn events(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
+fn events(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let mut lines = vec![Line::from(Span::styled(
         "events seen since this started",
         faint(),
     ))];
-    for event in board.journal.newest() {
+    for event in dashboard.event_log.newest() {
         let count = if event.count > 1 {
             format!(" ({} times)", event.count)
         } else {
             String::new()
         };
         let age = format!("{:>4.0} s ago", now.since(event.stamp).as_seconds());
-        lines.extend(fold(
+        lines.extend(flow(
             [
                 Span::styled(age, faint()),
-                Span::styled(format!("{}{count}", event.text), of_level(event.level)),
+                Span::styled(
+                    format!("{}{count}", event.text),
+                    of_severity(event.severity),
+                ),
             ],
             width,
         ));

@@ -2,8 +2,8 @@
 
 use std::net::IpAddr;
 
+use super::cursor::Since;
 use super::http::{Request, Response};
-use super::source::Since;
 
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
@@ -26,7 +26,7 @@ pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> Strin
     if request.method != "GET" {
         return Response::refusal(
             405,
-            "this monitor is to look at only: it answers GET and nothing else",
+            "this monitor is read-only: it answers GET and nothing else",
         );
     }
     if request.has_body {

@@ -49,7 +49,7 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
             thread::sleep(BREATH);
             continue;
         };
-        let Some(place) = Place::take(&open) else {
+        let Some(slot) = ConnectionSlot::take(&open) else {
             refuse(stream);
             continue;
         };
@@ -58,25 +58,25 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
         let _ = thread::Builder::new()
             .name("web page".to_owned())
             .spawn(move || {
-                let _place = place;
+                let _slot = slot;
                 // A browser that went away is not worth a word.
                 drop(serve(stream, &source, local));
             });
     }
 }
 
-/// A place among the connections, given back when dropped.
-struct Place(Arc<AtomicUsize>);
+/// One of the permitted connections; dropping it frees the slot.
+struct ConnectionSlot(Arc<AtomicUsize>);
 
-impl Place {
+impl ConnectionSlot {
     fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
-        let place = Self(Arc::clone(open));
+        let slot = Self(Arc::clone(open));
         // Counted first: dropping it gives it back.
-        (open.fetch_add(1, Ordering::AcqRel) < CONNECTIONS).then_some(place)
+        (open.fetch_add(1, Ordering::AcqRel) < CONNECTIONS).then_some(slot)
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::AcqRel);
     }

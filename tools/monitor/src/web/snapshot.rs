@@ -1,4 +1,4 @@
-//! What a browser is told, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
+//! The data for a browser, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
 //! moment of the answer, because a browser knows nothing of the controller's clock.
 
 use i2ris::ipc::drive_phase::phase_text;
@@ -9,36 +9,38 @@ use i2ris::ipc::{Message, Refusal};
 use i2ris::units::Nanos;
 use serde_json::{Value, json};
 
-use super::source::Since;
-use crate::board::Board;
-use crate::journal::Level;
-use crate::models::Named;
-use crate::trail::{Pair, Picture, Sample};
-use crate::view::{
-    CAMERA_STALE, STALE, STATISTICS_STALE, View, angles, count, granted, state_name,
+use super::cursor::Since;
+use crate::dashboard::Dashboard;
+use crate::event_log::Severity;
+use crate::history::{CameraFrame, Pair, Sample};
+use crate::latest_messages::{
+    CAMERA_STALE, LatestMessages, STALE, STATISTICS_STALE, angles, count, granted, state_name,
 };
+use crate::model_poller::LoadedModel;
 
-/// Events that are told.
+/// Events in the answer.
 const EVENTS: usize = 30;
 
-/// Everything there is to show; of the trail what is new.
+/// Everything that the page shows; of the history the new part.
 pub fn snapshot(
-    board: &Board,
+    dashboard: &Dashboard,
     domain: &str,
     run: u64,
     origin: Nanos,
     since: &Since,
     now: Nanos,
 ) -> Value {
-    let view = &board.view;
-    let (samples, next_sample) = board.trail.samples(since.sample);
-    let (pictures, next_picture) = board.trail.pictures(since.picture);
+    let view = &dashboard.view;
+    let (samples, next_sample) = dashboard.history.samples(since.sample);
+    let (frames, next_frame) = dashboard.history.frames(since.frame);
+    let points = dashboard.models.outline.points.iter();
+    let hull: Vec<[f64; 2]> = points.map(|point| point.map(short)).collect();
     json!({
         "run": run,
         "domain": domain,
         "version": env!("CARGO_PKG_VERSION"),
         "now_s": seconds(now, origin),
-        "problem": board.problem,
+        "problem": dashboard.problem,
         "state": view.state.as_ref().map(|state| operating(view, state, now)),
         "goal": view.goal.as_ref().map(|joint| joint_state(joint, now)),
         "setpoint": view.setpoint.as_ref().map(|joint| joint_state(joint, now)),
@@ -46,19 +48,19 @@ pub fn snapshot(
         "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
-        "models": models(board),
-        "hull": board.models.outline.points.iter().map(|point| point.map(short)).collect::<Vec<_>>(),
-        "along": board.models.outline.along,
-        "along_names": [board.models.outline.name(0), board.models.outline.name(1)],
-        "events": events(board, now),
+        "models": models(dashboard),
+        "hull": hull,
+        "along": dashboard.models.outline.along,
+        "along_names": [dashboard.models.outline.name(0), dashboard.models.outline.name(1)],
+        "events": events(dashboard, now),
         "samples": samples.map(|sample| sample_row(sample, origin)).collect::<Vec<_>>(),
         "next_sample": next_sample,
-        "pictures": pictures.map(|picture| picture_row(picture, origin)).collect::<Vec<_>>(),
-        "next_picture": next_picture,
+        "frames": frames.map(|frame| frame_row(frame, origin)).collect::<Vec<_>>(),
+        "next_frame": next_frame,
     })
 }
 
-fn operating(view: &View, state: &OperatingStateMsg, now: Nanos) -> Value {
+fn operating(view: &LatestMessages, state: &OperatingStateMsg, now: Nanos) -> Value {
     let has = |flag: u32| state.flags & flag != 0;
     let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
     json!({
@@ -82,9 +84,10 @@ fn operating(view: &View, state: &OperatingStateMsg, now: Nanos) -> Value {
 }
 
 fn joint_state(joint: &JointState, now: Nanos) -> Value {
+    let deviation = [joint.deviation[0], joint.deviation[1]].map(|d| short(d.to_degrees()));
     json!({
         "deg": angles(Some(joint)).map(|pair| pair.map(short)),
-        "deviation_deg": angles(Some(joint)).map(|_| [joint.deviation[0], joint.deviation[1]].map(|d| short(d.to_degrees()))),
+        "deviation_deg": angles(Some(joint)).map(|_| deviation),
         "memory_known": joint.flags & JointState::MEMORY_KNOWN != 0,
         "is_position": joint.count == 3,
         "age_ms": milliseconds(joint.age(now)),
@@ -92,7 +95,7 @@ fn joint_state(joint: &JointState, now: Nanos) -> Value {
     })
 }
 
-fn seen(view: &View, camera: &ExternalPosition, now: Nanos) -> Value {
+fn seen(view: &LatestMessages, camera: &ExternalPosition, now: Nanos) -> Value {
     json!({
         "deg": view.camera_angles().map(|pair| pair.map(short)),
         "age_ms": milliseconds(camera.age(now)),
@@ -100,7 +103,7 @@ fn seen(view: &View, camera: &ExternalPosition, now: Nanos) -> Value {
     })
 }
 
-fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
+fn actuators(view: &LatestMessages, motors: &ActuatorState, now: Nanos) -> Value {
     let motor = |motor: usize| {
         let value = |values: &[i32; 2]| values.get(motor).copied().unwrap_or_default();
         let word =
@@ -115,6 +118,10 @@ fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
             .get(motor)
             .copied()
             .map_or("unknown", phase_text);
+        let error = motors.error_code.get(motor).filter(|code| **code != 0);
+        let rate = view
+            .exchange_rates
+            .and_then(|rates| rates.get(motor).copied());
         json!({
             "setpoint_counts": value(&motors.setpoint_counts),
             "measured_counts": value(&motors.measured_counts),
@@ -122,8 +129,8 @@ fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
             "phase": phase,
             "bad": matches!(phase, "lost" | "at fault" | "unknown"),
             "status": word(&motors.statusword),
-            "error": motors.error_code.get(motor).filter(|code| **code != 0).map(|_| word(&motors.error_code)),
-            "exchanges_per_s": view.exchange_rates.and_then(|rates| rates.get(motor).map(|rate| rate.round())),
+            "error": error.map(|_| word(&motors.error_code)),
+            "exchanges_per_s": rate.map(|rate| rate.round()),
             "age_ms": read.map(|read| milliseconds(now.since(read))),
             "stale": read.is_none_or(|read| now.since(read) > STALE) || motors.age(now) > STALE,
         })
@@ -133,7 +140,10 @@ fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
 
 fn loop_statistics(statistics: &PeriodStatistics, now: Nanos) -> Value {
     let us = |nanos: u64| (nanos as f64 / 100.0).round() / 10.0;
-    let spans = |span: &SpanSummary| json!({ "p50_us": us(span.p50_ns), "p99_us": us(span.p99_ns), "max_us": us(span.max_ns) });
+    let spans = |span: &SpanSummary| {
+        let [p50, p99, max] = [span.p50_ns, span.p99_ns, span.max_ns].map(us);
+        json!({ "p50_us": p50, "p99_us": p99, "max_us": max })
+    };
     let window = Nanos(statistics.window_ns).as_seconds();
     json!({
         "hz": if window > 0.0 { (statistics.ticks as f64 / window).round() } else { 0.0 },
@@ -149,36 +159,47 @@ fn loop_statistics(statistics: &PeriodStatistics, now: Nanos) -> Value {
     })
 }
 
-fn models(board: &Board) -> Value {
-    let models = &board.models;
-    let named = |named: Option<Named>| {
-        named.map(|named| json!({ "name": named.name, "file": named.file, "memory_known": named.memory_known }))
+fn models(dashboard: &Dashboard) -> Value {
+    let models = &dashboard.models;
+    let named = |named: Option<LoadedModel>| {
+        named.map(|named| {
+            json!({
+                "name": named.name,
+                "file": named.file,
+                "memory_known": named.memory_known,
+            })
+        })
     };
     json!({
         "known": models.slots.is_some(),
         "used": named(models.used()),
         "staged": named(models.staged()),
-        "former": named(models.former()),
+        "previous": named(models.previous()),
         "problem": models.problem,
         "hull_problem": models.hull_problem,
     })
 }
 
-fn events(board: &Board, now: Nanos) -> Value {
-    let level = |level| match level {
-        Level::Info => "info",
-        Level::Warning => "warning",
-        Level::Alarm => "alarm",
+fn events(dashboard: &Dashboard, now: Nanos) -> Value {
+    let severity = |severity| match severity {
+        Severity::Info => "info",
+        Severity::Warning => "warning",
+        Severity::Alarm => "alarm",
     };
-    let event = |event: &crate::journal::Event| {
+    let event = |event: &crate::event_log::Event| {
         json!({
             "age_ms": milliseconds(now.since(event.stamp)),
-            "level": level(event.level),
+            "severity": severity(event.severity),
             "text": event.text,
             "count": event.count,
         })
     };
-    board.journal.newest().take(EVENTS).map(event).collect()
+    dashboard
+        .event_log
+        .newest()
+        .take(EVENTS)
+        .map(event)
+        .collect()
 }
 
 /// Time, then pairs: goal, set-point, estimate, standard deviation, set-point counts, counts,
@@ -212,13 +233,13 @@ fn sample_row(sample: &Sample, origin: Nanos) -> Value {
 }
 
 /// Time, pitch, yaw, counts of both motors.
-fn picture_row(picture: &Picture, origin: Nanos) -> Value {
-    let [pitch, yaw] = picture.angles.map(|value| Some(short(value)));
-    let [first, second] = picture.counts.map_or([None, None], |counts| {
+fn frame_row(frame: &CameraFrame, origin: Nanos) -> Value {
+    let [pitch, yaw] = frame.angles.map(|value| Some(short(value)));
+    let [first, second] = frame.counts.map_or([None, None], |counts| {
         counts.map(|value| Some(short(value)))
     });
     vec![
-        Some(seconds(picture.stamp, origin)),
+        Some(seconds(frame.stamp, origin)),
         pitch,
         yaw,
         first,
@@ -232,7 +253,7 @@ fn short(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0
 }
 
-/// Seconds since the monitor started; a picture may be from before.
+/// Seconds since the monitor started; a frame may be from before.
 fn seconds(instant: Nanos, origin: Nanos) -> f64 {
     short(instant.as_seconds() - origin.as_seconds())
 }
@@ -249,7 +270,7 @@ mod tests {
 
     const NOW: Nanos = Nanos(100_000_000_000);
 
-    fn board() -> Board {
+    fn dashboard() -> Dashboard {
         let joint = JointState {
             stamp_ns: NOW.0 - 2_000_000,
             position: [0.1, -0.2, 0.0],
@@ -264,23 +285,23 @@ mod tests {
             fault: 2,
             ..OperatingStateMsg::default()
         };
-        let view = View {
+        let view = LatestMessages {
             state: Some(state),
             measured: Some(joint),
             goal: Some(JointState { flags: 0, ..joint }),
-            ..View::default()
+            ..LatestMessages::default()
         };
-        let mut board = Board {
+        let mut dashboard = Dashboard {
             view,
-            ..Board::default()
+            ..Dashboard::default()
         };
-        board.trail.note(&board.view, NOW);
-        board
+        dashboard.history.sample(&dashboard.view, NOW);
+        dashboard
     }
 
     #[test]
-    fn angles_are_degrees_and_ages_are_told() {
-        let value = snapshot(&board(), "test", 7, Nanos::ZERO, &Since::default(), NOW);
+    fn angles_are_degrees_and_ages_are_included() {
+        let value = snapshot(&dashboard(), "test", 7, Nanos::ZERO, &Since::default(), NOW);
         assert_eq!(value["estimate"]["deg"], json!([5.73, -11.459]));
         assert_eq!(
             (&value["estimate"]["age_ms"], &value["estimate"]["stale"]),
@@ -297,8 +318,8 @@ mod tests {
     }
 
     #[test]
-    fn a_row_holds_what_there_is_and_null_for_gaps() {
-        let value = snapshot(&board(), "test", 7, NOW, &Since::default(), NOW);
+    fn a_row_holds_the_data_and_null_for_gaps() {
+        let value = snapshot(&dashboard(), "test", 7, NOW, &Since::default(), NOW);
         let row = value["samples"][0].as_array().unwrap();
         assert_eq!(row.len(), 15);
         assert_eq!(
@@ -306,7 +327,7 @@ mod tests {
             (&json!(0.0), &Value::Null, &json!(5.73), &Value::Null)
         );
         let nothing = snapshot(
-            &board(),
+            &dashboard(),
             "test",
             7,
             NOW,

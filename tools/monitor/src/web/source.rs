@@ -1,63 +1,37 @@
-//! What the server answers from: a board that one thread fills.
+//! What the server answers from: a dashboard that one thread fills.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
 
+use super::cursor::Since;
 use super::snapshot::snapshot;
-use crate::board::Board;
+use crate::dashboard::Dashboard;
 
-/// A board, shared.
+/// A dashboard, shared.
 #[derive(Debug)]
 pub struct Source {
-    board: Mutex<Board>,
+    dashboard: Mutex<Dashboard>,
     domain: String,
     /// When this monitor was started: names it, and is where its seconds begin.
     origin: Nanos,
 }
 
-/// What a browser has already.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Since {
-    /// Of which start of the monitor.
-    pub run: u64,
-    /// The number of the next sample, and of the next picture.
-    pub sample: u64,
-    pub picture: u64,
-}
-
-impl Since {
-    /// From a query, `run=1&sample=2&picture=3`. What is missing or no number is 0: then everything
-    /// is new.
-    pub fn parse(query: &str) -> Self {
-        let value = |name: &str| {
-            let mut pairs = query.split('&').filter_map(|pair| pair.split_once('='));
-            pairs
-                .find(|(key, _)| *key == name)
-                .and_then(|(_, value)| value.parse().ok())
-                .unwrap_or(0)
-        };
-        Self {
-            run: value("run"),
-            sample: value("sample"),
-            picture: value("picture"),
-        }
-    }
-}
-
 impl Source {
     pub fn new(domain: &str, origin: Nanos) -> Self {
         Self {
-            board: Mutex::default(),
+            dashboard: Mutex::default(),
             domain: domain.to_owned(),
             origin,
         }
     }
 
-    /// The board, to be filled. Held for microseconds, on either side.
-    pub fn board(&self) -> MutexGuard<'_, Board> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    /// The dashboard, to be filled. Held for microseconds, on either side.
+    pub fn dashboard(&self) -> MutexGuard<'_, Dashboard> {
+        self.dashboard
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Everything that is new, as JSON.
@@ -69,10 +43,18 @@ impl Source {
         } else {
             Since::default()
         };
-        // Copied, so that the thread that fills the board never waits for text to be made, however
-        // many browsers ask.
-        let board = self.board().clone();
-        snapshot(&board, &self.domain, run, self.origin, &since, clock::now()).to_string()
+        // Copied, so that the thread that fills the dashboard never waits for text to be made,
+        // however many browsers ask.
+        let dashboard = self.dashboard().clone();
+        snapshot(
+            &dashboard,
+            &self.domain,
+            run,
+            self.origin,
+            &since,
+            clock::now(),
+        )
+        .to_string()
     }
 }
 
@@ -83,11 +65,11 @@ mod tests {
     #[test]
     fn queries_are_read_and_nonsense_is_nothing() {
         assert_eq!(
-            Since::parse("run=5&sample=7&picture=2"),
+            Since::parse("run=5&sample=7&frame=2"),
             Since {
                 run: 5,
                 sample: 7,
-                picture: 2
+                frame: 2
             }
         );
         assert_eq!(Since::parse("sample=-1&run=x&&="), Since::default());
@@ -97,9 +79,9 @@ mod tests {
     fn another_start_of_the_monitor_gives_everything_again() {
         let source = Source::new("test", Nanos::from_millis(9000));
         for step in 0..10 {
-            let mut board = source.board();
-            let Board { trail, view, .. } = &mut *board;
-            trail.note(view, Nanos::from_millis(10_000 + 100 * step));
+            let mut dashboard = source.dashboard();
+            let Dashboard { history, view, .. } = &mut *dashboard;
+            history.sample(view, Nanos::from_millis(10_000 + 100 * step));
         }
         let samples = |query: &str| {
             let value: serde_json::Value =

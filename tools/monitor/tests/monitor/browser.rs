@@ -33,8 +33,8 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     );
     page.wait("the hull", "live.hull.length > 20");
     page.wait(
-        "pictures beside counts",
-        "trail.pictures.some((row) => row[3] !== null)",
+        "frames beside counts",
+        "history.frames.some((row) => row[3] !== null)",
     );
     page.wait(
         "rates",

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A browser with one page, ended when dropped.
 pub struct Browser {
@@ -129,7 +129,7 @@ impl Browser {
         let mut bytes = message.to_string().into_bytes();
         bytes.push(0);
         self.pipe.write_all(&bytes).unwrap();
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         loop {
             let left = end.saturating_duration_since(Instant::now());
             let message = self
@@ -156,7 +156,7 @@ impl Browser {
 
     /// Waits until a piece of script gives `true`.
     pub fn wait(&mut self, what: &str, script: &str) {
-        let end = Instant::now() + PATIENCE;
+        let end = Instant::now() + TIMEOUT;
         while self.evaluate(script) != json!(true) {
             if Instant::now() > end {
                 panic!(

@@ -16,7 +16,7 @@ use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
 /// How long anything may take on a machine that does other things.
-const PATIENCE: Nanos = Nanos::from_millis(60_000);
+const TIMEOUT: Nanos = Nanos::from_millis(60_000);
 /// Tells the child of a test that it is the controller.
 const CONFIG: &str = "I2RIS_TEST_CONTROLLER";
 
@@ -26,10 +26,12 @@ const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id"
     "family": {"kind": "linear", "gain": [[0.015, -0.015], [0.015, 0.015]], "offset": [0.0, 0.0],
         "covariance": [[0.25, 0.0], [0.0, 0.25]]},
     "hull": {"corners": [[-900.0, -900.0], [900.0, -900.0], [900.0, 900.0], [-900.0, 900.0]]},
-    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3, "restarts": 1,
+    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3,
+        "restarts": 1,
         "log_likelihood": null, "bic": null, "software": "test"},
     "metrics": [METRICS, METRICS]}"#;
-const METRICS: &str = r#"{"training": {"r2": 0.99, "rmsd": 0.5, "nrmsd": 0.1, "mae": 0.4, "max": 2.0}, "held_out": null}"#;
+const METRICS: &str = r#"{"held_out": null,
+    "training": {"r2": 0.99, "rmsd": 0.5, "nrmsd": 0.1, "mae": 0.4, "max": 2.0}}"#;
 
 /// The controller, when this program is started again by [`Robot::start`]; nothing otherwise.
 #[test]
@@ -207,14 +209,14 @@ fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
 }
 
 fn bring_up(domain: &Domain) {
-    let mut client = Client::connect(domain, PATIENCE).unwrap();
+    let mut client = Client::connect(domain, TIMEOUT).unwrap();
     let ask = |client: &mut Client, command, done: &dyn Fn(&OperatingStateMsg) -> bool| {
         let end = Instant::now() + Duration::from_secs(60);
         while let Err(error) = client.state_command(command) {
             assert!(Instant::now() < end, "{error}");
             std::thread::sleep(Duration::from_millis(100));
         }
-        client.wait_for(PATIENCE, done).unwrap();
+        client.wait_for(TIMEOUT, done).unwrap();
     };
     let idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     ask(&mut client, StateCommand::Home, &|state| {

@@ -31,7 +31,7 @@ fn forty_columns_hold_every_number_and_every_key() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 40);
     let text = terminal.wait("everything", |text| {
-        text.contains("SCHEDULING") && text.contains("former none")
+        text.contains("SCHEDULING") && text.contains("previous none")
     });
     for part in [
         "ENABLED",
@@ -152,7 +152,7 @@ fn a_model_is_changed_only_after_a_confirmation() {
     assert!(controller.robot().asked_of_models.is_empty());
     terminal.type_keys("my");
     terminal.wait_for("swap: model 02020202 takes over");
-    terminal.wait_for("former linear 01010101");
+    terminal.wait_for("previous linear 01010101");
     terminal.type_keys("b");
     terminal.wait_for("Roll back to linear 01010101?");
     terminal.type_keys("y");

@@ -20,7 +20,7 @@ use serde_json::json;
 use crate::http::Served;
 use i2ris_testing::{Controller, Program};
 
-const PATIENCE: Nanos = Nanos::from_millis(30_000);
+const TIMEOUT: Nanos = Nanos::from_millis(30_000);
 
 #[test]
 fn a_page_is_told_everything_and_then_what_is_new() {
@@ -337,7 +337,7 @@ fn the_page_has_no_way_to_command() {
     };
     let start = clock::now();
     while askers() != [0; 3] {
-        assert!(clock::now().since(start) < PATIENCE, "{:?}", askers());
+        assert!(clock::now().since(start) < TIMEOUT, "{:?}", askers());
         clock::sleep(Nanos::from_millis(20));
     }
 }

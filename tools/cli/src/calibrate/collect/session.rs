@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 
 use super::motion::{Motion, Playback};
 use super::take::Take;
-use crate::command::watch::{Watch, enabled};
+use crate::command::stream_monitor::{StreamMonitor, enabled};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
@@ -251,7 +251,7 @@ impl Session<'_> {
 
     fn play<W: Write>(&mut self, take: &mut Take<W>, motion: Motion) -> Result<Ending, Failure> {
         let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
-        let mut watch = Watch::new(self.client.id(), &state, clock::now());
+        let mut watch = StreamMonitor::new(self.client.id(), &state, clock::now());
         let mut commander: Commander = self.client.commander();
         let motors = take.motors();
         let mut playback = Playback::new(motion);
@@ -275,7 +275,7 @@ impl Session<'_> {
             commander.servo_actuators(counts.get(..motors).unwrap_or(&counts))?;
             self.ears.listen(take)?;
             if let Some(state) = self.client.operating_state()? {
-                watch.judge(&state, clock::now())?;
+                watch.check(&state, clock::now())?;
             }
             self.bar.set_position(tenths(playback.at_s()));
         }

@@ -1,83 +1,151 @@
 //! The keys of a terminal.
 //!
-//! A terminal tells of key presses, and repeats them while a key is held, but does not tell when it
-//! is let go. So the dead-man is made of time: the clutch is closed by the space bar and opens
-//! again by itself when no key has come for [`DEAD_MAN`]; keys that are held keep it closed, since
-//! they repeat.
+//! A terminal reports key presses and repeats them while a key is held, but not the release of a
+//! key. So the dead-man switch is a timer: the space bar closes the clutch, and the clutch opens
+//! when no key has come for [`DEAD_MAN`]. A held key keeps it closed, because it repeats.
 
-use std::io::IsTerminal;
-use std::time::Duration;
+use std::io::{IsTerminal, Stdin, stdin};
+use std::os::fd::AsFd;
 
-use crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use i2ris::units::Nanos;
-use nix::sys::termios::{OutputFlags, SetArg, tcgetattr, tcsetattr};
-
-use super::master::Input;
-use super::{Gone, Source};
 use i2ris_terminal::Failure;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
+
+use super::input_device::{DeviceInput, DeviceLost, InputDevice};
 
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.
 const DEAD_MAN: Nanos = Nanos::from_millis(1000);
-/// Keys that are read at once.
-const AT_ONCE: usize = 64;
+/// Bytes that are read at once; an arrow key sends three.
+const AT_ONCE: usize = 192;
 
 /// The keyboard, in raw mode until dropped.
 #[derive(Debug)]
 pub(super) struct Keyboard {
     keys: Keys,
+    terminal: Stdin,
+    modes_before: Termios,
 }
 
 impl Keyboard {
     /// Takes the terminal.
     pub fn open() -> Result<Self, Failure> {
-        let input = std::io::stdin();
-        if !input.is_terminal() {
+        let terminal = stdin();
+        if !terminal.is_terminal() {
             return Err("--keyboard needs a terminal: standard input is none".into());
         }
-        enable_raw_mode()?;
-        let keyboard = Self {
-            keys: Keys::default(),
-        };
-        // Only keys are wanted raw; lines that are shown still have to begin at the left.
-        let mut modes = tcgetattr(&input)?;
+        let modes_before = tcgetattr(&terminal)?;
+        let mut modes = modes_before.clone();
+        cfmakeraw(&mut modes);
+        // Only the keys are raw: printed lines still begin at the left.
         modes.output_flags |= OutputFlags::OPOST | OutputFlags::ONLCR;
-        tcsetattr(&input, SetArg::TCSANOW, &modes)?;
-        Ok(keyboard)
+        tcsetattr(&terminal, SetArg::TCSANOW, &modes)?;
+        Ok(Self {
+            keys: Keys::default(),
+            terminal,
+            modes_before,
+        })
+    }
+
+    /// What has been typed. Never waits.
+    fn bytes(&self) -> nix::Result<Vec<u8>> {
+        let mut ready = [PollFd::new(self.terminal.as_fd(), PollFlags::POLLIN)];
+        if poll(&mut ready, PollTimeout::ZERO)? == 0 {
+            return Ok(Vec::new());
+        }
+        let mut bytes = vec![0; AT_ONCE];
+        let count = nix::unistd::read(&self.terminal, &mut bytes)?;
+        if count == 0 {
+            return Err(nix::errno::Errno::EIO);
+        }
+        bytes.truncate(count);
+        Ok(bytes)
     }
 }
 
 impl Drop for Keyboard {
     fn drop(&mut self) {
-        let _ = disable_raw_mode();
+        let _ = tcsetattr(&self.terminal, SetArg::TCSANOW, &self.modes_before);
     }
 }
 
-impl Source for Keyboard {
-    fn read(&mut self, now: Nanos) -> Result<Input, Gone> {
-        let gone = |error: std::io::Error| Gone {
+impl InputDevice for Keyboard {
+    fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost> {
+        let mut input = DeviceInput::default();
+        let bytes = self.bytes().map_err(|error| DeviceLost {
             what: format!("the terminal is gone ({error})"),
-        };
-        let mut input = Input::default();
-        for _ in 0..AT_ONCE {
-            if !event::poll(Duration::ZERO).map_err(gone)? {
-                break;
-            }
-            if let Event::Key(key) = event::read().map_err(gone)? {
-                self.keys.press(&key, now, &mut input);
-            }
+        })?;
+        for key in keys(&bytes) {
+            self.keys.press(key, now, &mut input);
         }
         input.engaged = self.keys.engaged(now);
         Ok(input)
     }
 
     fn help(&self) -> &'static str {
-        "Space closes the clutch; arrows: pitch and yaw; x opens the clutch, and so does a second without a key; q ends."
+        "Space closes the clutch; arrows: pitch and yaw; x opens the clutch, and so does a second \
+         without a key; q ends."
     }
 }
 
-/// What keys mean. Without a terminal.
+/// A key press.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Key {
+    Up,
+    Down,
+    Left,
+    Right,
+    Space,
+    Quit,
+    Other,
+}
+
+/// The keys that a terminal reports with these bytes.
+fn keys(mut bytes: &[u8]) -> Vec<Key> {
+    const ESCAPE: u8 = 0x1b;
+    const CONTROL_C: u8 = 3;
+    const CONTROL_D: u8 = 4;
+    let mut keys = Vec::new();
+    while let Some((&first, rest)) = bytes.split_first() {
+        bytes = rest;
+        keys.push(match first {
+            CONTROL_C | CONTROL_D | b'q' => Key::Quit,
+            b' ' => Key::Space,
+            ESCAPE => match rest {
+                [b'[' | b'O', sequence @ ..] => {
+                    // Parameters, then one final byte (ECMA-48, 5.4).
+                    let last = sequence
+                        .iter()
+                        .position(|byte| (0x40..=0x7e).contains(byte));
+                    let length = last.map_or(sequence.len(), |last| last + 1);
+                    bytes = &sequence[length..];
+                    arrow(&sequence[..length])
+                }
+                [] | [ESCAPE, ..] => Key::Quit,
+                // A key with Alt.
+                [_, rest @ ..] => {
+                    bytes = rest;
+                    Key::Other
+                }
+            },
+            _ => Key::Other,
+        });
+    }
+    keys
+}
+
+fn arrow(sequence: &[u8]) -> Key {
+    match sequence.last() {
+        Some(b'A') => Key::Up,
+        Some(b'B') => Key::Down,
+        Some(b'C') => Key::Right,
+        Some(b'D') => Key::Left,
+        _ => Key::Other,
+    }
+}
+
+/// The meaning of keys over time.
 #[derive(Debug, Default)]
 struct Keys {
     /// When the last key came, while the clutch is closed.
@@ -85,22 +153,17 @@ struct Keys {
 }
 
 impl Keys {
-    fn press(&mut self, key: &KeyEvent, now: Nanos, input: &mut Input) {
-        if key.kind == KeyEventKind::Release {
-            return;
-        }
-        let control = key.modifiers.contains(KeyModifiers::CONTROL);
+    fn press(&mut self, key: Key, now: Nanos, input: &mut DeviceInput) {
         let [pitch, yaw] = &mut input.steps;
-        match key.code {
-            KeyCode::Char('c' | 'd') if control => input.quit = true,
-            KeyCode::Char('q') | KeyCode::Esc => input.quit = true,
-            KeyCode::Char(' ') => self.closed = Some(now),
-            KeyCode::Up => *pitch += 1,
-            KeyCode::Down => *pitch -= 1,
-            KeyCode::Right => *yaw += 1,
-            KeyCode::Left => *yaw -= 1,
-            // Whatever else is hit, in haste say, is a reason to stop.
-            _ => self.closed = None,
+        match key {
+            Key::Quit => input.quit = true,
+            Key::Space => self.closed = Some(now),
+            Key::Up => *pitch += 1,
+            Key::Down => *pitch -= 1,
+            Key::Right => *yaw += 1,
+            Key::Left => *yaw -= 1,
+            // Any other key, hit in haste, is a reason to stop.
+            Key::Other => self.closed = None,
         }
         if self.engaged(now) {
             self.closed = Some(now);
@@ -121,9 +184,9 @@ mod tests {
         Nanos::from_millis(5_000 + milliseconds)
     }
 
-    fn press(keys: &mut Keys, code: KeyCode, now: Nanos) -> Input {
-        let mut input = Input::default();
-        keys.press(&KeyEvent::new(code, KeyModifiers::NONE), now, &mut input);
+    fn press(keys: &mut Keys, key: Key, now: Nanos) -> DeviceInput {
+        let mut input = DeviceInput::default();
+        keys.press(key, now, &mut input);
         input.engaged = keys.engaged(now);
         input
     }
@@ -131,41 +194,49 @@ mod tests {
     #[test]
     fn arrows_do_nothing_before_the_space_bar() {
         let mut keys = Keys::default();
-        assert!(!press(&mut keys, KeyCode::Up, at(0)).engaged);
-        assert!(press(&mut keys, KeyCode::Char(' '), at(10)).engaged);
-        let input = press(&mut keys, KeyCode::Up, at(20));
+        assert!(!press(&mut keys, Key::Up, at(0)).engaged);
+        assert!(press(&mut keys, Key::Space, at(10)).engaged);
+        let input = press(&mut keys, Key::Up, at(20));
         assert!(input.engaged && input.steps == [1, 0]);
     }
 
     #[test]
     fn a_second_without_a_key_opens_the_clutch_and_keys_that_repeat_keep_it_closed() {
         let mut keys = Keys::default();
-        press(&mut keys, KeyCode::Char(' '), at(0));
+        press(&mut keys, Key::Space, at(0));
         for milliseconds in (0..5000).step_by(600) {
-            assert!(press(&mut keys, KeyCode::Left, at(milliseconds)).engaged);
+            assert!(press(&mut keys, Key::Left, at(milliseconds)).engaged);
         }
         assert!(keys.engaged(at(4800 + 999)) && !keys.engaged(at(4800 + 1000)));
         assert!(
-            !press(&mut keys, KeyCode::Left, at(6000)).engaged,
+            !press(&mut keys, Key::Left, at(6000)).engaged,
             "an arrow does not close it again"
         );
     }
 
     #[test]
-    fn any_other_key_opens_it_and_some_end() {
+    fn any_other_key_opens_the_clutch_and_quit_ends() {
         let mut keys = Keys::default();
-        for code in [
-            KeyCode::Char('x'),
-            KeyCode::Enter,
-            KeyCode::Char('z'),
-            KeyCode::Tab,
+        press(&mut keys, Key::Space, at(0));
+        assert!(!press(&mut keys, Key::Other, at(1)).engaged);
+        assert!(press(&mut keys, Key::Quit, at(2)).quit);
+    }
+
+    #[test]
+    fn bytes_of_a_terminal_are_keys() {
+        use Key::{Down, Left, Other, Quit, Right, Space, Up};
+        for (bytes, expected) in [
+            (&b" \x1b[A\x1b[B"[..], &[Space, Up, Down][..]),
+            (b"\x1bOC\x1b[1;5D", &[Right, Left]),
+            (b"xz\r\t\x1bf\xc3\xa4", &[Other; 7]),
+            (b"\x1b[3~\x1b[", &[Other, Other]),
+            (b"q", &[Quit]),
+            (b"\x03\x04", &[Quit, Quit]),
+            (b"\x1b", &[Quit]),
+            (b"\x1b\x1b[A", &[Quit, Up]),
+            (b"", &[]),
         ] {
-            press(&mut keys, KeyCode::Char(' '), at(0));
-            assert!(!press(&mut keys, code, at(1)).engaged, "{code:?}");
+            assert_eq!(keys(bytes), expected, "{bytes:?}");
         }
-        assert!(
-            press(&mut keys, KeyCode::Char('q'), at(2)).quit
-                && press(&mut keys, KeyCode::Esc, at(2)).quit
-        );
     }
 }

@@ -3,18 +3,18 @@
 
 const PERIOD_MS = 100;
 const KEEP_S = 30;
-const trail = { run: 0, sample: 0, picture: 0, samples: [], pictures: [] };
+const recent = { run: 0, sample: 0, frame: 0, samples: [], frames: [] };
 let live = null;
 // When the last answer came, on the clock of this browser.
 let heard = performance.now();
 const plots = Object.fromEntries(['pitch', 'yaw', 'plane', 'loop0', 'loop1'].map((id) => [id, new Plot(id)]));
 
 function take(answer) {
-  if (answer.run !== trail.run) Object.assign(trail, { run: answer.run, samples: [], pictures: [] });
-  trail.samples.push(...answer.samples);
-  trail.pictures.push(...answer.pictures);
-  [trail.sample, trail.picture] = [answer.next_sample, answer.next_picture];
-  for (const rows of [trail.samples, trail.pictures]) {
+  if (answer.run !== recent.run) Object.assign(recent, { run: answer.run, samples: [], frames: [] });
+  recent.samples.push(...answer.samples);
+  recent.frames.push(...answer.frames);
+  [recent.sample, recent.frame] = [answer.next_sample, answer.next_frame];
+  for (const rows of [recent.samples, recent.frames]) {
     const fresh = rows.findIndex((row) => row[0] >= answer.now_s - KEEP_S);
     rows.splice(0, fresh < 0 ? rows.length : fresh);
   }
@@ -24,7 +24,7 @@ function take(answer) {
 
 async function ask() {
   try {
-    const question = `live?run=${trail.run}&sample=${trail.sample}&picture=${trail.picture}`;
+    const question = `live?run=${recent.run}&sample=${recent.sample}&frame=${recent.frame}`;
     const answer = await fetch(question, { cache: 'no-store', signal: AbortSignal.timeout(3000) });
     if (answer.ok) take(await answer.json());
   } catch {
@@ -52,12 +52,12 @@ function show() {
     showModels(live);
     showEvents(live, lag);
     const [now, text] = [live.now_s + lag / 1000, staleText(lag)];
-    drawStrip(plots.pitch, 0, trail, now, text);
-    drawStrip(plots.yaw, 1, trail, now, text);
-    drawPlane(plots.plane, trail, live.hull, now, text);
-    drawLoop(plots.loop0, 0, trail, live, now, text);
+    drawStrip(plots.pitch, 0, recent, now, text);
+    drawStrip(plots.yaw, 1, recent, now, text);
+    drawPlane(plots.plane, recent, live.hull, now, text);
+    drawLoop(plots.loop0, 0, recent, live, now, text);
     plots.loop1.canvas.hidden = live.motors && live.motors.length < 2;
-    drawLoop(plots.loop1, 1, trail, live, now, text);
+    drawLoop(plots.loop1, 1, recent, live, now, text);
   }
 }
 

@@ -10,8 +10,8 @@ const FAMILY = 'px system-ui, "DejaVu Sans", sans-serif';
 /** The size of small text on this screen. */
 const em = () => Math.round(0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize));
 
-// Places in a row of samples and of pictures.
-const T = 0, GOAL = 1, SETPOINT = 3, ESTIMATE = 5, DEVIATION = 7, COUNTS = 11, PICTURE = 1, PICTURE_COUNTS = 3;
+// Places in a row of samples and of frames.
+const T = 0, GOAL = 1, SETPOINT = 3, ESTIMATE = 5, DEVIATION = 7, COUNTS = 11, FRAME = 1, PICTURE_COUNTS = 3;
 
 /** A canvas with its margins and scales. Sharp on any screen. */
 class Plot {
@@ -175,12 +175,12 @@ function equal(x, y, plot) {
 
 const point = (x, y, t) => (x === null || y === null || x === undefined || y === undefined ? null : [x, y, t]);
 
-function drawStrip(plot, axis, trail, now, staleText) {
+function drawStrip(plot, axis, recent, now, staleText) {
   if (!plot.begin((axis ? 'yaw' : 'pitch') + ', deg')) return;
-  const samples = trail.samples.filter((row) => row[T] >= now - STRIP_S);
-  const pictures = trail.pictures.filter((row) => row[T] >= now - STRIP_S);
+  const samples = recent.samples.filter((row) => row[T] >= now - STRIP_S);
+  const frames = recent.frames.filter((row) => row[T] >= now - STRIP_S);
   const of = (place) => samples.map((row) => point(row[T] - now, row[place + axis], row[T]));
-  const camera = pictures.map((row) => point(row[T] - now, row[PICTURE + axis], row[T]));
+  const camera = frames.map((row) => point(row[T] - now, row[FRAME + axis], row[T]));
   const curves = [[camera, COLOURS.camera, 2.5], [of(GOAL), COLOURS.goal, 1.5], [of(SETPOINT), COLOURS.setpoint, 1.5], [of(ESTIMATE), COLOURS.estimate, 2]];
   const all = curves.flatMap(([points]) => points.filter(Boolean).map((p) => p[1]));
   plot.scales([-STRIP_S, 0], padded(all, 2));
@@ -194,11 +194,11 @@ function drawStrip(plot, axis, trail, now, staleText) {
   if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
 }
 
-function drawPlane(plot, trail, hull, now, staleText) {
+function drawPlane(plot, recent, hull, now, staleText) {
   if (!plot.begin('pitch over yaw, deg')) return;
-  const samples = trail.samples.filter((row) => row[T] >= now - TAIL_S);
+  const samples = recent.samples.filter((row) => row[T] >= now - TAIL_S);
   const of = (place) => samples.map((row) => point(row[place + 1], row[place], row[T]));
-  const camera = trail.pictures.filter((row) => row[T] >= now - TAIL_S).map((row) => point(row[PICTURE + 1], row[PICTURE], row[T]));
+  const camera = recent.frames.filter((row) => row[T] >= now - TAIL_S).map((row) => point(row[FRAME + 1], row[FRAME], row[T]));
   const edge = hull.map(([pitch, yaw]) => [yaw, pitch]);
   const curves = [[edge, COLOURS.hull, 1.5], [camera, COLOURS.camera, 2], [of(GOAL), COLOURS.goal, 1.5], [of(ESTIMATE), COLOURS.estimate, 1.5]];
   const all = curves.flatMap(([points]) => points.filter(Boolean));
@@ -213,14 +213,14 @@ function drawPlane(plot, trail, hull, now, staleText) {
   if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
 }
 
-function drawLoop(plot, motor, trail, live, now, staleText) {
+function drawLoop(plot, motor, recent, live, now, staleText) {
   if (!plot.begin(`motor ${motor}, ${live.along_names[motor]}, deg`)) return;
   const weights = live.along[motor];
   const bend = (pitch, yaw) => (pitch === null || yaw === null ? null : weights[0] * pitch + weights[1] * yaw);
-  const estimate = trail.samples.filter((row) => row[T] >= now - TAIL_S)
+  const estimate = recent.samples.filter((row) => row[T] >= now - TAIL_S)
     .map((row) => point(row[COUNTS + motor], bend(row[ESTIMATE], row[ESTIMATE + 1]), row[T]));
-  const camera = trail.pictures.filter((row) => row[T] >= now - TAIL_S)
-    .map((row) => point(row[PICTURE_COUNTS + motor], bend(row[PICTURE], row[PICTURE + 1]), row[T]));
+  const camera = recent.frames.filter((row) => row[T] >= now - TAIL_S)
+    .map((row) => point(row[PICTURE_COUNTS + motor], bend(row[FRAME], row[FRAME + 1]), row[T]));
   const all = [...estimate, ...camera].filter(Boolean);
   plot.scales(padded(all.map((p) => p[0]), 100), padded(all.map((p) => p[1]), 2));
   plot.grid('');

@@ -85,7 +85,7 @@ function showJoints(live) {
   const marks = [];
   for (const [key, name] of streams) {
     const stream = live[key];
-    if (!stream) { if (key !== 'camera') marks.push(`${name} not told yet`); continue; }
+    if (!stream) { if (key !== 'camera') marks.push(`${name} not received yet`); continue; }
     if (stream.stale) marks.push(`${name} STALE ${age(stream.age_ms)}`);
     else if (key === 'camera' && !stream.deg) marks.push('camera sees nothing');
   }
@@ -118,7 +118,7 @@ function showMotors(live) {
       [drive, motor.bad || motor.error ? 'warn' : style], [motor.status, 'stale']];
   };
   fill(byId('motors'), [head('', 'set-pt', 'encoder', 'mA', 'bus/s', 'drive', 'status'), ...motors.map(row)]);
-  const marks = motors.length ? [] : ['motors not told yet'];
+  const marks = motors.length ? [] : ['motors not received yet'];
   motors.forEach((motor, number) => {
     if (motor.age_ms === null) marks.push(`motor ${number} NEVER READ`);
     else if (motor.stale) marks.push(`motor ${number} STALE ${age(motor.age_ms)}`);
@@ -130,7 +130,7 @@ function showLoop(live) {
   const loop = live.loop;
   if (!loop) {
     fill(byId('loop'), []);
-    return showMarks('loop', ['loop not told yet']);
+    return showMarks('loop', ['loop not received yet']);
   }
   const style = loop.stale ? 'stale' : '';
   const spans = (name, span) => [[name, ''], [String(span.p50_us), style], [String(span.p99_us), style], [String(span.max_us), style]];
@@ -150,19 +150,19 @@ function showLoop(live) {
 function showModels(live) {
   const models = live.models;
   const row = (name, model) => [[name, ''], [model ? model.name + (model.memory_known ? '' : ', memory unknown') : models.known ? 'none' : '–', 'text']];
-  fill(byId('models'), [row('in use', models.used), row('staged', models.staged), row('former', models.former)]);
+  fill(byId('models'), [row('in use', models.used), row('staged', models.staged), row('previous', models.previous)]);
   showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
 }
 
 function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
-  const rows = live.events.map((event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.level]);
+  const rows = live.events.map((event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity]);
   const place = byId('events');
   const key = JSON.stringify(rows);
   if (place.dataset.key === key) return;
   place.dataset.key = key;
-  place.replaceChildren(...rows.map(([when, text, level]) => {
-    const line = element('li', undefined, level);
+  place.replaceChildren(...rows.map(([when, text, severity]) => {
+    const line = element('li', undefined, severity);
     line.append(element('time', when), text);
     return line;
   }));

@@ -1,4 +1,4 @@
-//! Following the unseen motion: what was asked against what the camera saw, and how fast it went.
+//! Tracking of an unseen motion: goal against camera, and latency.
 
 use std::path::Path;
 
@@ -8,24 +8,24 @@ use i2ris::ipc::payload::{ActuatorState, JointState, PeriodStatistics};
 use i2ris::units::Nanos;
 use indicatif::ProgressBar;
 
-use super::bench::{Bench, text};
-use super::motion::RATE_HZ;
 use super::process::Process;
-use super::watch_over;
+use super::progress::check_children;
+use super::setup::{DemoSetup, text};
+use super::unseen_motion::RATE_HZ;
 use crate::series::{Series, percentile};
 use i2ris_terminal::Failure;
 
-/// The controller tells the goal every millisecond.
+/// Longest gap between two samples, ns. The controller publishes the goal every millisecond.
 const GAP_NS: u64 = 60_000_000;
 /// How often streams are read.
 const READ_PERIOD: Nanos = Nanos::from_millis(5);
 /// The goal has come to the start of the motion when it is this near, degrees.
 const NEAR_DEG: f64 = 0.2;
 
-/// What one run showed.
+/// The result of one run.
 #[derive(Debug, Default)]
-pub struct Run {
-    /// Difference between goal and camera for every picture: pitch and yaw, degrees.
+pub struct MotionRun {
+    /// Difference between goal and camera for every frame: pitch and yaw, degrees.
     pub errors_deg: Vec<[f64; 2]>,
     /// From the stamp of a command until its set-point had been handed to the serial line,
     /// microseconds, sorted.
@@ -46,7 +46,7 @@ pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     ]
 }
 
-/// Length of the error that a share of all pictures stays below.
+/// Quantile of the length of the error over all frames.
 pub fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
     let mut lengths: Vec<f64> = errors_deg.iter().map(|e| e[0].hypot(e[1])).collect();
     lengths.sort_by(f64::total_cmp);
@@ -66,18 +66,18 @@ pub fn write_path(file: &Path, path: &[[f64; 2]]) -> Result<(), Failure> {
 
 /// Has another process command the motion in `file` and watches until that process is done.
 pub fn follow(
-    bench: &Bench,
+    demo: &DemoSetup,
     client: &Client,
     children: &mut [&mut Process],
     file: &Path,
     bar: &ProgressBar,
-) -> Result<Run, Failure> {
+) -> Result<MotionRun, Failure> {
     let mut recorder = Recorder::new(client);
-    let mut commander = bench.tool_in_domain("command", &["command", "file", &text(file)?])?;
+    let mut commander = demo.tool_in_domain("command", &["command", "file", &text(file)?])?;
     let start = clock::now();
     while !commander.finished()? {
         let now = clock::now();
-        watch_over(children)?;
+        check_children(children)?;
         recorder.read()?;
         bar.set_position(((now - start).as_seconds() * 10.0) as u64);
         clock::sleep_until(now + READ_PERIOD);
@@ -92,10 +92,10 @@ struct Recorder {
     camera: i2ris::ipc::client::Subscription<i2ris::ipc::payload::ExternalPosition>,
     statistics: i2ris::ipc::client::Subscription<PeriodStatistics>,
     goals: Series<2>,
-    pictures: Series<2>,
+    frames: Series<2>,
     /// Sequence of the command that each motor carried out last.
     carried_out: [u64; 2],
-    run: Run,
+    run: MotionRun,
 }
 
 impl Recorder {
@@ -107,9 +107,9 @@ impl Recorder {
             camera: watcher.external(),
             statistics: watcher.period_statistics(),
             goals: Series::default(),
-            pictures: Series::default(),
+            frames: Series::default(),
             carried_out: [0; 2],
-            run: Run::default(),
+            run: MotionRun::default(),
         }
     }
 
@@ -119,7 +119,7 @@ impl Recorder {
             .drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
         self.camera.drain(|seen| {
             if seen.flags != 0 {
-                self.pictures.push(seen.stamp_ns, degrees(seen.position));
+                self.frames.push(seen.stamp_ns, degrees(seen.position));
             }
         })?;
         let (carried_out, latencies) = (&mut self.carried_out, &mut self.run.command_to_wire_us);
@@ -138,7 +138,7 @@ impl Recorder {
         Ok(())
     }
 
-    fn finish(mut self) -> Run {
+    fn finish(mut self) -> MotionRun {
         // Every motion begins at the straight pose.
         let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
         let started = self
@@ -151,7 +151,7 @@ impl Recorder {
             Some([seen[0] - goal[0], seen[1] - goal[1]])
         };
         self.run.errors_deg = self
-            .pictures
+            .frames
             .iter()
             .filter(|(stamp, _)| *stamp >= started)
             .filter_map(error)

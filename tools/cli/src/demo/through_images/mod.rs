@@ -1,5 +1,5 @@
-//! `i2ris demo --through-images`: a calibration whose angles come from pictures, beside one from
-//! the angles themselves.
+//! `i2ris demo --through-images`: a calibration whose angles come from images, compared with one
+//! from the true angles.
 //!
 //! One run of the emulator, its camera without noise, gives encoder counts and true angles. What a
 //! microscope would have filmed is drawn from the angles and measured by `i2ris vision`, which
@@ -13,79 +13,68 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `swing` | motions of one joint axis |
+//! | `single_axis` | motions of one joint axis |
 
-mod swing;
+mod single_axis;
 
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use super::bench::{Bench, text};
+use super::arguments::Arguments;
 use super::process::Process;
+use super::progress::{bar, check_children, finish, step};
+use super::setup::{DemoSetup, text};
+use super::steps::{calibrate, fit_to, follow};
 use super::summary::Followed;
-use super::track::rms_deg;
-use super::{Arguments, Motion, bar, calibrate, finish, fit_to, follow, step, watch_over};
+use super::tracking::rms_deg;
+use super::unseen_motion::Motion;
 use i2ris_terminal::Failure;
 use i2ris_terminal::pose_table::{self, Pose};
-use swing::{REST_S, Swing};
+use single_axis::{REST_S, SingleAxisMotion};
 
-/// The cameras stand turned by this, so that their calibration has something to find.
+/// Rotation of the cameras, deg, which their calibration has to find.
 const TURNED_DEG: &str = "10";
-/// Every so manieth picture of a motion of one axis is drawn: 10 a second tell enough.
+/// Every Nth frame of a single-axis motion is rendered: 10 images a second are enough.
 const EVERY: &str = "3";
 
-/// The recording with as many of its true angles as there are pictures.
+/// The recording with true angles at the instants of the images only.
 const DIRECT: &str = "direct.csv";
 
-/// The two ways to angles: name, and recording.
-const WAYS: [(&str, &str); 2] = [("direct", DIRECT), ("images", "images.csv")];
-
-/// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.
-pub fn size(text: &str) -> Result<String, String> {
-    let is_side = |side: &str| {
-        side.parse()
-            .is_ok_and(|side| (16..=1 << 14).contains(&side))
-    };
-    let is_size = text
-        .split_once('x')
-        .is_some_and(|(w, h)| is_side(w) && is_side(h));
-    is_size
-        .then(|| text.to_owned())
-        .ok_or_else(|| "write columns x rows, such as 1280x960".to_owned())
-}
+/// The two sources of angles: name, and recording.
+const VARIANTS: [(&str, &str); 2] = [("direct", DIRECT), ("images", "images.csv")];
 
 /// Runs it.
-pub fn show(bench: &Bench, arguments: &Arguments, size: &str) -> Result<(), Failure> {
+pub fn show(demo: &DemoSetup, arguments: &Arguments, size: &str) -> Result<(), Failure> {
     let mut emulator = step("start two emulated drives with a snake behind them", || {
-        bench.start_emulator(arguments.seed, &["--camera-noise-deg", "0"])
+        demo.start_emulator(arguments.seed, &["--camera-noise-deg", "0"])
     })?;
     match &arguments.from {
-        Some(folder) => bench.take(folder)?,
+        Some(folder) => demo.take(folder)?,
         None => {
-            swing(bench, &mut emulator)?;
-            calibrate(bench, &mut emulator, arguments)?;
+            swing(demo, &mut emulator)?;
+            calibrate(demo, &mut emulator, arguments)?;
         }
     }
-    if !bench.path("images.csv").exists() {
-        thin(
-            &bench.path("recording.csv"),
-            &bench.path(DIRECT),
+    if !demo.path("images.csv").exists() {
+        keep_every(
+            &demo.path("recording.csv"),
+            &demo.path(DIRECT),
             arguments.pictures_every,
         )?;
-        look(bench, &mut emulator, size)?;
+        measure_images(demo, &mut emulator, size)?;
     }
     let families = arguments.families("gmr-stop");
     let mut followed = Vec::new();
     for family in &families {
-        for (way, recording) in WAYS {
-            let model = format!("{family}-{way}");
-            if !bench.path(&format!("{model}.json")).exists() {
+        for (variant, recording) in VARIANTS {
+            let model = format!("{family}-{variant}");
+            if !demo.path(&format!("{model}.json")).exists() {
                 step(&format!("fit `{family}` to {recording}"), || {
-                    fit_to(bench, recording, family, &model, arguments.seed)
+                    fit_to(demo, recording, family, &model, arguments.seed)
                 })?;
             }
-            followed.extend(follow(bench, &mut emulator, arguments, &model)?);
+            followed.extend(follow(demo, &mut emulator, arguments, &model)?);
         }
     }
     step("stop the emulator", || emulator.end())?;
@@ -93,24 +82,27 @@ pub fn show(bench: &Bench, arguments: &Arguments, size: &str) -> Result<(), Fail
         &followed,
         "The camera adds nothing: its angles are the true ones.",
     );
-    seen(bench)?;
+    print_image_errors(demo)?;
     for family in &families {
         arguments
             .motions
             .iter()
-            .for_each(|motion| loss(&followed, family, *motion));
+            .for_each(|motion| print_loss(&followed, family, *motion));
     }
     Ok(())
 }
 
 /// Records motions of one axis at a time, from the straight pose on: nothing has moved the snake
 /// before.
-fn swing(bench: &Bench, emulator: &mut Process) -> Result<(), Failure> {
+fn swing(demo: &DemoSetup, emulator: &mut Process) -> Result<(), Failure> {
     let (mut controller, mut client) = step("start the controller, home, enable", || {
-        bench.start_controller(None)
+        demo.start_controller(None)
     })?;
-    for (name, swing) in [("pitch", Swing::Pitch), ("yaw", Swing::Yaw)] {
-        let file = bench.path(&format!("{name}.csv"));
+    for (name, swing) in [
+        ("pitch", SingleAxisMotion::Pitch),
+        ("yaw", SingleAxisMotion::Yaw),
+    ] {
+        let file = demo.path(&format!("{name}.csv"));
         step(&format!("move {name} alone"), || {
             swing.record(&mut client, &mut [&mut *emulator, &mut controller], &file)
         })?;
@@ -119,9 +111,9 @@ fn swing(bench: &Bench, emulator: &mut Process) -> Result<(), Failure> {
     controller.end()
 }
 
-/// Draws what the cameras would have seen and measures it.
-fn look(bench: &Bench, emulator: &mut Process, size: &str) -> Result<(), Failure> {
-    let file = |name: &str| text(&bench.path(name));
+/// Renders the images of the cameras and measures them.
+fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Result<(), Failure> {
+    let file = |name: &str| text(&demo.path(name));
     for axis in ["pitch", "yaw"] {
         let (angles, folder) = (file(&format!("{axis}.csv"))?, file(axis)?);
         let render = [
@@ -129,13 +121,13 @@ fn look(bench: &Bench, emulator: &mut Process, size: &str) -> Result<(), Failure
         ];
         let options = ["--turned-deg", TURNED_DEG, "--every", EVERY];
         run(
-            bench,
+            demo,
             emulator,
-            &format!("draw the motion of {axis}"),
+            &format!("render the motion of {axis}"),
             &[&render[..], &options].concat(),
         )?;
     }
-    guess(&bench.path("pitch/vision.toml"), &bench.path("guess.toml"))?;
+    write_uncalibrated_setup(&demo.path("pitch/vision.toml"), &demo.path("guess.toml"))?;
     let (guess, setup, rest) = (
         file("guess.toml")?,
         file("vision.toml")?,
@@ -156,15 +148,15 @@ fn look(bench: &Bench, emulator: &mut Process, size: &str) -> Result<(), Failure
     ];
     let motions = ["--pitch", &p0, &p1, "--yaw", &y0, &y1];
     run(
-        bench,
+        demo,
         emulator,
         "calibrate the views by those motions",
         &[&calibrate[..], &motions].concat(),
     )?;
-    stream(bench, emulator, size, &setup)?;
+    stream(demo, emulator, size, &setup)?;
     let (recording, angles, images) = (file(DIRECT)?, file("angles.csv")?, file("images.csv")?);
     run(
-        bench,
+        demo,
         emulator,
         "bring angles and counts together",
         &[
@@ -178,8 +170,8 @@ fn look(bench: &Bench, emulator: &mut Process, size: &str) -> Result<(), Failure
     )
 }
 
-/// Leaves every so manieth row its angles, and all others their counts only.
-fn thin(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
+/// Keeps the angles of every Nth row that has angles; the other rows keep their counts only.
+fn keep_every(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     let mut reader = csv::Reader::from_path(recording)?;
     let header = reader.headers()?.clone();
     let is_angle = |column: usize| {
@@ -189,13 +181,13 @@ fn thin(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     };
     let mut writer = csv::Writer::from_path(to)?;
     writer.write_record(&header)?;
-    let mut pictures = 0_u32;
+    let mut images = 0_u32;
     for row in reader.records() {
         let row = row?;
         let has_angles =
             (0..row.len()).any(|column| is_angle(column) && row.get(column) != Some(""));
-        let keeps = !has_angles || pictures.is_multiple_of(every);
-        pictures += u32::from(has_angles);
+        let keeps = !has_angles || images.is_multiple_of(every);
+        images += u32::from(has_angles);
         let cell = |(column, cell)| if keeps || !is_angle(column) { cell } else { "" };
         writer.write_record(row.iter().enumerate().map(cell))?;
     }
@@ -204,7 +196,7 @@ fn thin(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
 
 /// Writes the setup of a person who has not calibrated the views yet: one view per axis, in the
 /// usual direction, without a straight pose.
-fn guess(drawn: &Path, to: &Path) -> Result<(), Failure> {
+fn write_uncalibrated_setup(drawn: &Path, to: &Path) -> Result<(), Failure> {
     let mut setup: toml::Table = fs::read_to_string(drawn)?.parse()?;
     let views = setup.get_mut("view").and_then(toml::Value::as_array_mut);
     let views = views.ok_or("the setup names no views")?;
@@ -218,17 +210,22 @@ fn guess(drawn: &Path, to: &Path) -> Result<(), Failure> {
     Ok(fs::write(to, toml::to_string(&setup)?)?)
 }
 
-/// Two processes: one draws the recording, the other measures.
-fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Result<(), Failure> {
-    let file = |name: &str| text(&bench.path(name));
+/// Two processes: one renders the recording, the other measures it.
+fn stream(
+    demo: &DemoSetup,
+    emulator: &mut Process,
+    size: &str,
+    setup: &str,
+) -> Result<(), Failure> {
+    let file = |name: &str| text(&demo.path(name));
     let (recording, folder, angles) = (file(DIRECT)?, file("pictures")?, file("angles.csv")?);
     let (first, second) = (file("pictures/view0")?, file("pictures/view1")?);
-    let pictures = pose_table::read(&bench.path(DIRECT))?.len();
+    let images = pose_table::read(&demo.path(DIRECT))?.len();
     let bar = bar(
-        "draw the recording as pictures and measure them",
-        pictures as f64 / 10.0,
+        "render the recording as images and measure them",
+        images as f64 / 10.0,
     );
-    let mut renderer = bench.tool(
+    let mut renderer = demo.tool(
         "render",
         &[
             "vision",
@@ -248,19 +245,18 @@ fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Res
         renderer.check()?;
         std::thread::sleep(Duration::from_millis(10));
     }
-    // Every picture carries its stamp; a rate says that these come from a recording and need not
-    // come in time.
+    // Every image carries its stamp. The option --fps marks them as recorded: they may be late.
     let measure = [
         "vision", "--setup", setup, &first, &second, "--rest-s", "0", "--fps", "30", "--output",
         &angles,
     ];
-    let mut vision = bench.tool("vision", &measure)?;
+    let mut vision = demo.tool("vision", &measure)?;
     while !vision.finished()? {
-        watch_over(&mut [&mut *emulator])?;
+        check_children(&mut [&mut *emulator])?;
         bar.set_position(lines(Path::new(&angles)));
         std::thread::sleep(Duration::from_millis(500));
     }
-    finish(&bar, &format!("{pictures} pairs of pictures"));
+    finish(&bar, &format!("{images} pairs of images"));
     while !renderer.finished()? {
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -275,25 +271,25 @@ fn lines(path: &Path) -> u64 {
 
 /// Runs `i2ris` with arguments to its end.
 fn run(
-    bench: &Bench,
+    demo: &DemoSetup,
     emulator: &mut Process,
     what: &str,
     arguments: &[&str],
 ) -> Result<(), Failure> {
     step(what, || {
-        let mut tool = bench.tool("images", arguments)?;
+        let mut tool = demo.tool("images", arguments)?;
         while !tool.finished()? {
-            watch_over(&mut [&mut *emulator])?;
+            check_children(&mut [&mut *emulator])?;
             std::thread::sleep(Duration::from_millis(20));
         }
         Ok(())
     })
 }
 
-/// How exact the pictures were: their angles against the true ones of the same instants.
-fn seen(bench: &Bench) -> Result<(), Failure> {
-    let truth = pose_table::read(&bench.path(DIRECT))?;
-    let measured = pose_table::read(&bench.path("images.csv"))?;
+/// Prints the errors of the measured angles against the true ones of the same instants.
+fn print_image_errors(demo: &DemoSetup) -> Result<(), Failure> {
+    let truth = pose_table::read(&demo.path(DIRECT))?;
+    let measured = pose_table::read(&demo.path("images.csv"))?;
     let degrees = |pose: &Pose| [pose.pitch_rad.to_degrees(), pose.yaw_rad.to_degrees()];
     let errors: Vec<[f64; 2]> = measured
         .iter()
@@ -306,7 +302,8 @@ fn seen(bench: &Bench) -> Result<(), Failure> {
         .collect();
     let [pitch, yaw, length] = rms_deg(&errors);
     println!(
-        "\nPictures: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, {yaw:.3} in yaw, \
+        "\nImages: {} of {} pairs gave angles; off from the true ones by {pitch:.3} deg in pitch, \
+         {yaw:.3} in yaw, \
          {length:.3} in length (RMS)",
         measured.len(),
         truth.len()
@@ -314,17 +311,18 @@ fn seen(bench: &Bench) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What the way through pictures costs.
-fn loss(followed: &[Followed], family: &str, motion: Motion) {
-    let length = |way: &str| {
+/// Prints how much larger the tracking error is through images.
+fn print_loss(followed: &[Followed], family: &str, motion: Motion) {
+    let length = |variant: &str| {
         let run = followed
             .iter()
-            .find(|run| run.family == format!("{family}-{way}") && run.motion == motion);
+            .find(|run| run.family == format!("{family}-{variant}") && run.motion == motion);
         run.map(|run| rms_deg(&run.run.errors_deg)[2])
     };
     if let (Some(direct), Some(images)) = (length("direct"), length("images")) {
         println!(
-            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through pictures {images:.3} deg, \
+            "{motion}, {family}: calibrated by true angles {direct:.3} deg, through images \
+             {images:.3} deg, \
              loss {:+.3} deg",
             images - direct
         );
@@ -336,7 +334,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_other_picture_loses_its_angles_and_no_row_its_counts() {
+    fn every_other_frame_loses_its_angles_and_no_row_its_counts() {
         let folder = tempfile::tempdir().unwrap();
         let (from, to) = (folder.path().join("a.csv"), folder.path().join("b.csv"));
         fs::write(
@@ -344,7 +342,7 @@ mod tests {
             "t_s,q0_counts,pitch_deg,yaw_deg\n1,5,0.1,0.2\n2,6,,\n3,7,0.3,0.4\n4,8,0.5,0.6\n",
         )
         .unwrap();
-        thin(&from, &to, 2).unwrap();
+        keep_every(&from, &to, 2).unwrap();
         assert_eq!(
             fs::read_to_string(&to).unwrap(),
             "t_s,q0_counts,pitch_deg,yaw_deg\n1,5,0.1,0.2\n2,6,,\n3,7,,\n4,8,0.5,0.6\n"

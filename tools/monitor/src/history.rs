@@ -1,4 +1,4 @@
-//! What the plots show: the last seconds, thinned out. Bounded: the oldest is dropped.
+//! The data of the plots: the last seconds at a low rate. Bounded: the oldest entry is dropped.
 
 use std::collections::VecDeque;
 
@@ -6,17 +6,16 @@ use i2ris::ipc::Message;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState};
 use i2ris::units::{MAX_MOTORS, Nanos};
 
-use super::view::{STALE, View, angles, count};
+use super::latest_messages::{LatestMessages, STALE, angles, count};
 
-/// How far apart samples are: enough for the eye, a thousandth of the load of the streams
-/// themselves.
-pub const SPACING: Nanos = Nanos::from_millis(40);
-/// How far back the trail goes.
+/// Time between samples: enough for a plot, and a small part of the rate of the streams.
+pub const SAMPLE_PERIOD: Nanos = Nanos::from_millis(40);
+/// Length of the history.
 pub const SPAN: Nanos = Nanos::from_millis(30_000);
-/// Samples, and pictures of a camera, that are kept.
-const KEPT: usize = (SPAN.0 / SPACING.0) as usize;
-/// Pictures that wait for the encoder position at their instant.
-const WAITING: usize = 16;
+/// Samples, and frames of a camera, that are kept.
+const CAPACITY: usize = (SPAN.0 / SAMPLE_PERIOD.0) as usize;
+/// Frames that wait for the encoder position at their instant.
+const MAX_PENDING: usize = 16;
 
 /// Pitch and yaw, degrees.
 pub type Pair = Option<[f64; 2]>;
@@ -24,7 +23,7 @@ pub type Pair = Option<[f64; 2]>;
 /// Everything at one instant. A stream that is stale, invalid or absent leaves a gap.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
-    /// When it was looked at.
+    /// Time of the sample.
     pub stamp: Nanos,
     /// When the encoders were read.
     pub read: [Nanos; MAX_MOTORS],
@@ -33,41 +32,41 @@ pub struct Sample {
     pub estimate: Pair,
     /// Standard deviation of the estimate, degrees.
     pub deviation: Pair,
-    /// What the encoders say, counts.
+    /// Encoder positions, counts.
     pub counts: Pair,
-    /// What the motors are told, counts.
+    /// Set-points of the motors, counts.
     pub setpoint_counts: Pair,
     /// Milliampere.
     pub current: Pair,
 }
 
-/// Angles that a camera saw, and where the motors were when it did.
+/// Angles from a camera, with the encoder positions at the same instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Picture {
-    /// When the picture was taken.
+pub struct CameraFrame {
+    /// When the frame was taken.
     pub stamp: Nanos,
     /// Degrees.
     pub angles: [f64; 2],
-    /// Counts at that instant: cameras are late, and a picture beside the present counts would
-    /// widen the loop.
+    /// Counts at that instant: frames arrive late, and the present counts would widen the
+    /// hysteresis loop.
     pub counts: Pair,
 }
 
 /// The last seconds.
 #[derive(Debug, Clone, Default)]
-pub struct Trail {
+pub struct History {
     samples: Ring<Sample>,
-    pictures: Ring<Picture>,
+    frames: Ring<CameraFrame>,
     waiting: VecDeque<ExternalPosition>,
 }
 
-impl Trail {
-    /// Takes a sample, if it is time for one.
-    pub fn note(&mut self, view: &View, now: Nanos) {
+impl History {
+    /// Adds a sample, if one is due.
+    pub fn sample(&mut self, view: &LatestMessages, now: Nanos) {
         if self
             .samples
             .last()
-            .is_some_and(|last| now.since(last.stamp) < SPACING)
+            .is_some_and(|last| now.since(last.stamp) < SAMPLE_PERIOD)
         {
             return;
         }
@@ -80,8 +79,8 @@ impl Trail {
         }
     }
 
-    /// Takes in what a camera saw; nothing if it saw nothing.
-    pub fn see(&mut self, camera: &ExternalPosition) {
+    /// Adds a camera frame; ignores an invalid one.
+    pub fn add_frame(&mut self, camera: &ExternalPosition) {
         if camera.flags & ExternalPosition::VALID == 0 || camera.count != 2 {
             return;
         }
@@ -89,12 +88,14 @@ impl Trail {
             .waiting
             .back()
             .map(Message::stamp)
-            .or(self.pictures.last().map(|picture| picture.stamp));
-        // Stamps that do not rise come from a camera that was started anew, or from a second one.
-        if last.is_some_and(|last| camera.stamp().since(last) < SPACING && camera.stamp() >= last) {
+            .or(self.frames.last().map(|frame| frame.stamp));
+        // Stamps that do not increase come from a restarted camera, or from a second one.
+        if last.is_some_and(|last| {
+            camera.stamp().since(last) < SAMPLE_PERIOD && camera.stamp() >= last
+        }) {
             return;
         }
-        if self.waiting.len() == WAITING {
+        if self.waiting.len() == MAX_PENDING {
             self.waiting.pop_front();
         }
         self.waiting.push_back(*camera);
@@ -105,12 +106,12 @@ impl Trail {
         (self.samples.after(after), self.samples.next)
     }
 
-    /// The same for what a camera saw.
-    pub fn pictures(&self, after: u64) -> (impl Iterator<Item = &Picture> + Clone, u64) {
-        (self.pictures.after(after), self.pictures.next)
+    /// The same for camera frames.
+    pub fn frames(&self, after: u64) -> (impl Iterator<Item = &CameraFrame> + Clone, u64) {
+        (self.frames.after(after), self.frames.next)
     }
 
-    /// The encoders have been read after the picture was taken, or never will be.
+    /// Whether the encoders were read after the frame was taken, or will not be.
     fn is_due(&self, camera: &ExternalPosition, now: Nanos) -> bool {
         let later = |read: &Nanos| *read >= camera.stamp();
         self.samples
@@ -133,7 +134,7 @@ impl Trail {
             camera.position[0].to_degrees(),
             camera.position[1].to_degrees(),
         ];
-        self.pictures.push(Picture {
+        self.frames.push(CameraFrame {
             stamp: camera.stamp(),
             angles,
             counts,
@@ -159,7 +160,7 @@ impl Trail {
     }
 }
 
-fn sample(view: &View, now: Nanos) -> Sample {
+fn sample(view: &LatestMessages, now: Nanos) -> Sample {
     let fresh = |joint: Option<&JointState>| angles(joint.filter(|joint| joint.age(now) <= STALE));
     let estimate = view.measured.as_ref();
     let deviation = |joint: &JointState| {
@@ -188,7 +189,7 @@ fn sample(view: &View, now: Nanos) -> Sample {
     }
 }
 
-/// When the encoders were read; a motor that is not there stands where it is.
+/// When the encoders were read. An absent motor counts as read now.
 fn readings(motors: &ActuatorState, now: Nanos) -> [Nanos; MAX_MOTORS] {
     let mut read = motors.measured_stamp_ns.map(Nanos);
     read.iter_mut()
@@ -218,7 +219,7 @@ struct Ring<T> {
 impl<T> Default for Ring<T> {
     fn default() -> Self {
         Self {
-            entries: VecDeque::with_capacity(KEPT),
+            entries: VecDeque::with_capacity(CAPACITY),
             next: 0,
         }
     }
@@ -226,7 +227,7 @@ impl<T> Default for Ring<T> {
 
 impl<T> Ring<T> {
     fn push(&mut self, entry: T) {
-        if self.entries.len() == KEPT {
+        if self.entries.len() == CAPACITY {
             self.entries.pop_front();
         }
         self.entries.push_back(entry);
@@ -237,7 +238,7 @@ impl<T> Ring<T> {
         self.entries.back()
     }
 
-    /// A number from another start of the monitor may be larger than any here: then everything is
+    /// A number of another run of the monitor may be larger than any here: then everything is
     /// new.
     fn after(&self, number: u64) -> impl Iterator<Item = &T> + Clone {
         let first = self.next - self.entries.len() as u64;
@@ -258,9 +259,9 @@ mod tests {
 
     use super::*;
 
-    fn moving(milliseconds: u64) -> View {
+    fn moving(milliseconds: u64) -> LatestMessages {
         let now = Nanos::from_millis(milliseconds);
-        View {
+        LatestMessages {
             actuators: Some(ActuatorState {
                 stamp_ns: now.0,
                 // The encoders were read 5 ms ago, and the motors turn at 1000 counts/s.
@@ -269,7 +270,7 @@ mod tests {
                 count: 2,
                 ..ActuatorState::default()
             }),
-            ..View::default()
+            ..LatestMessages::default()
         }
     }
 
@@ -284,60 +285,60 @@ mod tests {
     }
 
     #[test]
-    fn samples_keep_their_distance_and_the_oldest_is_dropped() {
-        let mut trail = Trail::default();
+    fn samples_have_a_period_and_the_oldest_is_dropped() {
+        let mut history = History::default();
         for milliseconds in (1000..101_000).step_by(10) {
-            trail.note(&moving(milliseconds), Nanos::from_millis(milliseconds));
+            history.sample(&moving(milliseconds), Nanos::from_millis(milliseconds));
         }
-        let (samples, next) = trail.samples(0);
-        assert_eq!((samples.clone().count(), next), (KEPT, 2500));
+        let (samples, next) = history.samples(0);
+        assert_eq!((samples.clone().count(), next), (CAPACITY, 2500));
         assert_eq!(samples.last().unwrap().stamp, Nanos::from_millis(100_960));
-        assert_eq!(trail.samples(2498).0.count(), 2);
+        assert_eq!(history.samples(2498).0.count(), 2);
         assert_eq!(
-            trail.samples(9999).0.count(),
-            KEPT,
+            history.samples(9999).0.count(),
+            CAPACITY,
             "the number of another monitor"
         );
     }
 
     #[test]
-    fn a_late_picture_stands_beside_the_counts_of_its_instant() {
-        let mut trail = Trail::default();
+    fn a_late_frame_gets_the_counts_of_its_instant() {
+        let mut history = History::default();
         for milliseconds in (1000..2000).step_by(10) {
             if milliseconds == 1500 {
-                trail.see(&camera(1333));
+                history.add_frame(&camera(1333));
             }
-            trail.note(&moving(milliseconds), Nanos::from_millis(milliseconds));
+            history.sample(&moving(milliseconds), Nanos::from_millis(milliseconds));
         }
-        let picture = *trail.pictures(0).0.next().unwrap();
-        let counts = picture.counts.unwrap();
+        let frame = *history.frames(0).0.next().unwrap();
+        let counts = frame.counts.unwrap();
         assert!(
             (counts[0] - 1333.0).abs() < 1e-6 && counts[1] == 7.0,
-            "{picture:?}"
+            "{frame:?}"
         );
-        assert!((picture.angles[0] - 0.1_f64.to_degrees()).abs() < 1e-12);
+        assert!((frame.angles[0] - 0.1_f64.to_degrees()).abs() < 1e-12);
     }
 
     #[test]
-    fn a_picture_from_a_gap_has_no_counts_and_one_without_a_snake_is_none() {
-        let mut trail = Trail::default();
-        trail.see(&ExternalPosition {
+    fn a_frame_in_a_gap_has_no_counts_and_an_invalid_frame_is_dropped() {
+        let mut history = History::default();
+        history.add_frame(&ExternalPosition {
             flags: 0,
             ..camera(900)
         });
-        trail.see(&camera(900));
-        trail.note(&moving(1000), Nanos::from_millis(1000));
-        trail.note(&View::default(), Nanos::from_millis(1600));
-        let pictures: Vec<_> = trail.pictures(0).0.collect();
-        assert_eq!((pictures.len(), pictures[0].counts), (1, None));
+        history.add_frame(&camera(900));
+        history.sample(&moving(1000), Nanos::from_millis(1000));
+        history.sample(&LatestMessages::default(), Nanos::from_millis(1600));
+        let frames: Vec<_> = history.frames(0).0.collect();
+        assert_eq!((frames.len(), frames[0].counts), (1, None));
     }
 
     #[test]
-    fn what_is_stale_leaves_a_gap() {
-        let mut trail = Trail::default();
-        trail.note(&moving(1000), Nanos::from_millis(1100));
-        trail.note(&moving(1000), Nanos::from_millis(1600));
-        let counts: Vec<_> = trail
+    fn stale_data_leave_a_gap() {
+        let mut history = History::default();
+        history.sample(&moving(1000), Nanos::from_millis(1100));
+        history.sample(&moving(1000), Nanos::from_millis(1600));
+        let counts: Vec<_> = history
             .samples(0)
             .0
             .map(|sample| sample.counts.is_some())
@@ -351,11 +352,11 @@ mod tests {
             let mut ring = Ring::default();
             (0..pushed).for_each(|entry| ring.push(entry));
             let got: Vec<u64> = ring.after(after).copied().collect();
-            prop_assert!(got.len() <= KEPT);
+            prop_assert!(got.len() <= CAPACITY);
             prop_assert!(got.last().is_none_or(|last| *last == pushed - 1));
             prop_assert!(got.windows(2).all(|pair| pair[1] == pair[0] + 1));
             if after <= pushed {
-                prop_assert_eq!(got.len() as u64, (pushed - after).min(KEPT as u64));
+                prop_assert_eq!(got.len() as u64, (pushed - after).min(CAPACITY as u64));
             }
         }
     }

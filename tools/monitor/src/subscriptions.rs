@@ -1,4 +1,4 @@
-//! All streams of a controller: subscriptions and nothing else, so nothing here can move the robot.
+//! The subscriptions to all streams of a controller. They only read, so they cannot move the robot.
 
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
@@ -7,17 +7,19 @@ use i2ris::ipc::payload::{
 };
 use i2ris::units::{MAX_MOTORS, Nanos};
 
-use super::board::Board;
-use super::view::View;
+use super::dashboard::Dashboard;
+use super::latest_messages::LatestMessages;
 
 /// How often streams are read: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
-/// Counters become rates over this time; the first rate is told early, from fewer exchanges.
+/// Time between two screens.
+pub const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
+/// Time over which counters become rates; the first rate comes early, from fewer exchanges.
 const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
 /// Subscriptions to all streams.
-pub struct Sight {
+pub struct Subscriptions {
     state: Subscription<OperatingStateMsg>,
     goal: Subscription<JointState>,
     setpoint: Subscription<JointState>,
@@ -29,7 +31,7 @@ pub struct Sight {
     boot_id: Option<u64>,
 }
 
-impl Sight {
+impl Subscriptions {
     pub fn new(watcher: &Watcher) -> Self {
         Self {
             state: watcher.operating_state(),
@@ -44,69 +46,71 @@ impl Sight {
         }
     }
 
-    /// Takes in what arrived. Returns whether another start of the controller, or another model, is
-    /// there.
-    pub fn refresh(&mut self, board: &mut Board, now: Nanos) -> bool {
-        let model = board.view.measured.map(|measured| measured.model_id);
-        let outcome = self.read(board);
-        board.problem = outcome.as_ref().err().map(ToString::to_string);
-        board.journal.reach(board.problem.as_deref(), now);
-        board.journal.camera(&board.view, now);
-        board.trail.note(&board.view, now);
-        outcome.unwrap_or(false) || model != board.view.measured.map(|measured| measured.model_id)
+    /// Reads what has arrived. Returns whether the controller was restarted or the model changed.
+    pub fn refresh(&mut self, dashboard: &mut Dashboard, now: Nanos) -> bool {
+        let model = dashboard.view.measured.map(|measured| measured.model_id);
+        let outcome = self.read(dashboard);
+        dashboard.problem = outcome.as_ref().err().map(ToString::to_string);
+        dashboard
+            .event_log
+            .update_connection(dashboard.problem.as_deref(), now);
+        dashboard.event_log.update_camera(&dashboard.view, now);
+        dashboard.history.sample(&dashboard.view, now);
+        outcome.unwrap_or(false)
+            || model != dashboard.view.measured.map(|measured| measured.model_id)
     }
 
-    fn read(&mut self, board: &mut Board) -> Result<bool, ClientError> {
-        let Board {
+    fn read(&mut self, dashboard: &mut Dashboard) -> Result<bool, ClientError> {
+        let Dashboard {
             view,
-            trail,
-            journal,
+            history,
+            event_log,
             ..
-        } = board;
+        } = dashboard;
         let (mut states, mut motors) = (Vec::new(), Vec::new());
         self.state.drain(|message| states.push(message))?;
-        let anew = self.boot_id != self.state.boot_id();
-        if anew {
-            // What another start of the controller said is past.
-            (self.boot_id, *view) = (self.state.boot_id(), View::default());
+        let is_restarted = self.boot_id != self.state.boot_id();
+        if is_restarted {
+            // Messages from before the restart are invalid.
+            (self.boot_id, *view) = (self.state.boot_id(), LatestMessages::default());
         }
         for message in &states {
-            journal.state(message);
+            event_log.update_state(message);
             view.state = Some(*message);
         }
         self.actuators.drain(|message| motors.push(message))?;
         for message in &motors {
-            journal.motors(message);
+            event_log.update_motors(message);
             view.actuators = Some(*message);
         }
         view.exchange_rates = view
             .actuators
             .as_ref()
             .and_then(|message| self.exchanges.rates(message));
-        keep(&mut view.goal, self.goal.newest()?);
-        keep(&mut view.setpoint, self.setpoint.newest()?);
-        if keep(&mut view.measured, self.measured.newest()?) {
+        replace_if_new(&mut view.goal, self.goal.newest()?);
+        replace_if_new(&mut view.setpoint, self.setpoint.newest()?);
+        if replace_if_new(&mut view.measured, self.measured.newest()?) {
             view.measured
                 .iter()
-                .for_each(|message| journal.model(message));
+                .for_each(|message| event_log.update_model(message));
         }
-        if keep(&mut view.statistics, self.statistics.newest()?) {
+        if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()
-                .for_each(|message| journal.ticks(message));
+                .for_each(|message| event_log.update_ticks(message));
         }
         self.camera.drain(|message| {
-            trail.see(&message);
+            history.add_frame(&message);
             view.camera = Some(message);
         })?;
-        Ok(anew)
+        Ok(is_restarted)
     }
 }
 
-fn keep<T>(place: &mut Option<T>, new: Option<T>) -> bool {
+fn replace_if_new<T>(old: &mut Option<T>, new: Option<T>) -> bool {
     let came = new.is_some();
     if came {
-        *place = new;
+        *old = new;
     }
     came
 }

@@ -1,124 +1,126 @@
-//! Judging, while commands go out, what the controller makes of them. Pure.
+//! Checks the response of the controller to a stream of commands. Pure.
 
 use i2ris::ipc::payload::{JointState, OperatingStateMsg};
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::units::Nanos;
 
-/// How long nothing may be accepted, and how old the state may be, before the program gives up.
-const PATIENCE: Nanos = Nanos::from_millis(1000);
-/// The same refusal is told again after this time.
-const REPEAT: Nanos = Nanos::from_millis(1000);
+/// Time without an accepted command, and age of the state, at which the program gives up.
+const TIMEOUT: Nanos = Nanos::from_millis(1000);
+/// Time after which the same refusal is reported again.
+const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// Why streaming commands makes no sense (any more).
+/// Why a stream of commands ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Stop {
-    /// In FAULT.
+pub enum StopReason {
+    /// The controller is in FAULT.
     #[error(
-        "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command state acknowledge`"
+        "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command \
+         state acknowledge`"
     )]
     Fault(Fault),
-    /// Not in ENABLED.
+    /// The controller is not in ENABLED.
     #[error(
         "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
     )]
     NotEnabled(OperatingState),
-    /// A number that no enum knows.
+    /// A state number of another release.
     #[error(
-        "the controller reports state {0}, which this program does not know; build both from one release"
+        "the controller reports state {0}, which this program does not know; build both from one \
+         release"
     )]
     Unknown(u32),
-    /// Someone else commands.
+    /// Another client commands.
     #[error(
         "client {0:016x} holds the lease; end that program first, or wait until it falls silent"
     )]
     Lease(u64),
-    /// Someone else took over.
+    /// Another client has taken the lease.
     #[error("lost the lease to client {0:016x}")]
     LostLease(u64),
-    /// Everything is refused.
+    /// Every command is refused.
     #[error("the controller refuses every command: {0}")]
     Refused(Refusal),
-    /// Nothing is taken, and nothing refused either.
-    #[error("the controller takes no command; look at its log")]
+    /// No command is accepted, and none is refused.
+    #[error("the controller accepts no command; see its log")]
     Ignored,
-    /// No fresh state.
-    #[error("the controller has not told its state for more than a second; look at its log")]
+    /// The state is too old.
+    #[error("the controller has not reported its state for more than a second; see its log")]
     Silent,
-    /// Another start of the controller.
-    #[error("the controller was started anew; look around before you go on")]
+    /// The controller was restarted.
+    #[error("the controller was restarted; check the robot before you continue")]
     Restarted,
 }
 
-/// The state, if commands are followed in it.
-pub fn enabled(state: &OperatingStateMsg) -> Result<(), Stop> {
+/// Checks that commands are followed in this state.
+pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     match OperatingState::from_number(state.state) {
         Some(OperatingState::Enabled) => Ok(()),
-        Some(OperatingState::Fault) => Err(Stop::Fault(
+        Some(OperatingState::Fault) => Err(StopReason::Fault(
             Fault::from_number(state.fault).unwrap_or(Fault::None),
         )),
-        Some(other) => Err(Stop::NotEnabled(other)),
-        None => Err(Stop::Unknown(state.state)),
+        Some(other) => Err(StopReason::NotEnabled(other)),
+        None => Err(StopReason::Unknown(state.state)),
     }
 }
 
-/// Follows the controller's answers to one stream of commands.
+/// Checks the controller's response to one stream of commands.
 #[derive(Debug)]
-pub struct Watch {
+pub struct StreamMonitor {
     client_id: u64,
     boot_id: u64,
-    held: bool,
+    had_lease: bool,
     accepted: u64,
     accepted_at: Nanos,
     refused: u64,
     refused_now: bool,
-    told: Option<(Refusal, Nanos)>,
+    reported: Option<(Refusal, Nanos)>,
 }
 
-impl Watch {
-    /// From `state` on, at `now`.
+impl StreamMonitor {
+    /// Starts with `state`, received at `now`.
     pub fn new(client_id: u64, state: &OperatingStateMsg, now: Nanos) -> Self {
         Self {
             client_id,
             boot_id: state.boot_id,
-            held: false,
+            had_lease: false,
             accepted: state.accepted,
             accepted_at: now,
             refused: state.refused,
             refused_now: false,
-            told: None,
+            reported: None,
         }
     }
 
-    /// Takes in the newest state. The answer is a refusal that is worth telling.
-    pub fn judge(
+    /// Checks the newest state. Returns a refusal that is to be reported.
+    pub fn check(
         &mut self,
         state: &OperatingStateMsg,
         now: Nanos,
-    ) -> Result<Option<Refusal>, Stop> {
+    ) -> Result<Option<Refusal>, StopReason> {
         if state.boot_id != self.boot_id {
-            return Err(Stop::Restarted);
+            return Err(StopReason::Restarted);
         }
-        if state.age(now) > PATIENCE {
-            return Err(Stop::Silent);
+        if state.age(now) > TIMEOUT {
+            return Err(StopReason::Silent);
         }
         enabled(state)?;
-        self.lease(state.lease_client_id)?;
-        let refusal = self.count(state, now);
-        self.progress(state, now)?;
-        Ok(refusal.filter(|refusal| self.worth_telling(*refusal, now)))
+        self.check_lease(state.lease_client_id)?;
+        let refusal = self.update_counters(state, now);
+        self.check_progress(state, now)?;
+        Ok(refusal.filter(|refusal| self.is_worth_reporting(*refusal, now)))
     }
 
-    fn lease(&mut self, holder: u64) -> Result<(), Stop> {
-        self.held |= holder == self.client_id;
+    fn check_lease(&mut self, holder: u64) -> Result<(), StopReason> {
+        self.had_lease |= holder == self.client_id;
         match holder {
             0 => Ok(()),
             holder if holder == self.client_id => Ok(()),
-            holder if self.held => Err(Stop::LostLease(holder)),
-            holder => Err(Stop::Lease(holder)),
+            holder if self.had_lease => Err(StopReason::LostLease(holder)),
+            holder => Err(StopReason::Lease(holder)),
         }
     }
 
-    fn count(&mut self, state: &OperatingStateMsg, now: Nanos) -> Option<Refusal> {
+    fn update_counters(&mut self, state: &OperatingStateMsg, now: Nanos) -> Option<Refusal> {
         if state.accepted > self.accepted {
             self.accepted = state.accepted;
             self.accepted_at = now;
@@ -132,35 +134,35 @@ impl Watch {
         Refusal::from_number(state.last_refusal)
     }
 
-    fn progress(&self, state: &OperatingStateMsg, now: Nanos) -> Result<(), Stop> {
-        if now.since(self.accepted_at) <= PATIENCE {
+    fn check_progress(&self, state: &OperatingStateMsg, now: Nanos) -> Result<(), StopReason> {
+        if now.since(self.accepted_at) <= TIMEOUT {
             return Ok(());
         }
         let reason = Refusal::from_number(state.last_refusal).filter(|_| self.refused_now);
-        Err(reason.map_or(Stop::Ignored, Stop::Refused))
+        Err(reason.map_or(StopReason::Ignored, StopReason::Refused))
     }
 
-    fn worth_telling(&mut self, refusal: Refusal, now: Nanos) -> bool {
+    fn is_worth_reporting(&mut self, refusal: Refusal, now: Nanos) -> bool {
         let repeated = self
-            .told
-            .is_some_and(|(told, when)| told == refusal && now.since(when) < REPEAT);
+            .reported
+            .is_some_and(|(reported, when)| reported == refusal && now.since(when) < REPEAT_PERIOD);
         if !repeated {
-            self.told = Some((refusal, now));
+            self.reported = Some((refusal, now));
         }
         !repeated
     }
 }
 
-/// Sums up how well the goal was followed, as far as the model can tell from the encoders.
+/// Sums up the tracking error, by the model's estimate from the encoders.
 #[derive(Debug, Default)]
-pub struct Tracking {
+pub struct TrackingSummary {
     samples: u64,
     squares: f64,
     largest: f64,
 }
 
-impl Tracking {
-    /// Takes in one pair of goal and measurement.
+impl TrackingSummary {
+    /// Adds one pair of goal and measurement.
     pub fn record(&mut self, goal: &JointState, measured: &JointState) {
         if goal.flags & measured.flags & JointState::VALID == 0 {
             return;
@@ -180,7 +182,8 @@ impl Tracking {
         let rms = (self.squares / self.samples as f64).sqrt().to_degrees();
         let largest = self.largest.to_degrees();
         Some(format!(
-            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own estimate"
+            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own \
+             estimate"
         ))
     }
 }
@@ -205,13 +208,13 @@ mod tests {
         Nanos::from_millis(10_000 + milliseconds)
     }
 
-    fn watch() -> Watch {
-        Watch::new(ME, &state(at(0)), at(0))
+    fn monitor() -> StreamMonitor {
+        StreamMonitor::new(ME, &state(at(0)), at(0))
     }
 
     #[test]
-    fn accepted_commands_are_no_news() {
-        let mut watch = watch();
+    fn accepted_commands_are_not_reported() {
+        let mut monitor = monitor();
         for step in 1..300 {
             let now = at(step * 10);
             let state = OperatingStateMsg {
@@ -219,14 +222,14 @@ mod tests {
                 lease_client_id: ME,
                 ..state(now)
             };
-            assert_eq!(watch.judge(&state, now), Ok(None));
+            assert_eq!(monitor.check(&state, now), Ok(None));
         }
     }
 
     #[test]
-    fn a_refusal_is_told_once_a_second() {
-        let mut watch = watch();
-        let mut told = 0;
+    fn a_refusal_is_reported_once_a_second() {
+        let mut monitor = monitor();
+        let mut reported = 0;
         for step in 1..=250 {
             let now = at(step * 10);
             let refusal = Refusal::Step.number();
@@ -236,86 +239,92 @@ mod tests {
                 last_refusal: refusal,
                 ..state(now)
             };
-            told += u64::from(watch.judge(&state, now).unwrap() == Some(Refusal::Step));
+            reported += u64::from(monitor.check(&state, now).unwrap() == Some(Refusal::Step));
         }
-        assert_eq!(told, 3);
+        assert_eq!(reported, 3);
     }
 
     #[test]
-    fn if_nothing_is_accepted_for_a_second_the_reason_is_given() {
-        let mut watch = watch();
+    fn after_a_second_without_an_accepted_command_the_reason_is_given() {
+        let mut monitor = monitor();
         let refused = |now, refused| OperatingStateMsg {
             refused,
             last_refusal: Refusal::NotHomed.number(),
             ..state(now)
         };
         assert_eq!(
-            watch.judge(&refused(at(900), 5), at(900)),
+            monitor.check(&refused(at(900), 5), at(900)),
             Ok(Some(Refusal::NotHomed))
         );
         assert_eq!(
-            watch.judge(&refused(at(1100), 6), at(1100)),
-            Err(Stop::Refused(Refusal::NotHomed))
+            monitor.check(&refused(at(1100), 6), at(1100)),
+            Err(StopReason::Refused(Refusal::NotHomed))
         );
         assert_eq!(
-            self::watch().judge(&state(at(1100)), at(1100)),
-            Err(Stop::Ignored)
+            self::monitor().check(&state(at(1100)), at(1100)),
+            Err(StopReason::Ignored)
         );
     }
 
     #[test]
-    fn leaving_the_enabled_state_ends_it() {
+    fn leaving_the_enabled_state_ends_the_stream() {
         let fault = OperatingStateMsg {
             state: OperatingState::Fault.number(),
             fault: Fault::FollowingError.number(),
             ..state(at(1))
         };
         assert_eq!(
-            watch().judge(&fault, at(1)),
-            Err(Stop::Fault(Fault::FollowingError))
+            monitor().check(&fault, at(1)),
+            Err(StopReason::Fault(Fault::FollowingError))
         );
         let paused = OperatingStateMsg {
             state: OperatingState::Paused.number(),
             ..state(at(1))
         };
         assert_eq!(
-            watch().judge(&paused, at(1)),
-            Err(Stop::NotEnabled(OperatingState::Paused))
+            monitor().check(&paused, at(1)),
+            Err(StopReason::NotEnabled(OperatingState::Paused))
         );
         let newer = OperatingStateMsg {
             state: 77,
             ..state(at(1))
         };
-        assert_eq!(watch().judge(&newer, at(1)), Err(Stop::Unknown(77)));
+        assert_eq!(monitor().check(&newer, at(1)), Err(StopReason::Unknown(77)));
     }
 
     #[test]
-    fn a_lease_in_other_hands_ends_it() {
+    fn a_lease_of_another_client_ends_the_stream() {
         let held_by = |client, now| OperatingStateMsg {
             lease_client_id: client,
             ..state(now)
         };
-        let mut watch = watch();
-        assert_eq!(watch.judge(&held_by(ME, at(1)), at(1)), Ok(None));
-        assert_eq!(watch.judge(&held_by(0, at(2)), at(2)), Ok(None));
+        let mut monitor = monitor();
+        assert_eq!(monitor.check(&held_by(ME, at(1)), at(1)), Ok(None));
+        assert_eq!(monitor.check(&held_by(0, at(2)), at(2)), Ok(None));
         assert_eq!(
-            watch.judge(&held_by(OTHER, at(3)), at(3)),
-            Err(Stop::LostLease(OTHER))
+            monitor.check(&held_by(OTHER, at(3)), at(3)),
+            Err(StopReason::LostLease(OTHER))
         );
         assert_eq!(
-            self::watch().judge(&held_by(OTHER, at(1)), at(1)),
-            Err(Stop::Lease(OTHER))
+            self::monitor().check(&held_by(OTHER, at(1)), at(1)),
+            Err(StopReason::Lease(OTHER))
         );
     }
 
     #[test]
-    fn silence_and_a_restart_end_it() {
-        assert_eq!(watch().judge(&state(at(0)), at(1200)), Err(Stop::Silent));
+    fn an_old_state_and_a_restart_end_the_stream() {
+        assert_eq!(
+            monitor().check(&state(at(0)), at(1200)),
+            Err(StopReason::Silent)
+        );
         let restarted = OperatingStateMsg {
             boot_id: 2,
             ..state(at(1))
         };
-        assert_eq!(watch().judge(&restarted, at(1)), Err(Stop::Restarted));
+        assert_eq!(
+            monitor().check(&restarted, at(1)),
+            Err(StopReason::Restarted)
+        );
     }
 
     #[test]
@@ -325,7 +334,7 @@ mod tests {
             flags,
             ..JointState::default()
         };
-        let mut tracking = Tracking::default();
+        let mut tracking = TrackingSummary::default();
         assert_eq!(tracking.summary(), None);
         tracking.record(&joint(3.0, 1), &joint(0.0, 1));
         tracking.record(&joint(4.0, 1), &joint(0.0, 1));

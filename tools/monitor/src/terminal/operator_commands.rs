@@ -1,6 +1,6 @@
-//! The only part of the monitor that asks the controller to do something. In threads of its own, so
-//! that the screen goes on while an answer is waited for; stopping has one that nothing else waits
-//! in.
+//! Operator commands: the only part of the monitor that sends requests to the controller. Requests
+//! run in threads of their own, so that the screen does not wait for replies. Commands that stop
+//! the robot have a thread that no other command can delay.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
@@ -10,17 +10,17 @@ use i2ris::ipc::{Domain, StateCommand};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
-use crate::view::short_id;
+use crate::latest_messages::short_id;
 
-/// An order must not be carried out when everyone has forgotten it.
+/// Short, so that a command is not executed long after the key was pressed.
 const CONNECT: Nanos = Nanos::from_millis(200);
-/// Orders that may wait for the one before.
-const WAITING: usize = 2;
+/// Commands that may be pending behind the running one.
+const MAX_PENDING: usize = 2;
 
-/// What a person may ask for here. It can stop the robot and change its model; it cannot start it,
-/// and it cannot move it.
+/// A command of the operator. It can stop the robot and change its model. It cannot start or move
+/// the robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Order {
+pub enum OperatorCommand {
     /// Hold, and refuse servo commands until someone resumes.
     Pause,
     /// Hold until the next servo command.
@@ -33,7 +33,7 @@ pub enum Order {
     Rollback,
 }
 
-impl Order {
+impl OperatorCommand {
     fn name(&self) -> &'static str {
         match self {
             Self::Pause => "pause",
@@ -49,23 +49,23 @@ impl Order {
     }
 }
 
-/// What became of an order.
+/// The result of a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Answer {
+pub struct CommandResult {
     pub good: bool,
     pub text: String,
 }
 
-/// Carries out orders, one after the other, stops beside models.
+/// Executes commands in order; stops and model changes have separate threads.
 #[derive(Debug)]
-pub struct Hands {
-    stops: SyncSender<Order>,
-    models: SyncSender<Order>,
-    answers: Receiver<Answer>,
+pub struct OperatorCommands {
+    stops: SyncSender<OperatorCommand>,
+    models: SyncSender<OperatorCommand>,
+    answers: Receiver<CommandResult>,
 }
 
-impl Hands {
-    /// Starts them. They connect when there is something to do.
+impl OperatorCommands {
+    /// Starts the threads. They connect when the first command comes.
     pub fn start(domain: &Domain) -> Self {
         let (answer, answers) = channel();
         Self {
@@ -75,9 +75,9 @@ impl Hands {
         }
     }
 
-    /// Has an order carried out; an answer follows. `Some`: it cannot be, because too many are
-    /// waiting.
-    pub fn carry_out(&self, order: Order) -> Option<Answer> {
+    /// Queues a command; its result follows. `Some`: it was not queued because too many are
+    /// pending.
+    pub fn execute(&self, order: OperatorCommand) -> Option<CommandResult> {
         let name = order.name();
         let queue = if order.is_about_models() {
             &self.models
@@ -89,27 +89,27 @@ impl Hands {
         queue
             .try_send(order)
             .err()
-            .map(|_| Answer { good: false, text })
+            .map(|_| CommandResult { good: false, text })
     }
 
-    /// What was answered since the last call.
-    pub fn answers(&self) -> impl Iterator<Item = Answer> {
+    /// The results since the last call.
+    pub fn answers(&self) -> impl Iterator<Item = CommandResult> {
         self.answers.try_iter()
     }
 }
 
-fn worker(domain: &Domain, answers: Sender<Answer>) -> SyncSender<Order> {
-    let (sender, orders) = sync_channel::<Order>(WAITING);
+fn worker(domain: &Domain, answers: Sender<CommandResult>) -> SyncSender<OperatorCommand> {
+    let (sender, orders) = sync_channel::<OperatorCommand>(MAX_PENDING);
     let domain = domain.clone();
     thread::spawn(move || {
         let mut client = None;
         for order in orders {
-            let answer = match carry_out(&mut client, &domain, &order) {
-                Ok(text) => Answer {
+            let answer = match execute(&mut client, &domain, &order) {
+                Ok(text) => CommandResult {
                     good: true,
                     text: format!("{}: {text}", order.name()),
                 },
-                Err(error) => Answer {
+                Err(error) => CommandResult {
                     good: false,
                     text: format!("{} NOT DONE: {error}", order.name()),
                 },
@@ -122,24 +122,24 @@ fn worker(domain: &Domain, answers: Sender<Answer>) -> SyncSender<Order> {
     sender
 }
 
-fn carry_out(
+fn execute(
     client: &mut Option<Client>,
     domain: &Domain,
-    order: &Order,
+    order: &OperatorCommand,
 ) -> Result<String, ClientError> {
     let client = match client {
         Some(client) => client,
         None => client.insert(Client::connect(domain, CONNECT)?),
     };
     let command = match order {
-        Order::Pause => StateCommand::Pause,
-        Order::Hold => StateCommand::Hold,
-        Order::Acknowledge => StateCommand::Acknowledge,
-        Order::Activate(id) => {
+        OperatorCommand::Pause => StateCommand::Pause,
+        OperatorCommand::Hold => StateCommand::Hold,
+        OperatorCommand::Acknowledge => StateCommand::Acknowledge,
+        OperatorCommand::Activate(id) => {
             client.activate_model(*id, false)?;
             return Ok(format!("model {} takes over", short_id(*id)));
         }
-        Order::Rollback => {
+        OperatorCommand::Rollback => {
             let slots = client.roll_back_model(false)?.slots;
             return Ok(format!(
                 "model {} takes over",
@@ -148,7 +148,7 @@ fn carry_out(
         }
     };
     let state = client.state_command(command)?;
-    let more = if *order == Order::Hold {
+    let more = if *order == OperatorCommand::Hold {
         ", until the next command"
     } else {
         ""

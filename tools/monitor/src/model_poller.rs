@@ -1,5 +1,4 @@
-//! Which models are at hand, and the hull of the one in use: looked up in the background, because
-//! it takes time.
+//! Polls the models of the controller, and the hull of the model in use, in a background thread.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -13,21 +12,20 @@ use i2ris::ipc::payload::{ModelSlot, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
-use super::hull::{Outline, outline_of};
-use super::view::short_id;
+use super::hull_outline::{Outline, outline_of};
+use super::latest_messages::short_id;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(200);
-/// How often it looks without being told to: models are staged by other programs, which nobody
-/// tells us.
+/// Polling period: other programs stage models without notice.
 const PERIOD: Duration = Duration::from_secs(3);
 
 /// What is known about models.
 #[derive(Debug, Clone, Default)]
 pub struct Models {
-    /// In use, staged, in use before; `None`: not told yet.
+    /// In use, staged, in use before; `None`: not known yet.
     pub slots: Option<[ModelSlot; 3]>,
-    /// What the model in use looks like.
+    /// The hull of the model in use.
     pub outline: Arc<Outline>,
     /// Why there are no models to name.
     pub problem: Option<String>,
@@ -35,9 +33,9 @@ pub struct Models {
     pub hull_problem: Option<String>,
 }
 
-/// A model that is at hand.
+/// A loaded model.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Named {
+pub struct LoadedModel {
     pub id: ModelId,
     /// Family and the beginning of the identity.
     pub name: String,
@@ -48,28 +46,28 @@ pub struct Named {
 
 impl Models {
     /// The model in use.
-    pub fn used(&self) -> Option<Named> {
-        self.named(0)
+    pub fn used(&self) -> Option<LoadedModel> {
+        self.slot(0)
     }
 
     /// The model that was staged.
-    pub fn staged(&self) -> Option<Named> {
-        self.named(1)
+    pub fn staged(&self) -> Option<LoadedModel> {
+        self.slot(1)
     }
 
     /// The model that was in use before.
-    pub fn former(&self) -> Option<Named> {
-        self.named(2)
+    pub fn previous(&self) -> Option<LoadedModel> {
+        self.slot(2)
     }
 
-    fn named(&self, place: usize) -> Option<Named> {
+    fn slot(&self, index: usize) -> Option<LoadedModel> {
         let slot = self
             .slots
             .as_ref()?
-            .get(place)
+            .get(index)
             .filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
         let id = ModelId(slot.model_id);
-        Some(Named {
+        Some(LoadedModel {
             id,
             name: format!("{} {}", unpadded_text(&slot.family), short_id(id)),
             file: unpadded_text(&slot.file),
@@ -78,30 +76,30 @@ impl Models {
     }
 }
 
-/// Looks up models every few seconds, and whenever it is told to. It asks one question, `list`,
-/// over a connection that it closes again; it has no way to change anything.
+/// Polls the list of models every few seconds, and on request. It sends no other request, so it cannot
+/// change anything.
 #[derive(Debug)]
-pub struct Librarian {
+pub struct ModelPoller {
     known: Arc<Mutex<Models>>,
-    asks: SyncSender<()>,
+    requests: SyncSender<()>,
 }
 
-impl Librarian {
-    /// Starts it. `file`: where the model in use lies, if its path as the controller tells it is no
-    /// good here.
+impl ModelPoller {
+    /// Starts the thread. `file`: the model in use, if the path that the controller reports is not
+    /// valid here.
     pub fn start(domain: &Domain, file: Option<PathBuf>) -> Self {
         let known = Arc::new(Mutex::new(Models::default()));
-        let (asks, questions) = sync_channel(1);
+        let (requests, receiver) = sync_channel(1);
         thread::spawn({
             let (domain, known) = (domain.clone(), Arc::clone(&known));
-            move || look_again_and_again(&domain, file.as_deref(), &questions, &known)
+            move || poll_until_disconnected(&domain, file.as_deref(), &receiver, &known)
         });
-        Self { known, asks }
+        Self { known, requests }
     }
 
-    /// Has it look now. One look that waits is as good as two.
-    pub fn look(&self) {
-        let _ = self.asks.try_send(());
+    /// Polls now. A second request while one is pending has no effect.
+    pub fn poll_now(&self) {
+        let _ = self.requests.try_send(());
     }
 
     /// What is known.
@@ -113,15 +111,15 @@ impl Librarian {
     }
 }
 
-/// Until nobody can ask any more.
-fn look_again_and_again(
+/// Runs until the poller is dropped.
+fn poll_until_disconnected(
     domain: &Domain,
     file: Option<&Path>,
-    questions: &Receiver<()>,
+    requests: &Receiver<()>,
     known: &Mutex<Models>,
 ) {
     let mut drawn: Option<ModelId> = None;
-    while questions.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
+    while requests.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
         let slots = list(domain);
         let mut models = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         (models.slots, models.problem) = match slots {
@@ -133,7 +131,7 @@ fn look_again_and_again(
             drawn = used.as_ref().map(|used| used.id);
             (models.outline, models.hull_problem) = match &used {
                 None => (Arc::default(), None),
-                Some(used) => draw(file, &used.file, used.id),
+                Some(used) => outline(file, &used.file, used.id),
             };
         }
         *known.lock().unwrap_or_else(PoisonError::into_inner) = models;
@@ -144,10 +142,10 @@ fn list(domain: &Domain) -> Result<[ModelSlot; 3], ClientError> {
     Ok(Client::connect(domain, CONNECT)?.models()?.slots)
 }
 
-fn draw(file: Option<&Path>, told: &str, used: ModelId) -> (Arc<Outline>, Option<String>) {
+fn outline(file: Option<&Path>, reported: &str, used: ModelId) -> (Arc<Outline>, Option<String>) {
     let outline = match file {
         Some(file) => outline_of(file, used),
-        None => outline_of(Path::new(told), used),
+        None => outline_of(Path::new(reported), used),
     };
     match outline {
         Ok(outline) => (Arc::new(outline), None),
@@ -179,7 +177,7 @@ mod tests {
             (named.name.as_str(), named.file.as_str()),
             ("gmr-play 5a5a5a5a", "/models/a.json")
         );
-        assert!(named.memory_known && models.staged().is_none() && models.former().is_some());
+        assert!(named.memory_known && models.staged().is_none() && models.previous().is_some());
         assert!(Models::default().used().is_none());
     }
 }

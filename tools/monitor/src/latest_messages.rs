@@ -1,4 +1,4 @@
-//! What the monitor shows, as text. Pure.
+//! The last message of every stream, and its text. Pure.
 
 use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
@@ -18,7 +18,7 @@ pub const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
 
 /// The last message of every stream, as far as there is one.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct View {
+pub struct LatestMessages {
     pub state: Option<OperatingStateMsg>,
     pub goal: Option<JointState>,
     pub setpoint: Option<JointState>,
@@ -30,7 +30,7 @@ pub struct View {
     pub exchange_rates: Option<[f64; MAX_MOTORS]>,
 }
 
-impl View {
+impl LatestMessages {
     /// Everything, in several lines.
     pub fn page(&self, now: Nanos) -> Vec<String> {
         let mut lines = vec![self.state_line(now), self.lease_line()];
@@ -82,13 +82,14 @@ impl View {
         let stale = mark(self.state.as_ref(), now, STALE);
         let goal = pair(self.goal.as_ref());
         format!(
-            "{state}{fault}{stale}; goal {goal} set-point {setpoint} measured {measured}{camera} deg{counts}{late}"
+            "{state}{fault}{stale}; goal {goal} set-point {setpoint} measured {measured}{camera} \
+             deg{counts}{late}"
         )
     }
 
     fn state_line(&self, now: Nanos) -> String {
         let Some(state) = &self.state else {
-            return "state      not told yet".to_owned();
+            return "state      not received yet".to_owned();
         };
         let flag = |bit: u32, name: &'static str| (state.flags & bit != 0).then_some(name);
         let flags: Vec<&str> = [
@@ -142,7 +143,8 @@ impl View {
             .map(|refusal| format!(", last: {refusal}"))
             .unwrap_or_default();
         format!(
-            "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops {stale_stops}"
+            "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops \
+             {stale_stops}"
         )
     }
 
@@ -178,7 +180,7 @@ impl View {
 
     fn motor_lines(&self, now: Nanos) -> Vec<String> {
         let Some(actuators) = &self.actuators else {
-            return vec!["motors     not told yet".to_owned()];
+            return vec!["motors     not received yet".to_owned()];
         };
         (0..count(actuators.count))
             .map(|motor| self.motor_line(actuators, motor, now))
@@ -217,7 +219,8 @@ impl View {
             |rate| format!("{rate:.0} exchanges/s"),
         );
         format!(
-            "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status 0x{:04X}; {rate}{age}",
+            "motor {motor}    set-point {}, measured {} counts, {} mA; {phase}{error}, status \
+             0x{:04X}; {rate}{age}",
             drive(&actuators.setpoint_counts),
             drive(&actuators.measured_counts),
             drive(&actuators.current_ma),
@@ -227,7 +230,7 @@ impl View {
 
     fn loop_lines(&self, now: Nanos) -> Vec<String> {
         let Some(statistics) = &self.statistics else {
-            return vec!["loop       not told yet".to_owned()];
+            return vec!["loop       not received yet".to_owned()];
         };
         let hertz = if statistics.window_ns == 0 {
             0.0
@@ -252,7 +255,7 @@ impl View {
         ]
     }
 
-    /// Whether every stream that a controller always tells has told something.
+    /// Whether there is a message of every stream that a controller always publishes.
     pub fn is_complete(&self) -> bool {
         let Self {
             state,
@@ -275,7 +278,7 @@ impl View {
         Fault::from_number(state.fault)
     }
 
-    /// What the camera saw last, degrees, fresh or not.
+    /// The last angles of the camera, degrees, fresh or not.
     pub fn camera_angles(&self) -> Option<[f64; 2]> {
         let camera = self
             .camera
@@ -286,7 +289,7 @@ impl View {
         ])
     }
 
-    /// No camera is nothing unusual, a camera that fell silent or sees nothing is.
+    /// A missing camera is normal; a silent camera, or one without a detection, is marked.
     fn camera_mark(&self, now: Nanos) -> String {
         match &self.camera {
             None => String::new(),
@@ -346,7 +349,7 @@ fn signed(degrees: Option<f64>) -> String {
     degrees.map_or_else(|| "-".to_owned(), |value| format!("{value:+.2}"))
 }
 
-/// The beginning of a model's identity: enough for people to tell models apart.
+/// The beginning of a model's identity: enough to distinguish models.
 pub fn short_id(id: ModelId) -> String {
     id.to_string().chars().take(8).collect()
 }
@@ -390,8 +393,8 @@ mod tests {
         }
     }
 
-    fn view() -> View {
-        View {
+    fn view() -> LatestMessages {
+        LatestMessages {
             state: Some(OperatingStateMsg {
                 stamp_ns: NOW.0,
                 since_ns: NOW.0 - 12_000_000_000,
@@ -440,7 +443,7 @@ mod tests {
         }
     }
 
-    fn page(view: &View) -> String {
+    fn page(view: &LatestMessages) -> String {
         view.page(NOW).join("\n")
     }
 
@@ -451,7 +454,8 @@ mod tests {
             "ENABLED for 12 s, homed, model loaded",
             "0000000000000abc; accepted 400, refused 3, last: step too large",
             "+5.00      +4.50      +4.25     0.25",
-            "motor 0    set-point 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 exchanges/s",
+            "motor 0    set-point 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 \
+             exchanges/s",
             "motor 1    set-point -345, measured -340 counts, -7 mA; at fault, error 0x8611",
             "1000 Hz; late p50 0.1, p99 12, max 250 us",
             "4 of 5004 ticks",
@@ -470,7 +474,7 @@ mod tests {
 
     #[test]
     fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
-        let camera = |stamp_ns, flags| View {
+        let camera = |stamp_ns, flags| LatestMessages {
             camera: Some(ExternalPosition {
                 stamp_ns,
                 flags,
@@ -486,21 +490,22 @@ mod tests {
 
     #[test]
     fn what_is_not_known_is_not_invented() {
-        let text = page(&View::default());
+        let text = page(&LatestMessages::default());
         assert!(
-            text.contains("state      not told yet") && text.contains("loop       not told yet"),
+            text.contains("state      not received yet")
+                && text.contains("loop       not received yet"),
             "{text}"
         );
         let invalid = JointState {
             flags: 0,
             ..joint(5.0, 5.0)
         };
-        let text = page(&View {
+        let text = page(&LatestMessages {
             measured: Some(invalid),
             ..view()
         });
         assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
-        assert!(View::default().line(NOW).contains("no state"));
+        assert!(LatestMessages::default().line(NOW).contains("no state"));
     }
 
     #[test]
@@ -520,7 +525,8 @@ mod tests {
         let text = view().line(NOW);
         assert_eq!(
             text,
-            "ENABLED; goal +5.00 -1.00 set-point +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 -345 -> 120 -340; \
+            "ENABLED; goal +5.00 -1.00 set-point +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 \
+             -345 -> 120 -340; \
              late p99 12 us, missed 4"
         );
         let fault = OperatingStateMsg {
@@ -530,7 +536,7 @@ mod tests {
             ..OperatingStateMsg::default()
         };
         assert!(
-            View {
+            LatestMessages {
                 state: Some(fault),
                 ..view()
             }

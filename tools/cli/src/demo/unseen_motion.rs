@@ -1,4 +1,4 @@
-//! Motions that no calibration has seen: what the tracking error is measured on.
+//! Motions that no calibration has seen. The tracking error is measured on them.
 
 use std::f64::consts::TAU;
 use std::fmt;
@@ -6,10 +6,12 @@ use std::fmt;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::trajectory_time::minimum_jerk;
+
 /// Samples per second: tremor of 10 Hz needs many.
 pub const RATE_HZ: f64 = 200.0;
 
-/// How far teleoperation strays, deg, and how fast it goes, deg/s.
+/// Range of teleoperation, deg, and its largest speed, deg/s.
 const SPAN_DEG: f64 = 30.0;
 const SPEED_DEG_S: f64 = 12.0;
 
@@ -69,31 +71,28 @@ fn samples(duration_s: f64) -> impl Iterator<Item = f64> + Clone {
     (0..(duration_s * RATE_HZ) as u32).map(|i| f64::from(i) / RATE_HZ)
 }
 
-/// From 0 to 1 without a jerk at the ends.
-fn ease(share: f64) -> f64 {
-    let s = share.clamp(0.0, 1.0);
-    s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
-}
-
 fn circle() -> Vec<[f64; 2]> {
     let at = |t_s: f64| {
         let (sin, cos) = (TAU * t_s / 10.0).sin_cos();
-        [20.0 * ease(t_s / 4.0) * cos, 20.0 * ease(t_s / 4.0) * sin]
+        [
+            20.0 * minimum_jerk(t_s / 4.0) * cos,
+            20.0 * minimum_jerk(t_s / 4.0) * sin,
+        ]
     };
     samples(34.0).map(at).collect()
 }
 
-/// Straight from place to place, and half a second at each.
-fn visit(places: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+/// Straight lines between points, with a rest of half a second at each.
+fn visit(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     let mut path = vec![[0.0; 2]];
     let mut from = [0.0; 2];
-    for to in places {
-        let way = [to[0] - from[0], to[1] - from[1]];
-        let duration_s = (way[0].hypot(way[1]) / 10.0 * 1.3_f64).max(0.5);
+    for to in points {
+        let step = [to[0] - from[0], to[1] - from[1]];
+        let duration_s = (step[0].hypot(step[1]) / 10.0 * 1.3_f64).max(0.5);
         path.extend(
             samples(duration_s)
-                .map(|t_s| ease(t_s / duration_s))
-                .map(|s| [from[0] + s * way[0], from[1] + s * way[1]]),
+                .map(|t_s| minimum_jerk(t_s / duration_s))
+                .map(|s| [from[0] + s * step[0], from[1] + s * step[1]]),
         );
         path.extend(samples(0.5).map(|_| to));
         from = to;
@@ -102,9 +101,9 @@ fn visit(places: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
 }
 
 /// Noise of deviation 1 below a frequency: a sum of sines.
-struct Wandering(Vec<(f64, f64)>);
+struct BandNoise(Vec<(f64, f64)>);
 
-impl Wandering {
+impl BandNoise {
     fn below(hz: f64, random: &mut Pcg64) -> Self {
         Self(
             (0..16)
@@ -128,7 +127,7 @@ impl Wandering {
     }
 }
 
-/// A swing to and fro that comes and goes.
+/// An oscillation that fades in and out.
 struct Loop {
     middle_s: f64,
     width_s: f64,
@@ -160,7 +159,7 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
     let mut random = Pcg64::seed_from_u64(seed);
     let parts = [0, 1].map(|_| {
         [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)]
-            .map(|(hz, share)| (Wandering::below(hz, &mut random), share))
+            .map(|(hz, share)| (BandNoise::below(hz, &mut random), share))
     });
     let loops: Vec<Loop> = (0..(duration_s / 8.0) as u32)
         .map(|_| Loop::new(duration_s, &mut random))
@@ -177,9 +176,9 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
                 .map(|swing| swing.size[axis] * swing.at(t_s))
                 .sum::<f64>();
         }
-        // A hand knows where the range ends.
+        // The operator stays within the range.
         let far = goal[0].hypot(goal[1]).max(1e-9);
-        goal.map(|g| SPAN_DEG * ease(t_s / 3.0) * g * (far / 1.6).tanh() / far)
+        goal.map(|g| SPAN_DEG * minimum_jerk(t_s / 3.0) * g * (far / 1.6).tanh() / far)
     };
     let slowed = slow_down(&samples(duration_s).map(at).collect::<Vec<_>>());
     let phases = [0, 1].map(|_| random.random_range(0.0..TAU));
@@ -196,18 +195,18 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// The same path, slower wherever it is too fast; what then lasts too long is cut off.
+/// The same path with limited speed, cut to the same number of samples.
 fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let most = SPEED_DEG_S / RATE_HZ;
     let mut slowed = Vec::with_capacity(path.len());
-    let mut place = 0.0;
+    let mut position = 0.0;
     while slowed.len() < path.len() {
-        let before = (place as usize).min(path.len() - 2);
+        let before = (position as usize).min(path.len() - 2);
         let (from, to) = (path[before], path[before + 1]);
-        let share = place - before as f64;
-        let way = [to[0] - from[0], to[1] - from[1]];
-        slowed.push([from[0] + share * way[0], from[1] + share * way[1]]);
-        place += (most / way[0].hypot(way[1]).max(1e-12)).min(1.0);
+        let share = position - before as f64;
+        let step = [to[0] - from[0], to[1] - from[1]];
+        slowed.push([from[0] + share * step[0], from[1] + share * step[1]]);
+        position += (most / step[0].hypot(step[1]).max(1e-12)).min(1.0);
     }
     slowed
 }
@@ -217,7 +216,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_motion_begins_straight_and_stays_within_reach_and_speed() {
+    fn every_motion_starts_straight_and_keeps_its_limits_of_range_and_speed() {
         for motion in [
             Motion::Teleoperation,
             Motion::Circle,
@@ -238,14 +237,14 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_is_a_motion() {
+    fn the_seed_determines_the_motion() {
         let path = |seed| Motion::Teleoperation.path(10.0, seed);
         assert_eq!(path(1), path(1));
         assert_ne!(path(1), path(2));
     }
 
     #[test]
-    fn tremor_is_what_is_asked() {
+    fn the_tremor_has_the_requested_amplitude() {
         let path = Motion::Teleoperation.path(20.0, 3);
         // Second differences let the tremor through and hold the rest back.
         let gain = 2.0 - 2.0 * (TAU * TREMOR_HZ / RATE_HZ).cos();

@@ -16,23 +16,22 @@ use i2ris_terminal::Failure;
 /// A robot of the emulator's kind, so that models and configuration match.
 const CONTROLLER_CONFIG: &str = include_str!("../../../../config/emulator.toml");
 
-/// Bringing up drives and shared memory takes well under a second; a loaded machine may need much
-/// longer.
+/// Start-up takes well under a second; a loaded machine may need much longer.
 const START_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 
-/// How late an emulated drive may answer. The demo shares the machine with whatever else runs on
-/// it, and a stall of the emulator is not what it is about.
-const PATIENCE_MS: u64 = 500;
+/// Reply timeout of the emulated drives, ms. The demo shares the machine with other programs, and a
+/// stall of the emulator must not end it.
+const REPLY_TIMEOUT_MS: u64 = 500;
 
-/// A stroke of conditioning takes so long at most.
-const CONDITION_TIMEOUT: Nanos = Nanos::from_millis(120_000);
+/// Time limit of a conditioning cycle.
+const CONDITIONING_TIMEOUT: Nanos = Nanos::from_millis(120_000);
 
 /// An emulated snake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Snake {
     /// Mild
     Steel,
-    /// A wide gap that is not the same both ways, and slack around the straight pose
+    /// A wide, asymmetric gap, and slack around the straight pose
     Brass,
     /// Several slopes on one stroke
     Multi,
@@ -49,7 +48,7 @@ impl Snake {
 }
 
 /// Folder, domain and programs of one demo.
-pub struct Bench {
+pub struct DemoSetup {
     folder: PathBuf,
     domain: String,
     config: Config,
@@ -57,7 +56,7 @@ pub struct Bench {
     controller_program: PathBuf,
 }
 
-impl Bench {
+impl DemoSetup {
     /// Prepares an empty folder with the configuration of the emulated snake.
     pub fn new(
         folder: PathBuf,
@@ -73,10 +72,10 @@ impl Bench {
         config.ipc.domain.clone_from(&domain);
         for (number, port) in config.ports.iter_mut().enumerate() {
             port.device = folder.join(format!("axis{number}"));
-            port.reply_timeout_ms = PATIENCE_MS;
+            port.reply_timeout_ms = REPLY_TIMEOUT_MS;
         }
-        config.limits.feedback_stale_ms = PATIENCE_MS;
-        config.limits.feedback_lost_ms = 5 * PATIENCE_MS;
+        config.limits.feedback_stale_ms = REPLY_TIMEOUT_MS;
+        config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
         Ok(Self {
             folder,
             domain,
@@ -113,7 +112,7 @@ impl Bench {
         Ok(())
     }
 
-    /// Takes recording and models of an earlier demo.
+    /// Copies recording and models of an earlier demo.
     pub fn take(&self, folder: &Path) -> Result<(), Failure> {
         for entry in fs::read_dir(folder)
             .map_err(|error| format!("cannot read {}: {error}", folder.display()))?
@@ -205,13 +204,13 @@ impl Bench {
     }
 }
 
-impl Drop for Bench {
+impl Drop for DemoSetup {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.folder);
     }
 }
 
-/// The zero survives in the drives, so only the first controller has to home.
+/// Homes only if necessary: the drives keep their zero between controllers.
 fn enable(client: &mut Client) -> Result<(), Failure> {
     let at_rest = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     let state = client.wait_for(START_TIMEOUT, at_rest)?;
@@ -229,17 +228,16 @@ fn enable(client: &mut Client) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Wipes out what is not known about the past of the wires.
+/// Runs a conditioning cycle: afterwards the hysteresis memory is known.
 pub fn condition(client: &mut Client) -> Result<(), Failure> {
     client.state_command(StateCommand::Condition)?;
-    client.wait_for(CONDITION_TIMEOUT, |state| {
+    client.wait_for(CONDITIONING_TIMEOUT, |state| {
         state.flags & OperatingStateMsg::BUSY == 0
     })?;
     Ok(())
 }
 
-/// Command lines here are text; the demo's own folders are, unless the repository lies under an odd
-/// name.
+/// A path as text for a command line. Fails for a folder whose name is not UTF-8.
 pub fn text(path: &Path) -> Result<String, Failure> {
     path.to_str()
         .map(str::to_owned)

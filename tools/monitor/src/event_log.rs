@@ -1,5 +1,4 @@
-//! The last events, told from the streams: every change of what the controller says. Bounded,
-//! repeats folded.
+//! The last events: every change in the streams of the controller. Bounded; repeats are counted.
 
 use std::collections::VecDeque;
 
@@ -11,21 +10,21 @@ use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
 
-use super::view::{CAMERA_STALE, View, short_id, state_name};
+use super::latest_messages::{CAMERA_STALE, LatestMessages, short_id, state_name};
 
 /// Events that are kept.
-const KEPT: usize = 64;
-/// The same again within this time is told as one event with a count.
-const FOLDED: Nanos = Nanos::from_millis(2000);
+const CAPACITY: usize = 64;
+/// Repeats within this time are one event with a count.
+const REPEAT_WINDOW: Nanos = Nanos::from_millis(2000);
 
 /// How much an event matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Level {
-    /// As it should be.
+pub enum Severity {
+    /// Normal.
     Info,
-    /// To be looked at.
+    /// Needs attention.
     Warning,
-    /// Now.
+    /// Needs action now.
     Alarm,
 }
 
@@ -34,7 +33,7 @@ pub enum Level {
 pub struct Event {
     /// When it was last seen.
     pub stamp: Nanos,
-    pub level: Level,
+    pub severity: Severity,
     pub text: String,
     /// How many times.
     pub count: u64,
@@ -42,7 +41,7 @@ pub struct Event {
 
 /// The last events, the newest at the end.
 #[derive(Debug, Clone, Default)]
-pub struct Journal {
+pub struct EventLog {
     events: VecDeque<Event>,
     state: Option<OperatingStateMsg>,
     motors: Option<ActuatorState>,
@@ -52,7 +51,7 @@ pub struct Journal {
     camera: Option<Camera>,
 }
 
-/// How a camera was when it was looked at last.
+/// The last known state of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Camera {
     Sees,
@@ -60,28 +59,28 @@ enum Camera {
     Silent,
 }
 
-impl Journal {
+impl EventLog {
     /// The newest first.
     pub fn newest(&self) -> impl Iterator<Item = &Event> {
         self.events.iter().rev()
     }
 
-    /// Something that happened here.
-    pub fn say(&mut self, stamp: Nanos, level: Level, text: String) {
-        self.add(stamp, level, text, 1);
+    /// Adds an event of the monitor itself.
+    pub fn log(&mut self, stamp: Nanos, severity: Severity, text: String) {
+        self.add(stamp, severity, text, 1);
     }
 
-    /// Whether the controller can be heard.
-    pub fn reach(&mut self, problem: Option<&str>, now: Nanos) {
+    /// Whether the controller is reachable.
+    pub fn update_connection(&mut self, problem: Option<&str>, now: Nanos) {
         if self.problem.as_deref() == problem {
             return;
         }
         match problem {
-            Some(text) => self.add(now, Level::Alarm, text.to_owned(), 1),
+            Some(text) => self.add(now, Severity::Alarm, text.to_owned(), 1),
             None => self.add(
                 now,
-                Level::Info,
-                "the controller is heard again".to_owned(),
+                Severity::Info,
+                "the controller is reachable again".to_owned(),
                 1,
             ),
         }
@@ -89,7 +88,7 @@ impl Journal {
     }
 
     /// A state of the controller: what is new in it.
-    pub fn state(&mut self, new: &OperatingStateMsg) {
+    pub fn update_state(&mut self, new: &OperatingStateMsg) {
         let Some(old) = self.state.replace(*new) else {
             return;
         };
@@ -102,8 +101,8 @@ impl Journal {
             };
             return self.add(
                 stamp,
-                Level::Warning,
-                "another start of the controller".to_owned(),
+                Severity::Warning,
+                "the controller was restarted".to_owned(),
                 1,
             );
         }
@@ -117,7 +116,7 @@ impl Journal {
                 0 => format!("client {:016x} gave up the lease", old.lease_client_id),
                 client => format!("client {client:016x} has the lease"),
             };
-            self.add(stamp, Level::Info, text, 1);
+            self.add(stamp, Severity::Info, text, 1);
         }
     }
 
@@ -127,45 +126,49 @@ impl Journal {
         let reason = reason
             .map(|reason| format!(": {reason}"))
             .unwrap_or_default();
-        let level = if fault { Level::Alarm } else { Level::Info };
+        let severity = if fault {
+            Severity::Alarm
+        } else {
+            Severity::Info
+        };
         self.add(
             new.stamp(),
-            level,
+            severity,
             format!("{} to {}{reason}", state_name(old), state_name(new)),
             1,
         );
     }
 
     fn flags_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
-        for (flag, on, off, level) in [
+        for (flag, on, off, severity) in [
             (
                 OperatingStateMsg::HOMED,
                 "homed",
                 "zero lost: not homed",
-                Level::Info,
+                Severity::Info,
             ),
             (
                 OperatingStateMsg::MEMORY_KNOWN,
                 "memory known",
                 "memory unknown",
-                Level::Info,
+                Severity::Info,
             ),
             (
                 OperatingStateMsg::CLIPPED,
                 "goal clipped to the hull",
                 "goal inside the hull",
-                Level::Warning,
+                Severity::Warning,
             ),
         ] {
             match (old.flags & flag != 0, new.flags & flag != 0) {
-                (false, true) => self.add(new.stamp(), level, on.to_owned(), 1),
+                (false, true) => self.add(new.stamp(), severity, on.to_owned(), 1),
                 (true, false) => {
-                    let level = if flag == OperatingStateMsg::CLIPPED {
-                        Level::Info
+                    let severity = if flag == OperatingStateMsg::CLIPPED {
+                        Severity::Info
                     } else {
-                        Level::Warning
+                        Severity::Warning
                     };
-                    self.add(new.stamp(), level, off.to_owned(), 1);
+                    self.add(new.stamp(), severity, off.to_owned(), 1);
                 }
                 _ => {}
             }
@@ -178,16 +181,16 @@ impl Journal {
                 Refusal::from_number(new.last_refusal).map_or("unknown reason", Refusal::text);
             self.add(
                 new.stamp(),
-                Level::Warning,
+                Severity::Warning,
                 format!("command refused: {reason}"),
                 new.refused - old.refused,
             );
         }
         if new.stale_stops > old.stale_stops {
-            let text = "the commander fell silent: held".to_owned();
+            let text = "no command before the deadline: held".to_owned();
             self.add(
                 new.stamp(),
-                Level::Warning,
+                Severity::Warning,
                 text,
                 new.stale_stops - old.stale_stops,
             );
@@ -195,7 +198,7 @@ impl Journal {
     }
 
     /// The motors: what is new.
-    pub fn motors(&mut self, new: &ActuatorState) {
+    pub fn update_motors(&mut self, new: &ActuatorState) {
         let Some(old) = self
             .motors
             .replace(*new)
@@ -209,12 +212,12 @@ impl Journal {
                 && was != is
             {
                 let text = phase_text(*is);
-                let level = if matches!(text, "lost" | "at fault") {
-                    Level::Alarm
+                let severity = if matches!(text, "lost" | "at fault") {
+                    Severity::Alarm
                 } else {
-                    Level::Info
+                    Severity::Info
                 };
-                self.add(new.stamp(), level, format!("motor {motor} {text}"), 1);
+                self.add(new.stamp(), severity, format!("motor {motor} {text}"), 1);
             }
             let (was, is) = (old.error_code.get(motor), new.error_code.get(motor));
             if let (Some(was), Some(is)) = (was, is)
@@ -223,7 +226,7 @@ impl Journal {
             {
                 self.add(
                     new.stamp(),
-                    Level::Alarm,
+                    Severity::Alarm,
                     format!("motor {motor} error 0x{is:04X}"),
                     1,
                 );
@@ -232,19 +235,19 @@ impl Journal {
     }
 
     /// Which model computes the estimate.
-    pub fn model(&mut self, estimate: &JointState) {
+    pub fn update_model(&mut self, estimate: &JointState) {
         let before = self.model.replace(estimate.model_id);
         if before.is_some_and(|before| before != estimate.model_id) {
             let text = match estimate.model_id {
                 id if id == [0; 32] => "no model in use".to_owned(),
                 id => format!("model {} in use", short_id(ModelId(id))),
             };
-            self.add(estimate.stamp(), Level::Info, text, 1);
+            self.add(estimate.stamp(), Severity::Info, text, 1);
         }
     }
 
     /// Ticks that were missed.
-    pub fn ticks(&mut self, statistics: &PeriodStatistics) {
+    pub fn update_ticks(&mut self, statistics: &PeriodStatistics) {
         let before = self.missed.replace(statistics.total_missed);
         if let Some(missed) = before
             .and_then(|before| statistics.total_missed.checked_sub(before))
@@ -252,7 +255,7 @@ impl Journal {
         {
             self.add(
                 statistics.stamp(),
-                Level::Warning,
+                Severity::Warning,
                 "tick missed by the loop".to_owned(),
                 missed,
             );
@@ -260,7 +263,7 @@ impl Journal {
     }
 
     /// How the camera is, as far as there is one.
-    pub fn camera(&mut self, view: &View, now: Nanos) {
+    pub fn update_camera(&mut self, view: &LatestMessages, now: Nanos) {
         let Some(camera) = &view.camera else { return };
         let is = match camera {
             camera if camera.age(now) > CAMERA_STALE => Camera::Silent,
@@ -270,31 +273,31 @@ impl Journal {
         if self.camera.replace(is) == Some(is) {
             return;
         }
-        let (level, text) = match is {
-            Camera::Sees => (Level::Info, "camera sees the snake"),
-            Camera::SeesNothing => (Level::Warning, "camera sees nothing"),
-            Camera::Silent => (Level::Warning, "camera fell silent"),
+        let (severity, text) = match is {
+            Camera::Sees => (Severity::Info, "camera sees the snake"),
+            Camera::SeesNothing => (Severity::Warning, "camera sees nothing"),
+            Camera::Silent => (Severity::Warning, "camera is silent"),
         };
-        self.add(now, level, text.to_owned(), 1);
+        self.add(now, severity, text.to_owned(), 1);
     }
 
-    fn add(&mut self, stamp: Nanos, level: Level, text: String, count: u64) {
+    fn add(&mut self, stamp: Nanos, severity: Severity, text: String, count: u64) {
         let recent = self
             .events
             .iter_mut()
             .rev()
-            .take_while(|event| stamp.since(event.stamp) < FOLDED);
+            .take_while(|event| stamp.since(event.stamp) < REPEAT_WINDOW);
         if let Some(same) = recent.into_iter().find(|event| event.text == text) {
             same.count += count;
             same.stamp = stamp;
             return;
         }
-        if self.events.len() == KEPT {
+        if self.events.len() == CAPACITY {
             self.events.pop_front();
         }
         self.events.push_back(Event {
             stamp,
-            level,
+            severity,
             text,
             count,
         });
@@ -317,8 +320,8 @@ mod tests {
         message
     }
 
-    fn told(journal: &Journal) -> Vec<(&str, u64)> {
-        journal
+    fn logged(event_log: &EventLog) -> Vec<(&str, u64)> {
+        event_log
             .events
             .iter()
             .map(|event| (event.text.as_str(), event.count))
@@ -326,93 +329,93 @@ mod tests {
     }
 
     #[test]
-    fn every_change_is_told_once() {
-        let mut journal = Journal::default();
-        journal.state(&state(1, |_| ()));
-        journal.state(&state(2, |_| ()));
-        assert_eq!(told(&journal), []);
-        journal.state(&state(3, |state| state.lease_client_id = 0xab));
-        journal.state(&state(4, |state| {
+    fn every_change_is_logged_once() {
+        let mut event_log = EventLog::default();
+        event_log.update_state(&state(1, |_| ()));
+        event_log.update_state(&state(2, |_| ()));
+        assert_eq!(logged(&event_log), []);
+        event_log.update_state(&state(3, |state| state.lease_client_id = 0xab));
+        event_log.update_state(&state(4, |state| {
             state.lease_client_id = 0xab;
             (state.state, state.fault) = (OperatingState::Fault.number(), Fault::Link.number());
             state.flags = 0;
         }));
         assert_eq!(
-            told(&journal),
+            logged(&event_log),
             [
                 ("client 00000000000000ab has the lease", 1),
                 ("ENABLED to FAULT: a drive does not answer", 1),
                 ("zero lost: not homed", 1)
             ]
         );
-        assert_eq!(journal.newest().nth(1).unwrap().level, Level::Alarm);
+        assert_eq!(event_log.newest().nth(1).unwrap().severity, Severity::Alarm);
     }
 
     #[test]
-    fn repeats_are_folded_and_the_oldest_dropped() {
-        let mut journal = Journal::default();
+    fn repeats_are_counted_and_the_oldest_event_is_dropped() {
+        let mut event_log = EventLog::default();
         for n in 0..100 {
-            journal.state(&state(10 * n, |state| {
+            event_log.update_state(&state(10 * n, |state| {
                 (state.refused, state.last_refusal) = (3 * n, Refusal::Step.number());
             }));
         }
-        assert_eq!(journal.events.len(), 1);
-        assert_eq!(journal.events[0].count, 3 * 99);
+        assert_eq!(event_log.events.len(), 1);
+        assert_eq!(event_log.events[0].count, 3 * 99);
         for n in 0..1000 {
-            journal.say(Nanos::from_millis(n), Level::Info, format!("event {n}"));
+            event_log.log(Nanos::from_millis(n), Severity::Info, format!("event {n}"));
         }
         assert_eq!(
             (
-                journal.events.len(),
-                journal.newest().next().unwrap().text.as_str()
+                event_log.events.len(),
+                event_log.newest().next().unwrap().text.as_str()
             ),
-            (KEPT, "event 999")
+            (CAPACITY, "event 999")
         );
     }
 
     #[test]
-    fn another_start_of_the_controller_is_no_change_of_its_counters() {
-        let mut journal = Journal::default();
-        journal.state(&state(1, |state| state.refused = 50));
-        journal.state(&state(2, |state| (state.refused, state.boot_id) = (99, 2)));
-        assert_eq!(told(&journal), [("another start of the controller", 1)]);
+    fn a_restart_of_the_controller_is_no_change_of_its_counters() {
+        let mut event_log = EventLog::default();
+        event_log.update_state(&state(1, |state| state.refused = 50));
+        event_log.update_state(&state(2, |state| (state.refused, state.boot_id) = (99, 2)));
+        assert_eq!(logged(&event_log), [("the controller was restarted", 1)]);
     }
 
     #[test]
-    fn drives_models_ticks_and_cameras_are_told() {
-        let mut journal = Journal::default();
+    fn changes_of_drives_models_ticks_and_cameras_are_logged() {
+        let mut event_log = EventLog::default();
         let motors = |phase, code| ActuatorState {
             phase: [phase, 1],
             error_code: [code, 0],
             ..Default::default()
         };
-        journal.motors(&motors(3, 0));
-        journal.motors(&motors(7, 0x8611));
-        journal.model(&JointState::default());
-        journal.model(&JointState {
+        event_log.update_motors(&motors(3, 0));
+        event_log.update_motors(&motors(7, 0x8611));
+        event_log.update_model(&JointState::default());
+        event_log.update_model(&JointState {
             model_id: [0xab; 32],
             ..JointState::default()
         });
-        journal.ticks(&PeriodStatistics {
+        event_log.update_ticks(&PeriodStatistics {
             total_missed: 4,
             ..PeriodStatistics::default()
         });
-        journal.ticks(&PeriodStatistics {
+        event_log.update_ticks(&PeriodStatistics {
             total_missed: 6,
             ..PeriodStatistics::default()
         });
-        let seen = |flags| View {
+        let seen = |flags| LatestMessages {
             camera: Some(ExternalPosition {
                 flags,
                 ..Default::default()
             }),
-            ..View::default()
+            ..LatestMessages::default()
         };
-        journal.camera(&seen(1), Nanos(1));
-        journal.camera(&seen(0), Nanos(2));
-        journal.camera(&seen(0), Nanos::from_millis(5000));
+        event_log.update_camera(&seen(1), Nanos(1));
+        event_log.update_camera(&seen(0), Nanos(2));
+        event_log.update_camera(&seen(0), Nanos::from_millis(5000));
         assert_eq!(
-            told(&journal),
+            logged(&event_log),
             [
                 ("motor 0 at fault", 1),
                 ("motor 0 error 0x8611", 1),
@@ -420,21 +423,21 @@ mod tests {
                 ("tick missed by the loop", 2),
                 ("camera sees the snake", 1),
                 ("camera sees nothing", 1),
-                ("camera fell silent", 1)
+                ("camera is silent", 1)
             ]
         );
     }
 
     #[test]
-    fn a_controller_that_comes_and_goes_is_told() {
-        let mut journal = Journal::default();
-        journal.reach(None, Nanos(1));
-        journal.reach(Some("gone"), Nanos(2));
-        journal.reach(Some("gone"), Nanos(3));
-        journal.reach(None, Nanos(4));
+    fn loss_and_return_of_the_controller_are_logged() {
+        let mut event_log = EventLog::default();
+        event_log.update_connection(None, Nanos(1));
+        event_log.update_connection(Some("gone"), Nanos(2));
+        event_log.update_connection(Some("gone"), Nanos(3));
+        event_log.update_connection(None, Nanos(4));
         assert_eq!(
-            told(&journal),
-            [("gone", 1), ("the controller is heard again", 1)]
+            logged(&event_log),
+            [("gone", 1), ("the controller is reachable again", 1)]
         );
     }
 }

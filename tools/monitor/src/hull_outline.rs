@@ -1,5 +1,4 @@
-//! The calibrated hull and the directions of the motors, as they look in the plane of pitch and
-//! yaw.
+//! The calibrated hull and the directions of the motors in the plane of pitch and yaw.
 
 use std::path::Path;
 
@@ -10,7 +9,7 @@ use i2ris::units::MAX_MOTORS;
 /// Points on every side of the hull: its sides are straight in counts, not in angles.
 const POINTS_PER_SIDE: usize = 12;
 
-/// What a model looks like in the plane of pitch and yaw.
+/// The hull of a model in the plane of pitch and yaw.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outline {
     /// The edge of the hull: pitch and yaw, degrees, closed. Empty: unknown.
@@ -39,7 +38,7 @@ impl Outline {
         })
     }
 
-    /// What `bend` is, for people.
+    /// The name of `bend` on the screen.
     pub fn name(&self, motor: usize) -> &'static str {
         match (
             *self
@@ -64,7 +63,8 @@ pub enum OutlineError {
     Model(#[from] i2ris::model::ModelError),
     /// It is another model.
     #[error(
-        "no hull: {file} is model {found}, the controller uses {used}; name the right file with --model"
+        "no hull: {file} is model {found}, the controller uses {used}; name the right file with \
+         --model"
     )]
     Other {
         file: String,
@@ -72,11 +72,11 @@ pub enum OutlineError {
         used: String,
     },
     /// Its outputs are not two angles.
-    #[error("no hull: the model tells no pitch and yaw")]
+    #[error("no hull: the model does not predict pitch and yaw")]
     NoAngles,
 }
 
-/// What the model in `file` looks like, if it is the model `used`.
+/// The outline of the model in `file`, if it is the model `used`.
 ///
 /// # Errors
 ///
@@ -85,8 +85,8 @@ pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {
         let (found, used) = (
-            super::view::short_id(model.id()),
-            super::view::short_id(used),
+            super::latest_messages::short_id(model.id()),
+            super::latest_messages::short_id(used),
         );
         return Err(OutlineError::Other {
             file: file.display().to_string(),
@@ -108,7 +108,7 @@ fn own_directions(model: &Model) -> Option<[[f64; 2]; MAX_MOTORS]> {
     let [[a, b], [c, d], _] = model.jacobian(&centre, &memory);
     let determinant = a * d - b * c;
     let lengths = [a.hypot(c), b.hypot(d)];
-    // Motors that pull in one direction, or nearly, have no direction of their own.
+    // Motors that bend the snake in nearly the same direction have no own direction.
     if determinant.abs() < 0.1 * lengths[0] * lengths[1] || !determinant.is_normal() {
         return None;
     }
@@ -116,8 +116,8 @@ fn own_directions(model: &Model) -> Option<[[f64; 2]; MAX_MOTORS]> {
     Some([[d * scale[0], -b * scale[0]], [-c * scale[1], a * scale[1]]])
 }
 
-/// Where the angles end when the motors go from the middle of the hull to its edge: on the way back
-/// they are others, by the width of the hysteresis loop.
+/// The angles after a motion of the motors from the middle of the hull to its edge. On the return
+/// they differ by the width of the hysteresis loop.
 fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
     let angles = model
         .file()

@@ -1,15 +1,15 @@
-//! What the person at the screen does: keys in, orders out. Pure.
+//! The keys of the terminal screen: keys in, operator commands out. Pure.
 
 use i2ris::units::Nanos;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
-use super::hands::{Answer, Order};
-use crate::models::Models;
+use super::operator_commands::{CommandResult, OperatorCommand};
+use crate::model_poller::Models;
 
-/// A question that nobody answers is taken back: a late `y` may mean something else.
-const PATIENCE: Nanos = Nanos::from_millis(10_000);
-/// How long an answer stays on the screen.
-const SHOWN: Nanos = Nanos::from_millis(10_000);
+/// Time after which a question is withdrawn: a late `y` may mean something else.
+const TIMEOUT: Nanos = Nanos::from_millis(10_000);
+/// Time that a result stays on the screen.
+const RESULT_TIME: Nanos = Nanos::from_millis(10_000);
 
 /// The keys, as the screen shows them.
 pub const KEYS: [(&str, &str); 9] = [
@@ -57,25 +57,30 @@ impl Panel {
 
 /// Something to be confirmed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Question {
+pub struct Confirmation {
     pub text: String,
-    order: Order,
+    order: OperatorCommand,
     asked: Nanos,
 }
 
-/// The person's side of the screen.
+/// The state of the keyboard interface.
 #[derive(Debug, Clone, Default)]
-pub struct Desk {
+pub struct KeyHandler {
     pub panel: Panel,
     pub scroll: usize,
     pub quit: bool,
-    question: Option<Question>,
-    answer: Option<(Answer, Nanos)>,
+    question: Option<Confirmation>,
+    answer: Option<(CommandResult, Nanos)>,
 }
 
-impl Desk {
+impl KeyHandler {
     /// What a key means: something here, or an order to the controller.
-    pub fn press(&mut self, key: &KeyEvent, models: &Models, now: Nanos) -> Option<Order> {
+    pub fn press(
+        &mut self,
+        key: &KeyEvent,
+        models: &Models,
+        now: Nanos,
+    ) -> Option<OperatorCommand> {
         if key.kind == KeyEventKind::Release {
             return None;
         }
@@ -84,8 +89,8 @@ impl Desk {
             KeyCode::Char('c' | 'q') if control => self.quit = true,
             _ if control => {}
             // Stopping needs no confirmation, whatever else is on the screen.
-            KeyCode::Char(' ') => return self.order(Order::Pause),
-            KeyCode::Char('h') => return self.order(Order::Hold),
+            KeyCode::Char(' ') => return self.order(OperatorCommand::Pause),
+            KeyCode::Char('h') => return self.order(OperatorCommand::Hold),
             KeyCode::Char('y') => {
                 return self
                     .question(now)
@@ -96,7 +101,7 @@ impl Desk {
                 self.question = None
             }
             KeyCode::Char('q') => self.quit = true,
-            KeyCode::Char('a') => return self.order(Order::Acknowledge),
+            KeyCode::Char('a') => return self.order(OperatorCommand::Acknowledge),
             KeyCode::Char('m') => self.ask_to_swap(models, now),
             KeyCode::Char('b') => self.ask_to_roll_back(models, now),
             _ => self.look_elsewhere(key.code),
@@ -105,26 +110,26 @@ impl Desk {
     }
 
     /// What is to be confirmed, if anything.
-    pub fn question(&self, now: Nanos) -> Option<&Question> {
+    pub fn question(&self, now: Nanos) -> Option<&Confirmation> {
         self.question
             .as_ref()
-            .filter(|question| now.since(question.asked) < PATIENCE)
+            .filter(|question| now.since(question.asked) < TIMEOUT)
     }
 
     /// What was answered last, while it is worth showing.
-    pub fn answer(&self, now: Nanos) -> Option<&Answer> {
+    pub fn answer(&self, now: Nanos) -> Option<&CommandResult> {
         self.answer
             .as_ref()
-            .filter(|(_, at)| now.since(*at) < SHOWN)
+            .filter(|(_, at)| now.since(*at) < RESULT_TIME)
             .map(|(answer, _)| answer)
     }
 
     /// Shows an answer.
-    pub fn hear(&mut self, answer: Answer, now: Nanos) {
+    pub fn show_result(&mut self, answer: CommandResult, now: Nanos) {
         self.answer = Some((answer, now));
     }
 
-    fn order(&mut self, order: Order) -> Option<Order> {
+    fn order(&mut self, order: OperatorCommand) -> Option<OperatorCommand> {
         self.question = None;
         Some(order)
     }
@@ -132,8 +137,8 @@ impl Desk {
     fn ask_to_swap(&mut self, models: &Models, now: Nanos) {
         let Some(staged) = models.staged() else {
             let text = "no model is staged: i2ris model stage FILE";
-            return self.hear(
-                Answer {
+            return self.show_result(
+                CommandResult {
                     good: false,
                     text: text.to_owned(),
                 },
@@ -145,43 +150,43 @@ impl Desk {
         } else {
             ", its memory unknown"
         };
-        let place = models
+        let replaced = models
             .used()
             .map_or_else(String::new, |used| format!(" in place of {}", used.name));
-        self.question = Some(Question {
-            text: format!("Activate {}{memory}{place}?", staged.name),
-            order: Order::Activate(staged.id),
+        self.question = Some(Confirmation {
+            text: format!("Activate {}{memory}{replaced}?", staged.name),
+            order: OperatorCommand::Activate(staged.id),
             asked: now,
         });
     }
 
     fn ask_to_roll_back(&mut self, models: &Models, now: Nanos) {
-        let Some(former) = models.former() else {
+        let Some(previous) = models.previous() else {
             let text = "no model was in use before this one";
-            return self.hear(
-                Answer {
+            return self.show_result(
+                CommandResult {
                     good: false,
                     text: text.to_owned(),
                 },
                 now,
             );
         };
-        self.question = Some(Question {
-            text: format!("Roll back to {}?", former.name),
-            order: Order::Rollback,
+        self.question = Some(Confirmation {
+            text: format!("Roll back to {}?", previous.name),
+            order: OperatorCommand::Rollback,
             asked: now,
         });
     }
 
     fn look_elsewhere(&mut self, code: KeyCode) {
-        let place = Panel::ALL
+        let index = Panel::ALL
             .iter()
             .position(|panel| *panel == self.panel)
             .unwrap_or(0);
         let count = Panel::ALL.len();
         let next = match code {
-            KeyCode::Tab | KeyCode::Right => (place + 1) % count,
-            KeyCode::BackTab | KeyCode::Left => (place + count - 1) % count,
+            KeyCode::Tab | KeyCode::Right => (index + 1) % count,
+            KeyCode::BackTab | KeyCode::Left => (index + count - 1) % count,
             KeyCode::Char(digit @ '1'..='5') => usize::from(digit as u8 - b'1'),
             KeyCode::Up => return self.scroll = self.scroll.saturating_sub(1),
             KeyCode::Down => return self.scroll += 1,
@@ -222,12 +227,18 @@ mod tests {
 
     #[test]
     fn stopping_needs_no_confirmation_and_takes_a_question_back() {
-        let mut desk = Desk::default();
-        assert_eq!(desk.press(&key(' '), &models(), NOW), Some(Order::Pause));
-        assert_eq!(desk.press(&key('m'), &models(), NOW), None);
-        assert_eq!(desk.press(&key('h'), &models(), NOW), Some(Order::Hold));
+        let mut key_handler = KeyHandler::default();
         assert_eq!(
-            desk.press(&key('y'), &models(), NOW),
+            key_handler.press(&key(' '), &models(), NOW),
+            Some(OperatorCommand::Pause)
+        );
+        assert_eq!(key_handler.press(&key('m'), &models(), NOW), None);
+        assert_eq!(
+            key_handler.press(&key('h'), &models(), NOW),
+            Some(OperatorCommand::Hold)
+        );
+        assert_eq!(
+            key_handler.press(&key('y'), &models(), NOW),
             None,
             "the question is gone"
         );
@@ -235,63 +246,64 @@ mod tests {
 
     #[test]
     fn a_model_changes_only_after_yes_to_the_model_that_was_named() {
-        let mut desk = Desk::default();
-        assert_eq!(desk.press(&key('y'), &models(), NOW), None);
-        assert_eq!(desk.press(&key('m'), &models(), NOW), None);
+        let mut key_handler = KeyHandler::default();
+        assert_eq!(key_handler.press(&key('y'), &models(), NOW), None);
+        assert_eq!(key_handler.press(&key('m'), &models(), NOW), None);
         assert_eq!(
-            desk.question(NOW).unwrap().text,
+            key_handler.question(NOW).unwrap().text,
             "Activate linear 02020202, its memory unknown in place of linear 01010101?"
         );
         assert_eq!(
-            desk.press(&key('y'), &Models::default(), NOW),
-            Some(Order::Activate(ModelId([2; 32])))
+            key_handler.press(&key('y'), &Models::default(), NOW),
+            Some(OperatorCommand::Activate(ModelId([2; 32])))
         );
-        assert_eq!(desk.press(&key('b'), &models(), NOW), None);
-        assert_eq!(desk.press(&key('n'), &models(), NOW), None);
-        assert_eq!(desk.press(&key('y'), &models(), NOW), None);
-        assert!(!desk.quit);
+        assert_eq!(key_handler.press(&key('b'), &models(), NOW), None);
+        assert_eq!(key_handler.press(&key('n'), &models(), NOW), None);
+        assert_eq!(key_handler.press(&key('y'), &models(), NOW), None);
+        assert!(!key_handler.quit);
     }
 
     #[test]
     fn a_question_does_not_wait_for_ever() {
-        let mut desk = Desk::default();
-        desk.press(&key('b'), &models(), NOW);
-        let late = NOW + PATIENCE;
-        assert!(desk.question(late).is_none());
-        assert_eq!(desk.press(&key('y'), &models(), late), None);
+        let mut key_handler = KeyHandler::default();
+        key_handler.press(&key('b'), &models(), NOW);
+        let late = NOW + TIMEOUT;
+        assert!(key_handler.question(late).is_none());
+        assert_eq!(key_handler.press(&key('y'), &models(), late), None);
     }
 
     #[test]
     fn without_a_model_there_is_nothing_to_confirm() {
-        let mut desk = Desk::default();
+        let mut key_handler = KeyHandler::default();
         for character in ['m', 'b'] {
-            desk.press(&key(character), &Models::default(), NOW);
-            assert!(desk.question(NOW).is_none() && !desk.answer(NOW).unwrap().good);
+            key_handler.press(&key(character), &Models::default(), NOW);
+            assert!(key_handler.question(NOW).is_none() && !key_handler.answer(NOW).unwrap().good);
         }
     }
 
     #[test]
     fn views_go_round() {
-        let mut desk = Desk::default();
-        let press = |desk: &mut Desk, code| {
-            desk.press(&KeyEvent::new(code, KeyModifiers::NONE), &models(), NOW)
+        let mut key_handler = KeyHandler::default();
+        let press = |key_handler: &mut KeyHandler, code| {
+            key_handler.press(&KeyEvent::new(code, KeyModifiers::NONE), &models(), NOW)
         };
-        press(&mut desk, KeyCode::BackTab);
-        assert_eq!(desk.panel, Panel::Events);
-        press(&mut desk, KeyCode::Tab);
-        assert_eq!(desk.panel, Panel::Numbers);
-        press(&mut desk, KeyCode::Char('3'));
-        assert_eq!(desk.panel, Panel::Plane);
+        press(&mut key_handler, KeyCode::BackTab);
+        assert_eq!(key_handler.panel, Panel::Events);
+        press(&mut key_handler, KeyCode::Tab);
+        assert_eq!(key_handler.panel, Panel::Numbers);
+        press(&mut key_handler, KeyCode::Char('3'));
+        assert_eq!(key_handler.panel, Panel::Plane);
     }
 
     proptest! {
         /// Whatever is typed: a model is never changed without a `y` after its question.
         #[test]
         fn nothing_but_yes_changes_a_model(typed in "[a-xz0-9 \t]{0,40}") {
-            let mut desk = Desk::default();
+            let mut key_handler = KeyHandler::default();
             for character in typed.chars() {
-                let order = desk.press(&key(character), &models(), NOW);
-                prop_assert!(!matches!(order, Some(Order::Activate(_) | Order::Rollback)));
+                let order = key_handler.press(&key(character), &models(), NOW);
+                use OperatorCommand::{Activate, Rollback};
+                prop_assert!(!matches!(order, Some(Activate(_) | Rollback)));
             }
         }
     }

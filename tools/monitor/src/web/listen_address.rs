@@ -1,29 +1,29 @@
-//! Where the page is served.
+//! The address of the web page.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;
 
 const DEFAULT_PORT: u16 = 8765;
-/// What `--web` alone means.
+/// The address for `--web` without a value.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
 
 /// An address and a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place(pub SocketAddr);
+pub struct ListenAddress(pub SocketAddr);
 
 /// Neither a port nor an address.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "`{0}` is no PORT, ADDRESS or ADDRESS:PORT; for example 8080, 192.168.1.5 or 192.168.1.5:8080"
 )]
-pub struct NoPlace(String);
+pub struct InvalidAddress(String);
 
-impl FromStr for Place {
-    type Err = NoPlace;
+impl FromStr for ListenAddress {
+    type Err = InvalidAddress;
 
-    /// Names are not looked up, `localhost` aside: who opens the page to others has to say to which
-    /// network.
-    fn from_str(text: &str) -> Result<Self, NoPlace> {
+    /// Names other than `localhost` are not resolved: an address names the network that gets
+    /// access.
+    fn from_str(text: &str) -> Result<Self, InvalidAddress> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
         let local = text
             .strip_prefix("localhost")
@@ -41,7 +41,7 @@ impl FromStr for Place {
         let bare = text.trim_start_matches('[').trim_end_matches(']');
         let address = bare
             .parse::<IpAddr>()
-            .map_err(|_| NoPlace(text.to_owned()))?;
+            .map_err(|_| InvalidAddress(text.to_owned()))?;
         Ok(Self(SocketAddr::new(address, DEFAULT_PORT)))
     }
 }
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ports_stay_on_this_machine_and_addresses_are_named() {
+    fn a_port_alone_is_local_and_names_are_refused() {
         for (text, wanted) in [
             (DEFAULT_ADDRESS, "127.0.0.1:8765"),
             ("8080", "127.0.0.1:8080"),
@@ -63,13 +63,13 @@ mod tests {
             ("[::1]:9", "[::1]:9"),
         ] {
             assert_eq!(
-                text.parse::<Place>().unwrap().0.to_string(),
+                text.parse::<ListenAddress>().unwrap().0.to_string(),
                 wanted,
                 "{text}"
             );
         }
         for text in ["", "example.org", "1.2.3", "70000", "localhost:x", "-1"] {
-            let error = text.parse::<Place>().unwrap_err().to_string();
+            let error = text.parse::<ListenAddress>().unwrap_err().to_string();
             assert!(error.contains("ADDRESS:PORT"), "{text}: {error}");
         }
     }

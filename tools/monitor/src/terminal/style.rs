@@ -4,7 +4,7 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use unicode_width::UnicodeWidthStr;
 
-use crate::journal::Level;
+use crate::event_log::Severity;
 
 pub const GOAL: Color = Color::Yellow;
 pub const SETPOINT: Color = Color::Cyan;
@@ -30,18 +30,18 @@ pub fn faint() -> Style {
     Style::new().fg(Color::Gray).add_modifier(Modifier::DIM)
 }
 
-pub fn of_level(level: Level) -> Style {
-    match level {
-        Level::Info => Style::new(),
-        Level::Warning => warning(),
-        Level::Alarm => alarm(),
+pub fn of_severity(severity: Severity) -> Style {
+    match severity {
+        Severity::Info => Style::new(),
+        Severity::Warning => warning(),
+        Severity::Alarm => alarm(),
     }
 }
 
 /// Puts items one after the other, two spaces apart, into lines of this width. An item that is
 /// wider than a line is broken between words, and a word that is wider than a line between
 /// characters: nothing is lost.
-pub fn fold(items: impl IntoIterator<Item = Span<'static>>, width: usize) -> Vec<Line<'static>> {
+pub fn flow(items: impl IntoIterator<Item = Span<'static>>, width: usize) -> Vec<Line<'static>> {
     let width = width.max(1);
     let mut lines: Vec<Line<'static>> = Vec::new();
     for item in items {
@@ -53,7 +53,7 @@ pub fn fold(items: impl IntoIterator<Item = Span<'static>>, width: usize) -> Vec
             line.push_span(item);
         } else {
             lines.extend(
-                broken(&item.content, width)
+                wrap(&item.content, width)
                     .into_iter()
                     .map(|part| Line::from(Span::styled(part, item.style))),
             );
@@ -63,7 +63,7 @@ pub fn fold(items: impl IntoIterator<Item = Span<'static>>, width: usize) -> Vec
 }
 
 /// A text in lines of this width.
-pub fn broken(text: &str, width: usize) -> Vec<String> {
+pub fn wrap(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
         let line = lines.last().map_or(0, |line| line.width());
@@ -97,17 +97,17 @@ mod tests {
     #[test]
     fn items_stay_together_where_they_can() {
         let items = ["one", "two three", "four"].map(Span::raw);
-        let lines: Vec<String> = fold(items, 12).iter().map(ToString::to_string).collect();
+        let lines: Vec<String> = flow(items, 12).iter().map(ToString::to_string).collect();
         assert_eq!(lines, ["one", "two three", "four"]);
         let items = ["one", "two three", "four"].map(Span::raw);
-        let lines: Vec<String> = fold(items, 14).iter().map(ToString::to_string).collect();
+        let lines: Vec<String> = flow(items, 14).iter().map(ToString::to_string).collect();
         assert_eq!(lines, ["one  two three", "four"]);
     }
 
     proptest! {
         #[test]
         fn nothing_is_lost_and_nothing_is_too_wide(text in "[a-z ]{0,80}", width in 1_usize..50) {
-            let lines = broken(&text, width);
+            let lines = wrap(&text, width);
             prop_assert!(lines.iter().all(|line| line.width() <= width));
             let letters = |text: &str| text.chars().filter(|c| *c != ' ').collect::<String>();
             prop_assert_eq!(letters(&lines.concat()), letters(&text));

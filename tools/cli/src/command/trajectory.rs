@@ -1,17 +1,17 @@
-//! Where to go: paths in degrees over time. Pure.
+//! Trajectories: desired angles over time. Pure.
 
 use std::f64::consts::TAU;
-use std::path::{Path as FilePath, PathBuf};
+use std::path::{Path, PathBuf};
 
 /// Pitch and yaw, degrees.
 pub type Angles = [f64; 2];
 
 /// Desired angles over time.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Path {
-    /// Stay.
+pub enum Trajectory {
+    /// One pose.
     Point(Angles),
-    /// Swing to both sides of the middle.
+    /// A sine on both axes.
     Sine {
         /// The middle.
         center: Angles,
@@ -20,7 +20,7 @@ pub enum Path {
         /// Seconds per swing.
         period_s: f64,
     },
-    /// Go round.
+    /// A circle.
     Circle {
         /// The middle.
         center: Angles,
@@ -30,10 +30,10 @@ pub enum Path {
         period_s: f64,
     },
     /// Points of a file, joined by straight lines.
-    Table(Table),
+    Waypoints(Waypoints),
 }
 
-impl Path {
+impl Trajectory {
     /// The angles at time `t_s`, 0 being the start.
     pub fn at(&self, t_s: f64) -> Angles {
         match self {
@@ -57,19 +57,19 @@ impl Path {
                 let (sin, cos) = (TAU * t_s / period_s).sin_cos();
                 [center[0] + radius * cos, center[1] + radius * sin]
             }
-            Self::Table(table) => table.at(t_s),
+            Self::Waypoints(table) => table.at(t_s),
         }
     }
 
-    /// Whether the path ever leaves its start.
-    pub fn moves(&self) -> bool {
+    /// Whether the trajectory leaves its start.
+    pub fn is_moving(&self) -> bool {
         !matches!(self, Self::Point(_))
     }
 
-    /// Seconds until the path ends by itself.
+    /// Its length, s, if it has an end.
     pub fn length_s(&self) -> Option<f64> {
         match self {
-            Self::Table(table) => Some(table.length_s()),
+            Self::Waypoints(table) => Some(table.length_s()),
             _ => None,
         }
     }
@@ -77,11 +77,11 @@ impl Path {
 
 /// Points of a file: at least one, times rising from 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table(Vec<(f64, Angles)>);
+pub struct Waypoints(Vec<(f64, Angles)>);
 
 /// Why a file is refused.
 #[derive(Debug, thiserror::Error)]
-pub enum TableError {
+pub enum WaypointsError {
     /// The file could not be read, or a row is not CSV.
     #[error("cannot read {path}: {source}")]
     Read {
@@ -107,7 +107,7 @@ pub enum TableError {
         line: u64,
         /// The column.
         column: &'static str,
-        /// What stands there.
+        /// The cell.
         cell: String,
     },
     /// Time does not rise.
@@ -132,10 +132,10 @@ pub enum TableError {
 
 const COLUMNS: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
 
-impl Table {
+impl Waypoints {
     /// Reads a CSV file with the columns `t_s`, `pitch_deg` and `yaw_deg`; others are ignored.
-    pub fn load(path: &FilePath) -> Result<Self, TableError> {
-        let read = |source| TableError::Read {
+    pub fn load(path: &Path) -> Result<Self, WaypointsError> {
+        let read = |source| WaypointsError::Read {
             path: path.to_owned(),
             source,
         };
@@ -144,10 +144,10 @@ impl Table {
             .from_path(path)
             .map_err(read)?;
         let header = reader.headers().map_err(read)?.clone();
-        let mut places = [0; 3];
-        for (place, column) in places.iter_mut().zip(COLUMNS) {
+        let mut columns = [0; 3];
+        for (index, column) in columns.iter_mut().zip(COLUMNS) {
             let found = header.iter().position(|name| name == column);
-            *place = found.ok_or(TableError::Column {
+            *index = found.ok_or(WaypointsError::Column {
                 path: path.to_owned(),
                 column,
             })?;
@@ -156,9 +156,9 @@ impl Table {
         for record in reader.records() {
             let record = record.map_err(read)?;
             let line = record.position().map_or(0, csv::Position::line);
-            let [t_s, pitch, yaw] = cells(&record, places, path, line)?;
+            let [t_s, pitch, yaw] = cells(&record, columns, path, line)?;
             if rows.last().is_some_and(|(before, _)| *before >= t_s) {
-                return Err(TableError::Time {
+                return Err(WaypointsError::Time {
                     path: path.to_owned(),
                     line,
                     t_s,
@@ -166,7 +166,7 @@ impl Table {
             }
             rows.push((t_s, [pitch, yaw]));
         }
-        Self::starting_at_zero(rows).ok_or_else(|| TableError::Empty {
+        Self::starting_at_zero(rows).ok_or_else(|| WaypointsError::Empty {
             path: path.to_owned(),
         })
     }
@@ -201,15 +201,15 @@ impl Table {
 
 fn cells(
     record: &csv::StringRecord,
-    places: [usize; 3],
-    path: &FilePath,
+    columns: [usize; 3],
+    path: &Path,
     line: u64,
-) -> Result<[f64; 3], TableError> {
+) -> Result<[f64; 3], WaypointsError> {
     let mut values = [0.0; 3];
-    for ((value, place), column) in values.iter_mut().zip(places).zip(COLUMNS) {
-        let cell = record.get(place).unwrap_or_default();
+    for ((value, index), column) in values.iter_mut().zip(columns).zip(COLUMNS) {
+        let cell = record.get(index).unwrap_or_default();
         let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
-        let wrong = || TableError::Cell {
+        let wrong = || WaypointsError::Cell {
             path: path.to_owned(),
             line,
             column,
@@ -226,15 +226,15 @@ mod tests {
 
     use super::*;
 
-    fn load(text: &str) -> Result<Table, TableError> {
+    fn load(text: &str) -> Result<Waypoints, WaypointsError> {
         let mut file = tempfile::NamedTempFile::new().unwrap();
         file.write_all(text.as_bytes()).unwrap();
-        Table::load(file.path())
+        Waypoints::load(file.path())
     }
 
     #[test]
-    fn a_circle_starts_to_the_side_and_comes_back() {
-        let circle = Path::Circle {
+    fn a_circle_starts_at_its_side_and_is_closed() {
+        let circle = Trajectory::Circle {
             center: [1.0, 2.0],
             radius: 5.0,
             period_s: 4.0,
@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_sine_starts_in_the_middle() {
-        let sine = Path::Sine {
+        let sine = Trajectory::Sine {
             center: [0.0, 1.0],
             amplitude: [10.0, 0.0],
             period_s: 2.0,
@@ -260,7 +260,7 @@ mod tests {
     fn rows_are_joined_by_straight_lines() {
         let table =
             load("pitch_deg, t_s, note, yaw_deg\n0, 10, a, 4\n2, 11, b, 4\n2, 13, c, 0\n").unwrap();
-        let path = Path::Table(table);
+        let path = Trajectory::Waypoints(table);
         assert_eq!(path.length_s(), Some(3.0));
         assert_eq!(path.at(-1.0), [0.0, 4.0]);
         assert_eq!(path.at(0.25), [0.5, 4.0]);
@@ -286,7 +286,7 @@ mod tests {
         );
         assert!(refused("t_s,pitch_deg,yaw_deg\n").contains("holds no rows"));
         assert!(refused("t_s,pitch_deg,yaw_deg\n0,1\n").contains("line"));
-        let text = Table::load(FilePath::new("/does/not/exist.csv"))
+        let text = Waypoints::load(Path::new("/does/not/exist.csv"))
             .unwrap_err()
             .to_string();
         assert!(text.contains("/does/not/exist.csv"), "{text}");

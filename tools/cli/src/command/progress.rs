@@ -1,0 +1,63 @@
+//! What a stream of commands prints: refusals, and its progress.
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::units::Nanos;
+use i2ris_terminal::{Failure, Screen, until_closed};
+
+use super::stream_monitor::StreamMonitor;
+
+/// Time between two lines on a terminal, and in a file.
+const TERMINAL_PERIOD: Nanos = Nanos::from_millis(100);
+const FILE_PERIOD: Nanos = Nanos::from_millis(1000);
+
+/// Prints the progress of a stream of commands.
+#[derive(Debug)]
+pub struct Progress {
+    monitor: StreamMonitor,
+    screen: Screen,
+    next_line: Nanos,
+}
+
+impl Progress {
+    /// Prints to standard output.
+    pub fn new(monitor: StreamMonitor) -> Self {
+        Self {
+            monitor,
+            screen: Screen::stdout(),
+            next_line: Nanos::ZERO,
+        }
+    }
+
+    /// Prints a line that stays. Returns whether standard output still has a reader.
+    pub fn say(&mut self, line: &str) -> Result<bool, Failure> {
+        Ok(until_closed(self.screen.say(line))?)
+    }
+
+    /// Checks the response of the controller, and prints a new refusal, or `line` when it is due.
+    /// Returns whether standard output still has a reader.
+    pub fn check(
+        &mut self,
+        client: &mut Client,
+        line: impl FnOnce() -> String,
+    ) -> Result<bool, Failure> {
+        let now = clock::now();
+        let refusal = match client.operating_state()? {
+            Some(state) => self.monitor.check(&state, now)?,
+            None => None,
+        };
+        if let Some(refusal) = refusal {
+            return self.say(&format!("refused: {refusal}"));
+        }
+        if now < self.next_line {
+            return Ok(true);
+        }
+        let period = if self.screen.is_terminal() {
+            TERMINAL_PERIOD
+        } else {
+            FILE_PERIOD
+        };
+        self.next_line = now + period;
+        Ok(until_closed(self.screen.draw(&[line()]))?)
+    }
+}
