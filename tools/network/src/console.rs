@@ -17,13 +17,13 @@ use crate::gate::{REFUSED_FULL, REFUSED_INTERFACE};
 use crate::key::Key;
 use crate::packet::{self, Kind, LONGEST, Packet};
 use crate::peer::{self, Peer};
-use crate::plain::Plain;
 use crate::request::Answer;
 use crate::state::State;
 use crate::wire::Rest;
 use crate::{NetworkError, Told};
 use asked::Asked;
 use service::Service;
+use zerocopy::IntoBytes;
 
 /// How often the gate is called while it does not answer.
 const CALL_PERIOD: Nanos = Nanos::from_millis(250);
@@ -164,10 +164,14 @@ impl End {
         };
         let mut packets = Vec::new();
         if let Some(command) = service.servo_jp() {
-            packets.push(joined.peer.write(Kind::ServoJp, command.bytes(), now));
+            packets.push(joined.peer.write(Kind::ServoJp, command.as_bytes(), now));
         }
         if let Some(command) = service.servo_actuators() {
-            packets.push(joined.peer.write(Kind::ServoActuator, command.bytes(), now));
+            packets.push(
+                joined
+                    .peer
+                    .write(Kind::ServoActuator, command.as_bytes(), now),
+            );
         }
         service.questions(now, |token, kind, payload| {
             joined.asked.take(token, kind, payload, now)

@@ -70,7 +70,6 @@ pub mod gate;
 mod key;
 pub mod packet;
 mod peer;
-mod plain;
 mod request;
 mod state;
 mod told;

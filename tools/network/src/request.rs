@@ -9,8 +9,8 @@ use i2ris::ipc::payload::{
 use i2ris::ipc::{ModelAction, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
-use crate::plain::Plain;
 use crate::wire::Rest;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// Age at which a request is not carried out: a client waits for a second, and the answer needs its
 /// time.
@@ -76,7 +76,9 @@ impl Question {
     pub fn only_looks(&self) -> bool {
         let listing = |request: ModelRequest| request.action == ModelAction::List.number();
         self.service == Service::Model
-            && ModelRequest::from_bytes(&self.payload).is_some_and(listing)
+            && ModelRequest::read_from_bytes(&self.payload)
+                .ok()
+                .is_some_and(listing)
     }
 
     /// Whether it only stops. Better late than never.
@@ -89,7 +91,9 @@ impl Question {
             )
         };
         self.service == Service::StateCommand
-            && StateCommandRequest::from_bytes(&self.payload).is_some_and(stops)
+            && StateCommandRequest::read_from_bytes(&self.payload)
+                .ok()
+                .is_some_and(stops)
     }
 
     /// Whether it comes too late to be carried out; `asked` is by our clock.
@@ -122,12 +126,12 @@ impl Question {
     }
 }
 
-fn ask<Q: Plain, R: Plain>(
+fn ask<Q: FromBytes + IntoBytes + Immutable, R: FromBytes + IntoBytes + Immutable>(
     payload: &[u8],
     ask: impl FnOnce(Q) -> Result<R, ClientError>,
 ) -> Option<Vec<u8>> {
-    let reply = ask(Q::from_bytes(payload)?).ok()?;
-    Some(reply.bytes().to_vec())
+    let reply = ask(Q::read_from_bytes(payload).ok()?).ok()?;
+    Some(reply.as_bytes().to_vec())
 }
 
 /// What became of a request.
@@ -229,8 +233,8 @@ impl Answer {
         self.outcome.excuse().map(refused).or_else(|| self.value())
     }
 
-    fn value<T: Plain>(&self) -> Option<T> {
-        T::from_bytes(&self.payload)
+    fn value<T: FromBytes + IntoBytes + Immutable>(&self) -> Option<T> {
+        T::read_from_bytes(&self.payload).ok()
     }
 }
 
@@ -254,7 +258,7 @@ mod tests {
             number: 1,
             asked: 1_000,
             service: Service::StateCommand,
-            payload: request.bytes().to_vec(),
+            payload: request.as_bytes().to_vec(),
         }
     }
 
@@ -304,7 +308,7 @@ mod tests {
                 number: 1,
                 asked: 0,
                 service: Service::Model,
-                payload: request.bytes().to_vec(),
+                payload: request.as_bytes().to_vec(),
             }
             .only_looks()
         };

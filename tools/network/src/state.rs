@@ -7,8 +7,8 @@ use i2ris::ipc::payload::{
 };
 
 use crate::packet::Shift;
-use crate::plain::Plain;
 use crate::wire::Rest;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// The newest of every stream; `None`: nothing new.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -125,21 +125,26 @@ struct Pieces {
 }
 
 impl Pieces {
-    fn push<T: Plain>(&mut self, piece: Option<&T>) {
+    fn push<T: FromBytes + IntoBytes + Immutable>(&mut self, piece: Option<&T>) {
         if let Some(piece) = piece {
             self.mask |= 1 << self.bit;
-            self.bytes.extend(piece.bytes());
+            self.bytes.extend(piece.as_bytes());
         }
         self.bit += 1;
     }
 }
 
 /// `Some(None)`: it is not there; `None`: it should be and is not.
-fn piece<T: Plain>(mask: &mut u32, rest: &mut Rest<'_>) -> Option<Option<T>> {
+fn piece<T: FromBytes + IntoBytes + Immutable>(
+    mask: &mut u32,
+    rest: &mut Rest<'_>,
+) -> Option<Option<T>> {
     let present = *mask & 1 == 1;
     *mask >>= 1;
     if present {
-        T::from_bytes(rest.take(size_of::<T>())?).map(Some)
+        T::read_from_bytes(rest.take(size_of::<T>())?)
+            .ok()
+            .map(Some)
     } else {
         Some(None)
     }

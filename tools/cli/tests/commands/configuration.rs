@@ -70,7 +70,7 @@ fn the_units_of_systemd_are_valid() {
     }
     let folder = tempfile::tempdir().unwrap();
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/system");
-    let units = ["i2ris-control@.service", "i2ris-guard@.service"].map(|name| {
+    let units = ["i2ris-control@.service", "i2ris-watchdog@.service"].map(|name| {
         let text = fs::read_to_string(from.join(name)).unwrap();
         assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");
         let program = text

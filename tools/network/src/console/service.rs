@@ -6,9 +6,9 @@ use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
 use crate::NetworkError;
-use crate::plain::Plain;
 use crate::request::{self, Answer};
 use crate::state::State;
+use zerocopy::IntoBytes;
 
 /// The domain, for one start of the controller at the other end.
 #[derive(Debug)]
@@ -101,16 +101,16 @@ impl Service {
     /// Hands every new request over, with the token that its answer wants.
     pub fn questions(&mut self, now: Nanos, mut take: impl FnMut(u64, request::Service, &[u8])) {
         self.server.poll_state_commands(now, |token, it| {
-            take(token, request::Service::StateCommand, it.bytes())
+            take(token, request::Service::StateCommand, it.as_bytes())
         });
         self.server.poll_moves(now, |token, it| {
-            take(token, request::Service::Move, it.bytes())
+            take(token, request::Service::Move, it.as_bytes())
         });
         self.server.poll_models(now, |token, it| {
-            take(token, request::Service::Model, it.bytes())
+            take(token, request::Service::Model, it.as_bytes())
         });
         self.server.poll_black_boxes(now, |token, it| {
-            take(token, request::Service::BlackBox, it.bytes())
+            take(token, request::Service::BlackBox, it.as_bytes())
         });
     }
 

@@ -10,8 +10,8 @@ use super::controller::Controller;
 use crate::key::Key;
 use crate::packet::{Kind, Packet, Shift};
 use crate::peer::{self, Peer};
-use crate::plain::Plain;
 use crate::request::{Answer, Outcome, Question};
+use zerocopy::FromBytes;
 
 /// Requests that are remembered, so that one that was repeated is not carried out twice. More than
 /// can be under way.
@@ -118,7 +118,7 @@ impl Session {
 }
 
 fn servo_jp(body: &[u8], shift: &Shift, controller: &mut Controller) {
-    if let Some(command) = ServoJp::from_bytes(body) {
+    if let Some(command) = ServoJp::read_from_bytes(body).ok() {
         controller.servo_jp(ServoJp {
             stamp_ns: shift.here(command.stamp_ns),
             ..command
@@ -127,7 +127,7 @@ fn servo_jp(body: &[u8], shift: &Shift, controller: &mut Controller) {
 }
 
 fn servo_actuators(body: &[u8], shift: &Shift, controller: &mut Controller) {
-    if let Some(command) = ServoActuator::from_bytes(body) {
+    if let Some(command) = ServoActuator::read_from_bytes(body).ok() {
         controller.servo_actuators(ServoActuator {
             stamp_ns: shift.here(command.stamp_ns),
             ..command
