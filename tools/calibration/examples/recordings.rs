@@ -14,15 +14,15 @@ use i2ris::model::file::{
 };
 use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::MotorVec;
-use i2ris_calibration::chain::ChainOptions;
 use i2ris_calibration::em::{EmOptions, fit_mixture};
-use i2ris_calibration::play::baseline::LinearPlays;
-use i2ris_calibration::play::{PlayFit, PlayOptions, fit_play};
+use i2ris_calibration::families::chain::ChainOptions;
+use i2ris_calibration::families::play::linear_baseline::LinearPlays;
+use i2ris_calibration::families::play::{PlayFit, PlayOptions, fit_play};
+use i2ris_calibration::fit::split::{HoldOut, Split};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording, Row};
 use i2ris_calibration::series::Series;
-use i2ris_calibration::split::{HoldOut, Split};
-use i2ris_calibration::table::Table;
+use i2ris_calibration::table::DataTable;
 use nalgebra::{DMatrix, DVector};
 
 type Outputs = [f64; 3];
@@ -154,7 +154,7 @@ fn show(fit: &PlayFit) {
         .thresholds_counts
         .iter()
         .zip(&fit.plays.weights)
-        .zip(&fit.reading.motors)
+        .zip(&fit.mechanism.motors)
     {
         println!("    thresholds {thresholds:.0?}\n    weights    {weights:.3?}\n    {motor:.3?}");
     }
@@ -166,7 +166,7 @@ fn show(fit: &PlayFit) {
     println!(
         "    planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: search {:.3}, chain {:.3}",
         fit.plays.planar_thresholds_counts,
-        fit.reading.rotation_deg,
+        fit.mechanism.rotation_deg,
         fit.passes,
         fit.chain.mixture.weights.len(),
         fit.search_rms,
@@ -220,7 +220,7 @@ fn gmr(recording: &Recording, training: &[usize], em: &EmOptions) -> Model {
                 .chain(row.outputs.into_iter().take(recording.outputs().len()))
                 .collect::<Vec<_>>()
         });
-    let joint = Table::from_rows(width, joint);
+    let joint = DataTable::from_rows(width, joint);
     let with = |components| {
         let mixture = fit_mixture(&joint, components, em, &Silent)
             .unwrap()
@@ -277,7 +277,7 @@ fn with_family(
 }
 
 fn predictions(model: &Model, recording: &Recording) -> Vec<Outputs> {
-    i2ris_calibration::metrics::predictions(model, recording)
+    i2ris_calibration::fit::metrics::predictions(model, recording)
 }
 
 /// Root mean square of every output, and of the length of the error, of pairs of measured and
@@ -376,10 +376,10 @@ fn after(model: &Model, recording: &Recording, from: f64) -> Vec<Outputs> {
     let mut next = 0;
     let si = recording.outputs()[0].unit.si();
     let predict = |row: &Row| {
-        recording.path()[next..=row.place]
+        recording.path()[next..=row.path_index]
             .iter()
             .for_each(|position| model.advance(&mut memory, &position.counts));
-        next = row.place + 1;
+        next = row.path_index + 1;
         [model.predict(&row.counts, &memory).mean[0] / si, 0.0, 0.0]
     };
     recording.rows().iter().map(predict).collect()

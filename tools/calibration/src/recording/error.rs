@@ -7,7 +7,10 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The file could not be read.
-    #[error("cannot read recording {}: {source}; name a CSV file with encoder counts and angles", path.display())]
+    #[error(
+        "cannot read recording {}: {source}; name a CSV file with encoder counts and angles",
+        path.display()
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -21,7 +24,10 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// Bytes that are no text.
-    #[error("recording {}, line {line}: is not text in UTF-8; save the file as plain CSV", path.display())]
+    #[error(
+        "recording {}, line {line}: is not text in UTF-8; save the file as plain CSV",
+        path.display()
+    )]
     NotText {
         /// The file.
         path: PathBuf,
@@ -30,7 +36,8 @@ pub enum RecordingError {
     },
     /// A row that is shorter or longer than the header.
     #[error(
-        "recording {}, line {line}: has {found} cells, and the header names {expected} columns; complete or remove it",
+        "recording {}, line {line}: has {found} cells, and the header names {expected} columns; \
+         complete or remove it",
         path.display()
     )]
     RowLength {
@@ -45,7 +52,8 @@ pub enum RecordingError {
     },
     /// A column that is needed is not there.
     #[error(
-        "recording {}: there is no column {wanted}; its columns are {present}; name the right ones with {option}",
+        "recording {}: there is no column {wanted}; its columns are {present}; name the right ones \
+         with {option}",
         path.display()
     )]
     MissingColumn {
@@ -67,7 +75,10 @@ pub enum RecordingError {
         column: String,
     },
     /// A column that is to be two things.
-    #[error("recording {}: column `{column}` is named for two purposes; name each column once", path.display())]
+    #[error(
+        "recording {}: column `{column}` is named for two purposes; name each column once",
+        path.display()
+    )]
     UsedTwice {
         /// The file.
         path: PathBuf,
@@ -75,7 +86,10 @@ pub enum RecordingError {
         column: String,
     },
     /// More columns than a model can have.
-    #[error("recording {}: {found} columns are named as {what}; a model has at most {most}", path.display())]
+    #[error(
+        "recording {}: {found} columns are named as {what}; a model has at most {most}",
+        path.display()
+    )]
     Columns {
         /// The file.
         path: PathBuf,
@@ -102,8 +116,9 @@ pub enum RecordingError {
     },
     /// Time that does not go forward.
     #[error(
-        "recording {}, line {line}, column `{column}`: time {time} s {what} ({previous} s in line {previous_line}); \
-         correct the stamps, cut the recording there, or read it without time (--no-time)",
+        "recording {}, line {line}, column `{column}`: time {time} s {what} ({previous} s in line \
+         {previous_line}); correct the stamps, cut the recording there, or read it without time \
+         (--no-time)",
         path.display()
     )]
     Time {
@@ -124,7 +139,8 @@ pub enum RecordingError {
     },
     /// A column without a single value.
     #[error(
-        "recording {}: column `{column}` is empty on every row; record it, or leave it out with {option}",
+        "recording {}: column `{column}` is empty on every row; record it, or leave it out with \
+         {option}",
         path.display()
     )]
     EmptyColumn {
@@ -137,8 +153,8 @@ pub enum RecordingError {
     },
     /// A column that says nothing.
     #[error(
-        "recording {}: column `{column}` is {value} on every row: {meaning}; record motion of it, or leave it out with \
-         {option}",
+        "recording {}: column `{column}` is {value} on every row: {meaning}; record motion of it, \
+         or leave it out with {option}",
         path.display()
     )]
     ConstantColumn {

@@ -376,7 +376,7 @@ fn any_row() -> impl Strategy<Value = Row> {
         time_s: Some(time).filter(|time| time.is_finite()),
         counts,
         outputs: [pitch, yaw, 0.0],
-        place: 0,
+        path_index: 0,
     })
 }
 
@@ -402,7 +402,7 @@ proptest! {
         for (i, step) in steps.iter().enumerate() {
             time += step;
             times.push(Some(time));
-            writer.row(&Row { line: 0, time_s: Some(time), counts: [i as f64, 0.0], outputs: [*step, 0.0, 0.0], place: 0 }).unwrap();
+            writer.row(&Row { line: 0, time_s: Some(time), counts: [i as f64, 0.0], outputs: [*step, 0.0, 0.0], path_index: 0 }).unwrap();
         }
         let (recording, _) = read_as(&writer.finish().unwrap(), &ColumnMap::default()).unwrap();
         prop_assert_eq!(recording.rows().iter().map(|row| row.time_s).collect::<Vec<_>>(), times);
@@ -430,7 +430,7 @@ fn a_cell_that_was_not_measured_is_left_empty() {
             time_s: Some(0.5),
             counts: [3.0, 9.0],
             outputs: [f64::NAN, 1.0, 1.0],
-            place: 0,
+            path_index: 0,
         })
         .unwrap();
     assert_eq!(
@@ -452,7 +452,7 @@ fn positions_without_outputs_are_part_of_the_way_and_no_samples() {
     );
     assert_eq!((report.positions, report.dropped.len()), (1, 1));
     for row in recording.rows() {
-        let place = recording.path()[row.place];
+        let place = recording.path()[row.path_index];
         assert_eq!((place.line, place.counts), (row.line, row.counts));
     }
 }

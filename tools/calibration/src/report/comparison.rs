@@ -3,8 +3,8 @@
 use i2ris_plot::{Axis, Dots, Figure, Ink, Marker, Page, Panel, Rule};
 
 use super::data::ReportData;
+use super::labels::{NOISE, unit};
 use super::score::{FamilyScore, Score, Scores};
-use super::words::{NOISE, unit};
 
 /// Height of a family, and of all that is around them.
 const HEIGHTS: [f64; 2] = [22.0, 66.0];

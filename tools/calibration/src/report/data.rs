@@ -179,14 +179,14 @@ pub struct ReadOutView {
     /// The rows used for training: input along the output, measured output.
     pub points: Vec<[f64; 2]>,
     /// Components, projected on the same plane.
-    pub components: Vec<Component>,
+    pub components: Vec<ProjectedComponent>,
     /// The regression through the middle of the region that was visited.
     pub section: Vec<SectionPoint>,
 }
 
 /// A Gaussian in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Component {
+pub struct ProjectedComponent {
     /// Its share, 0 to 1.
     pub weight: f64,
     /// Mean.

@@ -4,8 +4,8 @@ use i2ris_plot::Page;
 use i2ris_plot::number::{fixed, grouped};
 
 use super::data::{FamilyResult, ReportData};
+use super::labels::{error, list, unit};
 use super::score::{BASELINE, FamilyScore, Scores};
-use super::words::{error, list, unit};
 
 /// A model whose error on unseen rows is this much larger than in training has learned what does
 /// not carry over.

@@ -5,8 +5,8 @@ use i2ris_plot::page::TableRow;
 use i2ris_plot::{Page, Table};
 
 use super::data::{FamilyResult, ReportData};
+use super::labels::{error, unit, with_unit};
 use super::score::{FamilyScore, OutputScore, Score, Scores};
-use super::words::{error, unit, with_unit};
 
 /// What stands where there is nothing to say.
 const NONE: &str = "–";

@@ -4,14 +4,15 @@ use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{Hull, Model};
 
-use super::stroke::branches;
-use super::*;
-use crate::em::EmOptions;
-use crate::family::Family;
-use crate::fit::{Choice, Components, FitOptions, FitOutcome, fit};
+use super::data::{ProjectedComponent, ReportData, Straight, Track};
+use super::gather::{FamilyFit, gather};
+use super::page::html;
+use super::score::Scores;
+use super::sweep::{Sweep, branches};
+use crate::fit::split::HoldOut;
+use crate::fit::{Choice, Components, Family, FitOptions, FitOutcome, fit};
 use crate::progress::Silent;
 use crate::recording::Recording;
-use crate::split::HoldOut;
 use crate::testing::{noise, one_motor, recording, straight, wander};
 
 const NASTY: &str = "<i>\"&'</i>.csv";
@@ -346,7 +347,7 @@ fn a_stroke_goes_from_end_to_end_of_the_hull() {
         [-100.0, 50.0],
     ];
     let hull = Hull::from_points(2, &corners).unwrap();
-    let stroke = stroke::Stroke::new(&hull, [0.0, 1.0]);
+    let stroke = Sweep::new(&hull, [0.0, 1.0]);
     let positions: Vec<_> = stroke.positions().collect();
     let (first, last) = (positions[0], positions[positions.len() - 1]);
     assert!(
@@ -425,7 +426,7 @@ fn components_are_projected_on_the_plane_of_the_output() {
             .map(|gain| gain * gain)
             .sum::<f64>()
             .sqrt();
-        for Component {
+        for ProjectedComponent {
             covariance: [[xx, xy], [_, yy]],
             ..
         } in &view.components

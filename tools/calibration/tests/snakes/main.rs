@@ -14,10 +14,10 @@ use std::time::Instant;
 use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::stop::Stops;
-use i2ris_calibration::chain::{ChainOptions, fit_chain};
+use i2ris_calibration::families::chain::{ChainOptions, fit_chain};
+use i2ris_calibration::families::stop::{StopFit, StopOptions, fit_stop};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::series::Series;
-use i2ris_calibration::stop::{StopFit, StopOptions, fit_stop};
 
 /// Radius of the calibration motion, counts.
 fn radius(name: &str) -> f64 {

@@ -1,0 +1,92 @@
+//! A sweep back and forth through the middle of the calibrated region: what shows the branches of
+//! a model.
+
+use i2ris::model::{Hull, Model};
+use i2ris::units::MotorVec;
+
+use super::data::{Branches, Straight};
+
+/// Positions on the way up, and as many on the way down.
+const POSITIONS: usize = 160;
+
+/// Sweeps before the one that counts: they wipe out what was remembered before.
+const SWEEPS_BEFORE: usize = 3;
+
+/// Halvings of the search for the end of a sweep: to a millionth of a count.
+const HALVINGS: u32 = 60;
+
+/// The largest sweep, counts: beyond what any motor can do.
+const FURTHEST: f64 = 1e7;
+
+/// A straight way through the middle of a hull, from one end to the other.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sweep {
+    from: MotorVec,
+    to: MotorVec,
+}
+
+impl Sweep {
+    /// The sweep in a direction.
+    pub fn new(hull: &Hull, direction: MotorVec) -> Self {
+        let centre = hull.centre();
+        let at = |way: f64| step(centre, direction, way);
+        let end = |sign: f64| {
+            let (mut inside, mut outside) = (0.0, sign * FURTHEST);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (inside + outside);
+                if hull.contains(&at(middle)) {
+                    inside = middle
+                } else {
+                    outside = middle
+                }
+            }
+            at(inside)
+        };
+        Self {
+            from: end(-1.0),
+            to: end(1.0),
+        }
+    }
+
+    /// Positions from one end to the other.
+    pub fn positions(&self) -> impl DoubleEndedIterator<Item = MotorVec> + '_ {
+        (0..POSITIONS).map(move |i| {
+            let share = i as f64 / (POSITIONS - 1) as f64;
+            std::array::from_fn(|motor| {
+                self.from[motor] + share * (self.to[motor] - self.from[motor])
+            })
+        })
+    }
+}
+
+fn step(from: MotorVec, direction: MotorVec, way: f64) -> MotorVec {
+    std::array::from_fn(|motor| from[motor] + way * direction[motor])
+}
+
+/// The branches of a model for one output; `unit` is one of the output in rad or m.
+pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: f64) -> Branches {
+    let sweep = Sweep::new(model.hull(), straight.direction());
+    let mut memory = model.new_memory();
+    let mut last = sweep.positions().next().unwrap_or_default();
+    let mut point = |counts: MotorVec| {
+        // Half way first: families that ask for the direction see it before the position that
+        // counts.
+        let middle = std::array::from_fn(|motor| 0.5 * (last[motor] + counts[motor]));
+        model.advance(&mut memory, &middle);
+        model.advance(&mut memory, &counts);
+        last = counts;
+        let mean = model.predict(&counts, &memory).mean[output] / unit;
+        [straight.along(&counts), mean, straight.at(&counts)]
+    };
+    for _ in 0..SWEEPS_BEFORE {
+        sweep
+            .positions()
+            .chain(sweep.positions().rev())
+            .for_each(|counts| {
+                point(counts);
+            });
+    }
+    let rising = sweep.positions().map(&mut point).collect();
+    let falling = sweep.positions().rev().map(&mut point).collect();
+    Branches { rising, falling }
+}
