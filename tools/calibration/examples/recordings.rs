@@ -17,7 +17,7 @@ use i2ris::units::MotorVec;
 use i2ris_calibration::em::{EmOptions, fit_mixture};
 use i2ris_calibration::families::chain::ChainOptions;
 use i2ris_calibration::families::play::linear_baseline::LinearPlays;
-use i2ris_calibration::families::play::{PlayFit, PlayOptions, fit_play};
+use i2ris_calibration::families::play::play_fit::{PlayFit, fit_play};
 use i2ris_calibration::fit::split::{HoldOut, Split};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording, Row};
@@ -31,7 +31,8 @@ fn main() {
     let seed = std::env::args()
         .nth(1)
         .map_or(1, |seed| seed.parse().unwrap());
-    let options = play_options(seed);
+    let mut options = ChainOptions::default();
+    options.em.seed = seed;
     if let Some(wrist) = read("dvrk_wrist/random_first70.csv") {
         println!("dvrk_wrist: trained on the first 70 % of the rows, tested on the rest");
         let split = Split::new(&wrist, HoldOut::Fraction(0.3)).unwrap();
@@ -63,12 +64,6 @@ fn main() {
     }
 }
 
-fn play_options(seed: u64) -> PlayOptions {
-    let mut options = PlayOptions::default();
-    options.chain.em.seed = seed;
-    options
-}
-
 fn read(name: &str) -> Option<Recording> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../../../shared/data")
@@ -81,7 +76,7 @@ fn read(name: &str) -> Option<Recording> {
 }
 
 /// All families, trained on some rows and tested on later ones of the same recording.
-fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options: &PlayOptions) {
+fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options: &ChainOptions) {
     let outputs = recording.outputs().len();
     let report = |name: &str, predicted: &[Outputs]| {
         let on = |rows: &[usize]| {
@@ -101,15 +96,15 @@ fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options
     report("cubic", &polynomial(recording, training, 3));
     report(
         "gmr",
-        &predictions(&gmr(recording, training, &options.chain.em), recording),
+        &predictions(&gmr(recording, training, &options.em), recording),
     );
-    let (known, all) = (Series::new(recording, training), series(recording));
+    let (known, all) = (Series::new(recording, training), Series::whole(recording));
     report(
         "plays, linear read-out",
         &LinearPlays::fit(&known).unwrap().predict(&all).unwrap(),
     );
     let fit = fit(&known, options);
-    let (fit, model) = accepted(recording, training, &known, fit, &options.chain);
+    let (fit, model) = accepted(recording, training, &known, fit, options);
     report("gmr-play", &predictions(&model, recording));
     show(&fit);
 }
@@ -137,11 +132,7 @@ fn accepted(
     (fit, model)
 }
 
-fn series(recording: &Recording) -> Series {
-    Series::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>())
-}
-
-fn fit(series: &Series, options: &PlayOptions) -> PlayFit {
+fn fit(series: &Series, options: &ChainOptions) -> PlayFit {
     let start = Instant::now();
     let fit = fit_play(series, options, &Silent).unwrap();
     println!("    fitted in {:.1} s", start.elapsed().as_secs_f64());
@@ -302,16 +293,10 @@ fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> Strin
     )
 }
 
-fn sweeps(first: &Recording, second: &Recording, options: &PlayOptions) {
+fn sweeps(first: &Recording, second: &Recording, options: &ChainOptions) {
     let training: Vec<usize> = (0..first.rows().len()).collect();
-    let known = series(first);
-    let (fit, model) = accepted(
-        first,
-        &training,
-        &known,
-        fit(&known, options),
-        &options.chain,
-    );
+    let known = Series::whole(first);
+    let (fit, model) = accepted(first, &training, &known, fit(&known, options), options);
     show(&fit);
     println!(
         "  gmr-play                     training {}",

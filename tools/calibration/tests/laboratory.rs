@@ -6,8 +6,8 @@
 use std::path::PathBuf;
 
 use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::fit::family::Family;
 use i2ris_calibration::fit::flatness::{FlatSpot, LEAST_SHARE, flat_spot};
-use i2ris_calibration::fit::model_file::Family;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
-use i2ris_calibration::metrics::{metrics, predictions};
+use i2ris_calibration::fit::metrics::{metrics, predictions};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use serde::Serialize;
 
@@ -92,7 +92,7 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
             .map(|(measured, predicted)| (measured - predicted).abs())
             .collect();
         errors.sort_by(f64::total_cmp);
-        let found = metrics(pairs)
+        let found = metrics(&pairs.collect::<Vec<_>>())
             .ok_or_else(|| format!("{} does not vary in the recording", spec.name))?;
         outputs.push(Figures {
             name: spec.name.clone(),

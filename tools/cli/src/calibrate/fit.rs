@@ -10,9 +10,9 @@ use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::recording::{ColumnMap, MIN_ROWS, OutputColumn, Recording, TimeColumn};
 use i2ris_calibration::report::{html, of_fit};
-use i2ris_calibration::spike::SpikeOptions;
-use i2ris_calibration::split::HoldOut;
-use i2ris_calibration::survey::Survey;
+use i2ris_calibration::survey::spike::SpikeOptions;
+use i2ris_calibration::fit::split::HoldOut;
+use i2ris_calibration::survey::overview::Survey;
 
 use super::progress::Bar;
 use super::report::report;

@@ -85,7 +85,7 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
             time_s: Some(time_s),
             counts: position.counts,
             outputs: [f64::NAN; MAX_OUTPUTS],
-            place: 0,
+            path_index: 0,
         });
     }
     let mut lost = 0;
@@ -104,7 +104,7 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
                     time_s: Some(time_s),
                     counts,
                     outputs,
-                    place: 0,
+                    path_index: 0,
                 });
             }
             None => lost += 1,

@@ -5,12 +5,12 @@ use std::fmt::{self, Display, Formatter};
 use i2ris::model::Model;
 use i2ris::model::ModelError;
 use i2ris::model::file::{FitMetrics, OutputSpec};
-use i2ris_calibration::family::Family;
+use i2ris_calibration::fit::family::Family;
 use i2ris_calibration::fit::{Candidate, Components, FitOptions, FitOutcome, Verdict};
-use i2ris_calibration::noise::NoiseFloor;
+use i2ris_calibration::survey::noise::NoiseFloor;
 use i2ris_calibration::recording::{ReadReport, Recording};
-use i2ris_calibration::spike::Spike;
-use i2ris_calibration::split::SplitKind;
+use i2ris_calibration::survey::spike::Spike;
+use i2ris_calibration::fit::split::SplitKind;
 
 /// Lines of the recording that are named one by one before the rest is only counted.
 const NAMED: usize = 12;
@@ -165,7 +165,7 @@ impl Report<'_> {
     /// What the parameters say about the robot.
     fn readings(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for outcome in &self.outcome.families {
-            if let Some(reading) = &outcome.reading {
+            if let Some(reading) = &outcome.mechanism {
                 writeln!(
                     f,
                     "\n{} says of the robot (lengths in the unit of the outputs):",

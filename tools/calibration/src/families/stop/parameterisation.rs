@@ -193,7 +193,7 @@ mod tests {
     use i2ris::model::hysteresis::stop::Stops;
     use proptest::prelude::*;
 
-    use super::super::k_means::start;
+    use super::super::initial_guess::initial_guess;
     use super::super::structure::Structure;
     use super::*;
     use nalgebra::{Matrix2, SVector};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use i2ris_calibration::latency::Latency;
+use i2ris_calibration::recording::latency::Latency;
 
 use super::flag::FlagKind;
 use super::sidecar::{LatencyRecord, Sidecar};

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use i2ris::model::file::OutputSpec;
 use i2ris::units::MotorVec;
-use i2ris_calibration::latency::{Latency, Place, Seen, estimate};
+use i2ris_calibration::recording::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use i2ris_calibration::recording::{RecordingWriter, Row, counts_at};
 
 use super::take::{GAP_NS, is_sample};
@@ -13,19 +13,19 @@ use crate::files::replace;
 
 /// The latency that is left in the stamps of a recording.
 pub fn latency(rows: &[Row], motors: usize) -> Option<Latency> {
-    let path: Vec<Place> = positions(rows)
-        .map(|(time_s, counts)| Place { time_s, counts })
+    let path: Vec<TimedCounts> = positions(rows)
+        .map(|(time_s, counts)| TimedCounts { time_s, counts })
         .collect();
     let seen = rows.iter().filter(|row| is_sample(row));
-    let seen: Vec<Seen> = seen
+    let seen: Vec<TimedOutputs> = seen
         .filter_map(|row| {
-            Some(Seen {
+            Some(TimedOutputs {
                 time_s: row.time_s?,
                 outputs: row.outputs,
             })
         })
         .collect();
-    estimate(&path, &seen, motors)
+    estimate_latency(&path, &seen, motors)
 }
 
 /// The rows with every picture moved `seconds` earlier, to the counts of that instant. Pictures
@@ -61,7 +61,7 @@ pub fn shifted(rows: &[Row], seconds: f64) -> Vec<Row> {
         same
     });
     for (place, row) in all.iter_mut().enumerate() {
-        (row.place, row.line) = (place, place as u64 + 2);
+        (row.path_index, row.line) = (place, place as u64 + 2);
     }
     all
 }
@@ -91,7 +91,7 @@ mod tests {
             time_s: Some(time_s),
             counts: [1000.0 * time_s, -500.0 * time_s],
             outputs,
-            place: 0,
+            path_index: 0,
         }
     }
 

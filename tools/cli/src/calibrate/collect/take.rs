@@ -221,7 +221,7 @@ impl<W: Write> Take<W> {
             time_s,
             counts,
             outputs,
-            place: self.rows.len(),
+            path_index: self.rows.len(),
         };
         self.written = Some(stamp);
         self.rows.push(row);
