@@ -1,6 +1,6 @@
 //! The figures of the fit of play operators on the recordings beside the repository
 //! (`shared/data`): a table of root mean square errors on rows that no fit has seen. Where the
-//! folder is absent it says so.
+//! folder is absent it prints that.
 //!
 //! `cargo run --release -p i2ris-calibration --example recordings [SEED]`
 
@@ -155,7 +155,8 @@ fn show(fit: &PlayFit) {
         .as_ref()
         .map(|residual| (residual.shape_degree, residual.lag_degree));
     println!(
-        "    planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: search {:.3}, chain {:.3}",
+        " planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: \
+         search {:.3}, chain {:.3}",
         fit.plays.planar_thresholds_counts,
         fit.mechanism.rotation_deg,
         fit.passes,
@@ -277,10 +278,9 @@ fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> Strin
     let (mut squares, mut rows) = (vec![0.0; outputs], 0.0);
     for (measured, predicted) in pairs {
         rows += 1.0;
-        squares
-            .iter_mut()
-            .zip(measured.iter().zip(predicted))
-            .for_each(|(sum, (m, p))| *sum += (m - p).powi(2));
+        for (sum, (m, p)) in squares.iter_mut().zip(measured.iter().zip(predicted)) {
+            *sum += (m - p).powi(2);
+        }
     }
     let each: Vec<String> = squares
         .iter()
@@ -352,7 +352,7 @@ fn aligned<'a>(
     })
 }
 
-/// What a model says of a recording whose motor came to its first position from so many counts
+/// Predictions of a model on a recording whose motor came to its first position from so many counts
 /// beside it.
 fn after(model: &Model, recording: &Recording, from: f64) -> Vec<Outputs> {
     let mut memory = model.new_memory();
@@ -361,9 +361,9 @@ fn after(model: &Model, recording: &Recording, from: f64) -> Vec<Outputs> {
     let mut next = 0;
     let si = recording.outputs()[0].unit.si();
     let predict = |row: &Row| {
-        recording.path()[next..=row.path_index]
-            .iter()
-            .for_each(|position| model.advance(&mut memory, &position.counts));
+        for position in &recording.path()[next..=row.path_index] {
+            model.advance(&mut memory, &position.counts);
+        }
         next = row.path_index + 1;
         [model.predict(&row.counts, &memory).mean[0] / si, 0.0, 0.0]
     };

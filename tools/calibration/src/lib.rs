@@ -8,7 +8,8 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`table`], [`statistics`], [`parallel`], [`progress`] | rows of numbers; medians and the like; work on all cores; progress reports |
+//! | [`table`], [`statistics`] | rows of numbers; medians and other statistics |
+//! | [`parallel`], [`progress`] | work on all cores; reports of its progress |
 //! | [`recording`] | CSV files: columns, reading, checking, writing; the latency of the stamps |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`regression`] | affine, ridge and mixture regression; the number of components |

@@ -38,7 +38,7 @@ pub fn median(values: &mut [f64]) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
-/// The lowest and the highest value; infinities the wrong way round for no values.
+/// The lowest and the highest value; infinity and minus infinity for no values.
 #[must_use]
 pub fn min_max(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);

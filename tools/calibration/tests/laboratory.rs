@@ -1,5 +1,5 @@
 //! The laboratory's own recording of the robot. It is not part of the repository; where it is
-//! absent, these tests say so and pass.
+//! absent, these tests print that and pass.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 

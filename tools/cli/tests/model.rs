@@ -13,11 +13,13 @@ const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id"
     "family": {"kind": "linear", "gain": [[0.01, 0.0], [0.0, 0.01]], "offset": [0.0, 0.0],
         "covariance": [[0.01, 0.0], [0.0, 0.01]]},
     "hull": {"corners": [[-900.0, -900.0], [900.0, -900.0], [900.0, 900.0], [-900.0, 900.0]]},
-    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3, "restarts": 1,
+    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3,
+        "restarts": 1,
         "log_likelihood": null, "bic": null, "software": "test"},
     "metrics": [METRICS, METRICS]}"#;
 
-const METRICS: &str = r#"{"training": {"r2": 0.99, "rmsd": 1.0, "nrmsd": 0.1, "mae": 0.8, "max": 2.0}, "held_out": null}"#;
+const METRICS: &str = r#"{"held_out": null,
+    "training": {"r2": 0.99, "rmsd": 1.0, "nrmsd": 0.1, "mae": 0.8, "max": 2.0}}"#;
 
 struct Bench(TempDir);
 
@@ -218,7 +220,7 @@ fn models_are_compared_on_a_recording() {
         "unseen.csv",
     ]);
     assert!(
-        output.contains("200 rows with angles on a way of 400 positions"),
+        output.contains("200 rows with angles on a path of 400 positions"),
         "{output}"
     );
     assert_eq!(output.matches("linear").count(), 2, "{output}");

@@ -36,7 +36,8 @@ impl<const N: usize> Scaling<N> {
         Self { mean, deviation }
     }
 
-    /// The log-density of a row less that of the standardised row: the logarithm of the Jacobian of the change of variables.
+    /// The log-density of a row less that of the standardised row: the logarithm of the Jacobian of
+    /// the change of variables.
     pub fn log_jacobian(&self) -> f64 {
         -self
             .deviation

@@ -1,10 +1,10 @@
 //! The analytic chain of the robot, fitted by least squares.
 //!
-//! The parameters are the radius of every pulley (counts per wire travel, because the encoder and the gear
-//! are given), the rotation of the axes, and the zero of every output. The search starts at the
-//! rotation whose slopes at the straight pose are nearest to those of the affine model, and takes
-//! damped Gauss-Newton steps (K. Levenberg 1944, D. Marquardt 1963). The zeros are the means of
-//! the residuals.
+//! The parameters are the radius of every pulley (counts per wire travel, because the encoder and
+//! the gear are given), the rotation of the axes, and the zero of every output. The search starts
+//! at the rotation whose slopes at the straight pose are nearest to those of the affine model, and
+//! takes damped Gauss-Newton steps (K. Levenberg 1944, D. Marquardt 1963). The zeros are the means
+//! of the residuals.
 
 use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::kinematic::{KinematicParameters, Kinematics};
@@ -70,7 +70,7 @@ pub enum KinematicError {
 ///
 /// # Errors
 ///
-/// When the motors cannot be told apart, or one of them moves nothing.
+/// When the effects of the motors cannot be separated, or one of them moves nothing.
 pub fn fit_kinematic(
     series: &Series,
     options: &KinematicOptions,
@@ -247,7 +247,8 @@ impl<'a, const D: usize> KinematicProblem<'a, D> {
     }
 }
 
-/// Half a turn is the same as pulleys that wind the other way: the rotation in -90 to 90 degrees.
+/// Half a turn is the same as pulleys that wind in the other direction: the rotation in -90 to 90
+/// degrees.
 fn canonical(mut chain: KinematicParameters) -> KinematicParameters {
     let halves = (chain.axis_rotation_deg / 180.0).round();
     chain.axis_rotation_deg -= 180.0 * halves;

@@ -1,8 +1,8 @@
 //! Slow changes of the measured outputs against a model during a recording.
 //!
 //! Drift is the mean residual of an output in every cycle of the motion: each cycle visits the same
-//! positions, so differences between cycles do not come from the shape of the curve. A motion without
-//! cycles is cut into equal parts.
+//! positions, so differences between cycles do not come from the shape of the curve. A motion
+//! without cycles is cut into equal parts.
 
 use i2ris::model::Model;
 use i2ris::units::MAX_OUTPUTS;

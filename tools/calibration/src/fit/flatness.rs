@@ -2,9 +2,9 @@
 //!
 //! Where a regression has little slope in some direction of motor space, its inverse takes large
 //! steps for small goals. A mixture with too many components gets such places between its data. But
-//! a snake may be slack around its straight pose, and then a flat model is correct. Hence the
-//! rule: a position is **too flat** when the least slope of the model is below [`LEAST_SHARE`] of that
-//! of the affine model, and the rows recorded around it do not agree: there are too few, or a local
+//! a snake may be slack around its straight pose, and then a flat model is correct. Hence the rule:
+//! a position is **too flat** when the least slope of the model is below [`LEAST_SHARE`] of that of
+//! the affine model, and the rows recorded around it do not agree: there are too few, or a local
 //! affine regression has more than twice that slope in the direction in question, beyond its
 //! uncertainty. A loop of hysteresis widens that uncertainty, as it should: its branches are slack
 //! at different counts.
@@ -58,8 +58,8 @@ impl fmt::Display for FlatSpot {
         } = self;
         write!(
             f,
-            "it is nearly flat at counts {counts:.0?}, {slope:.2e} per count in one direction where \
-             a straight model has {straight:.2e}, and the rows around do not show that"
+            "it is nearly flat at counts {counts:.0?}, {slope:.2e} per count in one direction \
+             where a straight model has {straight:.2e}, and the rows around do not show that"
         )
     }
 }

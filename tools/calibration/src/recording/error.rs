@@ -59,14 +59,14 @@ pub enum RecordingError {
     MissingColumn {
         /// The file.
         path: PathBuf,
-        /// What would have done.
+        /// Columns that would be accepted.
         wanted: String,
-        /// What there is.
+        /// Columns of the file.
         present: String,
-        /// How to say which it is.
+        /// The option that names it.
         option: &'static str,
     },
-    /// A name that stands twice in the header.
+    /// A name that occurs twice in the header.
     #[error("recording {}, line 1: two columns are named `{column}`; rename one", path.display())]
     Ambiguous {
         /// The file.
@@ -109,7 +109,7 @@ pub enum RecordingError {
         line: u64,
         /// The column.
         column: String,
-        /// What stands there.
+        /// Its content.
         value: String,
         /// What is wrong and what to do.
         reason: &'static str,
@@ -134,7 +134,7 @@ pub enum RecordingError {
         what: &'static str,
         /// The stamp before.
         previous: f64,
-        /// Where that stands.
+        /// Its line.
         previous_line: u64,
     },
     /// A column without a single value.
@@ -151,7 +151,7 @@ pub enum RecordingError {
         /// How to leave it out.
         option: &'static str,
     },
-    /// A column that says nothing.
+    /// A column that never changes.
     #[error(
         "recording {}: column `{column}` is {value} on every row: {meaning}; record motion of it, \
          or leave it out with {option}",
@@ -162,7 +162,7 @@ pub enum RecordingError {
         path: PathBuf,
         /// The column.
         column: String,
-        /// What stands there.
+        /// Its content.
         value: f64,
         /// What that means.
         meaning: &'static str,

@@ -60,7 +60,7 @@ pub struct Latency {
 
 /// Estimates the latency of `measured` from the path of `motors` motors, both in order of time.
 ///
-/// `None` when there is too little of either, nothing moves, or the best shift lies at the end of
+/// `None` when there is too little of either, nothing moves, or the best shift is at the end of
 /// the range: -100 to 400 ms.
 #[must_use]
 pub fn estimate_latency(

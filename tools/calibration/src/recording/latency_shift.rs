@@ -84,7 +84,7 @@ impl Recording {
 }
 
 /// The counts at an instant, on the straight line between two positions of a path in order of time
-/// (s, counts); `None` beyond its ends and where those two lie more than `gap_s` apart.
+/// (s, counts); `None` beyond its ends and where those two are more than `gap_s` apart.
 #[must_use]
 pub fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
     let after = path.partition_point(|(time, _)| *time < time_s);

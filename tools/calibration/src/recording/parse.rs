@@ -135,7 +135,7 @@ fn read_record(
     })
 }
 
-/// The position of a record is where the reader began to look for it: blank lines may lie between.
+/// The position of a record is where the reader began to look for it: blank lines may follow.
 fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
     let Some(position) = record.position() else {
         return 0;

@@ -83,8 +83,8 @@ impl Recording {
         &self.outputs
     }
 
-    /// The path of the motors: every position of the file, in order, also those at which nothing was
-    /// measured.
+    /// The path of the motors: every position of the file, in order, also those at which nothing
+    /// was measured.
     #[must_use]
     pub fn path(&self) -> &[PathPoint] {
         &self.path

@@ -55,7 +55,7 @@ pub enum LinearError {
     /// Motors that move together.
     #[error(
         "the motors move together: only {percent:.2} % of the motion of one is independent of the \
-         other, so their effects cannot be told apart; record motion in which they move \
+         other, so their effects cannot be separated; record motion in which they move \
          separately, or name one motor with --counts"
     )]
     Inseparable {

@@ -41,8 +41,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
     let figure = Figure::new(
         "families",
         "Error of all families",
-        "Root mean square length of the error of every family of models, on the rows used for training and on the rows \
-         held out.",
+        "Root mean square length of the error of every family of models, on the rows used for \
+         training and on the rows held out.",
     )
     .row(height, vec![panel]);
     let dotted = if noise.is_some() {

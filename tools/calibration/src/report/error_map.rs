@@ -1,5 +1,5 @@
-//! Where in the plane of the first two outputs the recording went, and where the chosen model is
-//! how good.
+//! The plane of the first two outputs: the rows of the recording, and the error of the chosen
+//! model.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ const HEIGHT: f64 = 330.0;
 /// Cells across the larger of the two ranges.
 const ACROSS: f64 = 18.0;
 
-/// Rows in a cell below which its error says little.
+/// The least number of rows in a cell for an error.
 const LEAST_ROWS: usize = 3;
 
 pub(super) fn write(page: &mut Page, data: &ReportData) {
@@ -53,13 +53,15 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let figure = Figure::new(
         "map",
         format!("{} and {}", first.name, second.name),
-        "Left: where in the plane of the first two outputs the recording went. Right: the root mean square error of the \
-         chosen model in cells of that plane; dark cells have large errors.",
+        "Left: where in the plane of the first two outputs the recording went. Right: the root \
+         mean square error of the chosen model in cells of that plane; dark cells have large \
+         errors.",
     )
     .row(HEIGHT, vec![visited, errors]);
     let caption = format!(
-        "The plane of {} and {}. Left: the rows of the recording. Right: root mean square length of the error of {} over \
-         all rows in a cell, training and held out; cells with fewer than {LEAST_ROWS} rows are left white.",
+        "The plane of {} and {}. Left: the rows of the recording. Right: root mean square length \
+         of the error of {} over all rows in a cell, training and held out; cells with fewer than \
+         {LEAST_ROWS} rows are left white.",
         first.name, second.name, family.name
     );
     page.figure(&figure, &caption);

@@ -1,4 +1,4 @@
-//! What a report says of models on a recording, computed with the code that the controller runs.
+//! The content of a report from models and a recording, computed with the code of the controller.
 
 use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters};
 use i2ris::model::hysteresis::read_out::ReadOut;
@@ -34,7 +34,7 @@ pub struct FamilyFit<'a> {
     pub seconds: Option<f64>,
 }
 
-/// What there is to say about models on a recording: all but the settings, warnings and further
+/// The content of a report on models and a recording: all but the settings, warnings and further
 /// facts that only the caller knows. `training` are the indices of the rows used for training.
 #[must_use]
 pub fn gather(
@@ -101,9 +101,9 @@ fn output_facts(recording: &Recording, survey: &Survey, training: &[usize]) -> V
     let straight = |index: usize| {
         let fit = line.as_ref().ok()?;
         let mut gain = MotorVec::default();
-        gain.iter_mut()
-            .zip(fit.gain.get(index)?)
-            .for_each(|(to, from)| *to = *from);
+        for (to, from) in gain.iter_mut().zip(fit.gain.get(index)?) {
+            *to = *from;
+        }
         Some(Straight {
             gain,
             offset: *fit.offset.get(index)?,
@@ -268,17 +268,15 @@ fn mixture_inputs(
         .collect();
     let mut at = |row: &usize| {
         let row = recording.rows().get(*row)?;
-        let way = recording.path().get(next..=row.path_index)?;
-        way.iter()
-            .for_each(|position| model.advance(&mut memory, &position.counts));
+        for position in recording.path().get(next..=row.path_index)? {
+            model.advance(&mut memory, &position.counts);
+        }
         next = row.path_index + 1;
         let mut outputs = row.outputs;
         let correction = model.correction(&memory);
-        outputs
-            .iter_mut()
-            .zip(correction)
-            .zip(&units)
-            .for_each(|((output, part), unit)| *output -= part / unit);
+        for ((output, part), unit) in outputs.iter_mut().zip(correction).zip(&units) {
+            *output -= part / unit;
+        }
         Some((model.virtual_counts(&row.counts, &memory), outputs))
     };
     track.training.iter().filter_map(&mut at).collect()

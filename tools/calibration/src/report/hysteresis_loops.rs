@@ -8,11 +8,11 @@ use super::labels::{ZERO, along, chosen, reference};
 /// Heights of the two rows of panels.
 const HEIGHTS: [f64; 2] = [250.0, 220.0];
 
-/// The way down of the chosen model.
+/// The falling branch of the chosen model.
 const FALLING: Stroke = Stroke::new(Ink::VERMILION, 1.6).dash(Dash::Dashed);
-/// The way up of the chosen model.
+/// The rising branch of the chosen model.
 const RISING: Stroke = Stroke::new(Ink::BLUE, 1.6);
-/// What the chosen model is compared with: both ways.
+/// Both branches of the reference model.
 const OTHER: Stroke = Stroke::new(Ink::BLACK, 1.2).dash(Dash::Dotted);
 
 pub(super) fn write(page: &mut Page, data: &ReportData) {
@@ -26,18 +26,19 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let figure = Figure::new(
         "loops",
         "Counts against angle",
-        "For every output: what was measured against the encoder counts, with the branches of the chosen model on the way \
-         up and on the way down; above the output itself, below how far it is from the straight line.",
+        "For every output: what was measured against the encoder counts, with the branches of the \
+         chosen model for rising and for falling counts; above the output itself, below how far it \
+         is from the straight line.",
     )
     .row(HEIGHTS[0], angles)
     .row(HEIGHTS[1], deviations);
     page.figure(
         &figure,
-        "Measured outputs against the counts along each of them: the counts, projected on the direction in which the \
-         output changes most. Lines: what the models say on one stroke back and forth through the middle of the \
-         calibrated region. Top: the output. Bottom: its distance from the straight line, where the loop shows. \
-         Measured rows need not lie on that loop: they come from other motion, with inner loops and with the other axis \
-         elsewhere.",
+        "Measured outputs against the counts along each of them: the counts, projected on the \
+         direction in which the output changes most. Lines: predictions of the models on one sweep \
+         back and forth through the middle of the calibrated region. Top: the output. Bottom: its \
+         distance from the straight line, where the loop shows. Measured rows need not lie on that \
+         loop: they come from other motion, with inner loops and with the other axis elsewhere.",
     );
 }
 
@@ -80,7 +81,7 @@ fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool)
     }
 }
 
-/// Without memory the way back is the way there; drawn twice, dots would run together.
+/// Without memory both branches are the same; drawn twice, dots would run together.
 fn one_line(branches: &Branches) -> bool {
     let back = branches.falling.iter().rev();
     branches

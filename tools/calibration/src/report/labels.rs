@@ -1,4 +1,4 @@
-//! Numbers and names as the whole report writes them.
+//! Numbers and names in the form of the report.
 
 use i2ris::units::MotorVec;
 use i2ris_plot::number::{MINUS, fixed, significant};
@@ -53,8 +53,8 @@ pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
     named(MEMORYLESS).or_else(|| named(BASELINE))
 }
 
-/// What an axis of counts along a direction shows: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the sign of
-/// the counts.
+/// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the symbol
+/// of the counts.
 pub(super) fn along(direction: &MotorVec, motors: usize, q: char) -> String {
     let named = direction
         .iter()

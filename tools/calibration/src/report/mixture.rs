@@ -28,19 +28,21 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let figure = Figure::new(
         "mixture",
         "The mixture",
-        "For every output: measured values against the input of the mixture, the ellipses of its components, and the \
-         regression through them with a band of two standard deviations; above as they are, below without the straight \
-         line through them.",
+        "For every output: measured values against the input of the mixture, the ellipses of its \
+         components, and the regression through them with a band of two standard deviations; above \
+         as they are, below without the straight line through them.",
     )
     .row(HEIGHTS[0], whole)
     .row(HEIGHTS[1], tilted);
     let family = chosen(data).map_or("the model", |family| family.name.as_str());
     let caption = format!(
-        "The mixture of {family} along each output. Dots: what the mixture has to explain at the rows used for training, \
-         which is what was measured less what a residual takes. Ellipses: components at two standard deviations, \
-         projected on this plane; the heavier the line, the larger the share. Line and band: the regression on the way \
-         through the middle of the region that was visited, with two standard deviations (law of total covariance). \
-         Bottom: the same without the straight line through the dots. Dots beside the band lie off that way."
+        "The mixture of {family} along each output. Dots: what the mixture has to explain at the \
+         rows used for training, which is what was measured less what a residual takes. Ellipses: \
+         components at two standard deviations, projected on this plane; the heavier the line, the \
+         larger the share. Line and band: the regression on the path through the middle of the \
+         region that was visited, with two standard deviations (law of total covariance). Bottom: \
+         the same without the straight line through the dots. Dots beside the band are off that \
+         path."
     );
     page.figure(&figure, &caption);
 }

@@ -21,7 +21,8 @@
 //! | `score` | the figures of merit of each family |
 //! | `summary` | the findings in words |
 //! | `tables`, `comparison` | families side by side |
-//! | `hysteresis_loops`, `mixture`, `residual_times`, `residual_directions`, `error_map` | the figures |
+//! | `hysteresis_loops`, `mixture`, `error_map` | figures of the model |
+//! | `residual_times`, `residual_directions` | figures of the residuals |
 //! | `labels` | numbers and names in the form of the report |
 //! | `page` | the whole page |
 

@@ -1,5 +1,5 @@
-//! What the models leave over, by the direction of the motion. A model that averages the two
-//! branches of a loop shows it here: two humps, one for each direction, where a good model has one.
+//! Residuals by the direction of the motion. A model that averages the two branches of a loop has
+//! two peaks here, one for each direction, where a good model has one.
 
 use i2ris_plot::mark::Five;
 use i2ris_plot::{Axis, Boxes, Dash, Figure, Ink, Line, Page, Panel, Rule, Stroke};
@@ -14,7 +14,7 @@ const BINS: usize = 41;
 /// Height of the histograms; height of a family among the boxes, and of all that is around them.
 const HEIGHTS: [f64; 3] = [210.0, 34.0, 66.0];
 
-/// The rest of the rows may lie outside the histograms.
+/// Share of the rows inside the histograms.
 const SHOWN: f64 = 0.995;
 
 /// Thickness of a box and its distance from the middle of its family.
@@ -32,8 +32,9 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let figure = Figure::new(
         "directions",
         "Residuals against direction",
-        "For every output: how the residuals are distributed while the counts rise and while they fall; above as \
-         histograms for the chosen model and the one it is compared with, below as boxes for all families.",
+        "For every output: how the residuals are distributed while the counts rise and while they \
+         fall; above as histograms for the chosen model and the one it is compared with, below as \
+         boxes for all families.",
     )
     .row(HEIGHTS[0], histograms)
     .row(HEIGHTS[1] * data.families.len() as f64 + HEIGHTS[2], boxes);
@@ -43,9 +44,9 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         "held out"
     };
     let caption = format!(
-        "Measured minus predicted while the counts along the output rise and while they fall, on the rows {on}. Boxes: \
-         middle half and median; whiskers: 1st to 99th percentile. Where the two directions part, the model leaves part \
-         of the loop."
+        "Measured minus predicted while the counts along the output rise and while they fall, on \
+         the rows {on}. Boxes: middle half and median; whiskers: 1st to 99th percentile. Where the \
+         two directions part, the model leaves part of the loop."
     );
     page.figure(&figure, &caption);
 }
@@ -104,7 +105,7 @@ fn histogram(data: &ReportData, rows: &[usize], index: usize, output: &OutputFac
     })
 }
 
-/// How many of the values lie between neighbouring edges, percent of all.
+/// Share of the values between neighbouring edges, percent of all.
 fn shares(values: &[f64], edges: &[f64]) -> Vec<f64> {
     let mut counts = vec![0.0; edges.len().saturating_sub(1)];
     for value in values {

@@ -1,4 +1,4 @@
-//! What the models leave over, in the course of time.
+//! Residuals over time.
 
 use i2ris_plot::{Axis, Dash, Figure, Ink, Line, Page, Panel, Rule, Shade, Stroke};
 
@@ -12,8 +12,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let figure = Figure::new(
         "residuals",
         "Residuals over time",
-        "For every output: measured minus predicted, from the first to the last row, for the chosen model and the one it \
-         is compared with. The stretch that was held out is shaded.",
+        "For every output: measured minus predicted, from the first to the last row, for the \
+         chosen model and the one it is compared with. The stretch that was held out is shaded.",
     );
     let figure = data
         .outputs
@@ -27,9 +27,10 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         });
     page.figure(
         &figure,
-        "Measured minus predicted over time; the chosen model once more alone, on its own scale. Shaded: rows held out. Dotted: two standard deviations of the noise of the \
-         measurement. A slope or a step points to drift, a wave in time with the motion to hysteresis or shape that the \
-         model does not have.",
+        "Measured minus predicted over time; the chosen model once more alone, on its own scale. \
+         Shaded: rows held out. Dotted: two standard deviations of the noise of the measurement. A \
+         slope or a step points to drift, a wave in time with the motion to hysteresis or shape \
+         that the model does not have.",
     );
 }
 

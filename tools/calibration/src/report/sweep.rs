@@ -6,10 +6,10 @@ use i2ris::units::MotorVec;
 
 use super::data::{Branches, Straight};
 
-/// Positions on the way up, and as many on the way down.
+/// Positions of the rising half, and of the falling half.
 const POSITIONS: usize = 160;
 
-/// Sweeps before the one that counts: they wipe out what was remembered before.
+/// Sweeps before the one that counts: they make the memory independent of the past.
 const SWEEPS_BEFORE: usize = 3;
 
 /// Halvings of the search for the end of a sweep: to a millionth of a count.
@@ -18,7 +18,7 @@ const HALVINGS: u32 = 60;
 /// The largest sweep, counts: beyond what any motor can do.
 const FURTHEST: f64 = 1e7;
 
-/// A straight way through the middle of a hull, from one end to the other.
+/// A straight path through the middle of a hull, from one end to the other.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sweep {
     from: MotorVec,
@@ -29,18 +29,18 @@ impl Sweep {
     /// The sweep in a direction.
     pub fn new(hull: &Hull, direction: MotorVec) -> Self {
         let centre = hull.centre();
-        let at = |way: f64| step(centre, direction, way);
+        let point = |distance: f64| step(centre, direction, distance);
         let end = |sign: f64| {
             let (mut inside, mut outside) = (0.0, sign * FURTHEST);
             for _ in 0..HALVINGS {
                 let middle = 0.5 * (inside + outside);
-                if hull.contains(&at(middle)) {
+                if hull.contains(&point(middle)) {
                     inside = middle
                 } else {
                     outside = middle
                 }
             }
-            at(inside)
+            point(inside)
         };
         Self {
             from: end(-1.0),
@@ -59,8 +59,8 @@ impl Sweep {
     }
 }
 
-fn step(from: MotorVec, direction: MotorVec, way: f64) -> MotorVec {
-    std::array::from_fn(|motor| from[motor] + way * direction[motor])
+fn step(from: MotorVec, direction: MotorVec, distance: f64) -> MotorVec {
+    std::array::from_fn(|motor| from[motor] + distance * direction[motor])
 }
 
 /// The branches of a model for one output; `unit` is one of the output in rad or m.
@@ -69,8 +69,7 @@ pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: 
     let mut memory = model.new_memory();
     let mut last = sweep.positions().next().unwrap_or_default();
     let mut point = |counts: MotorVec| {
-        // Half way first: families that ask for the direction see it before the position that
-        // counts.
+        // The midpoint first: families with directions need a step before the position.
         let middle = std::array::from_fn(|motor| 0.5 * (last[motor] + counts[motor]));
         model.advance(&mut memory, &middle);
         model.advance(&mut memory, &counts);
@@ -79,12 +78,9 @@ pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: 
         [straight.along(&counts), mean, straight.at(&counts)]
     };
     for _ in 0..SWEEPS_BEFORE {
-        sweep
-            .positions()
-            .chain(sweep.positions().rev())
-            .for_each(|counts| {
-                point(counts);
-            });
+        for counts in sweep.positions().chain(sweep.positions().rev()) {
+            point(counts);
+        }
     }
     let rising = sweep.positions().map(&mut point).collect();
     let falling = sweep.positions().rev().map(&mut point).collect();

@@ -182,12 +182,12 @@ fn names_cannot_break_out() {
     ] {
         *name = NASTY.to_owned();
     }
-    data.outputs
-        .iter_mut()
-        .for_each(|output| output.name = NASTY.to_owned());
-    data.families
-        .iter_mut()
-        .for_each(|family| family.name = NASTY.to_owned());
+    for output in &mut data.outputs {
+        output.name = NASTY.to_owned();
+    }
+    for family in &mut data.families {
+        family.name = NASTY.to_owned();
+    }
     data.settings.push((NASTY.to_owned(), NASTY.to_owned()));
     data.warnings.push(NASTY.to_owned());
     let text = html(&data);
@@ -227,9 +227,9 @@ fn one_motor_and_one_output_make_a_report() {
 fn empty_data_make_a_report_too() {
     assert_valid(&html(&ReportData::default()));
     let mut data = gathered(&two_axes());
-    data.families
-        .iter_mut()
-        .for_each(|family| family.chosen = false);
+    for family in &mut data.families {
+        family.chosen = false;
+    }
     data.track.held_out_from = data.track.time.len();
     let text = html(&data);
     assert_valid(&text);

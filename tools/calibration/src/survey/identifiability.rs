@@ -17,7 +17,7 @@ const REVERSAL_PART: f64 = 0.02;
 /// Turning points below which there is no loop to see.
 const LEAST_TURNING_POINTS: usize = 2;
 
-/// Turning points that lie within this part of the range are the same one.
+/// Turning points within this part of the range are the same one.
 const SAME_PART: f64 = 0.1;
 
 /// Motors move together where the slower one does at least this part of what the faster one does.
@@ -67,15 +67,15 @@ impl fmt::Display for Finding {
         match self {
             Self::FewReversals { motor, reversals } => write!(
                 f,
-                "motor {motor} turns back {reversals} time(s) only, so the recording cannot tell \
-                 hysteresis from the shape of the curve; record motion with many reversals"
+                "motor {motor} turns back {reversals} time(s) only, so the recording cannot \
+                 separate hysteresis from the shape of the curve; record motion with many reversals"
             ),
             Self::Circulation { turns } => write!(
                 f,
                 "both motors go round one closed curve in one direction ({turns:.2} turns), so \
                  every position is reached from one side only and hysteresis looks like a shift in \
-                 phase: the recording cannot tell it from the shape of the curve; record motion \
-                 with many reversals"
+                 phase: the recording cannot separate it from the shape of the curve; record \
+                 motion with many reversals"
             ),
             Self::OneLoop { motor } => write!(
                 f,
@@ -84,8 +84,8 @@ impl fmt::Display for Finding {
             ),
             Self::OneAxisAtATime { percent } => write!(
                 f,
-                "the motors move together on {percent:.0} % of the path only, so the recording does \
-                 not show the plane between their axes; record motion of both at once"
+                "the motors move together on {percent:.0} % of the path only, so the recording \
+                 does not show the plane between their axes; record motion of both at once"
             ),
         }
     }

@@ -4,7 +4,7 @@
 //! Two estimators, both robust against spikes and against the few rows where their assumption
 //! fails:
 //!
-//! - **repeats**: pairs of neighbouring rows with the same counts. If the snake stands still while
+//! - **repeats**: pairs of neighbouring rows with the same counts. If the snake is still while
 //!   the motors do, they differ by noise only, with the variance `2 sigma^2`. Creep between the
 //!   rows adds to it.
 //! - **differences**: second differences of the residuals of a linear model. If that changes

@@ -3,8 +3,8 @@
 //!
 //! A Hampel filter (F. R. Hampel, "The influence curve and its role in robust estimation", 1974) on
 //! the residuals of a linear model of the counts: a row is flagged when it is further from the
-//! median of its neighbourhood than `threshold` robust standard deviations **plus** the change
-//! that the motors can cause in that neighbourhood by the linear model. The addition keeps fast motion,
+//! median of its neighbourhood than `threshold` robust standard deviations **plus** the change that
+//! the motors can cause in that neighbourhood by the linear model. The addition keeps fast motion,
 //! steps of the motors and the branches of hysteresis from being taken for spikes. A step that
 //! stays is never flagged: from the step on, it is its own neighbourhood.
 
@@ -54,8 +54,8 @@ pub struct Spike {
 }
 
 /// Flags the readings of one output. `residuals` are what `linear` leaves of them, one per row;
-/// `noise` is the standard deviation of the measurement where it is known, so that a slow motion
-/// with little to say about noise does not make the filter too keen.
+/// `noise` is the standard deviation of the measurement where it is known, so that slow
+/// motion with little noise does not make the filter too sensitive.
 pub(crate) fn spikes(
     rows: &[Row],
     residuals: &[f64],

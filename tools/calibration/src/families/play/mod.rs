@@ -1,9 +1,9 @@
 //! The fit of play operators: family `gmr-play`.
 //!
-//! 1. **Thresholds** lie in geometric steps between what one step of the motor still shows and the
+//! 1. **Thresholds** are in geometric steps between what one step of the motor still shows and the
 //!    longest travel between two turning points. How many, and how far up, is chosen by leaving
 //!    out contiguous blocks.
-//! 2. **Weights** are fitted by variable projection behind a polynomial, which stands for the
+//! 2. **Weights** are fitted by variable projection behind a polynomial, a substitute for the
 //!    later regression, and then behind a Gaussian mixture for as long as that lowers the error on
 //!    blocks left out.
 //! 3. The **chain** behind the operator is fitted: mixture on the virtual counts, residual on the

@@ -1,6 +1,6 @@
 //! Least squares with unknowns that must not be negative, from the normal equations.
 //!
-//! Source: C. L. Lawson and R. J. Hanson, "Solving Least LeastSquares Problems", 1974, chapter 23: a set
+//! Source: C. L. Lawson and R. J. Hanson, "Solving Least Squares Problems", 1974, chapter 23: a set
 //! of free unknowns grows by the one with the largest gradient; unknowns that would become negative
 //! leave it.
 

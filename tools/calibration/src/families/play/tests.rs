@@ -174,7 +174,7 @@ proptest! {
         let weight = |threshold: f64, motor: &DVector<f64>| {
             few.iter().position(|few| *few == threshold).map_or(0.0, |i| motor[i])
         };
-        let pad = |motor: &DVector<f64>| DVector::from_fn(more.len(), |i, _| weight(more[i], motor));
+        let pad = |motor| DVector::from_fn(more.len(), |i, _| weight(more[i], motor));
         let padded: Weights = weights.iter().map(pad).collect();
         let (_, after) = improve(&last(&more), padded).unwrap();
         prop_assert!(after <= before * (1.0 + 1e-9), "{after} instead of {before}");

@@ -13,7 +13,7 @@ use crate::progress::Progress;
 use crate::regression::ridge::ridge;
 use crate::series::{Series, blocks};
 
-/// Degrees of the shape, and of the shape times lags, that stand for the later mixture and
+/// Degrees of the shape, and of the shape times lags, that replace the later mixture and
 /// residual.
 const DEGREES: [(usize, usize); 2] = [(5, 0), (5, 1)];
 
@@ -57,7 +57,7 @@ impl ThresholdChoice {
             .map(|(range, top)| range.top(*top))
             .fold(low, f64::max);
         let planar = if ranges.len() < 2 { 0 } else { self.planar };
-        // The first one is a step above the least: there two plays of one motor say the same.
+        // The first one is a step above the least: there two plays of one motor are the same.
         let step = (high / low).powf(1.0 / planar.max(1) as f64);
         Thresholds {
             motors: pairs()

@@ -84,8 +84,8 @@ impl<const D: usize> BendTarget<D> {
         target.scaled(&plane)
     }
 
-    /// Brings the bends to the usual size, and finds where nothing bends: where the straight line
-    /// says so, or in the middle if the data never come there.
+    /// Brings the bends to the usual size, and finds where nothing bends: from the straight
+    /// line, or in the middle if the data never come there.
     fn scaled(mut self, plane: &BendPlane<D>) -> Result<Self, StopError> {
         let mut low = SVector::<f64, D>::repeat(f64::INFINITY);
         let mut high = -low;

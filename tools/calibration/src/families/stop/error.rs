@@ -46,7 +46,7 @@ pub enum StopError {
     /// The affine model that the search starts from.
     #[error(transparent)]
     Line(#[from] LinearError),
-    /// Motors that bend the snake the same way.
+    /// Motors that bend the snake in the same direction.
     #[error(
         "both motors bend the snake in the same direction; record motion in which they move \
          separately"

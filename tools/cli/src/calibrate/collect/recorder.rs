@@ -1,7 +1,7 @@
-//! From what arrives to the rows of a recording, in order of time. Pure but for the writer.
+//! From messages to the rows of a recording, in order of time. Pure except for the writer.
 //!
 //! Every position of motor 0 makes a row, with the other motor between its own positions around
-//! that instant; every picture makes a row with its angles and both motors between their positions
+//! that instant; every frame makes a row with its angles and both motors between their positions
 //! around its stamp. A row is written once everything that may still come before it has had time to
 //! arrive.
 
@@ -12,24 +12,24 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos};
 use i2ris_calibration::recording::{RecordingWriter, Row};
 
-use super::flag::{Flag, FlagKind};
-use super::pictures::{Judged, Picture, Pictures};
+use super::frame_queue::{CameraFrame, FrameQueue, JudgedFrame};
+use super::recording_flag::{Flag, FlagKind};
 use crate::series::Series;
 
-/// Positions come every 4 to 10 ms; motors may have turned round in a hole of this length, ns.
+/// Positions come every 4 to 10 ms; motors may have turned back in a gap of this length, ns.
 pub const GAP_NS: u64 = 60_000_000;
 
-/// No camera is slower than 5 pictures a second; a hole of this length is one.
+/// No camera is slower than 5 frames a second; a gap of this length is one.
 const CAMERA_GAP_NS: u64 = 500_000_000;
 
 /// A recording under way.
-pub struct Take<W: Write> {
+pub struct Recorder<W: Write> {
     writer: RecordingWriter<W>,
     start: Nanos,
     motors: usize,
     outputs: usize,
     encoders: [Series<1>; MAX_MOTORS],
-    pictures: Pictures,
+    frames: FrameQueue,
     /// Number of the position of motor 0 that is to be written next.
     next: usize,
     written: Option<Nanos>,
@@ -40,14 +40,14 @@ pub struct Take<W: Write> {
 
 /// A finished recording.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Taken {
+pub struct RecordedRows {
     /// All rows; `outputs` are not numbers where nothing was measured.
     pub rows: Vec<Row>,
     /// In the order in which they were found.
     pub flags: Vec<Flag>,
 }
 
-impl Taken {
+impl RecordedRows {
     /// Rows with outputs.
     pub fn samples(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| is_sample(row))
@@ -59,7 +59,7 @@ pub fn is_sample(row: &Row) -> bool {
     row.outputs.iter().all(|output| output.is_finite())
 }
 
-impl<W: Write> Take<W> {
+impl<W: Write> Recorder<W> {
     /// Begins with the header. `start` is the instant that the recording counts from.
     pub fn new(
         to: W,
@@ -78,7 +78,7 @@ impl<W: Write> Take<W> {
             motors,
             outputs: outputs.len(),
             encoders: Default::default(),
-            pictures: Pictures::new(unit, outputs.len(), outlier, latency_s),
+            frames: FrameQueue::new(unit, outputs.len(), outlier, latency_s),
             next: 0,
             written: None,
             last_seen: None,
@@ -87,7 +87,7 @@ impl<W: Write> Take<W> {
         })
     }
 
-    /// Takes in positions of the motors.
+    /// Adds positions of the motors.
     pub fn positions(&mut self, state: &ActuatorState) {
         for motor in 0..self.motors {
             let stamp = state.measured_stamp_ns[motor];
@@ -102,8 +102,8 @@ impl<W: Write> Take<W> {
         }
     }
 
-    /// Takes in a picture.
-    pub fn picture(&mut self, seen: &ExternalPosition) {
+    /// Adds a frame.
+    pub fn frame(&mut self, seen: &ExternalPosition) {
         let stamp = Nanos(seen.stamp_ns);
         if stamp < self.start {
             return;
@@ -118,25 +118,25 @@ impl<W: Write> Take<W> {
             self.flag(before, FlagKind::CameraGap, stamp.since(before).0, &[]);
         }
         self.last_seen = Some(stamp);
-        if !self.pictures.push(seen) {
+        if !self.frames.push(seen) {
             self.flag(stamp, FlagKind::Late, 0, &[]);
         }
     }
 
-    /// Writes every row up to an instant that is complete; with `all`, nothing more will come.
+    /// Writes every row up to an instant that is complete; `all` if no more messages follow.
     pub fn write(&mut self, until: Nanos, all: bool) -> io::Result<()> {
         while let Some(stamp) = self.encoders[0]
             .get(self.next)
             .map(|(stamp, _)| Nanos(*stamp))
         {
-            let picture = self.pictures.next(all).filter(|picture| *picture <= stamp);
-            let due = picture.unwrap_or(stamp);
+            let frame = self.frames.next(all).filter(|frame| *frame <= stamp);
+            let due = frame.unwrap_or(stamp);
             if due > until || !self.covered(due) {
                 break;
             }
-            if picture.is_some() {
-                if let Some(judged) = self.pictures.pop() {
-                    self.write_picture(judged)?;
+            if frame.is_some() {
+                if let Some(frame) = self.frames.pop() {
+                    self.write_frame(frame)?;
                 }
             } else {
                 self.write_position(stamp)?;
@@ -151,16 +151,16 @@ impl<W: Write> Take<W> {
     }
 
     /// Writes the rest.
-    pub fn finish(mut self) -> io::Result<Taken> {
+    pub fn finish(mut self) -> io::Result<RecordedRows> {
         self.write(Nanos(u64::MAX), true)?;
         self.writer.finish()?;
-        Ok(Taken {
+        Ok(RecordedRows {
             rows: self.rows,
             flags: self.flags,
         })
     }
 
-    /// Every motor has been heard of at an instant or after it.
+    /// Every motor has a position at an instant or after it.
     fn covered(&self, stamp: Nanos) -> bool {
         self.encoders
             .iter()
@@ -170,7 +170,7 @@ impl<W: Write> Take<W> {
 
     fn write_position(&mut self, stamp: Nanos) -> io::Result<()> {
         self.next += 1;
-        // The other motor may have been heard of later for the first time.
+        // The other motor may have its first position later.
         match self.counts(stamp, u64::MAX) {
             Some(counts) if self.written.is_none_or(|written| written < stamp) => {
                 self.row(stamp, counts, [f64::NAN; MAX_OUTPUTS])
@@ -179,22 +179,22 @@ impl<W: Write> Take<W> {
         }
     }
 
-    fn write_picture(&mut self, judged: Judged) -> io::Result<()> {
-        let Picture { stamp, outputs } = *judged.picture();
+    fn write_frame(&mut self, frame: JudgedFrame) -> io::Result<()> {
+        let CameraFrame { stamp, outputs } = *frame.frame();
         let measured = &outputs[..self.outputs];
         if self.written.is_some_and(|written| written >= stamp) {
             self.flag(stamp, FlagKind::Late, 0, measured);
             return Ok(());
         }
-        match (self.counts(stamp, GAP_NS), judged) {
+        match (self.counts(stamp, GAP_NS), frame) {
             // The recording begins with a position.
             _ if self.written.is_none() => Ok(()),
-            (Some(counts), Judged::Good(_)) => self.row(stamp, counts, outputs),
-            (_, Judged::Outlier(_)) => {
+            (Some(counts), JudgedFrame::Good(_)) => self.row(stamp, counts, outputs),
+            (_, JudgedFrame::Outlier(_)) => {
                 self.flag(stamp, FlagKind::Outlier, 0, measured);
                 Ok(())
             }
-            (None, Judged::Good(_)) => {
+            (None, JudgedFrame::Good(_)) => {
                 self.flag(stamp, FlagKind::NoCounts, 0, measured);
                 Ok(())
             }
@@ -228,7 +228,7 @@ impl<W: Write> Take<W> {
         self.writer.row(&row)
     }
 
-    /// One flag for as long as the camera sees nothing.
+    /// One flag while the camera sees nothing.
     fn nothing_seen(&mut self, stamp: Nanos) {
         let t_s = stamp.since(self.start).as_seconds();
         match self.flags.last_mut() {
@@ -287,7 +287,7 @@ mod tests {
         }
     }
 
-    fn picture(time: u64, pitch_deg: f64) -> ExternalPosition {
+    fn frame(time: u64, pitch_deg: f64) -> ExternalPosition {
         let position = [
             pitch_deg.to_radians(),
             (1.0 - pitch_deg / 2.0).to_radians(),
@@ -302,72 +302,73 @@ mod tests {
         }
     }
 
-    fn sample_times_ms(taken: &Taken) -> Vec<u64> {
-        taken
+    fn sample_times_ms(recorded: &RecordedRows) -> Vec<u64> {
+        recorded
             .samples()
             .map(|row| (row.time_s.unwrap() * 1e3).round() as u64)
             .collect()
     }
 
-    fn take(file: &mut Vec<u8>) -> Take<&mut Vec<u8>> {
-        Take::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap()
+    fn recorder(file: &mut Vec<u8>) -> Recorder<&mut Vec<u8>> {
+        Recorder::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap()
     }
 
     #[test]
     fn rows_come_in_order_with_the_counts_of_their_instant() {
         let mut file = Vec::new();
-        let mut take = take(&mut file);
+        let mut recorder = recorder(&mut file);
         (0..=400)
             .step_by(4)
-            .for_each(|time| take.positions(&positions(time)));
+            .for_each(|time| recorder.positions(&positions(time)));
         (10..400)
             .step_by(33)
-            .for_each(|time| take.picture(&picture(time, 2.0)));
-        let taken = take.finish().unwrap();
-        assert_eq!(taken.samples().count(), 12);
+            .for_each(|time| recorder.frame(&frame(time, 2.0)));
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(recorded.samples().count(), 12);
         assert!(
-            taken
+            recorded
                 .rows
                 .windows(2)
                 .all(|pair| pair[0].time_s < pair[1].time_s)
         );
-        for row in &taken.rows {
+        for row in &recorded.rows {
             let time = row.time_s.unwrap() * 1e3;
             assert!(
                 (row.counts[0] - time).abs() < 1e-6 && (row.counts[1] + 2.0 * time).abs() < 1e-6,
                 "{row:?}"
             );
         }
-        assert_eq!(taken.flags, []);
+        assert_eq!(recorded.flags, []);
         let text = String::from_utf8(file).unwrap();
         assert!(
             text.starts_with("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n0.004,4,-8,,\n"),
             "{text}"
         );
-        assert_eq!(text.lines().count(), taken.rows.len() + 1);
+        assert_eq!(text.lines().count(), recorded.rows.len() + 1);
     }
 
     #[test]
-    fn what_was_written_is_what_is_read() {
+    fn written_rows_are_read_unchanged() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("take.csv");
         let file = std::fs::File::create(&path).unwrap();
-        let mut take = Take::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap();
+        let mut recorder = Recorder::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap();
         for time in (0..2000).step_by(4) {
-            take.positions(&positions(time));
+            recorder.positions(&positions(time));
             if time % 40 == 0 {
-                take.picture(&picture(time, time as f64 / 100.0));
+                recorder.frame(&frame(time, time as f64 / 100.0));
             }
-            take.write(Nanos(ms(time.saturating_sub(500))), false)
+            recorder
+                .write(Nanos(ms(time.saturating_sub(500))), false)
                 .unwrap();
         }
-        let taken = take.finish().unwrap();
+        let recorded = recorder.finish().unwrap();
         let (recording, report) = Recording::read(&path, &ColumnMap::default()).unwrap();
         assert_eq!(
             (recording.path().len(), report.dropped.len()),
-            (taken.rows.len(), 0)
+            (recorded.rows.len(), 0)
         );
-        let samples: Vec<Row> = taken
+        let samples: Vec<Row> = recorded
             .samples()
             .map(|row| Row {
                 outputs: [row.outputs[0], row.outputs[1], 0.0],
@@ -380,18 +381,22 @@ mod tests {
     #[test]
     fn a_row_waits_for_what_may_come_before_it() {
         let mut file = Vec::new();
-        let mut take = take(&mut file);
+        let mut recorder = recorder(&mut file);
         (0..=400)
             .step_by(4)
-            .for_each(|time| take.positions(&positions(time)));
-        take.write(Nanos(ms(100)), false).unwrap();
-        take.picture(&picture(110, 1.0));
-        take.picture(&picture(90, 1.0));
-        take.picture(&picture(143, 1.0));
-        let taken = take.finish().unwrap();
-        assert_eq!(sample_times_ms(&taken), [110, 143]);
+            .for_each(|time| recorder.positions(&positions(time)));
+        recorder.write(Nanos(ms(100)), false).unwrap();
+        recorder.frame(&frame(110, 1.0));
+        recorder.frame(&frame(90, 1.0));
+        recorder.frame(&frame(143, 1.0));
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(sample_times_ms(&recorded), [110, 143]);
         assert_eq!(
-            taken.flags.iter().map(|flag| flag.kind).collect::<Vec<_>>(),
+            recorded
+                .flags
+                .iter()
+                .map(|flag| flag.kind)
+                .collect::<Vec<_>>(),
             [FlagKind::Late]
         );
     }
@@ -399,24 +404,24 @@ mod tests {
     #[test]
     fn gaps_outliers_and_blind_pictures_are_flagged_and_give_no_angles() {
         let mut file = Vec::new();
-        let mut take = take(&mut file);
+        let mut recorder = recorder(&mut file);
         (0..=200)
             .step_by(4)
-            .for_each(|time| take.positions(&positions(time)));
+            .for_each(|time| recorder.positions(&positions(time)));
         (400..=600)
             .step_by(4)
-            .for_each(|time| take.positions(&positions(time)));
+            .for_each(|time| recorder.positions(&positions(time)));
         for (time, pitch) in [(30, 1.0), (63, 50.0), (96, 1.0), (300, 1.5), (430, 1.0)] {
-            take.picture(&picture(time, pitch));
+            recorder.frame(&frame(time, pitch));
         }
         for time in [460, 490, 520] {
-            take.picture(&ExternalPosition {
+            recorder.frame(&ExternalPosition {
                 flags: 0,
-                ..picture(time, 0.0)
+                ..frame(time, 0.0)
             });
         }
-        let taken = take.finish().unwrap();
-        assert_eq!(sample_times_ms(&taken), [30, 96, 430]);
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(sample_times_ms(&recorded), [30, 96, 430]);
         let entry = |flag: &Flag| {
             (
                 flag.kind,
@@ -424,7 +429,7 @@ mod tests {
                 flag.measured.len(),
             )
         };
-        let mut flags: Vec<_> = taken.flags.iter().map(entry).collect();
+        let mut flags: Vec<_> = recorded.flags.iter().map(entry).collect();
         flags.sort_unstable();
         assert_eq!(
             flags[..2],
@@ -442,7 +447,7 @@ mod tests {
         );
         assert_eq!((flags[4], flags.len()), ((FlagKind::Outlier, 63, 2), 5));
         assert!(
-            (taken
+            (recorded
                 .flags
                 .iter()
                 .find(|flag| flag.kind == FlagKind::NothingSeen)

@@ -6,11 +6,11 @@ use i2ris::model::Model;
 use i2ris::model::ModelError;
 use i2ris::model::file::{FitMetrics, OutputSpec};
 use i2ris_calibration::fit::family::Family;
-use i2ris_calibration::fit::{Candidate, Components, FitOptions, FitOutcome, Verdict};
-use i2ris_calibration::survey::noise::NoiseFloor;
-use i2ris_calibration::recording::{ReadReport, Recording};
-use i2ris_calibration::survey::spike::Spike;
 use i2ris_calibration::fit::split::SplitKind;
+use i2ris_calibration::fit::{Candidate, Components, FitOptions, FitOutcome, Verdict};
+use i2ris_calibration::recording::{ReadReport, Recording};
+use i2ris_calibration::survey::noise::NoiseFloor;
+use i2ris_calibration::survey::spike::Spike;
 
 /// Lines of the recording that are named one by one before the rest is only counted.
 const NAMED: usize = 12;
@@ -134,7 +134,8 @@ impl Report<'_> {
         };
         writeln!(
             f,
-            "latency    outputs are stamped {ms:+.1} ms late (standard deviation {deviation:.1} ms){hint}"
+            "latency    outputs are stamped {ms:+.1} ms late (standard deviation {deviation:.1} \
+             ms){hint}"
         )
     }
 
@@ -189,7 +190,8 @@ impl Report<'_> {
         let starts = self.options.em.restarts;
         writeln!(
             f,
-            "\ngmr: mixtures, best of {starts} starts each (log-likelihood and its spread over the starts: nats/row; left\nout: RMS length of the error on blocks left out)"
+            "\ngmr: mixtures, best of {starts} starts each (log-likelihood and its spread over the \
+             starts: nats/row; left\nout: RMS length of the error on blocks left out)"
         )?;
         writeln!(
             f,
@@ -319,7 +321,8 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
                 .left_out_rms
                 .map_or("-".to_owned(), |rms| format!("{rms:.3}"));
             format!(
-                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9}  {verdict}{climbing}"
+                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9} \
+                 {verdict}{climbing}"
             )
         }
         None => format!("{:>4} {verdict:>15}", candidate.components),

@@ -8,7 +8,7 @@ use i2ris::units::MotorVec;
 use i2ris_calibration::recording::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use i2ris_calibration::recording::{RecordingWriter, Row, counts_at};
 
-use super::take::{GAP_NS, is_sample};
+use super::recorder::{GAP_NS, is_sample};
 use crate::files::replace;
 
 /// The latency that is left in the stamps of a recording.
@@ -28,7 +28,7 @@ pub fn latency(rows: &[Row], motors: usize) -> Option<Latency> {
     estimate_latency(&path, &seen, motors)
 }
 
-/// The rows with every picture moved `seconds` earlier, to the counts of that instant. Pictures
+/// The rows with every frame moved `seconds` earlier, to the counts of that instant. Frames
 /// that leave the recording or come into a gap of the encoders are left out.
 pub fn shifted(rows: &[Row], seconds: f64) -> Vec<Row> {
     let path: Vec<(f64, MotorVec)> = positions(rows).collect();

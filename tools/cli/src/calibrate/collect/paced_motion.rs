@@ -1,8 +1,8 @@
-//! A motion of the motors as places at a steady rate, and playing it. Pure.
+//! A motion of the motors as positions at a steady rate, and playing it. Pure.
 
 use i2ris::units::MotorVec;
 
-/// Time between two places of a motion, s.
+/// Time between two positions of a motion, s.
 pub const STEP_S: f64 = 0.01;
 
 /// Seconds in which the motion comes up to speed, and comes to rest again.
@@ -14,57 +14,59 @@ const LONGEST_STEP_S: f64 = 0.02;
 /// Places of the motors, counts, [`STEP_S`] apart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    places: Vec<MotorVec>,
+    positions: Vec<MotorVec>,
 }
 
 impl Motion {
-    /// Goes through points that are [`STEP_S`] apart, or further where a motor would be faster than
-    /// `speed_counts_s`.
+    /// Passes through points that are [`STEP_S`] apart, or further where a motor would be faster
+    /// than `speed_counts_s`.
     pub fn paced(points: impl IntoIterator<Item = MotorVec>, speed_counts_s: f64) -> Self {
         let mut points = points.into_iter();
         let Some(mut before) = points.next() else {
-            return Self { places: Vec::new() };
+            return Self {
+                positions: Vec::new(),
+            };
         };
-        let mut places = vec![before];
+        let mut positions = vec![before];
         // In steps: when the last point is reached, and the next place.
         let (mut time, mut next) = (0.0, 1.0);
         for point in points {
             let span = (distance(&before, &point) / (speed_counts_s * STEP_S)).max(1.0);
             while next <= time + span {
-                places.push(between(&before, &point, (next - time) / span));
+                positions.push(between(&before, &point, (next - time) / span));
                 next += 1.0;
             }
             (before, time) = (point, time + span);
         }
         // What is left of the last step.
-        if places.last() != Some(&before) {
-            places.push(before);
+        if positions.last() != Some(&before) {
+            positions.push(before);
         }
-        Self { places }
+        Self { positions }
     }
 
     /// Length, s.
     pub fn length_s(&self) -> f64 {
-        self.places.len().saturating_sub(1) as f64 * STEP_S
+        self.positions.len().saturating_sub(1) as f64 * STEP_S
     }
 
-    /// Ends after so much time.
-    pub fn cut(mut self, length_s: f64) -> Self {
-        self.places.truncate((length_s / STEP_S) as usize + 1);
+    /// The motion up to a duration.
+    pub fn truncated(mut self, length_s: f64) -> Self {
+        self.positions.truncate((length_s / STEP_S) as usize + 1);
         self
     }
 
-    /// All places.
-    pub fn places(&self) -> &[MotorVec] {
-        &self.places
+    /// All positions.
+    pub fn positions(&self) -> &[MotorVec] {
+        &self.positions
     }
 
-    /// Where to be after some time: before the start at the start, after the end at the end.
-    pub fn at(&self, time_s: f64) -> MotorVec {
+    /// The position after some time: before the start at the start, after the end at the end.
+    pub fn position(&self, time_s: f64) -> MotorVec {
         let steps = (time_s / STEP_S).max(0.0);
-        let first = (steps as usize).min(self.places.len().saturating_sub(1));
-        let from = self.places.get(first).copied().unwrap_or_default();
-        let to = self.places.get(first + 1).copied().unwrap_or(from);
+        let first = (steps as usize).min(self.positions.len().saturating_sub(1));
+        let from = self.positions.get(first).copied().unwrap_or_default();
+        let to = self.positions.get(first + 1).copied().unwrap_or(from);
         between(&from, &to, (steps - first as f64).clamp(0.0, 1.0))
     }
 }
@@ -87,7 +89,7 @@ impl Playback {
         }
     }
 
-    /// Goes on by `step_s` seconds and returns where to be; `stop` asks to come to rest.
+    /// Advances by `step_s` seconds and returns the position; `stop` asks to come to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> MotorVec {
         let step_s = step_s.clamp(0.0, LONGEST_STEP_S);
         let ramp = if stop {
@@ -97,11 +99,11 @@ impl Playback {
         };
         self.rate = (self.rate + ramp).clamp(0.0, 1.0);
         self.at_s += self.rate * step_s;
-        self.motion.at(self.at_s)
+        self.motion.position(self.at_s)
     }
 
     /// Nothing moves any more: the motion is over, or was stopped.
-    pub fn finished(&self, stop: bool) -> bool {
+    pub fn is_finished(&self, stop: bool) -> bool {
         self.left_s() <= 0.0 || (stop && self.rate == 0.0)
     }
 
@@ -111,12 +113,12 @@ impl Playback {
     }
 
     /// Time gone by along the motion, s.
-    pub fn at_s(&self) -> f64 {
+    pub fn elapsed_s(&self) -> f64 {
         self.at_s
     }
 }
 
-/// The way of the motor that has the longer one.
+/// The largest difference of a motor.
 pub fn distance(a: &MotorVec, b: &MotorVec) -> f64 {
     a.iter()
         .zip(b)
@@ -135,14 +137,14 @@ mod tests {
 
     fn fastest(motion: &Motion) -> f64 {
         motion
-            .places()
+            .positions()
             .windows(2)
             .map(|pair| distance(&pair[0], &pair[1]) / STEP_S)
             .fold(0.0, f64::max)
     }
 
     #[test]
-    fn a_jump_becomes_a_way_at_the_speed_limit_and_slow_motion_keeps_its_time() {
+    fn a_jump_becomes_motion_at_the_speed_limit_and_slow_motion_keeps_its_time() {
         let motion = Motion::paced([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [101.0, -50.0]], 400.0);
         assert!(
             (motion.length_s() - 0.27).abs() < 1e-9,
@@ -155,13 +157,13 @@ mod tests {
             fastest(&motion)
         );
         assert_eq!(
-            (motion.at(0.01), motion.at(10.0)),
+            (motion.position(0.01), motion.position(10.0)),
             ([0.5, 0.0], [101.0, -50.0])
         );
-        let [x, y] = motion.at(0.0225);
+        let [x, y] = motion.position(0.0225);
         assert!(
             (x - 2.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9,
-            "between two places: {x} {y}"
+            "between two positions: {x} {y}"
         );
     }
 
@@ -169,22 +171,22 @@ mod tests {
     fn a_stop_comes_to_rest_softly_and_the_end_is_reached() {
         let mut playback = Playback::new(Motion::paced([[0.0, 0.0], [1000.0, 0.0]], 500.0));
         let (mut place, mut ticks) = ([0.0, 0.0], 0);
-        while !playback.finished(ticks > 200) {
+        while !playback.is_finished(ticks > 200) {
             let next = playback.advance(0.005, ticks > 200);
             assert!(distance(&place, &next) <= 2.5 + 1e-9);
             (place, ticks) = (next, ticks + 1);
         }
         assert!((201..=265).contains(&ticks), "{ticks}");
         assert!(place[0] > 300.0 && place[0] < 600.0, "{place:?}");
-        while !playback.finished(false) {
+        while !playback.is_finished(false) {
             place = playback.advance(1.0, false);
         }
         assert_eq!(place, [1000.0, 0.0]);
     }
 
     #[test]
-    fn nothing_is_a_motion_too() {
-        assert_eq!(Motion::paced([], 100.0).at(1.0), [0.0, 0.0]);
-        assert!(Playback::new(Motion::paced([[3.0, 4.0]], 100.0)).finished(false));
+    fn an_empty_motion_is_valid() {
+        assert_eq!(Motion::paced([], 100.0).position(1.0), [0.0, 0.0]);
+        assert!(Playback::new(Motion::paced([[3.0, 4.0]], 100.0)).is_finished(false));
     }
 }

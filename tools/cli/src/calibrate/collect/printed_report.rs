@@ -1,17 +1,17 @@
-//! What `i2ris calibrate collect` prints in the end.
+//! The printed outcome of `i2ris calibrate collect`.
 
 use std::path::Path;
 
 use i2ris_calibration::recording::latency::Latency;
 
-use super::flag::FlagKind;
+use super::recording_flag::FlagKind;
 use super::sidecar::{LatencyRecord, Sidecar};
 use crate::Failure;
 
 /// A latency below this is none: the encoders are read every 4 ms.
 const SMALL_MS: f64 = 4.0;
 
-/// As it stands in the file.
+/// As in the file.
 pub fn record(latency: &Latency) -> LatencyRecord {
     let round = |seconds: f64| (seconds * 1e5).round() / 1e2;
     LatencyRecord {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a table cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum TableError {
+pub enum CsvTableError {
     /// The file cannot be read.
     #[error("cannot read {path}: {source}; name an existing CSV file")]
     Read { path: PathBuf, source: csv::Error },
@@ -18,7 +18,8 @@ pub enum TableError {
     },
     /// A cell is no number.
     #[error(
-        "{path}, line {line}: `{value}` in column `{column}` is not a finite number; correct the cell"
+        "{path}, line {line}: `{value}` in column `{column}` is not a finite number; correct the \
+         cell"
     )]
     Cell {
         path: PathBuf,
@@ -40,7 +41,7 @@ pub enum TableError {
 
 /// A row.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct CsvRow {
     /// In the file, counted from 1 with the header.
     pub line: u64,
     /// In the order that was asked for.
@@ -49,14 +50,14 @@ pub struct Row {
 
 /// Some columns of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
-    pub rows: Vec<Row>,
+pub struct CsvTable {
+    pub rows: Vec<CsvRow>,
 }
 
-impl Table {
+impl CsvTable {
     /// Reads the named columns. Where the first one is `t_s`, it has to rise.
-    pub fn read(path: &Path, columns: &[String]) -> Result<Self, TableError> {
-        let cannot = |source| TableError::Read {
+    pub fn read(path: &Path, columns: &[String]) -> Result<Self, CsvTableError> {
+        let cannot = |source| CsvTableError::Read {
             path: path.to_owned(),
             source,
         };
@@ -69,7 +70,7 @@ impl Table {
             header
                 .iter()
                 .position(|name| name == column)
-                .ok_or_else(|| TableError::Column {
+                .ok_or_else(|| CsvTableError::Column {
                     path: path.to_owned(),
                     column: column.clone(),
                     present: header
@@ -80,7 +81,7 @@ impl Table {
                 })
         };
         let places = columns.iter().map(find).collect::<Result<Vec<_>, _>>()?;
-        let mut rows: Vec<Row> = Vec::new();
+        let mut rows: Vec<CsvRow> = Vec::new();
         for record in reader.records() {
             let record = record.map_err(cannot)?;
             let line = record.position().map_or(0, csv::Position::line);
@@ -90,7 +91,7 @@ impl Table {
                     .parse()
                     .ok()
                     .filter(|number: &f64| number.is_finite())
-                    .ok_or_else(|| TableError::Cell {
+                    .ok_or_else(|| CsvTableError::Cell {
                         path: path.to_owned(),
                         line,
                         column: column.clone(),
@@ -109,16 +110,16 @@ impl Table {
                 )
                 && time_s <= before
             {
-                return Err(TableError::Time {
+                return Err(CsvTableError::Time {
                     path: path.to_owned(),
                     line,
                     time_s: *time_s,
                 });
             }
-            rows.push(Row { line, values });
+            rows.push(CsvRow { line, values });
         }
         if rows.is_empty() {
-            Err(TableError::Empty {
+            Err(CsvTableError::Empty {
                 path: path.to_owned(),
             })
         } else {
@@ -145,11 +146,11 @@ pub fn write(path: &Path, columns: &[String], rows: &[Vec<f64>]) -> Result<(), S
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Table, String> {
+    fn read(text: &str) -> Result<CsvTable, String> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), text).unwrap();
         let columns = ["t_s", "q0_counts"].map(str::to_owned);
-        Table::read(file.path(), &columns).map_err(|error| error.to_string())
+        CsvTable::read(file.path(), &columns).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -157,7 +158,7 @@ mod tests {
         let table = read("q0_counts,other,t_s\n5, x,0\n7,y,0.5\n").unwrap();
         assert_eq!(
             table.rows[1],
-            Row {
+            CsvRow {
                 line: 3,
                 values: vec![0.5, 7.0]
             }

@@ -1,13 +1,13 @@
-//! What was wrong with a moment of a recording.
+//! Flagged moments of a recording.
 
 use serde::Serialize;
 
-/// A moment that a person, or a fit, should know of. No row with angles stems from it.
+/// A moment with a problem. The recording has no row with angles for it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Flag {
     /// As in the recording, s.
     pub t_s: f64,
-    /// What was wrong.
+    /// The problem.
     pub kind: FlagKind,
     /// How long it lasted, s; 0 for a single reading.
     pub span_s: f64,
@@ -16,35 +16,35 @@ pub struct Flag {
     pub measured: Vec<f64>,
 }
 
-/// What was wrong.
+/// The problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FlagKind {
-    /// No encoder position for longer than usual; the way of the motors in between is a guess.
+    /// No encoder position for longer than usual; the path of the motors in between is unknown.
     EncoderGap,
-    /// No picture for longer than usual.
+    /// No frame for longer than usual.
     CameraGap,
-    /// A picture in a gap of the encoders: nobody knows where the motors were.
+    /// A frame in a gap of the encoders: the positions of the motors are unknown.
     NoCounts,
     /// The camera looked, but saw nothing.
     NothingSeen,
-    /// Far from the pictures before and after, which agree; or an angle that no snake has.
+    /// Far from the frames before and after, which agree; or an angle that is impossible.
     Outlier,
-    /// Came when its place in the recording was written already, or with a stamp that does not
+    /// Arrived after later rows had been written, or with a stamp that does not
     /// rise.
     Late,
 }
 
 impl FlagKind {
-    /// What people read.
+    /// The name in printed text.
     pub const fn text(self) -> &'static str {
         match self {
             Self::EncoderGap => "encoder gap",
             Self::CameraGap => "camera gap",
-            Self::NoCounts => "picture in an encoder gap",
+            Self::NoCounts => "frame in an encoder gap",
             Self::NothingSeen => "nothing seen",
             Self::Outlier => "outlier",
-            Self::Late => "late picture",
+            Self::Late => "late frame",
         }
     }
 }

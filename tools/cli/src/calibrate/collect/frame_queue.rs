@@ -1,5 +1,5 @@
-//! Pictures that wait for their place in the recording, and for the one after them, to be judged by
-//! it. Pure.
+//! Camera frames that wait for their turn in the recording, and for the next frame, which shows
+//! whether they are outliers. Pure.
 
 use std::collections::VecDeque;
 
@@ -7,52 +7,52 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{MAX_OUTPUTS, Nanos};
 
-/// Pictures further apart than this say nothing about each other, ns.
+/// Frames further apart than this are not compared, ns.
 const NEIGHBOURS_NS: u64 = 300_000_000;
 
-/// Beyond this no picture is true, in degrees and mm: recordings with such values are refused.
+/// The largest possible values, in degrees and mm: recordings with larger ones are refused.
 const MOST_DEG: f64 = 180.0;
 const MOST_MM: f64 = 1000.0;
 
-/// What a picture shows.
+/// Measurements of a camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Picture {
-    /// When it was taken.
+pub struct CameraFrame {
+    /// When it was exposed.
     pub stamp: Nanos,
     /// In the unit of the recording.
     pub outputs: [f64; MAX_OUTPUTS],
 }
 
-/// A picture and what to think of it.
+/// A frame with its assessment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Judged {
-    Good(Picture),
-    Outlier(Picture),
+pub enum JudgedFrame {
+    Good(CameraFrame),
+    Outlier(CameraFrame),
 }
 
-impl Judged {
-    pub fn picture(&self) -> &Picture {
+impl JudgedFrame {
+    pub fn frame(&self) -> &CameraFrame {
         match self {
-            Self::Good(picture) | Self::Outlier(picture) => picture,
+            Self::Good(frame) | Self::Outlier(frame) => frame,
         }
     }
 }
 
 /// The queue.
 #[derive(Debug)]
-pub struct Pictures {
+pub struct FrameQueue {
     unit: OutputUnit,
     outputs: usize,
     /// Distance in one output from both neighbours that makes an outlier, in the unit.
     outlier: f64,
     /// Taken off every stamp, s.
     latency_s: f64,
-    queue: VecDeque<Picture>,
+    queue: VecDeque<CameraFrame>,
     /// The last good one that was handed out.
-    before: Option<Picture>,
+    before: Option<CameraFrame>,
 }
 
-impl Pictures {
+impl FrameQueue {
     /// An empty queue.
     pub fn new(unit: OutputUnit, outputs: usize, outlier: f64, latency_s: f64) -> Self {
         Self {
@@ -73,55 +73,56 @@ impl Pictures {
             let mut outputs = [0.0; MAX_OUTPUTS];
             let values = outputs.iter_mut().zip(seen.position).take(self.outputs);
             values.for_each(|(output, position)| *output = position / self.unit.si());
-            self.queue.push_back(Picture { stamp, outputs });
+            self.queue.push_back(CameraFrame { stamp, outputs });
         }
         rises
     }
 
-    /// The stamp of the next picture that can be judged: one that has a successor, unless all have
+    /// The stamp of the next frame that can be assessed: one that has a successor, unless all have
     /// to go.
     pub fn next(&self, all: bool) -> Option<Nanos> {
         let ready = self.queue.len() > 1 || all;
         self.queue
             .front()
             .filter(|_| ready)
-            .map(|picture| picture.stamp)
+            .map(|frame| frame.stamp)
     }
 
-    /// Hands out the next picture.
-    pub fn pop(&mut self) -> Option<Judged> {
-        let picture = self.queue.pop_front()?;
-        if self.impossible(&picture) || self.stands_out(&picture) {
-            return Some(Judged::Outlier(picture));
+    /// Removes the next frame.
+    pub fn pop(&mut self) -> Option<JudgedFrame> {
+        let frame = self.queue.pop_front()?;
+        if self.impossible(&frame) || self.stands_out(&frame) {
+            return Some(JudgedFrame::Outlier(frame));
         }
-        self.before = Some(picture);
-        Some(Judged::Good(picture))
+        self.before = Some(frame);
+        Some(JudgedFrame::Good(frame))
     }
 
-    fn impossible(&self, picture: &Picture) -> bool {
+    fn impossible(&self, frame: &CameraFrame) -> bool {
         let most = match self.unit {
             OutputUnit::Deg => MOST_DEG,
             OutputUnit::Mm => MOST_MM,
         };
-        picture
+        frame
             .outputs
             .iter()
             .any(|output| output.is_nan() || output.abs() > most)
     }
 
     /// Far from both neighbours, which are near each other.
-    fn stands_out(&self, picture: &Picture) -> bool {
-        let near = |other: &&Picture| other.stamp.0.abs_diff(picture.stamp.0) <= NEIGHBOURS_NS;
+    fn stands_out(&self, frame: &CameraFrame) -> bool {
+        let near = |other: &&CameraFrame| other.stamp.0.abs_diff(frame.stamp.0) <= NEIGHBOURS_NS;
         let (Some(before), Some(after)) = (
             self.before.as_ref().filter(near),
             self.queue.front().filter(near),
         ) else {
             return false;
         };
-        let apart =
-            |a: &Picture, b: &Picture, output: usize| (a.outputs[output] - b.outputs[output]).abs();
+        let apart = |a: &CameraFrame, b: &CameraFrame, output: usize| {
+            (a.outputs[output] - b.outputs[output]).abs()
+        };
         (0..self.outputs).any(|output| {
-            let far = |other| apart(picture, other, output) > self.outlier;
+            let far = |other| apart(frame, other, output) > self.outlier;
             far(before) && far(after) && apart(before, after, output) <= self.outlier
         })
     }
@@ -143,17 +144,17 @@ mod tests {
     }
 
     fn judge(angles: &[(u64, f64)]) -> Vec<bool> {
-        let mut pictures = Pictures::new(OutputUnit::Deg, 2, 3.0, 0.0);
+        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.0);
         angles
             .iter()
-            .for_each(|(time, angle)| assert!(pictures.push(&seen(*time, *angle))));
-        std::iter::from_fn(|| pictures.pop())
-            .map(|judged| matches!(judged, Judged::Good(_)))
+            .for_each(|(time, angle)| assert!(frames.push(&seen(*time, *angle))));
+        std::iter::from_fn(|| frames.pop())
+            .map(|frame| matches!(frame, JudgedFrame::Good(_)))
             .collect()
     }
 
     #[test]
-    fn a_reading_that_stands_alone_is_an_outlier() {
+    fn a_frame_far_from_both_neighbours_is_an_outlier() {
         assert_eq!(
             judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]),
             [true, false, true, true]
@@ -183,10 +184,10 @@ mod tests {
 
     #[test]
     fn stamps_rise_and_lose_the_latency() {
-        let mut pictures = Pictures::new(OutputUnit::Deg, 2, 3.0, 0.040);
-        assert!(pictures.push(&seen(100, 1.0)) && !pictures.push(&seen(100, 1.0)));
+        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.040);
+        assert!(frames.push(&seen(100, 1.0)) && !frames.push(&seen(100, 1.0)));
         assert_eq!(
-            (pictures.next(false), pictures.next(true)),
+            (frames.next(false), frames.next(true)),
             (None, Some(Nanos::from_millis(60)))
         );
     }
