@@ -10,7 +10,7 @@ use i2ris_bench::way::{Tick, way};
 use i2ris_bench::{COMPONENTS, PLAYS};
 use i2ris_calibration::em::{EmOptions, fit_mixture};
 use i2ris_calibration::progress::Silent;
-use i2ris_calibration::table::Table;
+use i2ris_calibration::table::DataTable;
 
 /// Measures a call at one tick after the other.
 fn each<T>(
@@ -54,7 +54,7 @@ fn calls(criterion: &mut Criterion) {
 }
 
 /// Motion over the plane with many turns, and the bend of a smooth map.
-fn rows() -> Table {
+fn rows() -> DataTable {
     let at = |row: usize| {
         let t = row as f64 * 0.1;
         let a = REACH * (0.6 * (0.31 * t).sin() + 0.4 * (1.13 * t).sin());
@@ -67,7 +67,7 @@ fn rows() -> Table {
             20.0 * ((a + b) / 1500.0).tanh() + noise(9.1),
         ]
     };
-    Table::from_rows(4, (0..10_000).map(at))
+    DataTable::from_rows(4, (0..10_000).map(at))
 }
 
 fn fits(criterion: &mut Criterion) {

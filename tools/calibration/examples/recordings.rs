@@ -1,6 +1,6 @@
 //! The figures of the fit of play operators on the recordings beside the repository
 //! (`shared/data`): a table of root mean square errors on rows that no fit has seen. Where the
-//! folder is absent it says so.
+//! folder is absent it prints that.
 //!
 //! `cargo run --release -p i2ris-calibration --example recordings [SEED]`
 
@@ -14,15 +14,15 @@ use i2ris::model::file::{
 };
 use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::MotorVec;
-use i2ris_calibration::chain::ChainOptions;
 use i2ris_calibration::em::{EmOptions, fit_mixture};
-use i2ris_calibration::play::baseline::LinearPlays;
-use i2ris_calibration::play::{PlayFit, PlayOptions, fit_play};
+use i2ris_calibration::families::chain::ChainOptions;
+use i2ris_calibration::families::play::linear_baseline::LinearPlays;
+use i2ris_calibration::families::play::play_fit::{PlayFit, fit_play};
+use i2ris_calibration::fit::split::{HoldOut, Split};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording, Row};
 use i2ris_calibration::series::Series;
-use i2ris_calibration::split::{HoldOut, Split};
-use i2ris_calibration::table::Table;
+use i2ris_calibration::table::DataTable;
 use nalgebra::{DMatrix, DVector};
 
 type Outputs = [f64; 3];
@@ -31,7 +31,8 @@ fn main() {
     let seed = std::env::args()
         .nth(1)
         .map_or(1, |seed| seed.parse().unwrap());
-    let options = play_options(seed);
+    let mut options = ChainOptions::default();
+    options.em.seed = seed;
     if let Some(wrist) = read("dvrk_wrist/random_first70.csv") {
         println!("dvrk_wrist: trained on the first 70 % of the rows, tested on the rest");
         let split = Split::new(&wrist, HoldOut::Fraction(0.3)).unwrap();
@@ -63,12 +64,6 @@ fn main() {
     }
 }
 
-fn play_options(seed: u64) -> PlayOptions {
-    let mut options = PlayOptions::default();
-    options.chain.em.seed = seed;
-    options
-}
-
 fn read(name: &str) -> Option<Recording> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../../../shared/data")
@@ -81,7 +76,7 @@ fn read(name: &str) -> Option<Recording> {
 }
 
 /// All families, trained on some rows and tested on later ones of the same recording.
-fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options: &PlayOptions) {
+fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options: &ChainOptions) {
     let outputs = recording.outputs().len();
     let report = |name: &str, predicted: &[Outputs]| {
         let on = |rows: &[usize]| {
@@ -101,15 +96,15 @@ fn held_out(recording: &Recording, training: &[usize], tested: &[usize], options
     report("cubic", &polynomial(recording, training, 3));
     report(
         "gmr",
-        &predictions(&gmr(recording, training, &options.chain.em), recording),
+        &predictions(&gmr(recording, training, &options.em), recording),
     );
-    let (known, all) = (Series::new(recording, training), series(recording));
+    let (known, all) = (Series::new(recording, training), Series::whole(recording));
     report(
         "plays, linear read-out",
         &LinearPlays::fit(&known).unwrap().predict(&all).unwrap(),
     );
     let fit = fit(&known, options);
-    let (fit, model) = accepted(recording, training, &known, fit, &options.chain);
+    let (fit, model) = accepted(recording, training, &known, fit, options);
     report("gmr-play", &predictions(&model, recording));
     show(&fit);
 }
@@ -137,11 +132,7 @@ fn accepted(
     (fit, model)
 }
 
-fn series(recording: &Recording) -> Series {
-    Series::new(recording, &(0..recording.rows().len()).collect::<Vec<_>>())
-}
-
-fn fit(series: &Series, options: &PlayOptions) -> PlayFit {
+fn fit(series: &Series, options: &ChainOptions) -> PlayFit {
     let start = Instant::now();
     let fit = fit_play(series, options, &Silent).unwrap();
     println!("    fitted in {:.1} s", start.elapsed().as_secs_f64());
@@ -154,7 +145,7 @@ fn show(fit: &PlayFit) {
         .thresholds_counts
         .iter()
         .zip(&fit.plays.weights)
-        .zip(&fit.reading.motors)
+        .zip(&fit.mechanism.motors)
     {
         println!("    thresholds {thresholds:.0?}\n    weights    {weights:.3?}\n    {motor:.3?}");
     }
@@ -164,9 +155,10 @@ fn show(fit: &PlayFit) {
         .as_ref()
         .map(|residual| (residual.shape_degree, residual.lag_degree));
     println!(
-        "    planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: search {:.3}, chain {:.3}",
+        " planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: \
+         search {:.3}, chain {:.3}",
         fit.plays.planar_thresholds_counts,
-        fit.reading.rotation_deg,
+        fit.mechanism.rotation_deg,
         fit.passes,
         fit.chain.mixture.weights.len(),
         fit.search_rms,
@@ -220,7 +212,7 @@ fn gmr(recording: &Recording, training: &[usize], em: &EmOptions) -> Model {
                 .chain(row.outputs.into_iter().take(recording.outputs().len()))
                 .collect::<Vec<_>>()
         });
-    let joint = Table::from_rows(width, joint);
+    let joint = DataTable::from_rows(width, joint);
     let with = |components| {
         let mixture = fit_mixture(&joint, components, em, &Silent)
             .unwrap()
@@ -277,7 +269,7 @@ fn with_family(
 }
 
 fn predictions(model: &Model, recording: &Recording) -> Vec<Outputs> {
-    i2ris_calibration::metrics::predictions(model, recording)
+    i2ris_calibration::fit::metrics::predictions(model, recording)
 }
 
 /// Root mean square of every output, and of the length of the error, of pairs of measured and
@@ -286,10 +278,9 @@ fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> Strin
     let (mut squares, mut rows) = (vec![0.0; outputs], 0.0);
     for (measured, predicted) in pairs {
         rows += 1.0;
-        squares
-            .iter_mut()
-            .zip(measured.iter().zip(predicted))
-            .for_each(|(sum, (m, p))| *sum += (m - p).powi(2));
+        for (sum, (m, p)) in squares.iter_mut().zip(measured.iter().zip(predicted)) {
+            *sum += (m - p).powi(2);
+        }
     }
     let each: Vec<String> = squares
         .iter()
@@ -302,16 +293,10 @@ fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> Strin
     )
 }
 
-fn sweeps(first: &Recording, second: &Recording, options: &PlayOptions) {
+fn sweeps(first: &Recording, second: &Recording, options: &ChainOptions) {
     let training: Vec<usize> = (0..first.rows().len()).collect();
-    let known = series(first);
-    let (fit, model) = accepted(
-        first,
-        &training,
-        &known,
-        fit(&known, options),
-        &options.chain,
-    );
+    let known = Series::whole(first);
+    let (fit, model) = accepted(first, &training, &known, fit(&known, options), options);
     show(&fit);
     println!(
         "  gmr-play                     training {}",
@@ -367,7 +352,7 @@ fn aligned<'a>(
     })
 }
 
-/// What a model says of a recording whose motor came to its first position from so many counts
+/// Predictions of a model on a recording whose motor came to its first position from so many counts
 /// beside it.
 fn after(model: &Model, recording: &Recording, from: f64) -> Vec<Outputs> {
     let mut memory = model.new_memory();
@@ -376,10 +361,10 @@ fn after(model: &Model, recording: &Recording, from: f64) -> Vec<Outputs> {
     let mut next = 0;
     let si = recording.outputs()[0].unit.si();
     let predict = |row: &Row| {
-        recording.path()[next..=row.place]
-            .iter()
-            .for_each(|position| model.advance(&mut memory, &position.counts));
-        next = row.place + 1;
+        for position in &recording.path()[next..=row.path_index] {
+            model.advance(&mut memory, &position.counts);
+        }
+        next = row.path_index + 1;
         [model.predict(&row.counts, &memory).mean[0] / si, 0.0, 0.0]
     };
     recording.rows().iter().map(predict).collect()

@@ -1,6 +1,6 @@
-//! Telling someone how far long work has come.
+//! Progress of long work.
 
-/// Hears about progress. Calls come from several threads at once.
+/// Receives progress. Calls come from several threads at once.
 pub trait Progress: Sync {
     /// Work of so many steps begins.
     fn begin(&self, steps: usize);
@@ -10,14 +10,12 @@ pub trait Progress: Sync {
     fn end(&self);
 }
 
-/// Nobody listens.
+/// Reports nothing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
 impl Progress for Silent {
     fn begin(&self, _steps: usize) {}
-
     fn step(&self) {}
-
     fn end(&self) {}
 }

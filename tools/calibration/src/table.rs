@@ -1,13 +1,13 @@
-//! A plain table of numbers: what the fits take.
+//! A plain table of numbers, the input of the fits.
 
 /// Rows of equally many numbers, stored one row after the other.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Table {
+pub struct DataTable {
     width: usize,
     values: Vec<f64>,
 }
 
-impl Table {
+impl DataTable {
     /// An empty table whose rows will have `width` numbers.
     #[must_use]
     pub fn new(width: usize) -> Self {
@@ -25,14 +25,22 @@ impl Table {
         rows: impl IntoIterator<Item = Row>,
     ) -> Self {
         let mut table = Self::new(width);
-        rows.into_iter().for_each(|row| table.push(row));
+        for row in rows {
+            table.push(row);
+        }
         table
     }
 
-    /// Appends a row, under the rule of [`Table::from_rows`].
+    /// Appends a row, under the rule of [`DataTable::from_rows`].
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>) {
         let filled = row.into_iter().chain(std::iter::repeat(0.0));
         self.values.extend(filled.take(self.width));
+    }
+
+    /// All numbers, one row after the other.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
     }
 
     /// Numbers in a row.
@@ -70,7 +78,7 @@ mod tests {
 
     #[test]
     fn rows_come_back_as_they_went_in() {
-        let table = Table::from_rows(2, [[1.0, 2.0], [3.0, 4.0]]);
+        let table = DataTable::from_rows(2, [[1.0, 2.0], [3.0, 4.0]]);
         assert_eq!(table.len(), 2);
         assert_eq!(table.rows().collect::<Vec<_>>(), [[1.0, 2.0], [3.0, 4.0]]);
         assert_eq!(table.column(1).collect::<Vec<_>>(), [2.0, 4.0]);
@@ -78,15 +86,13 @@ mod tests {
 
     #[test]
     fn an_odd_row_never_shifts_the_next() {
-        let table = Table::from_rows(2, [vec![1.0], vec![2.0, 3.0, 4.0], vec![5.0, 6.0]]);
-        assert_eq!(
-            table.rows().collect::<Vec<_>>(),
-            [[1.0, 0.0], [2.0, 3.0], [5.0, 6.0]]
-        );
+        let table = DataTable::from_rows(2, [vec![1.0], vec![2.0, 3.0, 4.0], vec![5.0, 6.0]]);
+        let expected = [[1.0, 0.0], [2.0, 3.0], [5.0, 6.0]];
+        assert_eq!(table.rows().collect::<Vec<_>>(), expected);
     }
 
     #[test]
     fn a_table_without_columns_has_no_rows() {
-        assert!(Table::from_rows(0, [[1.0]]).is_empty());
+        assert!(DataTable::from_rows(0, [[1.0]]).is_empty());
     }
 }

@@ -1,9 +1,10 @@
-//! Recordings made up for tests.
+//! Recordings and assertions for tests.
 
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
+use crate::em::options::EmOptions;
 use crate::recording::{ColumnMap, Recording, RecordingWriter, Row};
 
 /// A recording of pitch and yaw with two motors, 5 rows a second, that was written and read. `row`
@@ -25,29 +26,39 @@ fn recorded(
     size: usize,
     mut row: impl FnMut(f64) -> ([f64; 2], [f64; 2]),
 ) -> Recording {
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec {
-        name: name.to_owned(),
-        unit: OutputUnit::Deg,
-    });
+    let outputs = ["pitch", "yaw"].map(degrees);
     let mut file = tempfile::NamedTempFile::new().unwrap();
     let mut writer = RecordingWriter::new(&mut file, true, size, &outputs[..size]).unwrap();
     for index in 0..rows {
         let time = index as f64 * 0.2;
         let (counts, [pitch, yaw]) = row(time);
-        writer
-            .row(&Row {
-                line: 0,
-                time_s: Some(time),
-                counts,
-                outputs: [pitch, yaw, 0.0],
-                place: 0,
-            })
-            .unwrap();
+        let row = Row::new(Some(time), counts, [pitch, yaw, 0.0]);
+        writer.row(&row).unwrap();
     }
     writer.finish().unwrap();
-    Recording::read(file.path(), &ColumnMap::default())
-        .unwrap()
-        .0
+    let columns = ColumnMap::default();
+    Recording::read(file.path(), &columns).unwrap().0
+}
+
+/// An output in degrees.
+pub(crate) fn degrees(name: &str) -> OutputSpec {
+    OutputSpec {
+        name: name.to_owned(),
+        unit: OutputUnit::Deg,
+    }
+}
+
+/// Two motors on a circle about a centre, 2 rad per 4 s.
+pub(crate) fn circle(rows: usize) -> Recording {
+    recording(rows, |time| {
+        let counts = [350.0 * (0.5 * time).cos(), 350.0 * (0.5 * time).sin()];
+        (counts, straight(counts))
+    })
+}
+
+/// Two motors with many reversals, and a straight snake without noise.
+pub(crate) fn wandering(rows: usize) -> Recording {
+    recording(rows, |time| (wander(time), straight(wander(time))))
 }
 
 /// Noise of standard deviation 1, nearly Gaussian: the sum of twelve uniform numbers.
@@ -56,7 +67,7 @@ pub(crate) fn noise(seed: u64) -> impl FnMut() -> f64 {
     move || (0..12).map(|_| random.random::<f64>() - 0.5).sum()
 }
 
-/// Two motors on their way through the plane with many reversals.
+/// Counts of two motors on a path through the plane with many reversals.
 pub(crate) fn wander(time: f64) -> [f64; 2] {
     let (slow, fast) = (300.0, 150.0);
     [
@@ -65,7 +76,36 @@ pub(crate) fn wander(time: f64) -> [f64; 2] {
     ]
 }
 
-/// What a straight model makes of counts.
+/// Angles of a straight model at counts.
 pub(crate) fn straight([a, b]: [f64; 2]) -> [f64; 2] {
     [0.02 * a - 0.015 * b + 2.0, 0.015 * a + 0.02 * b - 5.0]
+}
+
+/// Options for tests that do not need the best of many starts.
+pub(crate) fn few_starts(restarts: usize) -> EmOptions {
+    EmOptions {
+        restarts,
+        ..EmOptions::default()
+    }
+}
+
+/// Runs something on so many threads.
+pub(crate) fn with_threads<T: Send>(threads: usize, run: impl FnOnce() -> T + Send) -> T {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+    pool.build().unwrap().install(run)
+}
+
+#[track_caller]
+pub(crate) fn assert_near(found: f64, expected: f64, tolerance: f64) {
+    let near = (found - expected).abs() <= tolerance;
+    assert!(near, "{found} instead of {expected} +- {tolerance}");
+}
+
+/// That the text of something has all parts.
+#[track_caller]
+pub(crate) fn assert_contains(text: &dyn std::fmt::Display, parts: &[&str]) {
+    let text = text.to_string();
+    for part in parts {
+        assert!(text.contains(part), "`{part}` is missing in: {text}");
+    }
 }

@@ -1,20 +1,20 @@
 //! The laboratory's own recording of the robot. It is not part of the repository; where it is
-//! absent, these tests say so and pass.
+//! absent, these tests print that and pass.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use std::path::PathBuf;
 
 use i2ris_calibration::em::EmOptions;
-use i2ris_calibration::family::Family;
+use i2ris_calibration::fit::family::Family;
+use i2ris_calibration::fit::flatness::{FlatSpot, LEAST_SHARE, flat_spot};
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
-use i2ris_calibration::identify::Finding;
-use i2ris_calibration::linear::fit_linear;
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
-use i2ris_calibration::slope::{FlatSpot, LEAST_SHARE, flat_spot};
-use i2ris_calibration::survey::Warning;
-use i2ris_calibration::table::Table;
+use i2ris_calibration::regression::linear::fit_linear;
+use i2ris_calibration::survey::identifiability::Finding;
+use i2ris_calibration::survey::overview::Warning;
+use i2ris_calibration::table::DataTable;
 
 fn recording() -> Option<(Recording, ReadReport)> {
     read("i2ris/output_w_angles.csv")
@@ -131,8 +131,8 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
             .iter()
             .map(|row| &recording.rows()[*row])
     };
-    let inputs = Table::from_rows(recording.motors(), rows().map(|row| row.counts));
-    let outputs = Table::from_rows(recording.outputs().len(), rows().map(|row| row.outputs));
+    let inputs = DataTable::from_rows(recording.motors(), rows().map(|row| row.counts));
+    let outputs = DataTable::from_rows(recording.outputs().len(), rows().map(|row| row.outputs));
     flat_spot(
         &outcome.model,
         &inputs,

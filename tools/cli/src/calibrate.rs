@@ -3,9 +3,9 @@
 mod collect;
 mod compare;
 mod fit;
+mod fit_report;
 mod merge;
-mod progress;
-mod report;
+mod progress_bar;
 
 use i2ris_terminal::Failure;
 
@@ -14,7 +14,7 @@ use i2ris_terminal::Failure;
 #[command(after_help = "Examples:
   i2ris calibrate collect --config config/emulator.toml --enable --output RECORDING.csv
   i2ris calibrate fit RECORDING.csv --robot-id i2ris-emulated --output config/models/snake.json
-  i2ris calibrate compare config/models/linear.json config/models/snake.json --recording unseen.csv")]
+  i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv")]
 pub enum Command {
     /// Move the motors through a calibration protocol and record them with what a camera sees
     Collect(collect::Arguments),

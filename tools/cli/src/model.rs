@@ -1,14 +1,13 @@
-//! `i2ris model`: what a model says, to a person and to a script, without a robot; and which models
-//! a controller has.
+//! `i2ris model`: models without a robot, and the models of a running controller.
 
 mod activate;
+mod csv_table;
 mod invert;
 mod list;
 mod predict;
 mod rollback;
 mod show;
 mod stage;
-mod table;
 
 use std::path::{Path, PathBuf};
 
@@ -17,7 +16,7 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
 use i2ris_terminal::Failure;
-use table::Table;
+use csv_table::CsvTable;
 
 /// What `i2ris model` can do.
 #[derive(Debug, clap::Subcommand)]
@@ -33,7 +32,7 @@ pub enum Command {
     Invert(invert::Arguments),
     /// Encoder counts in, angles out
     Predict(predict::Arguments),
-    /// Show the models that the running controller has at hand
+    /// Show the models that the running controller has loaded
     List(list::Arguments),
     /// Have the running controller check a model, compare it with the one in use, and keep it ready
     Stage(stage::Arguments),
@@ -86,12 +85,12 @@ fn si(model: &Model) -> f64 {
         .map_or(1.0, |output| output.unit.si())
 }
 
-/// The way of the motors before anything is asked; none without a file.
+/// The path of the motors before; empty without a file.
 fn history(file: Option<&PathBuf>, model: &Model) -> Result<Vec<MotorVec>, Failure> {
     let Some(file) = file else {
         return Ok(Vec::new());
     };
-    let table = Table::read(file, &counts_columns(model))?;
+    let table = CsvTable::read(file, &counts_columns(model))?;
     Ok(table.rows.iter().map(|row| motors(&row.values)).collect())
 }
 
@@ -115,7 +114,7 @@ fn outputs(values: &[f64], si: f64) -> OutputVec {
     outputs
 }
 
-/// Finds out before the work what would go wrong after it.
+/// Refuses to overwrite an input.
 fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {
     let same = |input: &&Path| match (input.canonicalize(), output.canonicalize()) {
         (Ok(input), Ok(output)) => input == output,

@@ -30,13 +30,13 @@ impl Bench {
         self.path("model.json")
     }
 
-    fn fit(&self, options: &[&str]) -> Output {
+    fn fit(&self, options: &str) -> Output {
         calibrate(&self.path("rows.csv"), &self.model(), options)
     }
 
     /// Fits, and expects a good model; returns what was printed.
     #[track_caller]
-    fn succeeds(&self, options: &[&str]) -> String {
+    fn succeeds(&self, options: &str) -> String {
         let output = self.fit(options);
         assert!(
             output.status.success(),
@@ -50,7 +50,7 @@ impl Bench {
 
     /// Fits, and expects one sentence that names the recording and contains `parts`, and no model.
     #[track_caller]
-    fn fails(&self, options: &[&str], parts: &[&str]) {
+    fn fails(&self, options: &str, parts: &[&str]) {
         let sentence = failure(&self.fit(options));
         assert!(
             sentence.contains(&*self.path("rows.csv").to_string_lossy()),
@@ -70,13 +70,13 @@ impl Bench {
     }
 }
 
-fn calibrate(recording: &Path, model: &Path, options: &[&str]) -> Output {
+fn calibrate(recording: &Path, model: &Path, options: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_i2ris"))
         .args(["calibrate", "fit"])
         .arg(recording)
         .arg("--output")
         .arg(model)
-        .args(options)
+        .args(options.split_whitespace())
         .output()
         .unwrap()
 }
@@ -147,14 +147,7 @@ fn with_column(column: usize, cell: &str) -> String {
 #[test]
 fn a_good_recording_gives_a_model_and_a_table() {
     let bench = Bench::new(&csv(&rows(300)));
-    let printed = bench.succeeds(&[
-        "--max-components",
-        "4",
-        "--restarts",
-        "4",
-        "--robot-id",
-        "left",
-    ]);
+    let printed = bench.succeeds("--max-components 4 --restarts 4 --robot-id left");
     for part in [
         "rows       300; 0 dropped",
         "spikes     0",
@@ -186,16 +179,8 @@ fn a_report_with_figures_is_written_beside_the_model() {
     let bench = Bench::new(&csv(&rows(300)));
     let page = bench.path("report.html");
     let option = page.to_str().unwrap();
-    let printed = bench.succeeds(&[
-        "--components",
-        "2",
-        "--restarts",
-        "2",
-        "--robot-id",
-        "a<b>&c",
-        "--report",
-        option,
-    ]);
+    let options = "--components 2 --restarts 2 --robot-id a<b>&c --report";
+    let printed = bench.succeeds(&format!("{options} {option}"));
     assert!(printed.ends_with(&format!("wrote {option}\n")), "{printed}");
     let text = fs::read_to_string(&page).unwrap();
     let model = Model::load(&bench.model()).unwrap();
@@ -221,7 +206,7 @@ fn a_report_with_figures_is_written_beside_the_model() {
 #[test]
 fn a_report_that_cannot_be_written_is_found_before_the_work() {
     let bench = Bench::new(&csv(&rows(100)));
-    let sentence = |report: PathBuf| failure(&bench.fit(&["--report", report.to_str().unwrap()]));
+    let sentence = |report: PathBuf| failure(&bench.fit(&format!("--report {}", report.display())));
     assert!(sentence(bench.path("no/such/report.html")).contains("--report"));
     assert!(sentence(bench.path("no/such/report.html")).contains("there is no folder"));
     assert!(sentence(bench.folder.path().to_owned()).contains("is a folder; name a file in it"));
@@ -233,7 +218,7 @@ fn a_report_that_cannot_be_written_is_found_before_the_work() {
 #[test]
 fn the_linear_family_needs_no_mixture() {
     let bench = Bench::new(&csv(&rows(100)));
-    let printed = bench.succeeds(&["--family", "linear", "--hold-out", "none"]);
+    let printed = bench.succeeds("--family linear --hold-out none");
     assert!(
         printed.contains("held out   nothing") && !printed.contains("gmr"),
         "{printed}"
@@ -244,7 +229,7 @@ fn the_linear_family_needs_no_mixture() {
 fn the_same_seed_gives_the_same_file() {
     let bench = Bench::new(&csv(&rows(200)));
     let written = || {
-        bench.succeeds(&["--components", "3", "--restarts", "5", "--seed", "9"]);
+        bench.succeeds("--components 3 --restarts 5 --seed 9");
         fs::read(bench.model()).unwrap()
     };
     assert_eq!(written(), written());
@@ -255,7 +240,7 @@ fn dropped_and_flagged_rows_are_named() {
     let mut rows = rows(200);
     rows[58][4] += 70.0;
     let text = csv(&rows).replace(&format!("\n{},", rows[20][0]), "\n,");
-    let printed = Bench::new(&text).succeeds(&["--components", "2", "--restarts", "2"]);
+    let printed = Bench::new(&text).succeeds("--components 2 --restarts 2");
     assert!(
         printed.contains("1 dropped for an empty cell:\n           line 22 (t_s)"),
         "{printed}"
@@ -270,17 +255,8 @@ fn dropped_and_flagged_rows_are_named() {
 fn columns_can_be_named() {
     let text = csv(&rows(100)).replace(HEADER, "when,left,right,up,side");
     let bench = Bench::new(&text);
-    let columns = [
-        "--counts",
-        "left,right",
-        "--angles",
-        "up=pitch,side=yaw",
-        "--time",
-        "when",
-        "--family",
-        "linear",
-    ];
-    let printed = bench.succeeds(&columns);
+    let columns = "--counts left,right --angles up=pitch,side=yaw --time when --family linear";
+    let printed = bench.succeeds(columns);
     assert!(
         printed.contains("motor 0 `left`, motor 1 `right`, pitch `up`, yaw `side`, time `when`"),
         "{printed}"
@@ -291,64 +267,58 @@ fn columns_can_be_named() {
 fn an_existing_model_is_replaced_by_a_good_one_only() {
     let bench = Bench::new(&csv(&rows(100)));
     fs::write(bench.model(), "what was there").unwrap();
-    failure(&bench.fit(&["--family", "gmr", "--components", "60"]));
+    failure(&bench.fit("--family gmr --components 60"));
     assert_eq!(fs::read_to_string(bench.model()).unwrap(), "what was there");
-    bench.succeeds(&["--family", "linear"]);
+    bench.succeeds("--family linear");
 }
 
 #[test]
 fn a_recording_that_is_no_file_is_refused() {
     let bench = Bench::new("");
-    bench.fails(&[], &["is empty"]);
+    bench.fails("", &["is empty"]);
     fs::remove_file(bench.path("rows.csv")).unwrap();
-    let sentence = failure(&bench.fit(&[]));
+    let sentence = failure(&bench.fit(""));
     assert!(sentence.contains("rows.csv: No such file"), "{sentence}");
     fs::create_dir(bench.path("rows.csv")).unwrap();
-    let sentence = failure(&bench.fit(&[]));
+    let sentence = failure(&bench.fit(""));
     assert!(sentence.contains("rows.csv: Is a directory"), "{sentence}");
 }
 
 #[test]
 fn wrong_columns_are_refused() {
     Bench::new(&csv(&rows(100)).replace("q0_counts", "q0"))
-        .fails(&[], &["`q0_counts`", "`q0`, `q1_counts`", "--counts"]);
+        .fails("", &["`q0_counts`", "`q0`, `q1_counts`", "--counts"]);
     let good = Bench::new(&csv(&rows(100)));
     good.fails(
-        &["--angles", "bend=pitch"],
+        "--angles bend=pitch",
         &["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"],
     );
-    good.fails(&["--time", "clock"], &["no column `clock`", "--time"]);
+    good.fails("--time clock", &["no column `clock`", "--time"]);
     good.fails(
-        &["--counts", "q0_counts,q0_counts"],
+        "--counts q0_counts,q0_counts",
         &["`q0_counts` is named for two purposes"],
     );
 }
 
 #[test]
 fn columns_that_say_nothing_are_refused() {
-    Bench::new(&with_column(4, "")).fails(&[], &["column `yaw_deg` is empty on every row"]);
+    Bench::new(&with_column(4, "")).fails("", &["column `yaw_deg` is empty on every row"]);
     Bench::new(&with_column(2, "5"))
-        .fails(&[], &["column `q1_counts` is 5 on every row", "--counts"]);
+        .fails("", &["column `q1_counts` is 5 on every row", "--counts"]);
     Bench::new(&with_column(3, "0.5"))
-        .fails(&[], &["column `pitch_deg` is 0.5 on every row", "--angles"]);
+        .fails("", &["column `pitch_deg` is 0.5 on every row", "--angles"]);
 }
 
 #[test]
 fn too_few_rows_are_refused() {
-    Bench::new(&csv(&rows(0))).fails(&[], &["0 complete row(s)"]);
-    Bench::new(&csv(&rows(1))).fails(&[], &["1 complete row(s), and a model takes at least 20"]);
+    Bench::new(&csv(&rows(0))).fails("", &["0 complete row(s)"]);
+    Bench::new(&csv(&rows(1))).fails("", &["1 complete row(s), and a model takes at least 20"]);
     let few = Bench::new(&csv(&rows(60)));
     let most = ["60 rows of 4 variables carry at most 4", "9 are asked for"];
+    few.fails("--family gmr --components 9 --hold-out none", &most);
+    few.fails("--hold-out none", &["takes rows held out", "--family"]);
     few.fails(
-        &["--family", "gmr", "--components", "9", "--hold-out", "none"],
-        &most,
-    );
-    few.fails(
-        &["--hold-out", "none"],
-        &["takes rows held out", "--family"],
-    );
-    few.fails(
-        &["--hold-out", "0.9"],
+        "--hold-out 0.9",
         &[
             "holding out 54 of 60 rows leaves 6 for training",
             "--hold-out",
@@ -359,32 +329,31 @@ fn too_few_rows_are_refused() {
 #[test]
 fn cells_that_make_no_sense_are_refused() {
     Bench::new(&with_cell(7, 1, "left"))
-        .fails(&[], &["line 7, column `q0_counts`: `left` is not a number"]);
+        .fails("", &["line 7, column `q0_counts`: `left` is not a number"]);
     Bench::new(&with_cell(8, 3, "nan")).fails(
-        &[],
+        "",
         &["line 8, column `pitch_deg`: `nan` is not a finite number"],
     );
     Bench::new(&with_cell(9, 4, "-181")).fails(
-        &[],
+        "",
         &["line 9, column `yaw_deg`: `-181` is not between -180 and 180"],
     );
-    Bench::new(&with_cell(9, 4, "1,2"))
-        .fails(&[], &["line 9: has 6 cells, and the header names 5"]);
+    Bench::new(&with_cell(9, 4, "1,2")).fails("", &["line 9: has 6 cells, and the header names 5"]);
 }
 
 #[test]
 fn time_that_does_not_go_forward_is_refused() {
     Bench::new(&with_cell(10, 0, "0.3"))
-        .fails(&[], &["line 10, column `t_s`: time 0.3 s goes backwards"]);
+        .fails("", &["line 10, column `t_s`: time 0.3 s goes backwards"]);
     let twice = Bench::new(&with_cell(10, 0, &rows(10)[7][0].to_string()));
     twice.fails(
-        &[],
+        "",
         &[
             "line 10, column `t_s`: time 1.4000000000000001 s stands there twice",
             "line 9",
         ],
     );
-    twice.succeeds(&["--no-time", "--family", "linear"]);
+    twice.succeeds("--no-time --family linear");
 }
 
 #[test]
@@ -393,7 +362,7 @@ fn motors_that_move_as_one_are_refused() {
         .into_iter()
         .map(|[t, q0, _, pitch, yaw]| [t, q0, 2.0 * q0, pitch, yaw])
         .collect();
-    Bench::new(&csv(&together)).fails(&[], &["the motors move together", "--counts"]);
+    Bench::new(&csv(&together)).fails("", &["the motors move together", "--counts"]);
 }
 
 #[test]
@@ -410,7 +379,7 @@ fn a_model_that_cannot_be_inverted_is_not_written() {
     };
     let bench = Bench::new(&csv(&(0..250).map(on_a_circle).collect::<Vec<_>>()));
     bench.fails(
-        &["--family", "gmr", "--components", "8"],
+        "--family gmr --components 8",
         &[
             "the model of family `gmr` is refused",
             "the inverse fails at counts",
@@ -422,7 +391,7 @@ fn a_model_that_cannot_be_inverted_is_not_written() {
 fn an_output_that_cannot_be_written_is_found_before_the_work() {
     let bench = Bench::new(&csv(&rows(100)));
     let recording = bench.path("rows.csv");
-    let sentence = |model: PathBuf| failure(&calibrate(&recording, &model, &[]));
+    let sentence = |model: PathBuf| failure(&calibrate(&recording, &model, ""));
     assert!(sentence(bench.path("no/such/model.json")).contains("there is no folder"));
     assert!(sentence(bench.folder.path().to_owned()).contains("is a folder; name a file in it"));
     assert!(sentence(recording.clone()).contains("is the recording itself"));
@@ -433,14 +402,14 @@ fn an_output_that_cannot_be_written_is_found_before_the_work() {
 fn options_that_make_no_sense_are_refused() {
     let bench = Bench::new(&csv(&rows(100)));
     for (options, part) in [
-        (["--family", "cubic"], "`cubic` is no family"),
-        (["--hold-out", "1.5"], "`1.5` is neither `last-cycle`"),
-        (["--components", "0"], "1..=64"),
-        (["--restarts", "0"], "--restarts"),
-        (["--shrinkage", "2"], "from 0 to 1"),
-        (["--angles", "a="], "`a=` names no output"),
+        ("--family cubic", "`cubic` is no family"),
+        ("--hold-out 1.5", "`1.5` is neither `last-cycle`"),
+        ("--components 0", "1..=64"),
+        ("--restarts 0", "--restarts"),
+        ("--shrinkage 2", "from 0 to 1"),
+        ("--angles a=", "`a=` names no output"),
     ] {
-        let output = bench.fit(&options);
+        let output = bench.fit(options);
         let message = String::from_utf8(output.stderr).unwrap();
         assert!(
             !output.status.success() && message.contains(part),
@@ -460,7 +429,7 @@ fn the_laboratorys_recording_is_fitted_as_it_is() {
     }
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("model.json");
-    let output = calibrate(&recording, &model, &["--restarts", "3"]);
+    let output = calibrate(&recording, &model, "--restarts 3");
     let printed = String::from_utf8(output.stdout).unwrap();
     assert!(
         output.status.success(),

@@ -99,10 +99,10 @@ impl Rig {
 
     /// Runs `i2ris` with arguments, those that begin with `@` being files of the rig; returns what
     /// it printed.
-    fn tool(&self, arguments: &[&str]) -> String {
+    fn tool(&self, arguments: &str) -> String {
         let file = |name: &str| self.path(name).into_os_string();
         let arguments = arguments
-            .iter()
+            .split_whitespace()
             .map(|text| text.strip_prefix('@').map_or_else(|| text.into(), file));
         let output: Output = Command::new(env!("CARGO_BIN_EXE_i2ris"))
             .args(arguments)
@@ -146,50 +146,12 @@ fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
 
 /// Pictures of what was recorded, the angles that are in them, and a model of those.
 fn through_pictures(rig: &Rig) -> Model {
-    let common = [
-        "vision",
-        "render",
-        "--angles",
-        "@take.csv",
-        "--output",
-        "@pictures",
-        "--size",
-        "640x480",
-    ];
-    rig.tool(&[&common[..], &["--every", "6"]].concat());
-    let setup = [
-        "vision",
-        "calibrate",
-        "--setup",
-        "@pictures/vision.toml",
-        "--output",
-        "@vision.toml",
-    ];
-    rig.tool(
-        &[
-            &setup[..],
-            &["--rest", "@pictures/rest0", "@pictures/rest1"],
-        ]
-        .concat(),
-    );
-    let measure = [
-        "vision",
-        "--setup",
-        "@vision.toml",
-        "@pictures/view0",
-        "@pictures/view1",
-        "--rest-s",
-        "0",
-    ];
-    rig.tool(&[&measure[..], &["--output", "@angles.csv"]].concat());
-    rig.tool(&[
-        "calibrate",
-        "merge",
-        "@take.csv",
-        "@angles.csv",
-        "--output",
-        "@seen.csv",
-    ]);
+    rig.tool("vision render --angles @take.csv --output @pictures --size 640x480 --every 6");
+    let setup = "vision calibrate --setup @pictures/vision.toml --output @vision.toml";
+    rig.tool(&format!("{setup} --rest @pictures/rest0 @pictures/rest1"));
+    let measure = "vision --setup @vision.toml @pictures/view0 @pictures/view1 --rest-s 0";
+    rig.tool(&format!("{measure} --output @angles.csv"));
+    rig.tool("calibrate merge @take.csv @angles.csv --output @seen.csv");
     let read = |name: &str| {
         Recording::read(&rig.path(name), &ColumnMap::default())
             .unwrap()
@@ -202,18 +164,10 @@ fn through_pictures(rig: &Rig) -> Model {
 }
 
 fn fit(rig: &Rig, recording: &str, output: &str) -> Model {
-    let fit = [
-        "calibrate",
-        "fit",
-        recording,
-        "--robot-id",
-        "i2ris-emulated",
-        "--family",
-        "gmr",
-        "--output",
-        output,
-    ];
-    rig.tool(&[&fit[..], &["--components", "4", "--restarts", "2"]].concat());
+    let family = "--robot-id i2ris-emulated --family gmr --components 4 --restarts 2";
+    rig.tool(&format!(
+        "calibrate fit {recording} {family} --output {output}"
+    ));
     let model = Model::load(&rig.path(&output[1..])).unwrap();
     model.check_robot("i2ris-emulated", 2).unwrap();
     model
@@ -222,22 +176,9 @@ fn fit(rig: &Rig, recording: &str, output: &str) -> Model {
 #[test]
 fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let mut rig = Rig::start();
-    let printed = rig.tool(&[
-        "calibrate",
-        "collect",
-        "--config",
-        "@robot.toml",
-        "--output",
-        "@take.csv",
-        "--enable",
-        "--duration-s",
-        "20",
-        "--range-counts",
-        "1200",
-        "--speed-counts-s",
-        "900",
-        "--json",
-    ]);
+    let collect = "calibrate collect --config @robot.toml --output @take.csv --enable --json";
+    let motion = "--duration-s 20 --range-counts 1200 --speed-counts-s 900";
+    let printed = rig.tool(&format!("{collect} {motion}"));
     let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(sidecar["outcome"]["complete"], true, "{printed}");
     assert_eq!(sidecar["robot_id"], "i2ris-emulated");
@@ -277,18 +218,8 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     }
     rig.control(Some("seen.json"));
     let domain = rig.config.ipc.domain.clone();
-    let pose = [
-        "command",
-        "--domain",
-        &domain,
-        "--enable",
-        "pose",
-        "8",
-        "-6",
-        "--duration-s",
-        "1",
-    ];
-    rig.tool(&pose);
+    let pose = "--enable pose 8 -6 --duration-s 1";
+    rig.tool(&format!("command --domain {domain} {pose}"));
     let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
     // The model has no memory: half the width of the loop, and what friction has left of the motion
     // before.

@@ -13,11 +13,13 @@ const MODEL: &str = r#"{"format": "i2ris-model", "schema_version": 1, "robot_id"
     "family": {"kind": "linear", "gain": [[0.01, 0.0], [0.0, 0.01]], "offset": [0.0, 0.0],
         "covariance": [[0.01, 0.0], [0.0, 0.01]]},
     "hull": {"corners": [[-900.0, -900.0], [900.0, -900.0], [900.0, 900.0], [-900.0, 900.0]]},
-    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3, "restarts": 1,
+    "training": {"data_file": "none.csv", "data_sha256": "SHA", "rows": 10, "seed": 3,
+        "restarts": 1,
         "log_likelihood": null, "bic": null, "software": "test"},
     "metrics": [METRICS, METRICS]}"#;
 
-const METRICS: &str = r#"{"training": {"r2": 0.99, "rmsd": 1.0, "nrmsd": 0.1, "mae": 0.8, "max": 2.0}, "held_out": null}"#;
+const METRICS: &str = r#"{"held_out": null,
+    "training": {"r2": 0.99, "rmsd": 1.0, "nrmsd": 0.1, "mae": 0.8, "max": 2.0}}"#;
 
 struct Bench(TempDir);
 
@@ -42,9 +44,9 @@ impl Bench {
     }
 
     /// Runs `i2ris` in the folder: success, standard output, standard error.
-    fn run(&self, arguments: &[&str]) -> (bool, String, String) {
+    fn run(&self, arguments: &str) -> (bool, String, String) {
         let output = Command::new(env!("CARGO_BIN_EXE_i2ris"))
-            .args(arguments)
+            .args(arguments.split_whitespace())
             .current_dir(&self.0)
             .output()
             .unwrap();
@@ -57,7 +59,7 @@ impl Bench {
     }
 
     /// Runs it and expects success.
-    fn good(&self, arguments: &[&str]) -> String {
+    fn good(&self, arguments: &str) -> String {
         let (success, output, error) = self.run(arguments);
         assert!(success, "{error}");
         output
@@ -76,7 +78,7 @@ impl Bench {
 
 #[test]
 fn show_tells_a_person_what_the_model_is() {
-    let output = Bench::new().good(&["model", "show", "model.json"]);
+    let output = Bench::new().good("model show model.json");
     for said in [
         "linear",
         "paper",
@@ -88,8 +90,7 @@ fn show_tells_a_person_what_the_model_is() {
         assert!(output.contains(said), "{said}: {output}");
     }
     let json: serde_json::Value =
-        serde_json::from_str(&Bench::new().good(&["model", "show", "model.json", "--json"]))
-            .unwrap();
+        serde_json::from_str(&Bench::new().good("model show model.json --json")).unwrap();
     assert_eq!(json["file"]["robot_id"], "paper");
     assert_eq!(json["id"].as_str().map(str::len), Some(64));
 }
@@ -101,15 +102,7 @@ fn counts_lead_to_angles_and_angles_to_counts() {
         "wanted.csv",
         "t_s,pitch_deg,yaw_deg\n0,0,0\n1,4,-2\n1.5,4,-2\n",
     );
-    bench.good(&[
-        "model",
-        "invert",
-        "model.json",
-        "--trajectory",
-        "wanted.csv",
-        "--output",
-        "counts.csv",
-    ]);
+    bench.good("model invert model.json --trajectory wanted.csv --output counts.csv");
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(rows.len(), 1501, "one per tick of 1 ms");
     for row in &rows {
@@ -120,15 +113,7 @@ fn counts_lead_to_angles_and_angles_to_counts() {
         );
     }
     assert_eq!(rows.last().unwrap()[1..], [4.0, -2.0, 400.0, -200.0]);
-    bench.good(&[
-        "model",
-        "predict",
-        "model.json",
-        "--counts",
-        "counts.csv",
-        "--output",
-        "angles.csv",
-    ]);
+    bench.good("model predict model.json --counts counts.csv --output angles.csv");
     let angles = bench.rows("angles.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(angles.len(), rows.len());
     assert!(
@@ -146,26 +131,14 @@ fn limits_hold_unless_they_are_lifted() {
         "jump.csv",
         "t_s,pitch_deg,yaw_deg\n0,0,0\n0.001,8,0\n0.1,8,0\n",
     );
-    let arguments = [
-        "model",
-        "invert",
-        "model.json",
-        "--trajectory",
-        "jump.csv",
-        "--output",
-        "counts.csv",
-    ];
-    let (success, _, error) = bench.run(&arguments);
+    let arguments = "model invert model.json --trajectory jump.csv --output counts.csv";
+    let (success, _, error) = bench.run(arguments);
     assert!(
         !success && error.contains("jump.csv at t_s = 0.001") && error.contains("--no-limits"),
         "{error}"
     );
     assert!(!bench.path("counts.csv").exists());
-    let free: Vec<&str> = arguments
-        .iter()
-        .copied()
-        .chain(["--no-limits", "--json"])
-        .collect();
+    let free = format!("{arguments} --no-limits --json");
     let outcome: serde_json::Value = serde_json::from_str(&bench.good(&free)).unwrap();
     assert_eq!(
         (&outcome["clipped_ticks"], &outcome["travel_counts"][0]),
@@ -179,15 +152,7 @@ fn limits_hold_unless_they_are_lifted() {
 fn a_goal_outside_the_hull_is_clipped_and_said() {
     let bench = Bench::new();
     bench.write("far.csv", "t_s,pitch_deg,yaw_deg\n0,8,0\n4,12,0\n");
-    let output = bench.good(&[
-        "model",
-        "invert",
-        "model.json",
-        "--trajectory",
-        "far.csv",
-        "--output",
-        "counts.csv",
-    ]);
+    let output = bench.good("model invert model.json --trajectory far.csv --output counts.csv");
     assert!(output.contains("were clipped"), "{output}");
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(rows.last().unwrap()[3], 900.0);
@@ -209,28 +174,14 @@ fn models_are_compared_on_a_recording() {
         );
     }
     bench.write("unseen.csv", &text);
-    let output = bench.good(&[
-        "calibrate",
-        "compare",
-        "model.json",
-        "model.json",
-        "--recording",
-        "unseen.csv",
-    ]);
+    let output = bench.good("calibrate compare model.json model.json --recording unseen.csv");
     assert!(
-        output.contains("200 rows with angles on a way of 400 positions"),
+        output.contains("200 rows with angles on a path of 400 positions"),
         "{output}"
     );
     assert_eq!(output.matches("linear").count(), 2, "{output}");
-    let arguments = [
-        "calibrate",
-        "compare",
-        "model.json",
-        "--recording",
-        "unseen.csv",
-        "--json",
-    ];
-    let json: serde_json::Value = serde_json::from_str(&bench.good(&arguments)).unwrap();
+    let arguments = "calibrate compare model.json --recording unseen.csv --json";
+    let json: serde_json::Value = serde_json::from_str(&bench.good(arguments)).unwrap();
     let near =
         |value: &serde_json::Value, wanted: f64| (value.as_f64().unwrap() - wanted).abs() < 1e-9;
     let [pitch, yaw] = [&json[0]["outputs"][0], &json[0]["outputs"][1]];
@@ -251,57 +202,24 @@ fn mistakes_are_named_with_file_and_remedy() {
     bench.write("text.csv", "t_s,q0_counts,q1_counts\n0,1,2\n1,x,2\n");
     bench.write("other.toml", &config("other"));
     bench.write("good.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,1,1\n");
-    let invert = [
-        "model",
-        "invert",
-        "model.json",
-        "--output",
-        "out.csv",
-        "--trajectory",
-    ];
-    let with = |more: &[&'static str]| {
-        invert
-            .iter()
-            .copied()
-            .chain(more.iter().copied())
-            .collect::<Vec<_>>()
-    };
-    for (arguments, said) in [
-        (with(&["wanted.csv"]), "no column `yaw_deg`"),
-        (with(&["nothing.csv"]), "cannot read nothing.csv"),
-        (with(&["good.csv", "--config", "other.toml"]), "other"),
+    let invert = "model invert model.json --output out.csv --trajectory";
+    let predict = "model predict model.json --counts text.csv --output";
+    for (command, more, said) in [
+        (invert, "wanted.csv", "no column `yaw_deg`"),
+        (invert, "nothing.csv", "cannot read nothing.csv"),
+        (invert, "good.csv --config other.toml", "other"),
         (
-            with(&["good.csv", "--history", "wanted.csv"]),
+            invert,
+            "good.csv --history wanted.csv",
             "no column `q0_counts`",
         ),
-        (
-            vec![
-                "model",
-                "predict",
-                "model.json",
-                "--counts",
-                "text.csv",
-                "--output",
-                "out.csv",
-            ],
-            "text.csv, line 3",
-        ),
-        (
-            vec![
-                "model",
-                "predict",
-                "model.json",
-                "--counts",
-                "text.csv",
-                "--output",
-                "text.csv",
-            ],
-            "is the same file",
-        ),
-        (vec!["model", "show", "text.csv"], "text.csv"),
+        (predict, "out.csv", "text.csv, line 3"),
+        (predict, "text.csv", "is the same file"),
+        ("model show", "text.csv", "text.csv"),
     ] {
+        let arguments = format!("{command} {more}");
         let (success, _, error) = bench.run(&arguments);
-        assert!(!success && error.contains(said), "{arguments:?}: {error}");
+        assert!(!success && error.contains(said), "{arguments}: {error}");
         assert!(!bench.path("out.csv").exists());
     }
 }

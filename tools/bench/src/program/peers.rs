@@ -7,7 +7,7 @@ use std::time::Instant;
 use i2ris::model::file::MixtureParameters;
 use i2ris::model::hysteresis::read_out::ReadOut;
 use i2ris_calibration::em::{EmOptions, fit_mixture_from};
-use i2ris_calibration::table::Table;
+use i2ris_calibration::table::DataTable;
 use i2ris_terminal::Failure;
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +42,7 @@ struct Answer {
 /// Reads a question and prints the answer, as JSON.
 pub fn answer(file: &str) -> Result<(), Failure> {
     let question: Question = serde_json::from_str(&fs::read_to_string(file)?)?;
-    let data = Table::from_rows(4, question.rows.iter().map(|row| row.iter().copied()));
+    let data = DataTable::from_rows(4, question.rows.iter().map(|row| row.iter().copied()));
     let options = EmOptions {
         tolerance: question.tolerance,
         max_iterations: question.max_iterations,

@@ -30,17 +30,12 @@ impl<const N: usize> Prepared<N> {
         let whitening = factor.solve_lower_triangular(&SMatrix::<f64, N, N>::identity())?;
         let log_determinant = 2.0 * factor.diagonal().iter().map(|d| d.ln()).sum::<f64>();
         let constant = component.weight.ln() - 0.5 * (N as f64 * (2.0 * PI).ln() + log_determinant);
-        let finite = constant.is_finite()
-            && component
-                .mean
-                .iter()
-                .chain(whitening.iter())
-                .all(|v| v.is_finite());
+        let mut numbers = component.mean.iter().chain(whitening.iter());
+        let finite = constant.is_finite() && numbers.all(|v| v.is_finite());
+        let row = |row| std::array::from_fn(|column| whitening[(row, column)]);
         finite.then(|| Self {
             mean: component.mean.into(),
-            whitening: std::array::from_fn(|row| {
-                std::array::from_fn(|column| whitening[(row, column)])
-            }),
+            whitening: std::array::from_fn(row),
             constant,
         })
     }
@@ -73,40 +68,19 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_density_is_refused() {
-        let flat = Matrix2::new(1.0, 1.0, 1.0, 1.0);
-        let good = Component {
-            weight: 1.0,
-            mean: Vector2::zeros(),
-            covariance: Matrix2::identity(),
+    fn a_mixture_without_a_density_is_refused() {
+        let prepared = |weight, mean, covariance| {
+            Prepared::new(&Component {
+                weight,
+                mean,
+                covariance,
+            })
         };
-        assert!(
-            Prepared::new(&Component {
-                covariance: flat,
-                ..good.clone()
-            })
-            .is_none()
-        );
-        assert!(
-            Prepared::new(&Component {
-                covariance: Matrix2::identity() * f64::NAN,
-                ..good.clone()
-            })
-            .is_none()
-        );
-        assert!(
-            Prepared::new(&Component {
-                weight: 0.0,
-                ..good.clone()
-            })
-            .is_none()
-        );
-        assert!(
-            Prepared::new(&Component {
-                mean: Vector2::new(f64::INFINITY, 0.0),
-                ..good
-            })
-            .is_none()
-        );
+        let (origin, round) = (Vector2::zeros(), Matrix2::identity());
+        assert!(prepared(1.0, origin, round).is_some());
+        assert!(prepared(1.0, origin, Matrix2::new(1.0, 1.0, 1.0, 1.0)).is_none());
+        assert!(prepared(1.0, origin, round * f64::NAN).is_none());
+        assert!(prepared(0.0, origin, round).is_none());
+        assert!(prepared(1.0, Vector2::new(f64::INFINITY, 0.0), round).is_none());
     }
 }

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Why a random start led nowhere. Such a start is counted and left out; that is no error while
-/// others succeed.
+/// Why a random start failed. Such a start is counted and left out; that is no error while others
+/// succeed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, thiserror::Error)]
 pub enum StartFailure {
     /// A covariance collapsed.
@@ -16,7 +16,7 @@ pub enum StartFailure {
     /// A component ended with fewer rows than variables plus one.
     #[error("a component was left with fewer rows than it takes to give it a shape")]
     Starved,
-    /// There is nothing to tell so many components apart.
+    /// So many components would have the same mean.
     #[error("there are fewer distinct rows than components")]
     TooFewDistinctRows,
 }
@@ -24,7 +24,7 @@ pub enum StartFailure {
 /// Why no mixture could be fitted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EmError {
-    /// Sizes that no model has.
+    /// A number of variables that no model has.
     #[error("a mixture has 2 to 7 variables, and the data have {found}")]
     Variables {
         /// Columns of the data.
@@ -38,8 +38,8 @@ pub enum EmError {
     },
     /// More parameters than rows.
     #[error(
-        "{rows} rows of {variables} variables carry at most {most} component(s), and {components} are asked for; \
-         record more or ask for fewer components"
+        "{rows} rows of {variables} variables carry at most {most} component(s), and {components} \
+         are asked for; record more or ask for fewer components"
     )]
     TooFewRows {
         /// Rows of the data.
@@ -51,9 +51,10 @@ pub enum EmError {
         /// Components that would be possible.
         most: usize,
     },
-    /// Not one start led anywhere.
+    /// All starts failed.
     #[error(
-        "none of the {} starts with {components} component(s) succeeded: {}; ask for fewer components or record more",
+        "none of the {} starts with {components} component(s) succeeded: {}; ask for fewer \
+         components or record more",
         failures.len(), Reasons(failures)
     )]
     NoStartSucceeded {
@@ -71,23 +72,20 @@ pub struct Reasons<'a>(pub &'a [StartFailure]);
 impl fmt::Display for Reasons<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut counts = BTreeMap::new();
-        self.0
-            .iter()
-            .for_each(|failure| *counts.entry(failure).or_insert(0_usize) += 1);
-        for (number, (failure, count)) in counts.into_iter().enumerate() {
-            write!(
-                f,
-                "{}{count} times {failure}",
-                if number == 0 { "" } else { ", " }
-            )?;
+        for failure in self.0 {
+            *counts.entry(failure).or_insert(0_usize) += 1;
         }
-        Ok(())
+        let reasons = counts
+            .into_iter()
+            .map(|(failure, count)| format!("{count} times {failure}"));
+        f.write_str(&reasons.collect::<Vec<_>>().join(", "))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::assert_contains;
 
     #[test]
     fn failures_are_counted_by_reason() {
@@ -96,18 +94,14 @@ mod tests {
             StartFailure::NotFinite,
             StartFailure::Starved,
         ];
-        let text = EmError::NoStartSucceeded {
+        let error = EmError::NoStartSucceeded {
             components: 9,
             failures,
-        }
-        .to_string();
-        assert!(
-            text.contains("none of the 3 starts with 9 component(s)"),
-            "{text}"
-        );
-        assert!(
-            text.contains("1 times the likelihood was not finite, 2 times a component was left"),
-            "{text}"
-        );
+        };
+        let parts = [
+            "none of the 3 starts with 9 component(s)",
+            "1 times the likelihood was not finite, 2 times a component was left",
+        ];
+        assert_contains(&error, &parts);
     }
 }

@@ -1,9 +1,8 @@
-//! The data as the inner loops want it: standardised, in blocks of rows with one contiguous column
-//! per variable.
+//! The data, standardised, in blocks of rows with one contiguous column per variable.
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::table::Table;
+use crate::table::DataTable;
 
 /// Rows per block. A block of seven variables and one column of responsibilities stay in the
 /// first-level cache.
@@ -16,7 +15,7 @@ pub(super) struct Block<const N: usize> {
     pub used: usize,
 }
 
-/// Where each variable lies and how far it spreads: `standardised = (value - mean) / deviation`.
+/// Mean and standard deviation of each variable: `standardised = (value - mean) / deviation`.
 #[derive(Debug, Clone)]
 pub(super) struct Scaling<const N: usize> {
     pub mean: SVector<f64, N>,
@@ -25,23 +24,20 @@ pub(super) struct Scaling<const N: usize> {
 
 impl<const N: usize> Scaling<N> {
     /// A variable that never changes keeps its unit, so that nothing divides by 0.
-    fn of(data: &Table) -> Self {
+    fn new(data: &DataTable) -> Self {
         let rows = data.len().max(1) as f64;
         let mean = SVector::from_fn(|variable, _| data.column(variable).sum::<f64>() / rows);
         let deviation = SVector::from_fn(|variable, _| {
             let centre: f64 = mean[variable];
-            let variance = data
-                .column(variable)
-                .map(|value| (value - centre).powi(2))
-                .sum::<f64>()
-                / rows;
+            let squares = data.column(variable).map(|value| (value - centre).powi(2));
+            let variance = squares.sum::<f64>() / rows;
             if variance > 0.0 { variance.sqrt() } else { 1.0 }
         });
         Self { mean, deviation }
     }
 
-    /// What to add to the log-density of a standardised row to get that of the row itself: the
-    /// logarithm of the Jacobian of the change of variables.
+    /// The log-density of a row less that of the standardised row: the logarithm of the Jacobian of
+    /// the change of variables.
     pub fn log_jacobian(&self) -> f64 {
         -self
             .deviation
@@ -63,8 +59,8 @@ pub(super) struct Samples<const N: usize> {
 
 impl<const N: usize> Samples<N> {
     /// Standardises rows of `N` numbers.
-    pub fn new(data: &Table) -> Self {
-        let scaling = Scaling::of(data);
+    pub fn new(data: &DataTable) -> Self {
+        let scaling = Scaling::new(data);
         let mut samples = Self {
             blocks: Vec::new(),
             rows: data.len(),
@@ -84,11 +80,9 @@ impl<const N: usize> Samples<N> {
             samples.correlation += standard * standard.transpose();
             if let Some(block) = samples.blocks.last_mut() {
                 block.used = place + 1;
-                block
-                    .columns
-                    .iter_mut()
-                    .zip(standard.iter())
-                    .for_each(|(column, value)| column[place] = *value);
+                for (column, value) in block.columns.iter_mut().zip(standard.iter()) {
+                    column[place] = *value;
+                }
             }
         }
         samples.correlation /= samples.rows.max(1) as f64;
@@ -107,14 +101,12 @@ impl<const N: usize> Samples<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::assert_near;
 
     #[test]
     fn every_variable_gets_mean_0_and_variance_1() {
-        let data = Table::from_rows(
-            2,
-            (0..150).map(|i| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)]),
-        );
-        let samples = Samples::<2>::new(&data);
+        let row = |i: u32| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)];
+        let samples = Samples::<2>::new(&DataTable::from_rows(2, (0..150).map(row)));
         let points: Vec<_> = samples.points().collect();
         assert_eq!(
             (points.len(), samples.blocks.len(), samples.blocks[2].used),
@@ -122,20 +114,18 @@ mod tests {
         );
         let mean = points.iter().sum::<SVector<f64, 2>>() / 150.0;
         assert!(mean.norm() < 1e-12);
-        assert!(
-            (samples.correlation[(0, 0)] - 1.0).abs() < 1e-12
-                && (samples.correlation[(1, 1)] - 1.0).abs() < 1e-12
-        );
+        assert_near(samples.correlation[(0, 0)], 1.0, 1e-12);
+        assert_near(samples.correlation[(1, 1)], 1.0, 1e-12);
         assert!(samples.correlation[(0, 1)] < -0.9);
     }
 
     #[test]
     fn a_variable_that_never_changes_stays_finite() {
-        let samples = Samples::<2>::new(&Table::from_rows(2, (0..9).map(|i| [f64::from(i), 5.0])));
-        assert!(
-            samples
-                .points()
-                .all(|point| point.iter().all(|value| value.is_finite()))
-        );
+        let samples = Samples::<2>::new(&DataTable::from_rows(
+            2,
+            (0..9).map(|i| [f64::from(i), 5.0]),
+        ));
+        let mut points = samples.points();
+        assert!(points.all(|point| point.iter().all(|value| value.is_finite())));
     }
 }

@@ -3,14 +3,18 @@
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::{MAX_COMPONENTS, Model, ModelError};
 
-use super::{Components, FitError, FitOptions, refused};
-use crate::components::{least_that_comes_near, left_out_errors};
-use crate::em::{EmError, MixtureFit, fit_mixture, fit_mixtures};
-use crate::family::{Family, Fitted, Frame};
-use crate::linear::LinearFit;
+use super::error::{FitError, refused};
+use super::family::Family;
+use super::flatness::{FlatSpot, flat_spot};
+use super::model_file::{FileContext, Fitted};
+use super::options::{Components, FitOptions};
+use crate::em::error::EmError;
+use crate::em::mixture::MixtureFit;
+use crate::em::restarts::{fit_mixture, fit_mixtures};
 use crate::progress::Progress;
-use crate::slope::{FlatSpot, flat_spot};
-use crate::table::Table;
+use crate::regression::component_choice::{first_near_least, left_out_errors};
+use crate::regression::linear::LinearFit;
+use crate::table::DataTable;
 
 /// A number of components that was tried.
 #[derive(Debug)]
@@ -22,11 +26,11 @@ pub struct Candidate {
     /// RMS length of the error on blocks left out one at a time, in the unit of the outputs; `None`
     /// where a block could not be predicted, or the number was given.
     pub left_out_rms: Option<f64>,
-    /// What became of it.
+    /// Whether it was taken, and why not.
     pub verdict: Verdict,
 }
 
-/// What became of a candidate.
+/// Whether a candidate was taken, and why not.
 #[derive(Debug)]
 pub enum Verdict {
     /// Taken.
@@ -42,19 +46,19 @@ pub enum Verdict {
     Failed(EmError),
 }
 
-/// What a mixture on the counts is fitted to.
+/// The data of a mixture on the counts.
 #[derive(Clone, Copy)]
-pub(super) struct Data<'a> {
-    pub inputs: &'a Table,
-    pub outputs: &'a Table,
+pub(super) struct GmrData<'a> {
+    pub inputs: &'a DataTable,
+    pub outputs: &'a DataTable,
     /// The affine model of the same rows.
     pub straight: &'a LinearFit,
 }
 
 /// A mixture on the counts and its candidates.
 pub(super) fn fit(
-    frame: &Frame,
-    data: Data,
+    context: &FileContext,
+    data: GmrData,
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<(Model, Vec<Candidate>), FitError> {
@@ -62,7 +66,7 @@ pub(super) fn fit(
     match options.components {
         Components::Exactly(components) => {
             let fit = fit_mixture(joint, components, &options.em, progress)?;
-            let model = frame
+            let model = context
                 .model(&fitted(&fit, options))
                 .map_err(|source| refused(Family::Gmr, source))?;
             let candidate = Candidate {
@@ -77,20 +81,10 @@ pub(super) fn fit(
             let range = 1..=most.clamp(1, MAX_COMPONENTS);
             let fits = fit_mixtures(joint, range.clone(), &options.em, progress)?;
             let tried: Vec<usize> = range.take(fits.len()).collect();
-            let outputs = frame.recording.outputs().len();
-            let errors = match frame.recording.motors() {
-                1 => left_out_errors::<1>(joint, outputs, &tried, &options.em, progress),
-                _ => left_out_errors::<2>(joint, outputs, &tried, &options.em, progress),
-            };
-            let candidates = tried.into_iter().zip(fits).zip(&errors);
-            choose(
-                frame,
-                data,
-                candidates
-                    .map(|((k, fit), error)| candidate(k, fit, *error))
-                    .collect(),
-                options,
-            )
+            let errors = left_out_errors(joint, data.inputs.width(), &tried, &options.em, progress);
+            let candidates = tried.into_iter().zip(fits).zip(errors);
+            let candidates = candidates.map(|((k, fit), error)| candidate(k, fit, error));
+            choose(context, data, candidates.collect(), options)
         }
     }
 }
@@ -108,65 +102,57 @@ fn fitted(fit: &MixtureFit, options: &FitOptions) -> Fitted {
 
 fn candidate(components: usize, fit: Result<MixtureFit, EmError>, error: f64) -> Candidate {
     let left_out_rms = error.is_finite().then(|| error.sqrt());
-    match fit {
-        Ok(fit) => Candidate {
-            components,
-            fit: Some(fit),
-            left_out_rms,
-            verdict: Verdict::Surpassed,
-        },
-        Err(error) => Candidate {
-            components,
-            fit: None,
-            left_out_rms,
-            verdict: Verdict::Failed(error),
-        },
+    let (fit, verdict) = match fit {
+        Ok(fit) => (Some(fit), Verdict::Surpassed),
+        Err(error) => (None, Verdict::Failed(error)),
+    };
+    Candidate {
+        components,
+        fit,
+        left_out_rms,
+        verdict,
     }
 }
 
 /// Takes the simplest candidate that does about as well as the best, of those whose model passes.
 fn choose(
-    frame: &Frame,
-    data: Data,
+    context: &FileContext,
+    data: GmrData,
     mut candidates: Vec<Candidate>,
     options: &FitOptions,
 ) -> Result<(Model, Vec<Candidate>), FitError> {
     loop {
-        let open = |candidate: &Candidate| matches!(candidate.verdict, Verdict::Surpassed);
-        let errors: Vec<f64> = candidates
-            .iter()
-            .map(|candidate| {
-                candidate
-                    .left_out_rms
-                    .filter(|_| open(candidate))
-                    .map_or(f64::INFINITY, |rms| rms * rms)
-            })
-            .collect();
-        let Some(candidate) =
-            least_that_comes_near(&errors).and_then(|index| candidates.get_mut(index))
+        let error = |candidate: &Candidate| match (&candidate.verdict, candidate.left_out_rms) {
+            (Verdict::Surpassed, Some(rms)) => rms * rms,
+            _ => f64::INFINITY,
+        };
+        let errors: Vec<f64> = candidates.iter().map(error).collect();
+        let best = first_near_least(&errors).map(|index| &mut candidates[index]);
+        let Some(Candidate {
+            fit: Some(fit),
+            verdict,
+            ..
+        }) = best
         else {
             return Err(simplest_reason(candidates));
         };
-        let Some(fit) = &candidate.fit else {
-            return Err(simplest_reason(candidates));
-        };
-        match frame.model(&fitted(fit, options)) {
+        match context.model(&fitted(fit, options)) {
             Ok(model) => match flat_spot(&model, data.inputs, data.outputs, data.straight) {
-                Some(spot) => candidate.verdict = Verdict::TooFlat(spot),
+                Some(spot) => *verdict = Verdict::TooFlat(spot),
                 None => {
-                    candidate.verdict = Verdict::Chosen;
+                    *verdict = Verdict::Chosen;
                     return Ok((model, candidates));
                 }
             },
-            Err(error) => candidate.verdict = Verdict::Refused(error),
+            Err(error) => *verdict = Verdict::Refused(error),
         }
     }
 }
 
 /// `[counts; outputs]`, the variables of the mixture.
-fn joint(inputs: &Table, outputs: &Table) -> Table {
+fn joint(inputs: &DataTable, outputs: &DataTable) -> DataTable {
     let rows = inputs.rows().zip(outputs.rows());
-    Table::from_rows(
+    DataTable::from_rows(
         inputs.width() + outputs.width(),
         rows.map(|(x, y)| x.iter().chain(y).copied()),
     )
@@ -188,8 +174,6 @@ fn simplest_reason(candidates: Vec<Candidate>) -> FitError {
         components: 1,
         failures: Vec::new(),
     };
-    candidates
-        .into_iter()
-        .find_map(reason)
-        .unwrap_or(FitError::Mixture(nothing))
+    let reason = candidates.into_iter().find_map(reason);
+    reason.unwrap_or(FitError::Mixture(nothing))
 }

@@ -1,21 +1,62 @@
+//! Properties of the fit of whole recordings.
+
+use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::play::{PlayParameters, Plays};
 use nalgebra::SVector;
 
-use super::*;
+use super::all_families::fit;
+use super::error::FitError;
+use super::family::{Choice, Family};
+use super::gmr::{Candidate, Verdict};
+use super::options::{Components, FitOptions};
+use super::outcome::FitOutcome;
+use super::split::HoldOut;
+use crate::em::options::EmOptions;
 use crate::progress::Silent;
-use crate::testing::{noise, one_motor, recording, straight, wander};
+use crate::recording::Recording;
+use crate::survey::spike::SpikeOptions;
+use crate::testing::{assert_contains, assert_near, few_starts, noise, one_motor, recording};
+use crate::testing::{straight, wander};
+
+#[track_caller]
+fn fitted(recording: &Recording, options: &FitOptions) -> FitOutcome {
+    fit(recording, options, &Silent).unwrap()
+}
+
+#[track_caller]
+fn refused(recording: &Recording, options: &FitOptions) -> FitError {
+    fit(recording, options, &Silent).unwrap_err()
+}
+
+fn of_family(family: Family) -> FitOptions {
+    FitOptions {
+        choice: Choice::One(family),
+        ..options()
+    }
+}
+
+fn with_components(components: Components) -> FitOptions {
+    FitOptions {
+        components,
+        ..options()
+    }
+}
+
+fn holding_out(hold_out: HoldOut) -> FitOptions {
+    FitOptions {
+        hold_out,
+        ..options()
+    }
+}
 
 /// Few restarts: these tests are not about the best of many.
 fn options() -> FitOptions {
     FitOptions {
         choice: Choice::One(Family::Gmr),
         components: Components::UpTo(4),
-        em: EmOptions {
-            restarts: 3,
-            ..EmOptions::default()
-        },
+        em: few_starts(3),
         ..FitOptions::default()
     }
 }
@@ -24,24 +65,22 @@ fn options() -> FitOptions {
 fn bent(rows: usize) -> Recording {
     let mut random = noise(1);
     recording(rows, |time| {
-        let angles =
-            straight(wander(time)).map(|angle| 12.0 * (angle / 12.0).tanh() + 0.05 * random());
-        (wander(time), angles)
+        let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + 0.05 * random();
+        (wander(time), straight(wander(time)).map(bend))
     })
 }
 
-/// Both motors on one circle, the angles behind by a phase, as the robot's recording has it.
+/// Both motors on one circle, the angles behind by a phase, as in the recording of the robot.
 fn circle() -> Recording {
     let mut random = noise(2);
     recording(250, |time| {
         let phase = 0.5 * time;
-        let angles = straight([350.0 * (phase - 0.3).cos(), 350.0 * (phase - 0.3).sin()]);
-        let lifted = [
-            angles[0] + 2.0 * (3.0 * phase).sin(),
-            angles[1] - 1.5 * (2.0 * phase).cos(),
-        ];
+        let at = |phase: f64| [350.0 * phase.cos(), 350.0 * phase.sin()];
+        let [pitch, yaw] = straight(at(phase - 0.3));
+        let waves = [2.0 * (3.0 * phase).sin(), -1.5 * (2.0 * phase).cos()];
+        let lifted = [pitch + waves[0], yaw + waves[1]];
         (
-            [350.0 * phase.cos(), 350.0 * phase.sin()].map(f64::round),
+            at(phase).map(f64::round),
             lifted.map(|angle| angle + 0.2 * random()),
         )
     })
@@ -53,52 +92,34 @@ fn held_out(model: &Model, output: usize) -> f64 {
 
 #[test]
 fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
-    let outcome = fit(&bent(2000), &options(), &Silent).unwrap();
+    let outcome = fitted(&bent(2000), &options());
     for output in 0..2 {
-        let (gmr, linear) = (
-            held_out(&outcome.model, output),
-            held_out(&outcome.linear, output),
-        );
+        let [gmr, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
         assert!(gmr < 0.6 * linear && gmr < 0.4, "{gmr} beside {linear}");
     }
     let chosen = outcome.report.chosen().unwrap();
     assert!(chosen.components > 1);
-    assert_eq!(
-        outcome.model.file().training.bic,
-        chosen.fit.as_ref().map(|fit| fit.bic)
-    );
+    let bic = chosen.fit.as_ref().map(|fit| fit.bic);
+    assert_eq!(outcome.model.file().training.bic, bic);
 }
 
 #[test]
-fn a_straight_snake_is_found_down_to_its_noise() {
+fn the_gain_and_the_noise_of_a_straight_snake_are_found() {
     let mut random = noise(3);
     let snake = recording(400, |time| {
-        (
-            wander(time),
-            straight(wander(time)).map(|angle| angle + 0.1 * random()),
-        )
+        let angles = straight(wander(time)).map(|angle| angle + 0.1 * random());
+        (wander(time), angles)
     });
-    let outcome = fit(
-        &snake,
-        &FitOptions {
-            choice: Choice::One(Family::Linear),
-            ..options()
-        },
-        &Silent,
-    )
-    .unwrap();
+    let outcome = fitted(&snake, &of_family(Family::Linear));
     assert!(outcome.report.candidates.is_empty());
     assert_eq!(outcome.model.id(), outcome.linear.id());
     let FamilyParameters::Linear { gain, .. } = &outcome.model.file().family else {
         panic!("not linear")
     };
     for (gain, expected) in gain.concat().iter().zip([0.02, -0.015, 0.015, 0.02]) {
-        assert!(
-            (gain - expected).abs() < 1e-4,
-            "{gain} instead of {expected}"
-        );
+        assert_near(*gain, expected, 1e-4);
     }
-    assert!((held_out(&outcome.model, 0) - 0.1).abs() < 0.02);
+    assert_near(held_out(&outcome.model, 0), 0.1, 0.02);
 }
 
 #[test]
@@ -108,45 +129,40 @@ fn one_motor_and_one_output_are_enough() {
         let count = (600.0 * (0.4 * time).sin()).round();
         (count, 20.0 * (count / 400.0).tanh() + 0.1 * random())
     });
-    let outcome = fit(&probe, &options(), &Silent).unwrap();
+    let outcome = fitted(&probe, &options());
     assert_eq!((outcome.model.motors(), outcome.model.outputs()), (1, 1));
     assert!(held_out(&outcome.model, 0) < 0.6 * held_out(&outcome.linear, 0));
 }
 
 #[test]
-fn the_model_file_says_where_it_comes_from() {
+fn the_model_file_names_its_origin() {
     let recording = bent(400);
     let options = FitOptions {
         robot_id: "left".to_owned(),
-        hold_out: HoldOut::Fraction(0.3),
-        ..options()
+        ..holding_out(HoldOut::Fraction(0.3))
     };
-    let outcome = fit(&recording, &options, &Silent).unwrap();
+    let outcome = fitted(&recording, &options);
     let file = outcome.model.file();
     assert_eq!((file.robot_id.as_str(), file.training.rows), ("left", 280));
     assert_eq!((file.training.seed, file.training.restarts), (1, 3));
     assert_eq!(file.training.data_sha256, recording.sha256());
-    assert!(outcome.report.training.iter().all(|row| {
-        outcome
-            .model
-            .hull()
-            .contains(&recording.rows()[*row].counts)
-    }));
+    for row in &outcome.report.training {
+        let counts = &recording.rows()[*row].counts;
+        assert!(outcome.model.hull().contains(counts));
+    }
 }
 
 #[test]
 fn the_same_seed_gives_the_same_model() {
     let recording = bent(400);
     let id = |seed| {
-        let options = FitOptions {
-            em: EmOptions {
-                seed,
-                restarts: 2,
-                ..EmOptions::default()
-            },
-            ..options()
+        let em = EmOptions {
+            seed,
+            ..few_starts(2)
         };
-        fit(&recording, &options, &Silent).unwrap().model.id()
+        fitted(&recording, &FitOptions { em, ..options() })
+            .model
+            .id()
     };
     assert_eq!(id(5), id(5));
     assert_ne!(id(5), id(6));
@@ -154,24 +170,10 @@ fn the_same_seed_gives_the_same_model() {
 
 #[test]
 fn without_held_out_rows_there_are_no_held_out_metrics() {
-    let outcome = fit(
-        &bent(400),
-        &FitOptions {
-            hold_out: HoldOut::Nothing,
-            ..options()
-        },
-        &Silent,
-    )
-    .unwrap();
+    let outcome = fitted(&bent(400), &holding_out(HoldOut::Nothing));
     assert_eq!(outcome.report.training.len(), 400);
-    assert!(
-        outcome
-            .model
-            .file()
-            .metrics
-            .iter()
-            .all(|metrics| metrics.held_out.is_none())
-    );
+    let mut metrics = outcome.model.file().metrics.iter();
+    assert!(metrics.all(|metrics| metrics.held_out.is_none()));
 }
 
 #[test]
@@ -179,148 +181,97 @@ fn spikes_are_tested_but_not_trained_on() {
     let mut random = noise(5);
     let spiky = recording(400, |time| {
         // Row 100 is for training, row 350 is held out.
-        let spike = if time == 20.0 || time == 70.0 {
+        let spike = if [20.0, 70.0].contains(&time) {
             50.0
         } else {
             0.0
         };
-        (
-            wander(time),
-            straight(wander(time)).map(|angle| angle + spike + 0.1 * random()),
-        )
+        let angles = straight(wander(time)).map(|angle| angle + spike + 0.1 * random());
+        (wander(time), angles)
     });
-    let outcome = fit(&spiky, &options(), &Silent).unwrap();
-    let flagged: Vec<_> = outcome
-        .report
-        .survey
-        .spikes
-        .iter()
-        .map(|spike| spike.row)
-        .collect();
+    let outcome = fitted(&spiky, &options());
+    let report = &outcome.report;
+    let flagged: Vec<_> = report.survey.spikes.iter().map(|spike| spike.row).collect();
     assert_eq!(flagged, [100, 100, 350, 350]);
-    assert!(!outcome.report.training.contains(&100) && outcome.report.training.contains(&99));
+    assert!(!report.training.contains(&100) && report.training.contains(&99));
     let metrics = &outcome.model.file().metrics[0];
     assert!(metrics.training.max < 2.0 && metrics.held_out.unwrap().max > 45.0);
 
-    let keep = SpikeOptions {
+    let spikes = SpikeOptions {
         keep: true,
         ..SpikeOptions::default()
     };
-    let kept = fit(
-        &spiky,
-        &FitOptions {
-            spikes: keep,
-            choice: Choice::One(Family::Linear),
-            ..options()
-        },
-        &Silent,
-    )
-    .unwrap();
-    assert!(kept.report.training.contains(&100));
+    let keep = FitOptions {
+        spikes,
+        ..of_family(Family::Linear)
+    };
+    assert!(fitted(&spiky, &keep).report.training.contains(&100));
 }
 
 #[test]
-fn a_model_that_cannot_be_inverted_is_surpassed_by_one_that_can() {
-    let exactly = FitOptions {
-        components: Components::Exactly(8),
-        ..options()
-    };
-    let error = fit(&circle(), &exactly, &Silent).unwrap_err();
-    assert!(
-        matches!(
-            error,
-            FitError::Refused {
-                family: Family::Gmr,
-                ..
-            }
-        ),
-        "{error}"
+fn a_model_that_cannot_be_inverted_is_replaced_by_one_that_can() {
+    let error = refused(&circle(), &with_components(Components::Exactly(8)));
+    let of_gmr = matches!(
+        error,
+        FitError::Refused {
+            family: Family::Gmr,
+            ..
+        }
     );
-    assert!(
-        error.to_string().contains("the inverse fails at counts"),
-        "{error}"
-    );
+    assert!(of_gmr, "{error}");
+    assert_contains(&error, &["the inverse fails at counts"]);
 
-    let up_to = FitOptions {
-        components: Components::UpTo(8),
-        ..options()
-    };
-    let outcome = fit(&circle(), &up_to, &Silent).unwrap();
-    let chosen = outcome.report.chosen().unwrap();
+    let report = fitted(&circle(), &with_components(Components::UpTo(8))).report;
+    let chosen = report.chosen().unwrap();
     assert!(chosen.components < 8);
-    let better_but_refused = |c: &&Candidate| matches!(c.verdict, Verdict::Refused(_));
-    assert!(
-        outcome
-            .report
-            .candidates
-            .iter()
-            .any(|c| better_but_refused(&c))
-    );
-    for candidate in outcome.report.candidates.iter().filter(better_but_refused) {
+    let is_refused = |c: &&Candidate| matches!(c.verdict, Verdict::Refused(_));
+    let refused: Vec<_> = report.candidates.iter().filter(is_refused).collect();
+    assert!(!refused.is_empty());
+    for candidate in refused {
         assert!(candidate.left_out_rms < chosen.left_out_rms.map(|rms| 1.01 * rms));
     }
 }
 
 #[test]
-fn what_cannot_be_fitted_is_explained() {
-    let refused =
-        |recording: &Recording, options: &FitOptions| fit(recording, options, &Silent).unwrap_err();
+fn recordings_that_cannot_be_fitted_are_refused_with_the_reason() {
     let together = recording(100, |time| {
         let [a, _] = wander(time);
         ([a, 2.0 * a + 5.0], straight([a, a]))
     });
-    let error = refused(&together, &options());
-    assert!(
-        error.to_string().contains("the motors move together"),
-        "{error}"
-    );
-
-    let late = recording(100, |time| {
+    let late_motor = recording(100, |time| {
         let [a, b] = wander(time);
         let counts = [a, if time > 18.0 { b } else { 0.0 }];
         (counts, straight(counts))
     });
-    let error = refused(&late, &options());
-    assert_eq!(
-        error.to_string(),
-        LinearError::Still { motor: 1 }.to_string()
-    );
-
-    let late = recording(100, |time| {
-        (
-            wander(time),
-            [straight(wander(time))[0], (time - 18.0).max(0.0)],
-        )
+    let late_output = recording(100, |time| {
+        let pitch = straight(wander(time))[0];
+        (wander(time), [pitch, (time - 18.0).max(0.0)])
     });
-    let error = refused(&late, &options());
-    assert!(
-        matches!(&error, FitError::Constant { output } if output == "yaw"),
-        "{error}"
-    );
-
-    let greedy = FitOptions {
-        components: Components::Exactly(60),
-        ..options()
-    };
-    let error = refused(&bent(400), &greedy);
-    assert!(
-        error
-            .to_string()
-            .contains("component(s), and 60 are asked for; record more"),
-        "{error}"
-    );
-
-    let greedy = FitOptions {
-        hold_out: HoldOut::Fraction(0.99),
-        ..options()
-    };
-    assert!(matches!(refused(&bent(400), &greedy), FitError::Split(_)));
+    let greedy = with_components(Components::Exactly(60));
+    let too_much = holding_out(HoldOut::Fraction(0.99));
+    for (recording, options, reason) in [
+        (&together, &options(), "the motors move together"),
+        (
+            &late_motor,
+            &options(),
+            "motor 1 does not move in the rows used for training",
+        ),
+        (&late_output, &options(), "output `yaw` does not change"),
+        (
+            &bent(400),
+            &greedy,
+            "component(s), and 60 are asked for; record more",
+        ),
+        (&bent(400), &too_much, "leaves 4 for training"),
+    ] {
+        assert_contains(&refused(recording, options), &[reason]);
+    }
 }
 
-/// One axis at a time: the mixture has never seen the plane between them, and folds there as soon
-/// as it has components enough.
+/// One axis at a time: the mixture has no data in the plane between them, and folds there with
+/// many components.
 #[test]
-fn where_a_model_with_memory_has_no_inverse_it_is_fitted_with_fewer_components() {
+fn a_model_with_memory_without_inverse_is_fitted_with_fewer_components() {
     let operator = Plays::<2>::prepare(&PlayParameters {
         thresholds_counts: vec![vec![0.0, 60.0]; 2],
         weights: vec![vec![0.4, 0.6]; 2],
@@ -334,23 +285,13 @@ fn where_a_model_with_memory_has_no_inverse_it_is_fitted_with_fewer_components()
         let counts = if time < 150.0 { [a, 0.0] } else { [0.0, b] };
         operator.advance(&mut state, &SVector::from(counts));
         let [p, y] = straight(operator.local(&state, &SVector::from(counts)).mean.into());
-        (
-            counts,
-            [
-                7.0 * (p / 7.0).tanh() + 0.02 * random(),
-                7.0 * ((y - 0.2 * p) / 7.0).tanh() + 0.02 * random(),
-            ],
-        )
+        let pitch = 7.0 * (p / 7.0).tanh() + 0.02 * random();
+        let yaw = 7.0 * ((y - 0.2 * p) / 7.0).tanh() + 0.02 * random();
+        (counts, [pitch, yaw])
     });
     let options = FitOptions {
-        choice: Choice::One(Family::GmrPlay),
         hold_out: HoldOut::Nothing,
-        ..options()
+        ..of_family(Family::GmrPlay)
     };
-    let outcome = fit(&cross, &options, &Silent).unwrap();
-    assert_eq!(
-        outcome.family,
-        Family::GmrPlay,
-        "it was not refused for good"
-    );
+    assert_eq!(fitted(&cross, &options).family, Family::GmrPlay);
 }

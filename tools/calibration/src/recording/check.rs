@@ -1,22 +1,22 @@
-//! What a recording must fulfil before anything is fitted to it.
+//! Requirements that every recording fulfils.
 
 use std::path::Path;
 
 use super::columns::{Column, Layout};
-use super::read::RawTable;
-use super::{Position, Recording, RecordingError};
+use super::error::RecordingError;
+use super::rows::{PathPoint, Recording};
 
 /// The least rows that a recording must have: fewer hold no motion.
 pub const MIN_ROWS: usize = 20;
 
-/// That no column is empty from top to bottom.
+/// Refuses a column that is empty on every row; `filled` counts the filled cells of each column.
 pub(super) fn columns_are_filled(
-    table: &RawTable,
+    filled: &[usize],
     layout: &Layout,
     path: &Path,
 ) -> Result<(), RecordingError> {
-    let empty = |column: &&Column| table.filled.get(column.index) == Some(&0);
-    match layout.all().find(empty).filter(|_| table.total > 0) {
+    let empty = |column: &&Column| filled.get(column.index) == Some(&0);
+    match layout.all().find(empty) {
         None => Ok(()),
         Some(column) => Err(RecordingError::EmptyColumn {
             path: path.to_owned(),
@@ -37,8 +37,8 @@ fn option(layout: &Layout, column: &Column) -> &'static str {
     }
 }
 
-/// That there are enough rows, time goes forward, and every motor and output changes.
-pub(super) fn rows_make_sense(
+/// Refuses too few rows, time that does not increase, and motors and outputs that never change.
+pub(super) fn rows_are_valid(
     recording: &Recording,
     layout: &Layout,
     path: &Path,
@@ -52,35 +52,24 @@ pub(super) fn rows_make_sense(
         });
     }
     if let Some(column) = &layout.time {
-        recording
-            .path()
-            .windows(2)
-            .try_for_each(|pair| time_goes_forward(&pair[0], &pair[1], column, path))?;
+        for pair in recording.path().windows(2) {
+            check_time(&pair[0], &pair[1], column, path)?;
+        }
     }
     for (motor, column) in layout.counts.iter().enumerate() {
-        changes(
-            rows.iter().map(|row| row.counts[motor]),
-            column,
-            "that motor never moved",
-            "--counts",
-            path,
-        )?;
+        let counts = rows.iter().map(|row| row.counts[motor]);
+        check_change(counts, column, "that motor never moved", "--counts", path)?;
     }
     for (output, (column, _)) in layout.outputs.iter().enumerate() {
-        changes(
-            rows.iter().map(|row| row.outputs[output]),
-            column,
-            "nothing was measured",
-            "--angles",
-            path,
-        )?;
+        let outputs = rows.iter().map(|row| row.outputs[output]);
+        check_change(outputs, column, "nothing was measured", "--angles", path)?;
     }
     Ok(())
 }
 
-fn time_goes_forward(
-    before: &Position,
-    after: &Position,
+fn check_time(
+    before: &PathPoint,
+    after: &PathPoint,
     column: &Column,
     path: &Path,
 ) -> Result<(), RecordingError> {
@@ -98,14 +87,14 @@ fn time_goes_forward(
         what: if time < previous {
             "goes backwards"
         } else {
-            "stands there twice"
+            "occurs twice"
         },
         previous,
         previous_line: before.line,
     })
 }
 
-fn changes(
+fn check_change(
     mut values: impl Iterator<Item = f64>,
     column: &Column,
     meaning: &'static str,

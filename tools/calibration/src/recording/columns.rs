@@ -1,9 +1,9 @@
-//! Which column means what.
+//! The meaning of each column.
 //!
-//! Two layouts are known without being told: the common one (`t_s`, `q0_counts`, `q1_counts`,
+//! Two layouts are recognised: the common one (`t_s`, `q0_counts`, `q1_counts`,
 //! `pitch_deg`, `yaw_deg`, or `x_mm`, `y_mm`, `z_mm`) and the one that the laboratory's scripts
-//! write (`Enc TS`, `Encoder counts 0`, `Encoder counts 1`, `pitches`, `yaws`). Whatever is named
-//! in a [`ColumnMap`] takes the place of what would be found.
+//! write (`Enc TS`, `Encoder counts 0`, `Encoder counts 1`, `pitches`, `yaws`). Columns that
+//! are named in a [`ColumnMap`] replace those.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use std::str::FromStr;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 
-use super::RecordingError;
+use super::error::RecordingError;
 
 /// Known columns of time stamps, in order of preference. Of the laboratory's two clocks, that of
 /// the encoders.
@@ -34,7 +34,7 @@ const OUTPUTS: [(&str, &str, OutputUnit); 7] = [
     ("z_mm", "z", OutputUnit::Mm),
 ];
 
-/// What a caller says about the columns. The default says nothing: known layouts are recognised.
+/// Columns named by the caller. The default names none: known layouts are recognised.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ColumnMap {
     /// Where the time stamps are.
@@ -94,17 +94,13 @@ impl FromStr for OutputColumn {
                 text: text.to_owned(),
             });
         }
-        let unit = if column.ends_with("_mm") {
-            OutputUnit::Mm
-        } else {
-            OutputUnit::Deg
+        let unit = match column.ends_with("_mm") {
+            true => OutputUnit::Mm,
+            false => OutputUnit::Deg,
         };
         Ok(Self {
             column: column.to_owned(),
-            output: OutputSpec {
-                name: name.to_owned(),
-                unit,
-            },
+            output: output(name, unit),
         })
     }
 }
@@ -131,10 +127,12 @@ impl Layout {
             names: header,
             path,
         };
+        let (time, counts) = (header.time(map)?, header.counts(map)?);
+        let outputs = header.outputs(map)?;
         let layout = Self {
-            time: header.time(map)?,
-            counts: header.counts(map)?,
-            outputs: header.outputs(map)?,
+            time,
+            counts,
+            outputs,
         };
         layout.check(path)?;
         Ok(layout)
@@ -183,60 +181,46 @@ impl Header<'_> {
         match &map.time {
             TimeColumn::Ignored => Ok(None),
             TimeColumn::Named(name) => self.named(name, "--time").map(Some),
-            TimeColumn::Known => TIMES
-                .iter()
-                .find_map(|name| self.column(name).transpose())
-                .transpose(),
+            TimeColumn::Known => {
+                let mut known = TIMES.iter();
+                known
+                    .find_map(|name| self.column(name).transpose())
+                    .transpose()
+            }
         }
     }
 
     fn counts(&self, map: &ColumnMap) -> Result<Vec<Column>, RecordingError> {
         if !map.counts.is_empty() {
-            return map
-                .counts
-                .iter()
-                .map(|name| self.named(name, "--counts"))
-                .collect();
+            let names = map.counts.iter();
+            return names.map(|name| self.named(name, "--counts")).collect();
         }
-        for layout in COUNTS {
-            if self.has(layout[0]) {
-                return layout
-                    .iter()
-                    .filter_map(|name| self.column(name).transpose())
-                    .collect();
-            }
-        }
-        Err(self.missing(
-            &COUNTS.map(|layout| layout[0]),
-            "--counts COLUMN or --counts COLUMN,COLUMN",
-        ))
+        let Some(layout) = COUNTS.iter().find(|layout| self.has(layout[0])) else {
+            let option = "--counts COLUMN or --counts COLUMN,COLUMN";
+            return Err(self.missing(&COUNTS.map(|layout| layout[0]), option));
+        };
+        let present = layout
+            .iter()
+            .filter_map(|name| self.column(name).transpose());
+        present.collect()
     }
 
     /// Angles before positions: a model has one kind only.
     fn outputs(&self, map: &ColumnMap) -> Result<Vec<(Column, OutputSpec)>, RecordingError> {
         if !map.outputs.is_empty() {
-            let outputs = map.outputs.iter();
-            return outputs
-                .map(|o| Ok((self.named(&o.column, "--angles")?, o.output.clone())))
-                .collect();
+            let named =
+                |o: &OutputColumn| Ok((self.named(&o.column, "--angles")?, o.output.clone()));
+            return map.outputs.iter().map(named).collect();
         }
         let present = || OUTPUTS.iter().filter(|(column, ..)| self.has(column));
         let Some(&(.., unit)) = present().next() else {
-            let options = ["pitch_deg", "yaw_deg", "pitches", "yaws"];
-            return Err(self.missing(
-                &options,
-                "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME",
-            ));
+            let known = ["pitch_deg", "yaw_deg", "pitches", "yaws"];
+            let option = "--angles COLUMN=NAME or --angles COLUMN=NAME,COLUMN=NAME";
+            return Err(self.missing(&known, option));
         };
         let of_one_unit = present().filter(|(.., other)| *other == unit);
         let column = |(column, name, unit): &(&str, &str, OutputUnit)| {
-            Ok((
-                self.named(column, "--angles")?,
-                OutputSpec {
-                    name: (*name).to_owned(),
-                    unit: *unit,
-                },
-            ))
+            Ok((self.named(column, "--angles")?, output(name, *unit)))
         };
         of_one_unit.map(column).collect()
     }
@@ -251,15 +235,13 @@ impl Header<'_> {
     }
 
     fn column(&self, name: &str) -> Result<Option<Column>, RecordingError> {
-        let mut found = self
-            .names
-            .iter()
-            .enumerate()
-            .filter(|(_, other)| *other == name);
-        let first = found.next().map(|(index, name)| Column {
+        let columns = self.names.iter().enumerate();
+        let mut found = columns.filter(|(_, other)| *other == name);
+        let column = |(index, name): (usize, &String)| Column {
             index,
             name: name.clone(),
-        });
+        };
+        let first = found.next().map(column);
         match found.next() {
             None => Ok(first),
             Some(_) => Err(RecordingError::Ambiguous {
@@ -271,10 +253,8 @@ impl Header<'_> {
 
     fn missing(&self, wanted: &[&str], option: &'static str) -> RecordingError {
         let list = |names: &mut dyn Iterator<Item = &str>, between: &str| {
-            names
-                .map(|name| format!("`{name}`"))
-                .collect::<Vec<_>>()
-                .join(between)
+            let quoted: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+            quoted.join(between)
         };
         RecordingError::MissingColumn {
             path: self.path.to_owned(),
@@ -282,5 +262,12 @@ impl Header<'_> {
             present: list(&mut self.names.iter().map(String::as_str), ", "),
             option,
         }
+    }
+}
+
+fn output(name: &str, unit: OutputUnit) -> OutputSpec {
+    OutputSpec {
+        name: name.to_owned(),
+        unit,
     }
 }

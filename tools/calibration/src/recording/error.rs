@@ -7,7 +7,10 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     /// The file could not be read.
-    #[error("cannot read recording {}: {source}; name a CSV file with encoder counts and angles", path.display())]
+    #[error(
+        "cannot read recording {}: {source}; name a CSV file with encoder counts and angles",
+        path.display()
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -21,7 +24,10 @@ pub enum RecordingError {
         path: PathBuf,
     },
     /// Bytes that are no text.
-    #[error("recording {}, line {line}: is not text in UTF-8; save the file as plain CSV", path.display())]
+    #[error(
+        "recording {}, line {line}: is not text in UTF-8; save the file as plain CSV",
+        path.display()
+    )]
     NotText {
         /// The file.
         path: PathBuf,
@@ -30,7 +36,8 @@ pub enum RecordingError {
     },
     /// A row that is shorter or longer than the header.
     #[error(
-        "recording {}, line {line}: has {found} cells, and the header names {expected} columns; complete or remove it",
+        "recording {}, line {line}: has {found} cells, and the header names {expected} columns; \
+         complete or remove it",
         path.display()
     )]
     RowLength {
@@ -45,20 +52,21 @@ pub enum RecordingError {
     },
     /// A column that is needed is not there.
     #[error(
-        "recording {}: there is no column {wanted}; its columns are {present}; name the right ones with {option}",
+        "recording {}: there is no column {wanted}; its columns are {present}; name the right ones \
+         with {option}",
         path.display()
     )]
     MissingColumn {
         /// The file.
         path: PathBuf,
-        /// What would have done.
+        /// Columns that would be accepted.
         wanted: String,
-        /// What there is.
+        /// Columns of the file.
         present: String,
-        /// How to say which it is.
+        /// The option that names it.
         option: &'static str,
     },
-    /// A name that stands twice in the header.
+    /// A name that occurs twice in the header.
     #[error("recording {}, line 1: two columns are named `{column}`; rename one", path.display())]
     Ambiguous {
         /// The file.
@@ -67,7 +75,10 @@ pub enum RecordingError {
         column: String,
     },
     /// A column that is to be two things.
-    #[error("recording {}: column `{column}` is named for two purposes; name each column once", path.display())]
+    #[error(
+        "recording {}: column `{column}` is named for two purposes; name each column once",
+        path.display()
+    )]
     UsedTwice {
         /// The file.
         path: PathBuf,
@@ -75,7 +86,10 @@ pub enum RecordingError {
         column: String,
     },
     /// More columns than a model can have.
-    #[error("recording {}: {found} columns are named as {what}; a model has at most {most}", path.display())]
+    #[error(
+        "recording {}: {found} columns are named as {what}; a model has at most {most}",
+        path.display()
+    )]
     Columns {
         /// The file.
         path: PathBuf,
@@ -95,15 +109,16 @@ pub enum RecordingError {
         line: u64,
         /// The column.
         column: String,
-        /// What stands there.
+        /// Its content.
         value: String,
         /// What is wrong and what to do.
         reason: &'static str,
     },
     /// Time that does not go forward.
     #[error(
-        "recording {}, line {line}, column `{column}`: time {time} s {what} ({previous} s in line {previous_line}); \
-         correct the stamps, cut the recording there, or read it without time (--no-time)",
+        "recording {}, line {line}, column `{column}`: time {time} s {what} ({previous} s in line \
+         {previous_line}); correct the stamps, cut the recording there, or read it without time \
+         (--no-time)",
         path.display()
     )]
     Time {
@@ -119,12 +134,13 @@ pub enum RecordingError {
         what: &'static str,
         /// The stamp before.
         previous: f64,
-        /// Where that stands.
+        /// Its line.
         previous_line: u64,
     },
     /// A column without a single value.
     #[error(
-        "recording {}: column `{column}` is empty on every row; record it, or leave it out with {option}",
+        "recording {}: column `{column}` is empty on every row; record it, or leave it out with \
+         {option}",
         path.display()
     )]
     EmptyColumn {
@@ -135,10 +151,10 @@ pub enum RecordingError {
         /// How to leave it out.
         option: &'static str,
     },
-    /// A column that says nothing.
+    /// A column that never changes.
     #[error(
-        "recording {}: column `{column}` is {value} on every row: {meaning}; record motion of it, or leave it out with \
-         {option}",
+        "recording {}: column `{column}` is {value} on every row: {meaning}; record motion of it, \
+         or leave it out with {option}",
         path.display()
     )]
     ConstantColumn {
@@ -146,7 +162,7 @@ pub enum RecordingError {
         path: PathBuf,
         /// The column.
         column: String,
-        /// What stands there.
+        /// Its content.
         value: f64,
         /// What that means.
         meaning: &'static str,

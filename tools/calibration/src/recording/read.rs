@@ -1,22 +1,48 @@
-//! From a CSV file to rows of numbers.
+//! Reading a file.
 
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
-use i2ris::model::file::OutputUnit;
-use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use sha2::{Digest, Sha256};
 
-use super::columns::{Column, ColumnMap, Layout};
-use super::{DroppedRow, Position, ReadReport, Recording, RecordingError, Row, check};
+use super::check;
+use super::columns::{Column, ColumnMap};
+use super::error::RecordingError;
+use super::parse::parse;
+use super::rows::Recording;
 
-/// Angles beyond a half turn are no bending angles.
-const MAX_ANGLE_DEG: f64 = 180.0;
+/// What was read and what was left out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReadReport {
+    /// Rows of the file, without the header.
+    pub rows: usize,
+    /// Rows with counts but no outputs at all: positions of the path only.
+    pub positions: usize,
+    /// Rows with some cells empty, which give no sample.
+    pub dropped: Vec<DroppedRow>,
+    /// The column of the time stamps, if any.
+    pub time_column: Option<String>,
+    /// The column of each motor.
+    pub counts_columns: Vec<String>,
+    /// The column of each output.
+    pub output_columns: Vec<String>,
+}
 
-/// A robot of 0.9 mm does not reach further than a metre.
-const MAX_POSITION_MM: f64 = 1000.0;
+/// A row that was left out.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DroppedRow {
+    /// Line in the file.
+    pub line: u64,
+    /// The first column whose cell is empty.
+    pub column: String,
+}
+
+impl From<(u64, String)> for DroppedRow {
+    fn from((line, column): (u64, String)) -> Self {
+        Self { line, column }
+    }
+}
 
 impl Recording {
     /// Reads and checks a CSV file with a header. Rows with an empty cell in a column that matters
@@ -24,44 +50,38 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// When the file cannot be read, a column is missing, or anything in it makes no sense; see
+    /// When the file cannot be read, a column is missing, or a value in it is wrong; see
     /// [`RecordingError`].
     pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
         let bytes = fs::read(path).map_err(|source| RecordingError::Read {
             path: path.to_owned(),
             source,
         })?;
-        let name = path
-            .file_name()
-            .unwrap_or(path.as_os_str())
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_name().unwrap_or(path.as_os_str());
         let (layout, table) = parse(&bytes, columns, path)?;
-        let (motors, outputs) = (
-            layout.counts.len(),
-            layout
+        if table.total > 0 {
+            check::columns_are_filled(&table.filled, &layout, path)?;
+        }
+        let recording = Self {
+            name: name.to_string_lossy().into_owned(),
+            sha256: hash(&bytes),
+            motors: layout.counts.len(),
+            outputs: layout
                 .outputs
                 .iter()
                 .map(|(_, output)| output.clone())
                 .collect(),
-        );
-        check::columns_are_filled(&table, &layout, path)?;
-        let recording = Self {
-            name,
-            sha256: hash(&bytes),
-            motors,
-            outputs,
             path: table.path,
             rows: table.rows,
         };
-        check::rows_make_sense(&recording, &layout, path)?;
+        check::rows_are_valid(&recording, &layout, path)?;
         let names = |columns: &mut dyn Iterator<Item = &Column>| {
             columns.map(|column| column.name.clone()).collect()
         };
         let report = ReadReport {
             rows: table.total,
             positions: table.positions,
-            dropped: table.dropped,
+            dropped: table.dropped.into_iter().map(DroppedRow::from).collect(),
             time_column: layout.time.as_ref().map(|column| column.name.clone()),
             counts_columns: names(&mut layout.counts.iter()),
             output_columns: names(&mut layout.outputs.iter().map(|(column, _)| column)),
@@ -70,246 +90,12 @@ impl Recording {
     }
 }
 
-/// All rows of a file.
-#[derive(Debug, Default)]
-pub(super) struct RawTable {
-    /// Complete ones.
-    pub rows: Vec<Row>,
-    /// Positions of all rows that have one.
-    pub path: Vec<Position>,
-    /// Rows with a position but no outputs.
-    pub positions: usize,
-    pub dropped: Vec<DroppedRow>,
-    /// Complete or not.
-    pub total: usize,
-    /// Cells with something in them, per column of the file.
-    pub filled: Vec<usize>,
-}
-
-impl RawTable {
-    fn take(&mut self, parsed: Parsed, line: u64) {
-        let place = self.path.len();
-        let Parsed {
-            time_s,
-            counts,
-            outputs,
-            measured,
-            empty,
-            located,
-        } = parsed;
-        if located {
-            self.path.push(Position {
-                line,
-                time_s,
-                counts,
-            });
-        }
-        match empty {
-            None => self.rows.push(Row {
-                line,
-                time_s,
-                counts,
-                outputs,
-                place,
-            }),
-            Some(_) if located && !measured => self.positions += 1,
-            Some(column) => self.dropped.push(DroppedRow { line, column }),
-        }
-    }
-}
-
-/// What a line says.
-struct Parsed {
-    time_s: Option<f64>,
-    counts: MotorVec,
-    outputs: [f64; MAX_OUTPUTS],
-    /// At least one output is there.
-    measured: bool,
-    /// The first column whose cell is empty.
-    empty: Option<String>,
-    /// Time (where there is one) and all counts are there.
-    located: bool,
-}
-
-fn parse(
-    bytes: &[u8],
-    columns: &ColumnMap,
-    path: &Path,
-) -> Result<(Layout, RawTable), RecordingError> {
-    let mut reader = ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .trim(Trim::All)
-        .from_reader(bytes);
-    let mut record = StringRecord::new();
-    if !read_record(&mut reader, &mut record, path)? {
-        return Err(RecordingError::Empty {
-            path: path.to_owned(),
-        });
-    }
-    let header: Vec<String> = record.iter().map(str::to_owned).collect();
-    let layout = Layout::find(&header, columns, path)?;
-    let mut table = RawTable {
-        filled: vec![0; header.len()],
-        ..RawTable::default()
-    };
-    while read_record(&mut reader, &mut record, path)? {
-        if record.len() == 1 && header.len() > 1 && record.iter().all(str::is_empty) {
-            continue;
-        }
-        let line = Line {
-            path,
-            number: line_of(&record, bytes),
-            cells: &record,
-        };
-        line.check_length(header.len())?;
-        table.total += 1;
-        table
-            .filled
-            .iter_mut()
-            .zip(&record)
-            .for_each(|(filled, cell)| *filled += usize::from(!cell.is_empty()));
-        table.take(line.parse(&layout)?, line.number);
-    }
-    Ok((layout, table))
-}
-
-fn read_record(
-    reader: &mut csv::Reader<&[u8]>,
-    record: &mut StringRecord,
-    path: &Path,
-) -> Result<bool, RecordingError> {
-    reader.read_record(record).map_err(|error| {
-        let line = error.position().map_or(0, csv::Position::line);
-        let path = path.to_owned();
-        match error.into_kind() {
-            ErrorKind::Io(source) => RecordingError::Read { path, source },
-            // The other kinds need a writer, a seek or a record that must not vary in length.
-            _ => RecordingError::NotText { path, line },
-        }
-    })
-}
-
-/// The position of a record is where the reader began to look for it: blank lines may lie between.
-fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
-    let Some(position) = record.position() else {
-        return 0;
-    };
-    let from = usize::try_from(position.byte()).unwrap_or(usize::MAX);
-    let blank = bytes
-        .iter()
-        .skip(from)
-        .take_while(|byte| matches!(byte, b'\r' | b'\n'));
-    position.line() + blank.filter(|byte| **byte == b'\n').count() as u64
-}
-
-/// A line of the file.
-struct Line<'a> {
-    path: &'a Path,
-    number: u64,
-    cells: &'a StringRecord,
-}
-
-impl Line<'_> {
-    fn check_length(&self, expected: usize) -> Result<(), RecordingError> {
-        let found = self.cells.len();
-        if found == expected {
-            return Ok(());
-        }
-        Err(RecordingError::RowLength {
-            path: self.path.to_owned(),
-            line: self.number,
-            found,
-            expected,
-        })
-    }
-
-    /// Every cell is looked at, so that nonsense beside an empty cell is still found.
-    fn parse(&self, layout: &Layout) -> Result<Parsed, RecordingError> {
-        let mut empty = None;
-        let mut time_s = None;
-        if let Some(column) = &layout.time {
-            time_s = self.number(column, f64::INFINITY, "", &mut empty)?;
-        }
-        let mut counts = MotorVec::default();
-        for (count, column) in counts.iter_mut().zip(&layout.counts) {
-            let reason = "is out of the range of an encoder, 32 bits; correct the cell or name another column";
-            *count = self
-                .number(column, f64::from(i32::MAX), reason, &mut empty)?
-                .unwrap_or_default();
-        }
-        let located = empty.is_none();
-        let mut outputs = [0.0; MAX_OUTPUTS];
-        let mut measured = false;
-        for (output, (column, spec)) in outputs.iter_mut().zip(&layout.outputs) {
-            let (most, reason) = match spec.unit {
-                OutputUnit::Deg => (
-                    MAX_ANGLE_DEG,
-                    "is not between -180 and 180 degrees; correct the cell or its unit",
-                ),
-                OutputUnit::Mm => (
-                    MAX_POSITION_MM,
-                    "is not between -1000 and 1000 mm; correct the cell or its unit",
-                ),
-            };
-            let number = self.number(column, most, reason, &mut empty)?;
-            measured |= number.is_some();
-            *output = number.unwrap_or_default();
-        }
-        Ok(Parsed {
-            time_s,
-            counts,
-            outputs,
-            measured,
-            empty: empty.map(str::to_owned),
-            located,
-        })
-    }
-
-    /// The number in a cell; `None`, and the first such column noted in `empty`, when there is
-    /// nothing in it.
-    fn number<'c>(
-        &self,
-        column: &'c Column,
-        most: f64,
-        beyond: &'static str,
-        empty: &mut Option<&'c str>,
-    ) -> Result<Option<f64>, RecordingError> {
-        let cell = self.cells.get(column.index).unwrap_or_default();
-        if cell.is_empty() {
-            empty.get_or_insert(&column.name);
-            return Ok(None);
-        }
-        let wrong = |reason| RecordingError::Cell {
-            path: self.path.to_owned(),
-            line: self.number,
-            column: column.name.clone(),
-            value: cell.to_owned(),
-            reason,
-        };
-        let number: f64 = cell
-            .parse()
-            .map_err(|_| wrong("is not a number; correct the cell, or empty it"))?;
-        if !number.is_finite() {
-            return Err(wrong(
-                "is not a finite number; leave the cell empty where nothing was measured",
-            ));
-        }
-        if number.abs() > most {
-            Err(wrong(beyond))
-        } else {
-            Ok(Some(number))
-        }
-    }
-}
-
 /// SHA-256, hexadecimal.
 pub(super) fn hash(bytes: &[u8]) -> String {
-    Sha256::digest(bytes)
-        .iter()
-        .fold(String::new(), |mut text, byte| {
-            // Writing to a string cannot fail.
-            let _ = write!(text, "{byte:02x}");
-            text
-        })
+    let mut text = String::new();
+    for byte in Sha256::digest(bytes) {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
 }

@@ -1,9 +1,11 @@
 use std::path::PathBuf;
 
-use i2ris::model::file::OutputUnit;
+use i2ris::model::file::{OutputSpec, OutputUnit};
 use proptest::prelude::*;
 
+use super::read::hash;
 use super::*;
+use crate::testing::{assert_contains, degrees};
 
 const COMMON: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
 const LABORATORY: &str = "Img TS,Enc TS,Encoder counts 1,Encoder counts 0,yaws,pitches";
@@ -196,7 +198,7 @@ fn the_hash_is_that_of_the_bytes() {
     assert_ne!(recording.sha256(), longer.sha256());
     // What `printf abc | sha256sum` prints.
     let abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-    assert_eq!(read::hash(b"abc"), abc);
+    assert_eq!(hash(b"abc"), abc);
 }
 
 #[test]
@@ -210,150 +212,132 @@ fn a_missing_file_is_named() {
     );
 }
 
+/// The refusal of a good recording that is read with other columns.
+fn refused_as(columns: &ColumnMap) -> String {
+    let refused = read_as(good().join("\n").as_bytes(), columns);
+    refused.unwrap_err().to_string()
+}
+
+fn counts(names: &[&str]) -> ColumnMap {
+    ColumnMap {
+        counts: names.iter().map(|name| (*name).to_owned()).collect(),
+        ..ColumnMap::default()
+    }
+}
+
 #[test]
 fn wrong_columns_are_answered_with_those_there_are() {
-    refused(
-        "a,b\n1,2\n",
-        &[
-            "`q0_counts` or `Encoder counts 0`",
-            "columns are `a`, `b`",
-            "--counts",
-        ],
-    );
-    refused(
-        "q0_counts,b\n1,2\n",
-        &[
-            "`pitch_deg` or `yaw_deg` or `pitches` or `yaws`",
-            "`b`",
-            "--angles",
-        ],
-    );
-    refused(
-        "q0_counts,q0_counts,pitch_deg\n1,2,3\n",
-        &["two columns are named `q0_counts`"],
-    );
-    let columns = ColumnMap {
-        counts: vec!["left".to_owned()],
-        ..ColumnMap::default()
-    };
-    let message = read_as(good().join("\n").as_bytes(), &columns)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        message.contains("no column `left`") && message.contains("`q1_counts`"),
-        "{message}"
-    );
+    let known = [
+        "`q0_counts` or `Encoder counts 0`",
+        "columns are `a`, `b`",
+        "--counts",
+    ];
+    refused("a,b\n1,2\n", &known);
+    let known = [
+        "`pitch_deg` or `yaw_deg` or `pitches` or `yaws`",
+        "`b`",
+        "--angles",
+    ];
+    refused("q0_counts,b\n1,2\n", &known);
+    let twice = "q0_counts,q0_counts,pitch_deg\n1,2,3\n";
+    refused(twice, &["two columns are named `q0_counts`"]);
+    for (names, parts) in [
+        (&["left"][..], &["no column `left`", "`q1_counts`"][..]),
+        (
+            &["q0_counts"; 2],
+            &["`q0_counts` is named for two purposes"],
+        ),
+        (
+            &["q0_counts", "q1_counts", "t_s"],
+            &["3 columns are named as motors; a model has at most 2"],
+        ),
+    ] {
+        assert_contains(&refused_as(&counts(names)), parts);
+    }
 }
 
 #[test]
-fn one_column_has_one_purpose() {
-    let twice = |column: &str| vec![column.to_owned(); 2];
-    let columns = ColumnMap {
-        counts: twice("q0_counts"),
-        ..ColumnMap::default()
-    };
-    let message = read_as(good().join("\n").as_bytes(), &columns)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        message.contains("`q0_counts` is named for two purposes"),
-        "{message}"
-    );
-    let three = ["q0_counts", "q1_counts", "t_s"]
-        .map(str::to_owned)
-        .to_vec();
-    let message = read_as(
-        good().join("\n").as_bytes(),
-        &ColumnMap {
-            counts: three,
-            ..ColumnMap::default()
-        },
-    );
-    assert!(
-        message
-            .unwrap_err()
-            .to_string()
-            .contains("3 columns are named as motors; a model has at most 2")
-    );
-}
-
-#[test]
-fn nonsense_is_named_with_line_and_column() {
-    refused(
-        &with_cell(7, 3, "left"),
-        &["line 7, column `pitch_deg`: `left` is not a number"],
-    );
-    refused(
-        &with_cell(7, 3, "NaN"),
-        &["line 7, column `pitch_deg`: `NaN` is not a finite number"],
-    );
-    refused(
-        &with_cell(9, 1, "-inf"),
-        &["line 9, column `q0_counts`: `-inf` is not a finite number"],
-    );
-    refused(
-        &with_cell(9, 4, "180.5"),
-        &["line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees"],
-    );
-    refused(
-        &with_cell(3, 2, "3e9"),
-        &["line 3, column `q1_counts`: `3e9` is out of the range of an encoder"],
-    );
-    refused(
-        &with_cell(3, 2, "1,2"),
-        &["line 3: has 6 cells, and the header names 5 columns"],
-    );
-    refused(
-        &with_cell(6, 0, "3.5"),
-        &[
-            "line 6, column `t_s`: time 3.5 s stands there twice",
-            "line 5",
-        ],
-    );
-    refused(
-        &with_cell(6, 0, "3.25"),
-        &[
+fn wrong_cells_are_named_with_line_and_column() {
+    for (line, column, cell, message) in [
+        (
+            7,
+            3,
+            "left",
+            "line 7, column `pitch_deg`: `left` is not a number",
+        ),
+        (
+            7,
+            3,
+            "NaN",
+            "line 7, column `pitch_deg`: `NaN` is not a finite number",
+        ),
+        (
+            9,
+            1,
+            "-inf",
+            "line 9, column `q0_counts`: `-inf` is not a finite number",
+        ),
+        (
+            9,
+            4,
+            "180.5",
+            "line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees",
+        ),
+        (
+            3,
+            2,
+            "3e9",
+            "line 3, column `q1_counts`: `3e9` is out of the range of an encoder",
+        ),
+        (
+            3,
+            2,
+            "1,2",
+            "line 3: has 6 cells, and the header names 5 columns",
+        ),
+        (
+            6,
+            0,
+            "3.5",
+            "line 6, column `t_s`: time 3.5 s occurs twice (3.5 s in line 5)",
+        ),
+        (
+            6,
+            0,
+            "3.25",
             "line 6, column `t_s`: time 3.25 s goes backwards",
-            "--no-time",
-        ],
-    );
+        ),
+    ] {
+        refused(&with_cell(line, column, cell), &[message]);
+    }
     let bytes = [good().join("\n").as_bytes(), b"\n30,\xff,2,3,4"].concat();
-    let message = read_as(&bytes, &ColumnMap::default())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        message.contains("line 32: is not text in UTF-8"),
-        "{message}"
-    );
-}
-
-#[test]
-fn nonsense_in_a_dropped_row_is_found_too() {
+    let error = read_as(&bytes, &ColumnMap::default()).unwrap_err();
+    assert_contains(&error, &["line 32: is not text in UTF-8"]);
+    // Also beside an empty cell.
     let text = with_cell(7, 1, "").replace("\n5.5,,-75,", "\n5.5,,minus,");
     refused(&text, &["line 7, column `q1_counts`: `minus`"]);
 }
 
 #[test]
 fn empty_and_constant_columns_are_named() {
-    refused(
-        &with_column(4, ""),
-        &["column `yaw_deg` is empty on every row", "--angles"],
-    );
-    refused(
-        &with_column(1, ""),
-        &["column `q0_counts` is empty on every row", "--counts"],
-    );
-    refused(
-        &with_column(2, "7"),
-        &[
-            "column `q1_counts` is 7 on every row: that motor never moved",
+    for (column, cell, message, option) in [
+        (4, "", "`yaw_deg` is empty on every row", "--angles"),
+        (1, "", "`q0_counts` is empty on every row", "--counts"),
+        (
+            2,
+            "7",
+            "`q1_counts` is 7 on every row: that motor never moved",
             "--counts",
-        ],
-    );
-    refused(
-        &with_column(3, "0.5"),
-        &["column `pitch_deg` is 0.5 on every row: nothing was measured"],
-    );
+        ),
+        (
+            3,
+            "0.5",
+            "`pitch_deg` is 0.5 on every row: nothing was measured",
+            "--angles",
+        ),
+    ] {
+        refused(&with_column(column, cell), &[message, option]);
+    }
 }
 
 #[test]
@@ -371,22 +355,17 @@ fn too_few_rows_are_counted() {
 fn any_row() -> impl Strategy<Value = Row> {
     let counts = prop::array::uniform2(-2e9..2e9);
     let outputs = prop::array::uniform2(-180.0..180.0);
-    (any::<f64>(), counts, outputs).prop_map(|(time, counts, [pitch, yaw])| Row {
-        line: 0,
-        time_s: Some(time).filter(|time| time.is_finite()),
-        counts,
-        outputs: [pitch, yaw, 0.0],
-        place: 0,
-    })
+    (counts, outputs).prop_map(|(counts, [pitch, yaw])| Row::new(None, counts, [pitch, yaw, 0.0]))
 }
 
 proptest! {
     #[test]
-    fn what_is_written_comes_back_to_the_bit(rows in prop::collection::vec(any_row(), 20..40)) {
-        // Times go forward in a recording, so this one leaves them out of the file.
-        let outputs = ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
+    fn written_rows_are_read_to_the_bit(rows in prop::collection::vec(any_row(), 20..40)) {
+        let outputs = ["pitch", "yaw"].map(degrees);
         let mut writer = RecordingWriter::new(Vec::new(), false, 2, &outputs).unwrap();
-        rows.iter().for_each(|row| writer.row(row).unwrap());
+        for row in &rows {
+            writer.row(row).unwrap();
+        }
         let (recording, _) = read_as(&writer.finish().unwrap(), &ColumnMap::default()).unwrap();
         prop_assert_eq!(recording.outputs(), &outputs);
         for (read, row) in recording.rows().iter().zip(&rows) {
@@ -395,17 +374,18 @@ proptest! {
     }
 
     #[test]
-    fn times_come_back_to_the_bit(steps in prop::collection::vec(1e-6..10.0_f64, 20..40)) {
-        let mut writer = RecordingWriter::new(Vec::new(), true, 1, &[OutputSpec { name: "pitch".to_owned(), unit: OutputUnit::Deg }]).unwrap();
+    fn written_times_are_read_to_the_bit(steps in prop::collection::vec(1e-6..10.0_f64, 20..40)) {
+        let mut writer = RecordingWriter::new(Vec::new(), true, 1, &[degrees("pitch")]).unwrap();
         let mut time = 1.746e9;
         let mut times = Vec::new();
         for (i, step) in steps.iter().enumerate() {
             time += step;
             times.push(Some(time));
-            writer.row(&Row { line: 0, time_s: Some(time), counts: [i as f64, 0.0], outputs: [*step, 0.0, 0.0], place: 0 }).unwrap();
+            writer.row(&Row::new(Some(time), [i as f64, 0.0], [*step, 0.0, 0.0])).unwrap();
         }
         let (recording, _) = read_as(&writer.finish().unwrap(), &ColumnMap::default()).unwrap();
-        prop_assert_eq!(recording.rows().iter().map(|row| row.time_s).collect::<Vec<_>>(), times);
+        let read: Vec<_> = recording.rows().iter().map(|row| row.time_s).collect();
+        prop_assert_eq!(read, times);
     }
 
     #[test]
@@ -420,27 +400,18 @@ proptest! {
 #[test]
 fn a_cell_that_was_not_measured_is_left_empty() {
     let outputs = [OutputSpec {
-        name: "x".to_owned(),
         unit: OutputUnit::Mm,
+        ..degrees("x")
     }];
     let mut writer = RecordingWriter::new(Vec::new(), true, 1, &outputs).unwrap();
-    writer
-        .row(&Row {
-            line: 0,
-            time_s: Some(0.5),
-            counts: [3.0, 9.0],
-            outputs: [f64::NAN, 1.0, 1.0],
-            place: 0,
-        })
-        .unwrap();
-    assert_eq!(
-        String::from_utf8(writer.finish().unwrap()).unwrap(),
-        "t_s,q0_counts,x_mm\n0.5,3,\n"
-    );
+    let row = Row::new(Some(0.5), [3.0, 9.0], [f64::NAN, 1.0, 1.0]);
+    writer.row(&row).unwrap();
+    let text = String::from_utf8(writer.finish().unwrap()).unwrap();
+    assert_eq!(text, "t_s,q0_counts,x_mm\n0.5,3,\n");
 }
 
 #[test]
-fn positions_without_outputs_are_part_of_the_way_and_no_samples() {
+fn positions_without_outputs_are_part_of_the_path_and_no_samples() {
     let mut lines = good();
     lines.insert(6, "4.95,55,0,,".to_owned());
     lines.insert(8, "5.95,57,0,3,".to_owned());
@@ -452,7 +423,7 @@ fn positions_without_outputs_are_part_of_the_way_and_no_samples() {
     );
     assert_eq!((report.positions, report.dropped.len()), (1, 1));
     for row in recording.rows() {
-        let place = recording.path()[row.place];
+        let place = recording.path()[row.path_index];
         assert_eq!((place.line, place.counts), (row.line, row.counts));
     }
 }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use i2ris::model::file::{OutputSpec, OutputUnit};
 
-use super::Row;
+use super::rows::Row;
 
 /// Writes a recording in the common format: `t_s` (if timed), `q0_counts`, ..., then `NAME_deg` or
 /// `NAME_mm` per output. Numbers are written so that reading gives the same bits back. Every row
@@ -26,9 +26,8 @@ impl<W: Write> RecordingWriter<W> {
     pub fn new(mut to: W, timed: bool, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let time = timed.then(|| "t_s".to_owned());
         let counts = (0..motors).map(|motor| format!("q{motor}_counts"));
-        let angles = outputs
-            .iter()
-            .map(|output| format!("{}_{}", output.name, suffix(output.unit)));
+        let name = |output: &OutputSpec| format!("{}_{}", output.name, suffix(output.unit));
+        let angles = outputs.iter().map(name);
         let header: Vec<String> = time.into_iter().chain(counts).chain(angles).collect();
         writeln!(to, "{}", header.join(","))?;
         Ok(Self {
@@ -48,19 +47,12 @@ impl<W: Write> RecordingWriter<W> {
     pub fn row(&mut self, row: &Row) -> io::Result<()> {
         let time = self.timed.then(|| row.time_s.unwrap_or(f64::NAN));
         let counts = row.counts.iter().take(self.motors);
-        let numbers = time
-            .iter()
-            .chain(counts)
-            .chain(row.outputs.iter().take(self.outputs));
-        let cells: Vec<String> = numbers
-            .map(|number| {
-                if number.is_finite() {
-                    number.to_string()
-                } else {
-                    String::new()
-                }
-            })
-            .collect();
+        let outputs = row.outputs.iter().take(self.outputs);
+        let cell = |number: &f64| match number.is_finite() {
+            true => number.to_string(),
+            false => String::new(),
+        };
+        let cells: Vec<String> = time.iter().chain(counts).chain(outputs).map(cell).collect();
         writeln!(self.to, "{}", cells.join(","))
     }
 

@@ -1,8 +1,8 @@
-//! What a report is made of.
+//! The content of a report.
 
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
-/// Everything that a report says. Outputs are in the unit of the recording throughout.
+/// The content of a report. Outputs are in the unit of the recording throughout.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ReportData {
     /// The heading.
@@ -22,9 +22,9 @@ pub struct ReportData {
     pub chosen_by_held_out: bool,
     /// How it was fitted: names and values.
     pub settings: Vec<(String, String)>,
-    /// What to keep in mind, in whole sentences.
+    /// Warnings, in whole sentences.
     pub warnings: Vec<String>,
-    /// What made the models, with its version.
+    /// The program that fitted the models, with its version.
     pub software: String,
 }
 
@@ -127,7 +127,8 @@ impl Track {
         self.held_out_from.min(self.time.len())..self.time.len()
     }
 
-    /// The rows that a fit is judged by: those held out, or those used for training where none are.
+    /// The rows that the error of a fit counts on: those held out, or those used for training where
+    /// none are.
     #[must_use]
     pub fn judged(&self) -> Vec<usize> {
         if self.held_out().is_empty() {
@@ -138,7 +139,7 @@ impl Track {
     }
 }
 
-/// A model and what it says.
+/// A model and its predictions.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FamilyResult {
     /// Name of the family.
@@ -161,13 +162,13 @@ pub struct FamilyResult {
     pub branches: Vec<Branches>,
 }
 
-/// What a model says of one output on a stroke back and forth: counts along the output, the output,
-/// and what the straight line says there.
+/// Predictions of one output on a sweep back and forth: counts along the output, the output, and
+/// the straight line.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Branches {
-    /// On the way up.
+    /// With rising counts.
     pub rising: Vec<[f64; 3]>,
-    /// On the way down.
+    /// With falling counts.
     pub falling: Vec<[f64; 3]>,
 }
 
@@ -179,14 +180,14 @@ pub struct ReadOutView {
     /// The rows used for training: input along the output, measured output.
     pub points: Vec<[f64; 2]>,
     /// Components, projected on the same plane.
-    pub components: Vec<Component>,
+    pub components: Vec<ProjectedComponent>,
     /// The regression through the middle of the region that was visited.
     pub section: Vec<SectionPoint>,
 }
 
 /// A Gaussian in the plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Component {
+pub struct ProjectedComponent {
     /// Its share, 0 to 1.
     pub weight: f64,
     /// Mean.

@@ -1,4 +1,4 @@
-//! What a report says of models on a recording, computed with the code that the controller runs.
+//! The content of a report from models and a recording, computed with the code of the controller.
 
 use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters};
 use i2ris::model::hysteresis::read_out::ReadOut;
@@ -7,16 +7,16 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use nalgebra::SVector;
 
 use super::data::{
-    Component, FamilyResult, OutputFacts, ReadOutView, RecordingFacts, ReportData, SectionPoint,
-    Straight, Track,
+    FamilyResult, OutputFacts, ProjectedComponent, ReadOutView, RecordingFacts, ReportData,
+    SectionPoint, Straight, Track,
 };
-use super::stroke::{Stroke, branches};
-use super::words::along;
-use crate::linear::fit_linear;
-use crate::metrics::predictions;
+use super::labels::along;
+use super::sweep::{Sweep, branches};
+use crate::fit::metrics::predictions;
+use crate::fit::split::Split;
 use crate::recording::Recording;
-use crate::split::Split;
-use crate::survey::{Survey, inputs, outputs};
+use crate::regression::linear::fit_linear;
+use crate::survey::overview::{Survey, inputs, outputs};
 
 /// A direction has changed when the counts along an output have come back by so much.
 const DEAD_BAND_COUNTS: f64 = 1.0;
@@ -34,7 +34,7 @@ pub struct FamilyFit<'a> {
     pub seconds: Option<f64>,
 }
 
-/// What there is to say about models on a recording: all but the settings, warnings and further
+/// The content of a report on models and a recording: all but the settings, warnings and further
 /// facts that only the caller knows. `training` are the indices of the rows used for training.
 #[must_use]
 pub fn gather(
@@ -101,9 +101,9 @@ fn output_facts(recording: &Recording, survey: &Survey, training: &[usize]) -> V
     let straight = |index: usize| {
         let fit = line.as_ref().ok()?;
         let mut gain = MotorVec::default();
-        gain.iter_mut()
-            .zip(fit.gain.get(index)?)
-            .for_each(|(to, from)| *to = *from);
+        for (to, from) in gain.iter_mut().zip(fit.gain.get(index)?) {
+            *to = *from;
+        }
         Some(Straight {
             gain,
             offset: *fit.offset.get(index)?,
@@ -164,7 +164,7 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
     recording
         .rows()
         .iter()
-        .map(|row| states.get(row.place).copied().unwrap_or(now))
+        .map(|row| states.get(row.path_index).copied().unwrap_or(now))
         .collect()
 }
 
@@ -268,17 +268,15 @@ fn mixture_inputs(
         .collect();
     let mut at = |row: &usize| {
         let row = recording.rows().get(*row)?;
-        let way = recording.path().get(next..=row.place)?;
-        way.iter()
-            .for_each(|position| model.advance(&mut memory, &position.counts));
-        next = row.place + 1;
+        for position in recording.path().get(next..=row.path_index)? {
+            model.advance(&mut memory, &position.counts);
+        }
+        next = row.path_index + 1;
         let mut outputs = row.outputs;
         let correction = model.correction(&memory);
-        outputs
-            .iter_mut()
-            .zip(correction)
-            .zip(&units)
-            .for_each(|((output, part), unit)| *output -= part / unit);
+        for ((output, part), unit) in outputs.iter_mut().zip(correction).zip(&units) {
+            *output -= part / unit;
+        }
         Some((model.virtual_counts(&row.counts, &memory), outputs))
     };
     track.training.iter().filter_map(&mut at).collect()
@@ -321,7 +319,7 @@ fn components(
     motors: usize,
     output: usize,
     direction: MotorVec,
-) -> Vec<Component> {
+) -> Vec<ProjectedComponent> {
     let projected = |row: &[f64]| -> f64 {
         row.iter()
             .zip(direction)
@@ -334,7 +332,7 @@ fn components(
         let along: Vec<f64> = covariance.iter().map(|row| projected(row)).collect();
         let cross = *along.get(place)?;
         let own = *covariance.get(place)?.get(place)?;
-        Some(Component {
+        Some(ProjectedComponent {
             weight: *weight,
             mean: [projected(mean), *mean.get(place)?],
             covariance: [[projected(&along), cross], [cross, own]],
@@ -357,17 +355,17 @@ fn section(
     output: usize,
     line: &Straight,
 ) -> Vec<SectionPoint> {
-    let stroke = Stroke::new(hull, line.direction());
+    let sweep = Sweep::new(hull, line.direction());
     match model.motors() {
-        1 => sized_section::<1>(mixture, model, &stroke, output, line),
-        _ => sized_section::<2>(mixture, model, &stroke, output, line),
+        1 => sized_section::<1>(mixture, model, &sweep, output, line),
+        _ => sized_section::<2>(mixture, model, &sweep, output, line),
     }
 }
 
 fn sized_section<const D: usize>(
     mixture: &MixtureParameters,
     model: &Model,
-    stroke: &Stroke,
+    sweep: &Sweep,
     output: usize,
     line: &Straight,
 ) -> Vec<SectionPoint> {
@@ -383,5 +381,5 @@ fn sized_section<const D: usize>(
             deviation: estimate.deviation()[output],
         }
     };
-    stroke.positions().map(point).collect()
+    sweep.positions().map(point).collect()
 }

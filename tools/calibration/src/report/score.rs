@@ -3,7 +3,8 @@
 use i2ris::model::file::FitMetrics;
 
 use super::data::{FamilyResult, ReportData};
-use crate::metrics::{length, metrics, percentile, root_mean_square};
+use crate::fit::metrics::metrics;
+use crate::statistics::{distance, quantile_of_unsorted, root_mean_square};
 
 /// The family that others are compared with.
 pub(super) const BASELINE: &str = "linear";
@@ -79,32 +80,28 @@ impl Scores {
 }
 
 fn score(data: &ReportData, family: &FamilyResult, rows: &[usize]) -> Option<Score> {
-    let pairs: Vec<_> = rows
-        .iter()
-        .filter_map(|row| Some((data.track.measured.get(*row)?, family.predicted.get(*row)?)))
-        .collect();
+    let pair = |row: &usize| Some((data.track.measured.get(*row)?, family.predicted.get(*row)?));
+    let pairs: Vec<_> = rows.iter().filter_map(pair).collect();
     if pairs.is_empty() {
         return None;
     }
     let output = |index: usize| {
-        let of_output = pairs
+        let values = pairs
             .iter()
             .map(|(measured, predicted)| (measured[index], predicted[index]));
-        let mut errors: Vec<f64> = of_output
-            .clone()
-            .map(|(measured, predicted)| (measured - predicted).abs())
-            .collect();
+        let values: Vec<(f64, f64)> = values.collect();
+        let mut errors: Vec<f64> = values.iter().map(|(m, p)| (m - p).abs()).collect();
         Some(OutputScore {
-            metrics: metrics(of_output)?,
-            p99: percentile(&mut errors, 0.99)?,
+            metrics: metrics(&values)?,
+            p99: quantile_of_unsorted(&mut errors, 0.99)?,
         })
     };
-    let many = data.outputs.len();
+    let outputs = data.outputs.len();
     let lengths = pairs
         .iter()
-        .map(|(measured, predicted)| length(measured, predicted, many));
+        .map(|(measured, predicted)| distance(&measured[..outputs], &predicted[..outputs]));
     Some(Score {
-        outputs: (0..many).map(output).collect(),
+        outputs: (0..outputs).map(output).collect(),
         rms_length: root_mean_square(lengths)?,
     })
 }

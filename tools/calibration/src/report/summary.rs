@@ -4,8 +4,8 @@ use i2ris_plot::Page;
 use i2ris_plot::number::{fixed, grouped};
 
 use super::data::{FamilyResult, ReportData};
+use super::labels::{error, list, unit};
 use super::score::{BASELINE, FamilyScore, Scores};
-use super::words::{error, list, unit};
 
 /// A model whose error on unseen rows is this much larger than in training has learned what does
 /// not carry over.
@@ -16,7 +16,7 @@ const AT_THE_NOISE: f64 = 1.25;
 
 pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
     if let Some((family, score)) = scores.chosen(data) {
-        page.main_result(verdict(data, scores, family, score));
+        page.lead(verdict(data, scores, family, score));
     }
     page.paragraph(what_was_read(data));
     let warnings: Vec<String> = data
@@ -44,9 +44,9 @@ fn verdict(
     let Some(judged) = score.judged() else {
         return format!("The model is of the family {}.", family.name);
     };
-    let error_said = format!("{} {}", error(judged.rms_length), unit(data));
+    let text = format!("{} {}", error(judged.rms_length), unit(data));
     let said = format!(
-        "The model is of the family {}: root mean square error {error_said} {rows}",
+        "The model is of the family {}: root mean square error {text} {rows}",
         family.name
     );
     let baseline = scores
@@ -82,7 +82,8 @@ fn what_was_read(data: &ReportData) -> String {
         ),
     };
     format!(
-        "Recording {} of robot {}: {} rows of {}{span}, {}. {} rows were used for training, {held_out}.",
+        "Recording {} of robot {}: {} rows of {}{span}, {}. {} rows were used for training, \
+         {held_out}.",
         data.recording.name,
         data.recording.robot_id,
         grouped(track.time.len()),
@@ -96,13 +97,13 @@ fn what_was_read(data: &ReportData) -> String {
     )
 }
 
-/// What the scores themselves say that one should not overlook.
+/// Warnings that follow from the scores.
 fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
     let mut findings = Vec::new();
     if data.track.held_out().is_empty() {
         findings.push(
-            "No rows were held out: nothing here shows how the model does on other motion, and the family with the most \
-             parameters looks best."
+            "No rows were held out: nothing here shows how the model does on other motion, and the \
+             family with the most parameters looks best."
                 .to_owned(),
         );
     }
@@ -111,8 +112,9 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
     };
     if data.chosen_by_held_out {
         findings.push(format!(
-            "The family was chosen among {} by its error on the rows held out, so that error flatters it. Quote one on \
-             another recording, which neither a fit nor the choice has seen.",
+            "The family was chosen among {} by its error on the rows held out, so that error \
+             flatters it. Quote one on another recording, which neither a fit nor the choice has \
+             seen.",
             data.families.len()
         ));
     }
@@ -120,8 +122,8 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
         let ratio = held_out.rms_length / training.rms_length;
         if ratio > CARRIES_OVER {
             findings.push(format!(
-                "The error of {} on rows held out is {} times that in training: it has learned what does not carry over, \
-                 or the robot has changed during the recording.",
+                "The error of {} on rows held out is {} times that in training: it has learned \
+                 what does not carry over, or the robot has changed during the recording.",
                 family.name,
                 fixed(ratio, 1)
             ));
@@ -133,7 +135,8 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
         && judged.rms_length < AT_THE_NOISE * noise
     {
         findings.push(format!(
-            "The error is close to the noise of the measurement itself ({} {}): these data cannot tell a better model.",
+            "The error is close to the noise of the measurement itself ({} {}): these data cannot \
+             show a better model.",
             error(noise),
             unit(data)
         ));

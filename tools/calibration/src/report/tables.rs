@@ -5,13 +5,13 @@ use i2ris_plot::page::TableRow;
 use i2ris_plot::{Page, Table};
 
 use super::data::{FamilyResult, ReportData};
+use super::labels::{error, unit, with_unit};
 use super::score::{FamilyScore, OutputScore, Score, Scores};
-use super::words::{error, unit, with_unit};
 
-/// What stands where there is nothing to say.
+/// A cell without a value.
 const NONE: &str = "–";
 
-/// Characters of a hash that tell models apart in a table.
+/// Characters of a hash that identify a model in a table.
 const SHORT: usize = 12;
 
 pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
@@ -31,8 +31,9 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
             max,
         ];
         let caption = format!(
-            "{}: coefficient of determination (R²), root mean square error (RMSD), the same over the range of the \
-             measured values (NRMSD), mean absolute error (MAE), its 99th percentile (p99), largest error.",
+            "{}: coefficient of determination (R²), root mean square error (RMSD), the same over \
+             the range of the measured values (NRMSD), mean absolute error (MAE), its 99th \
+             percentile (p99), largest error.",
             with_unit(output)
         );
         let mut table = Table::new(caption, header);
@@ -107,9 +108,10 @@ fn overview(data: &ReportData, scores: &Scores) -> Table {
         "model".to_owned(),
     ];
     let mut table = Table::new(
-        "All families; the chosen one in bold. RMS: root mean square length of the error over all outputs. K: components \
-         of the mixture. Log-likelihood and BIC compare mixtures of the same variables only: those of families with \
-         memory see other inputs. Model: the first digits of its SHA-256.",
+        "All families; the chosen one in bold. RMS: root mean square length of the error over all \
+         outputs. K: components of the mixture. Log-likelihood and BIC compare mixtures of the \
+         same variables only: those of families with memory see other inputs. Model: the first \
+         digits of its SHA-256.",
         header,
     );
     let baseline = scores
@@ -197,7 +199,7 @@ pub(super) fn provenance(page: &mut Page, data: &ReportData) {
         .chain([fact("software", data.software.clone())]),
     );
     page.paragraph(
-        "Predictions come from the code that the controller runs, with its memory led along the whole way of the motors \
-         from the first row on.",
+        "Predictions come from the code that the controller runs, with its memory following the \
+         whole path of the motors from the first row on.",
     );
 }

@@ -1,62 +1,55 @@
-//! What every report promises.
+//! Properties of every report.
 
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::play::PlayParameters;
 use i2ris::model::{Hull, Model};
 
-use super::stroke::branches;
-use super::*;
-use crate::em::EmOptions;
-use crate::family::Family;
-use crate::fit::{Choice, Components, FitOptions, FitOutcome, fit};
+use super::data::{ProjectedComponent, ReportData, Straight};
+use super::gather::{FamilyFit, gather};
+use super::page::html;
+use super::score::Scores;
+use super::sweep::{Sweep, branches};
+use crate::fit::split::HoldOut;
+use crate::fit::{Choice, Components, Family, FitOptions, FitOutcome, fit};
 use crate::progress::Silent;
 use crate::recording::Recording;
-use crate::split::HoldOut;
-use crate::testing::{noise, one_motor, recording, straight, wander};
+use crate::testing::{few_starts, noise, one_motor, recording, straight, wander};
 
 const NASTY: &str = "<i>\"&'</i>.csv";
 
 fn fitted(recording: &Recording) -> FitOutcome {
-    let em = EmOptions {
-        restarts: 2,
-        ..EmOptions::default()
+    let options = FitOptions {
+        em: few_starts(2),
+        choice: Choice::One(Family::Gmr),
+        components: Components::Exactly(2),
+        ..FitOptions::default()
     };
-    fit(
+    fit(recording, &options, &Silent).unwrap()
+}
+
+fn gathered_of(recording: &Recording, outcome: &FitOutcome) -> ReportData {
+    let family = |name, model, chosen| FamilyFit {
+        name,
+        model,
+        chosen,
+        seconds: Some(1.25),
+    };
+    let families = [
+        family("linear", outcome.linear.as_ref(), false),
+        family("gmr", outcome.model.as_ref(), true),
+    ];
+    let report = &outcome.report;
+    gather(
         recording,
-        &FitOptions {
-            em,
-            choice: Choice::One(Family::Gmr),
-            components: Components::Exactly(2),
-            ..FitOptions::default()
-        },
-        &Silent,
+        &report.survey,
+        &report.split,
+        &report.training,
+        &families,
     )
-    .unwrap()
 }
 
 fn gathered(recording: &Recording) -> ReportData {
-    let outcome = fitted(recording);
-    let families = [
-        FamilyFit {
-            name: "linear",
-            model: &outcome.linear,
-            chosen: false,
-            seconds: Some(0.001),
-        },
-        FamilyFit {
-            name: "gmr",
-            model: &outcome.model,
-            chosen: true,
-            seconds: Some(1.25),
-        },
-    ];
-    gather(
-        recording,
-        &outcome.report.survey,
-        &outcome.report.split,
-        &outcome.report.training,
-        &families,
-    )
+    gathered_of(recording, &fitted(recording))
 }
 
 fn two_axes() -> Recording {
@@ -78,7 +71,7 @@ fn parse(text: &str) -> roxmltree::Document<'_> {
 
 /// That a report is well-formed, asks for nothing from elsewhere, and holds no number that is none.
 #[track_caller]
-fn sound(text: &str) {
+fn assert_valid(text: &str) {
     let document = parse(text);
     let without = text.replace("http://www.w3.org/2000/svg", "");
     for part in [
@@ -107,11 +100,11 @@ fn sound(text: &str) {
 }
 
 #[test]
-fn a_report_holds_all_that_was_promised() {
+fn a_report_has_all_figures_and_numbers() {
     let recording = two_axes();
     let data = gathered(&recording);
     let text = html(&data);
-    sound(&text);
+    assert_valid(&text);
     assert_eq!(
         parse(&text)
             .descendants()
@@ -167,7 +160,7 @@ fn the_figures_of_merit_are_those_of_the_model_file() {
 
 /// A family that was chosen by an error must not be praised for that error without saying so.
 #[test]
-fn a_choice_by_the_error_that_is_shown_is_told() {
+fn a_choice_by_the_error_that_is_shown_is_mentioned() {
     let mut data = gathered(&two_axes());
     assert!(!html(&data).contains("flatters"));
     data.chosen_by_held_out = true;
@@ -189,16 +182,16 @@ fn names_cannot_break_out() {
     ] {
         *name = NASTY.to_owned();
     }
-    data.outputs
-        .iter_mut()
-        .for_each(|output| output.name = NASTY.to_owned());
-    data.families
-        .iter_mut()
-        .for_each(|family| family.name = NASTY.to_owned());
+    for output in &mut data.outputs {
+        output.name = NASTY.to_owned();
+    }
+    for family in &mut data.families {
+        family.name = NASTY.to_owned();
+    }
     data.settings.push((NASTY.to_owned(), NASTY.to_owned()));
     data.warnings.push(NASTY.to_owned());
     let text = html(&data);
-    sound(&text);
+    assert_valid(&text);
     let document = parse(&text);
     assert!(
         document
@@ -226,23 +219,23 @@ fn one_motor_and_one_output_make_a_report() {
         (count, 0.02 * count + 0.05 * noise())
     });
     let text = html(&gathered(&recording));
-    sound(&text);
+    assert_valid(&text);
     assert!(text.contains("one motor") && text.contains("q₀ (counts)") && !text.contains("q₁"));
 }
 
 #[test]
-fn nothing_makes_a_report_too() {
-    sound(&html(&ReportData::default()));
+fn empty_data_make_a_report_too() {
+    assert_valid(&html(&ReportData::default()));
     let mut data = gathered(&two_axes());
-    data.families
-        .iter_mut()
-        .for_each(|family| family.chosen = false);
+    for family in &mut data.families {
+        family.chosen = false;
+    }
     data.track.held_out_from = data.track.time.len();
     let text = html(&data);
-    sound(&text);
+    assert_valid(&text);
     assert!(text.contains("No rows were held out"));
     data.families.clear();
-    sound(&html(&data));
+    assert_valid(&html(&data));
 }
 
 #[test]
@@ -254,7 +247,7 @@ fn numbers_that_are_none_are_left_out() {
     data.families[1].bic = Some(f64::NAN);
     data.track.measured[11][1] = f64::NEG_INFINITY;
     data.read_out[0].section[4].deviation = f64::NAN;
-    sound(&html(&data));
+    assert_valid(&html(&data));
 }
 
 /// Rows of noise, which thinning finds hardest.
@@ -300,45 +293,20 @@ fn directions_follow_the_counts_and_not_their_flicker() {
         let flicker = if (row as i64) % 2 == 0 { 0.25 } else { -0.25 };
         ((100.0 - 2.0 * (row - 50.0).abs()) + flicker, row)
     });
-    let rising: Vec<bool> = gathered_track(&recording)
-        .rising
-        .iter()
-        .map(|now| now[0])
-        .collect();
+    let options = FitOptions {
+        choice: Choice::One(Family::Linear),
+        hold_out: HoldOut::Fraction(0.6),
+        ..FitOptions::default()
+    };
+    let outcome = fit(&recording, &options, &Silent).unwrap();
+    let track = gathered_of(&recording, &outcome).track;
+    let rising: Vec<bool> = track.rising.iter().map(|now| now[0]).collect();
     assert!(rising[..51].iter().all(|up| *up), "{rising:?}");
     assert!(rising[52..].iter().all(|up| !*up), "{rising:?}");
 }
 
-/// The track, with the output along the counts.
-fn gathered_track(recording: &Recording) -> Track {
-    let outcome = fit(
-        recording,
-        &FitOptions {
-            choice: Choice::One(Family::Linear),
-            hold_out: HoldOut::Fraction(0.6),
-            ..FitOptions::default()
-        },
-        &Silent,
-    )
-    .unwrap();
-    let families = [FamilyFit {
-        name: "linear",
-        model: &outcome.model,
-        chosen: true,
-        seconds: None,
-    }];
-    gather(
-        recording,
-        &outcome.report.survey,
-        &outcome.report.split,
-        &outcome.report.training,
-        &families,
-    )
-    .track
-}
-
 #[test]
-fn a_stroke_goes_from_end_to_end_of_the_hull() {
+fn a_sweep_goes_from_end_to_end_of_the_hull() {
     let corners = [
         [-100.0, -50.0],
         [100.0, -50.0],
@@ -346,7 +314,7 @@ fn a_stroke_goes_from_end_to_end_of_the_hull() {
         [-100.0, 50.0],
     ];
     let hull = Hull::from_points(2, &corners).unwrap();
-    let stroke = stroke::Stroke::new(&hull, [0.0, 1.0]);
+    let stroke = Sweep::new(&hull, [0.0, 1.0]);
     let positions: Vec<_> = stroke.positions().collect();
     let (first, last) = (positions[0], positions[positions.len() - 1]);
     assert!(
@@ -425,7 +393,7 @@ fn components_are_projected_on_the_plane_of_the_output() {
             .map(|gain| gain * gain)
             .sum::<f64>()
             .sqrt();
-        for Component {
+        for ProjectedComponent {
             covariance: [[xx, xy], [_, yy]],
             ..
         } in &view.components

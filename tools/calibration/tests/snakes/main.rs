@@ -13,11 +13,11 @@ use std::time::Instant;
 
 use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::stop::Stops;
-use i2ris_calibration::chain::{ChainOptions, fit_chain};
+use i2ris_calibration::families::chain::{ChainOptions, fit_chain};
+use i2ris_calibration::families::operator_trace::trace_stops;
+use i2ris_calibration::families::stop::stop_fit::{StopFit, StopOptions, fit_stop};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::series::Series;
-use i2ris_calibration::stop::{StopFit, StopOptions, fit_stop};
 
 /// Radius of the calibration motion, counts.
 fn radius(name: &str) -> f64 {
@@ -31,20 +31,14 @@ fn radius(name: &str) -> f64 {
 fn calibrate(name: &str) -> Model {
     let path = motion::plane(6, radius(name), 300.0, 450.0);
     let recording = record(&mut snake(name, 11), &path, 0.05, 11);
-    let rows: Vec<usize> = (0..recording.rows().len()).collect();
-    let series = Series::new(&recording, &rows);
+    let series = Series::whole(&recording);
     let begun = Instant::now();
     let options = StopOptions::default();
     let fit = fit_stop(&series, &options, &Silent).unwrap();
     report(name, &fit, begun.elapsed().as_secs_f64());
     let begun = Instant::now();
-    let chain = fit_chain(
-        &Stops::<2>::prepare(&fit.parameters).unwrap(),
-        &series,
-        &ChainOptions::default(),
-        &Silent,
-    )
-    .unwrap();
+    let points = trace_stops(&series, &fit.parameters).unwrap();
+    let chain = fit_chain(&series, &points, &ChainOptions::default(), &Silent).unwrap();
     println!(
         "  chain {:.1} s, cv {:.4}, K {}, residual {:?}",
         begun.elapsed().as_secs_f64(),

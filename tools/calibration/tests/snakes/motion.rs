@@ -54,13 +54,14 @@ pub fn teleoperation(
     for axis in 0..2 {
         for (size, corner) in [(0.62, 0.06), (0.22, 0.25), (0.06, 0.8)] {
             let wander = wander(&mut random, ticks, corner);
-            goals
-                .iter_mut()
-                .zip(wander)
-                .for_each(|(goal, w)| goal[axis] += size * w);
+            for (goal, w) in goals.iter_mut().zip(wander) {
+                goal[axis] += size * w;
+            }
         }
     }
-    (0..(seconds / 8.0) as usize).for_each(|_| burst(&mut random, &mut goals, seconds));
+    for _ in 0..(seconds / 8.0) as usize {
+        burst(&mut random, &mut goals, seconds);
+    }
     for (tick, goal) in goals.iter_mut().enumerate() {
         let radius = goal[0].hypot(goal[1]).max(1e-9);
         let fade = (tick as f64 * TICK_S / 3.0).min(1.0);
@@ -100,8 +101,8 @@ fn slowed(goals: &[[f64; 2]], fastest: f64) -> Vec<[f64; 2]> {
     let mut out = vec![goals[0]];
     let mut left = 0.0;
     for pair in goals.windows(2) {
-        let way = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
-        let ticks = (way / (fastest * TICK_S)).max(1.0);
+        let length = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
+        let ticks = (length / (fastest * TICK_S)).max(1.0);
         let mut at = 1.0 - left;
         while at <= ticks {
             let share = at / ticks;

@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use i2ris::core::velocity_limit::{VelocityLimiter, MotorLimits, MotorTarget};
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
     SCHEMA_VERSION, TrainingRecord,
@@ -176,7 +176,8 @@ impl fmt::Display for Tracking {
         } = self;
         write!(
             f,
-            "{rms:.3} (mean {mean:.3?}, p99/rms {p99_over_rms:.1}, {counts_per_second:.0} counts/s, {microseconds:.1} us)"
+            "{rms:.3} (mean {mean:.3?}, p99/rms {p99_over_rms:.1}, {counts_per_second:.0} \
+             counts/s, {microseconds:.1} us)"
         )
     }
 }
@@ -266,7 +267,7 @@ impl<'a> Pilot<'a> {
         let mut counts = [0.0; 2];
         for motor in 0..2 {
             let moved = self.aim.map_or(0.0, |before| aim[motor] - before[motor]);
-            // What is more is a gap, not the way of the goal.
+            // A larger step is a gap, not motion of the goal.
             let moved = if moved.abs() < 2.0 { moved } else { 0.0 };
             self.limiters[motor].track(MotorTarget {
                 position: aim[motor],

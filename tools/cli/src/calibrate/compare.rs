@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
-use i2ris_calibration::metrics::{metrics, predictions};
+use i2ris_calibration::fit::metrics::{metrics, predictions};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use serde::Serialize;
 
@@ -17,8 +17,8 @@ use i2ris_terminal::while_working;
 #[command(after_help = "Example:
   i2ris calibrate compare linear.json gmr.json gmr-play.json --recording unseen.csv
 
-The memory of every model follows the way of the motors through the whole recording, from a start at which nothing is
-known. Compare on a recording that none of the models was fitted to.")]
+The memory of every model follows the path of the motors through the whole recording, from an
+unknown start. Compare on a recording that none of the models was fitted to.")]
 pub struct Arguments {
     /// The models
     #[arg(required = true)]
@@ -37,7 +37,7 @@ struct Entry {
     /// The file.
     model: String,
     family: String,
-    /// It was fitted to this very recording.
+    /// Whether it was fitted to this recording.
     trained_on_it: bool,
     outputs: Vec<Figures>,
     /// Root mean square length of the error over all outputs, in their unit.
@@ -92,7 +92,7 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
             .map(|(measured, predicted)| (measured - predicted).abs())
             .collect();
         errors.sort_by(f64::total_cmp);
-        let found = metrics(pairs)
+        let found = metrics(&pairs.collect::<Vec<_>>())
             .ok_or_else(|| format!("{} does not vary in the recording", spec.name))?;
         outputs.push(Figures {
             name: spec.name.clone(),
@@ -120,7 +120,7 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
     })
 }
 
-/// As it stands in the file.
+/// As in the file.
 fn family(model: &Model) -> String {
     let value = serde_json::to_value(&model.file().family).unwrap_or_default();
     value
@@ -157,7 +157,7 @@ fn check(model: &Model, recording: &Recording) -> Result<(), String> {
 fn print(entries: &[Entry], recording: &Recording) {
     let (rows, places) = (recording.rows().len(), recording.path().len());
     println!(
-        "recording  {}: {rows} rows with angles on a way of {places} positions",
+        "recording  {}: {rows} rows with angles on a path of {places} positions",
         recording.name()
     );
     let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"]
@@ -179,20 +179,13 @@ fn print(entries: &[Entry], recording: &Recording) {
             } else {
                 String::new()
             };
-            let Figures {
-                name,
-                unit,
-                r2,
-                rmsd,
-                nrmsd,
-                mae,
-                p99,
-                max,
-            } = figures;
-            println!(
-                "{family:<16}{:<12}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{p99:>9.3}{max:>9.3}{length}",
-                format!("{name} ({unit})")
+            let name = format!("{} ({})", figures.name, figures.unit);
+            print!(
+                "{family:<16}{name:<12}{:>9.4}{:>9.3}",
+                figures.r2, figures.rmsd
             );
+            print!("{:>9.4}{:>9.3}", figures.nrmsd, figures.mae);
+            println!("{:>9.3}{:>9.3}{length}", figures.p99, figures.max);
         }
         let trained = if entry.trained_on_it {
             ", fitted to this very recording"

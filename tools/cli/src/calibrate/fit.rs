@@ -7,15 +7,15 @@ use std::str::FromStr;
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
 use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::recording::{ColumnMap, MIN_ROWS, OutputColumn, Recording, TimeColumn};
 use i2ris_calibration::report::{html, of_fit};
-use i2ris_calibration::spike::SpikeOptions;
-use i2ris_calibration::split::HoldOut;
-use i2ris_calibration::survey::Survey;
+use i2ris_calibration::survey::overview::Survey;
+use i2ris_calibration::survey::spike::SpikeOptions;
 
-use super::progress::Bar;
-use super::report::report;
+use super::fit_report::report;
+use super::progress_bar::Bar;
 use i2ris_terminal::Failure;
 
 /// More is no latency of a camera, ms.
@@ -34,7 +34,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     /// The robot that was recorded; the controller refuses models of another one
-    #[arg(long, value_name = "ID", default_value = "i2ris", value_parser = NonEmptyStringValueParser::new())]
+    #[arg(long, value_name = "ID", default_value = "i2ris",
+          value_parser = NonEmptyStringValueParser::new())]
     robot_id: String,
     #[command(flatten)]
     model: ModelArguments,
@@ -51,19 +52,23 @@ struct ModelArguments {
     family: Choice,
     /// Number of components of the mixture of `gmr` [default: chosen by the error on blocks left
     /// out]
-    #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64), conflicts_with = "max_components")]
+    #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64),
+          conflicts_with = "max_components")]
     components: Option<u8>,
     /// Most components to choose from
-    #[arg(long, value_name = "K", default_value_t = 12, value_parser = value_parser!(u8).range(1..=64))]
+    #[arg(long, value_name = " \
+     K", default_value_t = 12, value_parser = value_parser!(u8).range(1..=64))]
     max_components: u8,
     /// Random starts per number of components
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = value_parser!(u16).range(1..))]
+    #[arg(long, value_name = " \
+     N", default_value_t = 20, value_parser = value_parser!(u16).range(1..))]
     restarts: u16,
     /// Seed of the random starts: the same seed gives the same model
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Part of the covariance of the whole recording that every component is given, 0 to 1
-    #[arg(long, value_name = "PART", default_value_t = EmOptions::default().shrinkage, value_parser = part)]
+    #[arg(long, value_name = " \
+     PART", default_value_t = EmOptions::default().shrinkage, value_parser = part)]
     shrinkage: f64,
     /// What to hold out for testing: `last-cycle`, a fraction of the rows at the end, or `none`
     #[arg(long, value_name = "WHAT", default_value_t = HoldOut::LastCycle)]
@@ -121,7 +126,7 @@ impl FromStr for LatencyChoice {
 }
 
 impl LatencyChoice {
-    /// The recording without the latency, and what was taken off.
+    /// The recording without the latency, and the latency taken off.
     fn take_off(self, recording: &Recording) -> Result<(Recording, f64), Failure> {
         if recording.rows().iter().any(|row| row.time_s.is_none()) {
             return Err(
@@ -135,7 +140,8 @@ impl LatencyChoice {
                 Some(latency) => latency.seconds,
                 None => {
                     return Err(
-                        "--latency-ms auto: the motion of this recording does not tell it; give it in ms".into()
+                        "--latency-ms auto: the motion of this recording does not show it; give it \
+                         in ms".into()
                     );
                 }
             },
@@ -245,7 +251,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Finds out before the long work what would go wrong after it. `option` names the file to write.
+/// Checks an output file before the long work. `option` names the file to write.
 fn check_output(option: &str, output: &Path, recording: &Path) -> Result<(), Failure> {
     let shown = output.display();
     let folder = output

@@ -19,9 +19,10 @@ use i2ris_terminal::pose_table as table;
 #[command(after_help = "Example:
   i2ris calibrate merge take.csv angles.csv --output pictures.csv
 
-For pictures that were filmed during `i2ris calibrate collect` and measured by `i2ris vision` afterwards. The angles that
-the recording has are left out, and every picture with angles gets the counts of its instant. Pictures from before the
-recording, from after it, or from a gap of the encoders are left out and counted.")]
+For images that were filmed during `i2ris calibrate collect` and measured by `i2ris vision`
+afterwards. The angles of the recording are replaced, and every image with angles gets the counts
+of its instant. Images from before the recording, from after it, or from a gap of the encoders are
+left out and counted.")]
 pub struct Arguments {
     /// The recording: encoder counts over time
     recording: PathBuf,
@@ -31,7 +32,8 @@ pub struct Arguments {
     #[arg(long, short, value_name = "FILE.csv")]
     output: PathBuf,
     /// Add this to the stamps of the angles
-    #[arg(long, value_name = "S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = shift)]
+    #[arg(long, value_name = " \
+     S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = shift)]
     shift_s: f64,
 }
 
@@ -85,7 +87,7 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
             time_s: Some(time_s),
             counts: position.counts,
             outputs: [f64::NAN; MAX_OUTPUTS],
-            place: 0,
+            path_index: 0,
         });
     }
     let mut lost = 0;
@@ -104,7 +106,7 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
                     time_s: Some(time_s),
                     counts,
                     outputs,
-                    place: 0,
+                    path_index: 0,
                 });
             }
             None => lost += 1,

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use i2ris::config::{
     AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
-    PortConfig, RecordConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
+    RecordConfig, ModelSwapConfig,
 };
 use i2ris::core::ServoGoal;
 use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
@@ -15,7 +15,7 @@ use i2ris::model::Model;
 use i2ris::units::{Counts, MotorVec, OutputVec};
 use serde::Serialize;
 
-use super::table::{self, Row, Table};
+use super::csv_table::{self, CsvRow, CsvTable};
 use super::{check_output, counts_columns, history, output_columns, outputs, si};
 use i2ris_terminal::Failure;
 
@@ -30,22 +30,23 @@ const LONGEST_REST_TICKS: u32 = 10_000;
 /// Arguments of `i2ris model invert`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris model invert steel.json --trajectory wanted.csv --output counts.csv
-  i2ris model invert steel.json --trajectory wanted.csv --history before.csv --config robot.toml --output counts.csv
+  i2ris model invert steel.json --trajectory desired.csv --output counts.csv
+  i2ris model invert steel.json --trajectory desired.csv --history before.csv \\
+    --config robot.toml --output counts.csv
 
-The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight lines; the history has
-q0_counts, q1_counts. What comes out is what the control loop would send, tick by tick. The snake first goes to the
-start_position of the trajectory, at 10 deg/s.")]
+The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight
+lines; the history has q0_counts, q1_counts. The output has the setpoints that the control loop
+would send, tick by tick. The snake first goes to the start_position of the trajectory, at 10 deg/s.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,
-    /// The angles that are wanted
+    /// The angles that are desired
     #[arg(long, value_name = "DESIRED.csv")]
     trajectory: PathBuf,
-    /// The way of the motors before: it sets the memory
+    /// The path of the motors before: it sets the memory
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
-    /// Where to write time, wanted angles and counts
+    /// Where to write time, desired angles and counts
     #[arg(long, short, value_name = "COUNTS.csv")]
     output: PathBuf,
     /// The configuration of the controller: rate, limits, filters [default: what a configuration
@@ -60,7 +61,7 @@ pub struct Arguments {
     json: bool,
 }
 
-/// How it went.
+/// The outcome.
 #[derive(Debug, Serialize)]
 struct Outcome {
     ticks: usize,
@@ -68,7 +69,7 @@ struct Outcome {
     clipped_ticks: usize,
     /// The memory was known when the trajectory began.
     memory_known: bool,
-    /// Way of every motor, counts.
+    /// Travel of every motor, counts.
     travel_counts: Vec<f64>,
 }
 
@@ -83,19 +84,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let columns: Vec<String> = std::iter::once("t_s".to_owned())
         .chain(output_columns(&model))
         .collect();
-    let table = Table::read(trajectory, &columns)?;
-    let wanted = Wanted {
+    let table = CsvTable::read(trajectory, &columns)?;
+    let desired = DesiredTrajectory {
         rows: &table.rows,
         si: si(&model),
         outputs: model.outputs(),
     };
     let mut past = history(arguments.history.as_ref(), &model)?;
     if past.is_empty() {
-        past.push(start_position(&model, &wanted.at(wanted.start_s())));
+        past.push(start_position(&model, &desired.at(desired.start_s())));
     }
     let mut rehearsal = Rehearsal::new(&config, &model, &past)?;
-    approach(&mut rehearsal, &wanted, arguments.no_limits)
-        .map_err(|error| told(error, trajectory, wanted.start_s(), &config))?;
+    approach(&mut rehearsal, &desired, arguments.no_limits)
+        .map_err(|error| explained(error, trajectory, desired.start_s(), &config))?;
     let known = rehearsal
         .report()
         .joint
@@ -106,18 +107,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         memory_known: known,
         travel_counts: vec![0.0; model.motors()],
     };
-    let rows = play(&mut rehearsal, &wanted, &mut outcome)
-        .map_err(|(error, t)| told(error, trajectory, t, &config))?;
+    let rows = play(&mut rehearsal, &desired, &mut outcome)
+        .map_err(|(error, t)| explained(error, trajectory, t, &config))?;
     let header: Vec<String> = columns.into_iter().chain(counts_columns(&model)).collect();
-    table::write(output, &header, &rows)?;
+    csv_table::write(output, &header, &rows)?;
     print(&outcome, output, arguments.json)
 }
 
 fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
     if !outcome.memory_known {
         eprintln!(
-            "warning: the memory is not known where the trajectory begins, so the counts may be off by the width of the \
-             hysteresis loop; give the way of the motors before it with --history"
+            "warning: the memory is not known where the trajectory begins, so the counts may be \
+             off by the width of the hysteresis loop; give the path of the motors before it with \
+             --history"
         );
     }
     if json {
@@ -135,13 +137,13 @@ fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
 }
 
 /// The trajectory.
-struct Wanted<'a> {
-    rows: &'a [Row],
+struct DesiredTrajectory<'a> {
+    rows: &'a [CsvRow],
     si: f64,
     outputs: usize,
 }
 
-impl Wanted<'_> {
+impl DesiredTrajectory<'_> {
     fn start_s(&self) -> f64 {
         self.rows
             .first()
@@ -160,7 +162,7 @@ impl Wanted<'_> {
 
     /// rad (m), linearly between the rows.
     fn at(&self, time_s: f64) -> OutputVec {
-        let time = |row: &Row| row.values.first().copied().unwrap_or_default();
+        let time = |row: &CsvRow| row.values.first().copied().unwrap_or_default();
         let after = self
             .rows
             .partition_point(|row| time(row) < time_s)
@@ -193,10 +195,10 @@ impl Wanted<'_> {
 /// Goes to the first pose, straight in the outputs, and waits until the motors stand.
 fn approach(
     rehearsal: &mut Rehearsal,
-    wanted: &Wanted,
+    desired: &DesiredTrajectory,
     at_once: bool,
 ) -> Result<(), RehearsalError> {
-    let to = wanted.at(wanted.start_s());
+    let to = desired.at(desired.start_s());
     let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
     let distance = from
         .iter()
@@ -207,16 +209,16 @@ fn approach(
     let ticks = if at_once {
         1.0
     } else {
-        (distance / (APPROACH * wanted.si * rehearsal.period().as_seconds())).ceil()
+        (distance / (APPROACH * desired.si * rehearsal.period().as_seconds())).ceil()
     };
     for tick in 1..=ticks as u64 {
         let share = tick as f64 / ticks;
         let here = std::array::from_fn(|output| from[output] + share * (to[output] - from[output]));
-        rehearsal.follow(wanted.goal(here))?;
+        rehearsal.follow(desired.goal(here))?;
     }
     let (mut before, mut rested) = (rehearsal.report().setpoints, 0);
     for _ in 0..LONGEST_REST_TICKS {
-        let now = rehearsal.follow(wanted.goal(to))?.setpoints;
+        let now = rehearsal.follow(desired.goal(to))?.setpoints;
         rested = if now == before { rested + 1 } else { 0 };
         before = now;
         if rested >= REST_TICKS {
@@ -226,21 +228,21 @@ fn approach(
     Ok(())
 }
 
-/// One row per tick: time, what is wanted, and the counts.
+/// One row per tick: time, what is desired, and the counts.
 fn play(
     rehearsal: &mut Rehearsal,
-    wanted: &Wanted,
+    desired: &DesiredTrajectory,
     outcome: &mut Outcome,
 ) -> Result<Vec<Vec<f64>>, (RehearsalError, f64)> {
-    let (start, period) = (wanted.start_s(), rehearsal.period().as_seconds());
-    let ticks = ((wanted.end_s() - start) / period + 1e-9) as u64;
+    let (start, period) = (desired.start_s(), rehearsal.period().as_seconds());
+    let ticks = ((desired.end_s() - start) / period + 1e-9) as u64;
     let mut before = rehearsal.report().setpoints;
     let mut rows = Vec::new();
     for tick in 0..=ticks {
         let time_s = start + tick as f64 * period;
-        let angles = wanted.at(time_s);
+        let angles = desired.at(time_s);
         let report = rehearsal
-            .follow(wanted.goal(angles))
+            .follow(desired.goal(angles))
             .map_err(|error| (error, time_s))?;
         outcome.ticks += 1;
         outcome.clipped_ticks += usize::from(report.clipped);
@@ -251,8 +253,8 @@ fn play(
         before = counts;
         let angles = angles
             .into_iter()
-            .take(wanted.outputs)
-            .map(|angle| angle / wanted.si);
+            .take(desired.outputs)
+            .map(|angle| angle / desired.si);
         let counts = counts
             .iter()
             .take(outcome.travel_counts.len())
@@ -267,7 +269,7 @@ fn play(
     Ok(rows)
 }
 
-fn told(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Failure {
+fn explained(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Failure {
     let remedy = match error {
         RehearsalError::Goal(Refusal::Step) => {
             format!(

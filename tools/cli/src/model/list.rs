@@ -1,4 +1,4 @@
-//! `i2ris model list`, and how the models of a controller are shown.
+//! `i2ris model list`, and the printed form of the models of a controller.
 
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{ModelReply, ModelSlot, unpadded_text};
@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     show(&client.models()?, arguments.json)
 }
 
-/// Prints the models at hand.
+/// Prints the loaded models.
 pub fn show(reply: &ModelReply, json: bool) -> Result<(), Failure> {
     if json {
         println!("{}", serde_json::to_string_pretty(&models(reply))?);
@@ -41,7 +41,7 @@ pub fn show(reply: &ModelReply, json: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The models at hand, for scripts.
+/// The loaded models as JSON.
 pub fn models(reply: &ModelReply) -> Value {
     let [active, staged, former] = reply.slots.map(|slot| model(&slot));
     json!({ "active": active, "staged": staged, "former": former })

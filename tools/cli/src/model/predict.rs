@@ -4,23 +4,23 @@ use std::path::PathBuf;
 
 use i2ris::model::Model;
 
-use super::table::{self, Table};
+use super::csv_table::{self, CsvTable};
 use super::{check_output, counts_columns, history, motors, output_columns, si};
 use i2ris_terminal::Failure;
 
 /// Arguments of `i2ris model predict`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris model predict steel.json --counts way.csv --history before.csv --output angles.csv
+  i2ris model predict steel.json --counts path.csv --history before.csv --output angles.csv
 
 The files name their columns in the first line: t_s (not in the history), q0_counts, q1_counts.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,
-    /// The way of the motors
+    /// The path of the motors
     #[arg(long, value_name = "COUNTS.csv")]
     counts: PathBuf,
-    /// The way of the motors before that: it sets the memory
+    /// The path of the motors before that: it sets the memory
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
     /// Where to write time, angles and counts
@@ -36,7 +36,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let columns: Vec<String> = std::iter::once("t_s".to_owned())
         .chain(counts_columns(&model))
         .collect();
-    let table = Table::read(counts, &columns)?;
+    let table = CsvTable::read(counts, &columns)?;
     let mut memory = model.new_memory();
     for counts in history(arguments.history.as_ref(), &model)? {
         model.advance(&mut memory, &counts);
@@ -60,12 +60,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .chain(output_columns(&model))
         .chain(counts_columns(&model))
         .collect();
-    table::write(output, &header, &rows)?;
+    csv_table::write(output, &header, &rows)?;
     println!("wrote {} rows to {}", rows.len(), output.display());
     if unknown > 0 {
         eprintln!(
-            "warning: in the first {unknown} row(s) the memory is not known, so their angles may be off by the width of \
-             the hysteresis loop; give the way of the motors before them with --history"
+            "warning: in the first {unknown} row(s) the memory is not known, so their angles may \
+             be off by the width of the hysteresis loop; give the path of the motors before them \
+             with --history"
         );
     }
     Ok(())

@@ -241,7 +241,8 @@ fn stop_table(stops: &StopParameters) {
         );
     }
     println!(
-        "{} segment(s) of {} stops, base friction {:.3}, {:.0} % of the friction shared by the axes",
+        "{} segment(s) of {} stops, base friction {:.3}, {:.0} % of the friction shared by the \
+         axes",
         stops.segments.len(),
         stops.stops.len(),
         stops.base_friction,

@@ -31,7 +31,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         client.stage_model(&arguments.model)
     })?;
     if arguments.json {
-        let outcome = serde_json::json!({ "models": models(&reply), "difference": as_json(&reply.difference) });
+        let difference = as_json(&reply.difference);
+        let outcome = serde_json::json!({ "models": models(&reply), "difference": difference });
         println!("{}", serde_json::to_string_pretty(&outcome)?);
         return Ok(());
     }

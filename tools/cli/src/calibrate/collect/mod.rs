@@ -1,28 +1,28 @@
 //! `i2ris calibrate collect`: moves the motors through a protocol and records them with what a
 //! camera sees.
 //!
-//! | file | holds |
+//! | file | contents |
 //! |---|---|
 //! | `protocol`, `reversals` | the motions that calibrate |
-//! | `motion` | a motion as places, and playing it |
-//! | `session` | driving the robot while listening to motors and camera |
-//! | `take`, `pictures`, `flag` | from what arrives to rows, and what was wrong with some moments |
-//! | `shift` | the latency of the camera |
-//! | `sidecar` | what the recording does not say by itself |
-//! | `report` | what is printed in the end |
+//! | `paced_motion` | a motion as positions, and playing it |
+//! | `session` | driving the robot while recording motors and camera |
+//! | `recorder`, `frame_queue`, `recording_flag` | from messages to rows, and flagged moments |
+//! | `latency` | the latency of the camera |
+//! | `sidecar` | the file beside the recording: settings, outcome, flags |
+//! | `printed_report` | the printed outcome |
 
-mod flag;
-mod motion;
-mod pictures;
+mod frame_queue;
+mod latency;
+mod paced_motion;
+mod printed_report;
 mod protocol;
-mod report;
+mod recorder;
+mod recording_flag;
 mod reversals;
 mod session;
-mod shift;
 mod sidecar;
-mod take;
 
-pub use take::GAP_NS;
+pub use recorder::GAP_NS;
 
 use std::fs::File;
 use std::io::LineWriter;
@@ -39,13 +39,13 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::command::prepare::prepare;
 use i2ris_terminal::Failure;
+use crate::command::prepare::prepare;
 use i2ris_terminal::Interrupt;
-use protocol::{Protocol, Region, Wish};
-use session::{Ears, Ending, Session};
+use protocol::{MotionRequest, Protocol, Region};
+use recorder::{RecordedRows, Recorder};
+use session::{Ending, Session, Subscriptions};
 use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};
-use take::{Take, Taken};
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
@@ -57,11 +57,12 @@ const USED_PART: f64 = 0.75;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris calibrate collect --config config/emulator.toml --enable --output steel.csv
-  i2ris calibrate collect --config robot.toml --range-counts 300 --speed-counts-s 200 --output first.csv
-  i2ris calibrate collect --config robot.toml --protocol cycles --apply-latency --json --output cycles.csv
+  i2ris calibrate collect --config robot.toml --range-counts 300 --output first.csv
+  i2ris calibrate collect --config robot.toml --protocol cycles --json --output cycles.csv
 
-The controller has to run, and a camera process that publishes external/measured_jp. Ctrl-C stops the robot and keeps
-what was recorded. Beside FILE.csv, FILE.toml tells what was asked, how it went and which moments to distrust.")]
+The controller has to run, and a camera process that publishes external/measured_jp. Ctrl-C stops
+the robot and keeps the recording. Beside FILE.csv, FILE.toml holds the settings, the outcome and
+the flagged moments.")]
 pub struct Arguments {
     /// The configuration that the controller runs with: its limits, its robot, its domain
     #[arg(long, value_name = "FILE")]
@@ -69,10 +70,10 @@ pub struct Arguments {
     /// Where to record: a CSV file that does not exist yet
     #[arg(long, short, value_name = "FILE.csv")]
     output: PathBuf,
-    /// What to do with the motors
+    /// Motion of the motors
     #[arg(long, value_enum, default_value_t = Protocol::Reversals)]
     protocol: Protocol,
-    /// How long [default: what suits the protocol; 300 for reversals]
+    /// How long [default: the usual duration of the protocol; 300 for reversals]
     #[arg(long, value_name = "S", value_parser = above_zero)]
     duration_s: Option<f64>,
     /// How far to go from the centre [default: three quarters of the way to the nearest position
@@ -80,7 +81,8 @@ pub struct Arguments {
     #[arg(long, value_name = "COUNTS", value_parser = above_zero)]
     range_counts: Option<f64>,
     /// The centre, motor by motor [default: 0,0]
-    #[arg(long, value_name = "COUNTS,..", value_delimiter = ',', num_args = 1, allow_negative_numbers = true,
+    #[arg(long, value_name = " \
+     COUNTS,..", value_delimiter = ',', num_args = 1, allow_negative_numbers = true,
           value_parser = value_parser!(i32))]
     centre_counts: Vec<i32>,
     /// Speed limit of the motors
@@ -92,16 +94,17 @@ pub struct Arguments {
     /// Home and enable the robot first, where necessary
     #[arg(long)]
     enable: bool,
-    /// Do without the conditioning stroke: the hysteresis at the beginning is then unknown
+    /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
     #[arg(long)]
     no_condition: bool,
     /// Take so much off the stamps of the camera
-    #[arg(long, value_name = "MS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = latency)]
+    #[arg(long, value_name = " \
+     MS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = latency)]
     camera_latency_ms: f64,
     /// Take the estimated latency off the stamps when the recording has ended
     #[arg(long)]
     apply_latency: bool,
-    /// Distance from the pictures before and after, which agree, that makes a picture an outlier,
+    /// Distance from the frames before and after, which agree, that makes a frame an outlier,
     /// deg (mm)
     #[arg(long, value_name = "DEG", default_value_t = 3.0, value_parser = above_zero)]
     outlier_deg: f64,
@@ -132,12 +135,13 @@ fn latency(text: &str) -> Result<f64, String> {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = Config::load(&arguments.config)?;
-    let wish = wish(arguments, &config)?;
+    let request = request(arguments, &config)?;
     check_output(&arguments.output)?;
     if arguments.protocol == Protocol::Axes {
         eprintln!(
-            "warning: moving one motor at a time is a trap: a model of it does not know the plane between the axes, and its \
-             inverse runs off there. Use it to look at one axis, and --protocol reversals to calibrate."
+            "warning: moving one motor at a time is a trap: a model of it does not know the plane \
+             between the axes, and its inverse runs off there. Use it to look at one axis, and \
+             --protocol reversals to calibrate."
         );
     }
     let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
@@ -145,17 +149,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&domain, CONNECT)?;
     let version = client.version()?;
     check_robot(&version, &config, &arguments.config)?;
-    let (mut ears, count) = Ears::open(&client, domain.name(), &interrupt)?;
+    let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;
     let outputs = outputs(&version, count);
     prepare(&mut client, arguments.enable, &interrupt)?;
 
-    let mut sidecar = begin(arguments, &config, &wish, &version);
+    let mut sidecar = begin(arguments, &config, &request, &version);
     let file = File::create_new(&arguments.output)
         .map_err(|error| cannot_write(&arguments.output, &error))?;
     sidecar.write(&arguments.output)?;
     let latency_s = arguments.camera_latency_ms / 1e3;
-    let (start, motors) = (clock::now(), wish.region.motors);
-    let mut take = Take::new(
+    let (start, motors) = (clock::now(), request.region.motors);
+    let mut recorder = Recorder::new(
         LineWriter::new(file),
         start,
         motors,
@@ -168,26 +172,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut session = Session {
         client: &mut client,
         interrupt: &interrupt,
-        ears: &mut ears,
+        subscriptions: &mut subscriptions,
         bar: &bar,
     };
-    let ending = session.perform(&mut take, !arguments.no_condition, |from| wish.motion(from));
+    let ending = session.perform(&mut recorder, !arguments.no_condition, |from| {
+        request.motion(from)
+    });
     bar.finish_and_clear();
-    let taken = take
+    let recorded = recorder
         .finish()
         .map_err(|error| cannot_write(&arguments.output, &error))?;
 
-    sidecar.outcome = Some(outcome(&taken, &ending, ears.missed()));
-    sidecar.latency = shift::latency(&taken.rows, motors).map(|latency| report::record(&latency));
+    sidecar.outcome = Some(outcome(&recorded, &ending, subscriptions.missed()));
+    sidecar.latency =
+        latency::latency(&recorded.rows, motors).map(|latency| printed_report::record(&latency));
     if let (true, Some(latency)) = (arguments.apply_latency, &mut sidecar.latency) {
-        let rows = shift::shifted(&taken.rows, latency.estimate_ms / 1e3);
-        shift::rewrite(&arguments.output, &rows, motors, &outputs)
+        let rows = latency::shifted(&recorded.rows, latency.estimate_ms / 1e3);
+        latency::rewrite(&arguments.output, &rows, motors, &outputs)
             .map_err(|error| cannot_write(&arguments.output, &error))?;
         latency.applied = true;
     }
-    sidecar.flags = taken.flags;
+    sidecar.flags = recorded.flags;
     sidecar.write(&arguments.output)?;
-    report::print(&sidecar, &arguments.output, arguments.json)?;
+    printed_report::print(&sidecar, &arguments.output, arguments.json)?;
     match ending? {
         Ending::Complete => Ok(()),
         Ending::Interrupted => {
@@ -196,8 +203,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// Where and how fast, within the limits of the controller.
-fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
+/// The requested motion, within the limits of the controller.
+fn request(arguments: &Arguments, config: &Config) -> Result<MotionRequest, Failure> {
     let motors = config.motors().min(MAX_MOTORS);
     let file = arguments.config.display();
     let mut centre = MotorVec::default();
@@ -227,8 +234,9 @@ fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
     let radius = arguments.range_counts.unwrap_or(USED_PART * room);
     if radius > room {
         return Err(format!(
-            "--range-counts {radius}: the position limits of {file} leave {room} counts around the centre; ask for less, \
-             move the centre with --centre-counts, or widen the limits there and restart the controller"
+            "--range-counts {radius}: the position limits of {file} leave {room} counts around the \
+             centre; ask for less, move the centre with --centre-counts, or widen the limits there \
+             and restart the controller"
         )
         .into());
     }
@@ -236,11 +244,12 @@ fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
     if arguments.speed_counts_s > most {
         let given = arguments.speed_counts_s;
         return Err(format!(
-            "--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s of {file})"
+            "--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s of \
+             {file})"
         )
         .into());
     }
-    Ok(Wish {
+    Ok(MotionRequest {
         protocol: arguments.protocol,
         region: Region {
             centre,
@@ -253,7 +262,7 @@ fn wish(arguments: &Arguments, config: &Config) -> Result<Wish, Failure> {
     })
 }
 
-/// Finds out before the robot moves what would go wrong after it.
+/// Checks the output file before the robot moves.
 fn check_output(output: &Path) -> Result<(), Failure> {
     let folder = output
         .parent()
@@ -269,13 +278,13 @@ fn check_output(output: &Path) -> Result<(), Failure> {
         )
         .into());
     }
-    if let Some(taken) = [output.to_owned(), Sidecar::path(output)]
+    if let Some(recorded) = [output.to_owned(), Sidecar::path(output)]
         .iter()
         .find(|path| path.exists())
     {
         return Err(format!(
             "--output {shown}: {} exists, and recordings are not written over; name another file",
-            taken.display()
+            recorded.display()
         )
         .into());
     }
@@ -295,10 +304,14 @@ fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Fa
         return Ok(());
     }
     let file = file.display();
-    Err(format!("the controller turns {running} motor(s), but {file} names {named}: it runs with another file").into())
+    Err(format!(
+        "the controller turns {running} motor(s), but {file} names {named}: it runs with \
+     another file"
+    )
+    .into())
 }
 
-/// What the camera measures: as the controller's model names it, if there is one that fits.
+/// Outputs of the camera: as the controller's model names it, if there is one that fits.
 fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     let (unit, known): (_, &[&str]) = if count == 3 {
         (OutputUnit::Mm, &["x", "y", "z"])
@@ -325,8 +338,13 @@ fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
         .collect()
 }
 
-fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version) -> Sidecar {
-    let motors = wish.region.motors;
+fn begin(
+    arguments: &Arguments,
+    config: &Config,
+    request: &MotionRequest,
+    version: &Version,
+) -> Sidecar {
+    let motors = request.region.motors;
     let axes = || (0..motors).filter_map(|motor| config.axis(motor));
     let name = arguments
         .output
@@ -353,12 +371,12 @@ fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version)
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_secs()),
         protocol: ProtocolRecord {
-            name: wish.protocol.name(),
-            seed: wish.seed,
-            duration_s: wish.duration_s(),
-            centre_counts: wish.region.centre[..motors].to_vec(),
-            range_counts: wish.region.radius,
-            speed_counts_s: wish.speed_counts_s,
+            name: request.protocol.name(),
+            seed: request.seed,
+            duration_s: request.duration_s(),
+            centre_counts: request.region.centre[..motors].to_vec(),
+            range_counts: request.region.radius,
+            speed_counts_s: request.speed_counts_s,
             conditioned: !arguments.no_condition,
             camera_latency_ms: arguments.camera_latency_ms,
             limits: Limits {
@@ -374,12 +392,16 @@ fn begin(arguments: &Arguments, config: &Config, wish: &Wish, version: &Version)
     }
 }
 
-fn outcome(taken: &Taken, ending: &Result<Ending, Failure>, missed_messages: u64) -> Outcome {
+fn outcome(
+    recorded: &RecordedRows,
+    ending: &Result<Ending, Failure>,
+    missed_messages: u64,
+) -> Outcome {
     let time = |row: Option<&i2ris_calibration::recording::Row>| {
         row.and_then(|row| row.time_s).unwrap_or_default()
     };
-    let length_s = time(taken.rows.last()) - time(taken.rows.first());
-    let (rows, samples) = (taken.rows.len(), taken.samples().count());
+    let length_s = time(recorded.rows.last()) - time(recorded.rows.first());
+    let (rows, samples) = (recorded.rows.len(), recorded.samples().count());
     let rate = |count: usize| {
         if length_s > 0.0 {
             count as f64 / length_s

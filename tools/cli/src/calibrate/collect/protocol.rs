@@ -7,13 +7,13 @@ use std::f64::consts::TAU;
 
 use i2ris::units::MotorVec;
 
-use super::motion::{Motion, STEP_S};
+use super::paced_motion::{Motion, STEP_S};
 use super::reversals;
 
 /// Turns of a decaying sine.
 const DECAYING_TURNS: f64 = 8.0;
 
-/// Which motion.
+/// The motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Protocol {
     /// Both motors wander over the whole disc, in turns with reversals of all sizes: calibrates
@@ -40,7 +40,7 @@ impl Protocol {
     }
 }
 
-/// Where the motors may go.
+/// The region of the motors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Region {
     /// Counts.
@@ -52,8 +52,8 @@ pub struct Region {
 }
 
 impl Region {
-    /// From the unit disc.
-    fn place(&self, unit: MotorVec) -> MotorVec {
+    /// Counts at a point of the unit disc.
+    fn counts(&self, unit: MotorVec) -> MotorVec {
         let [x, y] = if self.motors == 2 {
             unit
         } else {
@@ -64,19 +64,19 @@ impl Region {
     }
 }
 
-/// What is wanted of a motion.
+/// A requested motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wish {
+pub struct MotionRequest {
     pub protocol: Protocol,
     pub region: Region,
     /// Of the faster motor.
     pub speed_counts_s: f64,
-    /// `None`: what suits the protocol.
+    /// `None`: the usual duration of the protocol.
     pub duration_s: Option<f64>,
     pub seed: u64,
 }
 
-impl Wish {
+impl MotionRequest {
     /// How long the protocol takes by itself, s: five minutes of reversals, eight strokes of the
     /// sawtooth, four decaying sines, four rounds for each axis.
     pub fn duration_s(&self) -> f64 {
@@ -105,13 +105,13 @@ impl Wish {
         let middle = Motion::paced(
             self.points()
                 .into_iter()
-                .map(|unit| self.region.place(unit)),
+                .map(|unit| self.region.counts(unit)),
             self.speed_counts_s,
         )
-        .cut(self.duration_s());
+        .truncated(self.duration_s());
         let points = [from, centre]
             .into_iter()
-            .chain(middle.places().iter().copied())
+            .chain(middle.positions().iter().copied())
             .chain([centre]);
         Motion::paced(points, self.speed_counts_s)
     }
@@ -166,7 +166,7 @@ fn triangle(phase: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibrate::collect::motion::distance;
+    use crate::calibrate::collect::paced_motion::distance;
 
     const ALL: [Protocol; 4] = [
         Protocol::Reversals,
@@ -175,13 +175,13 @@ mod tests {
         Protocol::Axes,
     ];
 
-    fn wish(protocol: Protocol) -> Wish {
+    fn request(protocol: Protocol) -> MotionRequest {
         let region = Region {
             centre: [100.0, -50.0],
             radius: 1000.0,
             motors: 2,
         };
-        Wish {
+        MotionRequest {
             protocol,
             region,
             speed_counts_s: 500.0,
@@ -190,36 +190,36 @@ mod tests {
         }
     }
 
-    fn from_centre(wish: &Wish, place: &MotorVec) -> f64 {
-        (place[0] - wish.region.centre[0]).hypot(place[1] - wish.region.centre[1])
+    fn from_centre(request: &MotionRequest, place: &MotorVec) -> f64 {
+        (place[0] - request.region.centre[0]).hypot(place[1] - request.region.centre[1])
     }
 
     #[test]
     fn every_protocol_stays_in_the_disc_below_the_speed_limit_and_ends_in_the_centre() {
         for protocol in ALL {
-            let wish = wish(protocol);
-            let motion = wish.motion([0.0, 0.0]);
-            let places = motion.places();
+            let request = request(protocol);
+            let motion = request.motion([0.0, 0.0]);
+            let positions = motion.positions();
             assert_eq!(
-                (places.first(), places.last()),
-                (Some(&[0.0, 0.0]), Some(&wish.region.centre)),
+                (positions.first(), positions.last()),
+                (Some(&[0.0, 0.0]), Some(&request.region.centre)),
                 "{protocol:?}"
             );
-            let farthest = places
+            let farthest = positions
                 .iter()
-                .map(|place| from_centre(&wish, place))
+                .map(|place| from_centre(&request, place))
                 .fold(0.0, f64::max);
             assert!(
                 (950.0..=1000.0 + 1e-6).contains(&farthest),
                 "{protocol:?}: {farthest}"
             );
-            for pair in places.windows(2) {
+            for pair in positions.windows(2) {
                 let speed = distance(&pair[0], &pair[1]) / STEP_S;
                 assert!(speed <= 500.0 + 1e-6, "{protocol:?}: {speed}");
             }
-            let longest = wish.duration_s() + 10.0;
+            let longest = request.duration_s() + 10.0;
             assert!(
-                (wish.duration_s()..longest).contains(&motion.length_s()),
+                (request.duration_s()..longest).contains(&motion.length_s()),
                 "{protocol:?}: {}",
                 motion.length_s()
             );
@@ -229,19 +229,19 @@ mod tests {
     #[test]
     fn one_motor_leaves_the_other_alone() {
         for protocol in ALL {
-            let mut wish = wish(protocol);
-            wish.region = Region {
+            let mut request = request(protocol);
+            request.region = Region {
                 motors: 1,
                 centre: [0.0, 0.0],
-                ..wish.region
+                ..request.region
             };
-            let motion = wish.motion([0.0, 0.0]);
+            let motion = request.motion([0.0, 0.0]);
             assert!(
-                motion.places().iter().all(|place| place[1] == 0.0),
+                motion.positions().iter().all(|place| place[1] == 0.0),
                 "{protocol:?}"
             );
             assert!(
-                motion.places().iter().any(|place| place[0] > 900.0),
+                motion.positions().iter().any(|place| place[0] > 900.0),
                 "{protocol:?}"
             );
         }
@@ -250,13 +250,13 @@ mod tests {
     #[test]
     fn all_but_axes_visit_every_part_of_the_plane() {
         for protocol in ALL {
-            let wish = wish(protocol);
+            let request = request(protocol);
             let mut visited = [false; 8];
-            for place in wish
+            for place in request
                 .motion([0.0, 0.0])
-                .places()
+                .positions()
                 .iter()
-                .filter(|place| from_centre(&wish, place) > 500.0)
+                .filter(|place| from_centre(&request, place) > 500.0)
             {
                 let [x, y] = [place[0] - 100.0, place[1] + 50.0];
                 visited[((y.atan2(x) / TAU).rem_euclid(1.0) * 8.0) as usize % 8] = true;
@@ -272,15 +272,15 @@ mod tests {
 
     #[test]
     fn the_seed_decides_and_the_duration_is_kept() {
-        let wish = Wish {
+        let request = MotionRequest {
             duration_s: Some(30.0),
-            ..wish(Protocol::Reversals)
+            ..request(Protocol::Reversals)
         };
-        assert_eq!(wish.motion([0.0; 2]), wish.motion([0.0; 2]));
+        assert_eq!(request.motion([0.0; 2]), request.motion([0.0; 2]));
         assert_ne!(
-            wish.motion([0.0; 2]),
-            Wish { seed: 8, ..wish }.motion([0.0; 2])
+            request.motion([0.0; 2]),
+            MotionRequest { seed: 8, ..request }.motion([0.0; 2])
         );
-        assert!((30.0..34.0).contains(&wish.motion([0.0; 2]).length_s()));
+        assert!((30.0..34.0).contains(&request.motion([0.0; 2]).length_s()));
     }
 }

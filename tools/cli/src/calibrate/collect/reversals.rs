@@ -4,8 +4,8 @@
 //! Hysteresis shows in what follows a reversal, for as long as it takes to wipe it out. So there
 //! have to be reversals of all sizes, from a fraction of a gap to the full range, inside each
 //! other, at every place of the plane and in all directions. The strokes give the sizes,
-//! log-uniform, nested because each begins where the last one ended; the wandering gives places and
-//! directions as a hand would. Either alone calibrates worse than both.
+//! log-uniform, nested because each begins where the last one ended; the wandering gives positions
+//! and directions as a hand would. Either alone calibrates worse than both.
 
 use std::f64::consts::PI;
 
@@ -13,7 +13,7 @@ use i2ris::units::MotorVec;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::motion::STEP_S;
+use super::paced_motion::STEP_S;
 
 /// Length of one kind of motion before the other takes over, s.
 const BLOCK_S: f64 = 15.0;
@@ -21,7 +21,7 @@ const BLOCK_S: f64 = 15.0;
 /// The smallest stroke, as a part of the radius; the largest goes from end to end.
 const SMALLEST: f64 = 0.02;
 
-/// The shortest way of a wanderer to where he turns, as a part of the radius.
+/// The shortest way of wandering to where it turns, as a part of the radius.
 const NEAREST: f64 = 0.05;
 
 /// The slowest motion, as a part of the speed limit.
@@ -60,7 +60,7 @@ fn disc([x, y]: MotorVec) -> MotorVec {
     [scale * x, scale * y]
 }
 
-/// A smooth way through random points of the disc.
+/// A smooth path through random points of the disc.
 fn wander(from: MotorVec, steps: usize, speed: f64, random: &mut Pcg64Mcg) -> Vec<MotorVec> {
     let mut way = Vec::with_capacity(steps);
     let next = somewhere(from, random);
@@ -149,7 +149,7 @@ fn log_uniform(low: f64, high: f64, random: &mut Pcg64Mcg) -> f64 {
 mod tests {
     use super::*;
 
-    /// Lengths of the ways between two reversals of one motor.
+    /// Lengths between two reversals of one motor.
     fn stroke_lengths(points: &[MotorVec], motor: usize) -> Vec<f64> {
         let mut turns = vec![points[0][motor]];
         for three in points.windows(3) {

@@ -1,4 +1,4 @@
-//! Driving the robot through a protocol while listening to motors and camera.
+//! Moves the robot through a protocol and records motors and camera.
 
 use std::io::Write;
 
@@ -10,32 +10,32 @@ use i2ris::realtime::Ticker;
 use i2ris::units::{MotorVec, Nanos};
 use indicatif::ProgressBar;
 
-use super::motion::{Motion, Playback};
-use super::take::Take;
-use crate::command::stream_monitor::{StreamMonitor, enabled};
+use super::paced_motion::{Motion, Playback};
+use super::recorder::Recorder;
 use i2ris_terminal::Failure;
+use crate::command::stream_monitor::{StreamMonitor, enabled};
 use i2ris_terminal::Interrupt;
 
 /// Commands per second: well below the deadline of a controller, and four times as fast as feedback
 /// needs.
 const PERIOD: Nanos = Nanos::from_millis(5);
 
-/// How long to wait for the first picture.
+/// How long to wait for the first frame.
 const CAMERA_WAIT: Nanos = Nanos::from_millis(3000);
 
-/// A camera that says nothing for so long has gone.
+/// A camera without a message for so long has failed.
 const CAMERA_SILENCE: Nanos = Nanos::from_millis(2000);
 
-/// A picture whose stamp is further from now is not on this machine's monotonic clock.
-const STRANGE_CLOCK: Nanos = Nanos::from_millis(10_000);
+/// A frame whose stamp is further from now is not on this machine's monotonic clock.
+const CLOCK_TOLERANCE: Nanos = Nanos::from_millis(10_000);
 
-/// Rows are written this much later: pictures take their time.
-const HOLD_BACK: Nanos = Nanos::from_millis(1000);
+/// Rows are written this much later, because frames arrive late.
+const WRITE_DELAY: Nanos = Nanos::from_millis(1000);
 
-/// How long to listen on after the motion, for the pictures that are on their way.
-const AFTERGLOW: Nanos = Nanos::from_millis(1000);
+/// How long to continue after the motion, for delayed frames.
+const LAST_FRAMES: Nanos = Nanos::from_millis(1000);
 
-/// How long a conditioning stroke may take: with the slowest that a configuration is likely to ask
+/// How long a conditioning cycle may take: with the slowest that a configuration is likely to ask
 /// for.
 const CONDITIONING: Nanos = Nanos::from_millis(300_000);
 
@@ -49,17 +49,17 @@ pub enum Ending {
     Interrupted,
 }
 
-/// What arrives.
-pub struct Ears {
+/// Subscriptions to motors and camera.
+pub struct Subscriptions {
     actuators: Subscription<ActuatorState>,
     external: Subscription<ExternalPosition>,
-    /// When the last picture came.
-    heard: Nanos,
+    /// When the last frame came.
+    last_frame: Nanos,
     setpoint: Option<MotorVec>,
 }
 
-impl Ears {
-    /// Waits for motors and camera. The answer says, too, how many outputs the camera measures.
+impl Subscriptions {
+    /// Waits for motors and camera; also returns how many outputs the camera measures.
     pub fn open(
         client: &Client,
         domain: &str,
@@ -68,23 +68,23 @@ impl Ears {
         let watcher = client.watcher();
         let (actuators, external) = (watcher.actuators(), watcher.external());
         let start = clock::now();
-        let mut ears = Self {
+        let mut subscriptions = Self {
             actuators,
             external,
-            heard: start,
+            last_frame: start,
             setpoint: None,
         };
         let mut blind = false;
         loop {
             let now = clock::now();
-            // The last picture of a camera that has ended is still there for whoever joins.
-            while let Some(seen) = ears.external.read()? {
+            // The last frame of a camera that has ended is still there for whoever joins.
+            while let Some(seen) = subscriptions.external.read()? {
                 let valid = seen.flags & ExternalPosition::VALID != 0;
                 blind |= !valid;
                 if valid && Nanos(seen.stamp_ns) + CAMERA_SILENCE > start {
                     check_clock(&seen, now)?;
-                    ears.heard = now;
-                    return Ok((ears, seen.count as usize));
+                    subscriptions.last_frame = now;
+                    return Ok((subscriptions, seen.count as usize));
                 }
             }
             if interrupt.came() {
@@ -97,28 +97,29 @@ impl Ears {
         }
     }
 
-    fn listen<W: Write>(&mut self, take: &mut Take<W>) -> Result<(), Failure> {
+    fn receive<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<(), Failure> {
         let setpoint = &mut self.setpoint;
         self.actuators.drain(|state| {
             *setpoint = Some(state.setpoint_counts.map(f64::from));
-            take.positions(&state);
+            recorder.positions(&state);
         })?;
-        let (now, mut heard) = (clock::now(), false);
+        let (now, mut last_frame) = (clock::now(), false);
         self.external.drain(|seen| {
-            heard = true;
-            take.picture(&seen);
+            last_frame = true;
+            recorder.frame(&seen);
         })?;
-        if heard {
-            self.heard = now;
+        if last_frame {
+            self.last_frame = now;
         }
-        if now.since(self.heard) > CAMERA_SILENCE {
+        if now.since(self.last_frame) > CAMERA_SILENCE {
             return Err(format!(
                 "the camera has been silent for {} s",
                 CAMERA_SILENCE.as_seconds()
             )
             .into());
         }
-        take.write(now - HOLD_BACK, false)
+        recorder
+            .write(now - WRITE_DELAY, false)
             .map_err(|error| format!("cannot write the recording: {error}").into())
     }
 
@@ -130,26 +131,27 @@ impl Ears {
 
 fn check_clock(seen: &ExternalPosition, now: Nanos) -> Result<(), Failure> {
     let apart = Nanos(seen.stamp_ns.abs_diff(now.0));
-    if apart <= STRANGE_CLOCK {
+    if apart <= CLOCK_TOLERANCE {
         return Ok(());
     }
     let seconds = apart.as_seconds();
     Err(format!(
-        "the camera's stamps are {seconds:.0} s away from this machine's monotonic clock; stamp pictures with \
-         CLOCK_MONOTONIC of this machine (Python: time.monotonic_ns())"
+        "the camera's stamps are {seconds:.0} s away from this machine's monotonic clock; stamp \
+         frames with CLOCK_MONOTONIC of this machine (Python: time.monotonic_ns())"
     )
     .into())
 }
 
 fn no_camera(domain: &str, blind: bool) -> String {
     if blind {
-        return "the camera sees nothing: every picture on external/measured_jp is marked as not valid; look at the \
-                snake in its picture"
+        return "the camera sees nothing: every frame on external/measured_jp is marked as not \
+         valid; look at the snake in its frame"
             .to_owned();
     }
     format!(
-        "no angles arrive on external/measured_jp of domain `{domain}`; start the camera process on this domain (the \
-         emulator is one: `i2ris emulate --domain {domain}`, without --no-camera)"
+        "no angles arrive on external/measured_jp of domain `{domain}`; start the camera process \
+         on this domain (the emulator is one: `i2ris emulate --domain {domain}`, without \
+         --no-camera)"
     )
 }
 
@@ -157,46 +159,50 @@ fn no_camera(domain: &str, blind: bool) -> String {
 pub struct Session<'a> {
     pub client: &'a mut Client,
     pub interrupt: &'a Interrupt,
-    pub ears: &'a mut Ears,
+    pub subscriptions: &'a mut Subscriptions,
     /// Shows time; its length is set here.
     pub bar: &'a ProgressBar,
 }
 
 impl Session<'_> {
-    /// Conditions the robot, if asked, and moves it. What arrives goes to `take` all the while. An
-    /// interrupt stops the motion softly; whatever happens, the robot holds in the end and the
+    /// Conditions the robot, if asked, and moves it. What arrives goes to `recorder` all the while.
+    /// An interrupt stops the motion softly; whatever happens, the robot holds in the end and the
     /// lease is free.
     pub fn perform<W: Write>(
         &mut self,
-        take: &mut Take<W>,
+        recorder: &mut Recorder<W>,
         condition: bool,
         motion: impl FnOnce(MotorVec) -> Motion,
     ) -> Result<Ending, Failure> {
-        if condition && self.condition(take)? == Ending::Interrupted {
+        if condition && self.condition(recorder)? == Ending::Interrupted {
             return Ok(Ending::Interrupted);
         }
         let outcome = self
-            .place(take)
-            .and_then(|from| self.play(take, motion(from)));
-        // A command that is still on its way would take the lease again.
+            .current_setpoints(recorder)
+            .and_then(|from| self.play(recorder, motion(from)));
+        // A command in transit would take the lease again.
         clock::sleep(LAST_COMMAND);
         let released = self.client.state_command(StateCommand::Release);
         let ending = outcome?;
         released?;
-        self.listen_on(take)?;
+        self.receive_last_frames(recorder)?;
         Ok(ending)
     }
 
-    /// Where the set-points are.
-    fn place<W: Write>(&mut self, take: &mut Take<W>) -> Result<MotorVec, Failure> {
+    /// The current setpoints.
+    fn current_setpoints<W: Write>(
+        &mut self,
+        recorder: &mut Recorder<W>,
+    ) -> Result<MotorVec, Failure> {
         let start = clock::now();
         loop {
-            self.ears.listen(take)?;
-            match self.ears.setpoint {
+            self.subscriptions.receive(recorder)?;
+            match self.subscriptions.setpoint {
                 Some(setpoint) => return Ok(setpoint),
                 None if clock::now().since(start) > CAMERA_WAIT => {
                     return Err(
-                        "the controller does not tell where the motors are; look at its log".into(),
+                        "the controller does not report where the motors are; look at its log"
+                            .into(),
                     );
                 }
                 None => clock::sleep(PERIOD),
@@ -204,20 +210,25 @@ impl Session<'_> {
         }
     }
 
-    /// Lets the controller run its stroke.
-    fn condition<W: Write>(&mut self, take: &mut Take<W>) -> Result<Ending, Failure> {
-        self.client.state_command(StateCommand::Condition).map_err(|error| -> Failure {
-            match error {
-                ClientError::Refused { refusal: Refusal::Unsupported, .. } => {
-                    "this controller knows no conditioning stroke; add --no-condition to go without it".into()
+    /// Runs the conditioning cycle of the controller.
+    fn condition<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
+        self.client
+            .state_command(StateCommand::Condition)
+            .map_err(|error| -> Failure {
+                match error {
+                    ClientError::Refused {
+                        refusal: Refusal::Unsupported,
+                        ..
+                    } => "this controller knows no conditioning cycle; add --no-condition to go \
+                     without it"
+                        .into(),
+                    other => other.into(),
                 }
-                other => other.into(),
-            }
-        })?;
+            })?;
         let asked = clock::now();
         loop {
             clock::sleep(PERIOD);
-            self.ears.listen(take)?;
+            self.subscriptions.receive(recorder)?;
             let now = clock::now();
             let state = self
                 .client
@@ -236,24 +247,28 @@ impl Session<'_> {
             if now.since(asked) > CONDITIONING {
                 self.hold()?;
                 return Err(
-                    "the conditioning stroke does not end; look at the controller's log".into(),
+                    "the conditioning cycle does not end; look at the controller's log".into(),
                 );
             }
         }
     }
 
-    /// Ends a stroke: paused, the robot holds; resumed, it goes on holding.
+    /// Ends a conditioning cycle: pause stops the robot, resume makes it ready again.
     fn hold(&mut self) -> Result<(), Failure> {
         self.client.state_command(StateCommand::Pause)?;
         self.client.state_command(StateCommand::Resume)?;
         Ok(())
     }
 
-    fn play<W: Write>(&mut self, take: &mut Take<W>, motion: Motion) -> Result<Ending, Failure> {
+    fn play<W: Write>(
+        &mut self,
+        recorder: &mut Recorder<W>,
+        motion: Motion,
+    ) -> Result<Ending, Failure> {
         let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
         let mut watch = StreamMonitor::new(self.client.id(), &state, clock::now());
         let mut commander: Commander = self.client.commander();
-        let motors = take.motors();
+        let motors = recorder.motors();
         let mut playback = Playback::new(motion);
         self.bar.set_length(tenths(playback.left_s()));
         self.bar.reset();
@@ -262,7 +277,7 @@ impl Session<'_> {
         loop {
             let now = ticker.wait().started;
             let stop = self.interrupt.came();
-            if playback.finished(stop) {
+            if playback.is_finished(stop) {
                 return Ok(if playback.left_s() <= 0.0 {
                     Ending::Complete
                 } else {
@@ -273,19 +288,19 @@ impl Session<'_> {
             last = now;
             let counts = place.map(|counts| counts.round() as i32);
             commander.servo_actuators(counts.get(..motors).unwrap_or(&counts))?;
-            self.ears.listen(take)?;
+            self.subscriptions.receive(recorder)?;
             if let Some(state) = self.client.operating_state()? {
                 watch.check(&state, clock::now())?;
             }
-            self.bar.set_position(tenths(playback.at_s()));
+            self.bar.set_position(tenths(playback.elapsed_s()));
         }
     }
 
-    /// Until the last pictures have come.
-    fn listen_on<W: Write>(&mut self, take: &mut Take<W>) -> Result<(), Failure> {
-        let end = clock::now() + AFTERGLOW;
+    /// Receives delayed frames.
+    fn receive_last_frames<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<(), Failure> {
+        let end = clock::now() + LAST_FRAMES;
         while clock::now() < end {
-            self.ears.listen(take)?;
+            self.subscriptions.receive(recorder)?;
             clock::sleep(PERIOD);
         }
         Ok(())

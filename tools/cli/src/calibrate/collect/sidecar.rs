@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::flag::Flag;
+use super::recording_flag::Flag;
 use i2ris_terminal::files::replace;
 
 /// The whole file.
@@ -91,7 +91,7 @@ pub struct Outcome {
 /// The camera's latency.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LatencyRecord {
-    /// What is left in the stamps of the recording as it was taken, ms.
+    /// What is left in the stamps of the recording as it was recorded, ms.
     pub estimate_ms: f64,
     /// Standard deviation of the estimate, ms.
     pub deviation_ms: f64,

@@ -1,0 +1,186 @@
+//! Properties of EM for any data.
+
+use i2ris::model::file::MixtureParameters;
+use nalgebra::{DMatrix, SMatrix};
+use proptest::prelude::*;
+use rand_pcg::Pcg64;
+
+use super::error::EmError;
+use super::iteration::{EmRules, iterate};
+use super::k_means::random_start;
+use super::mixture::MixtureFit;
+use super::options::EmOptions;
+use super::restarts::{fit_mixture, fit_mixtures};
+use super::samples::Samples;
+use crate::progress::Silent;
+use crate::table::DataTable;
+use crate::testing::{assert_near, few_starts, with_threads};
+
+/// The plain maximum of the likelihood.
+pub(super) const PLAIN: EmOptions = EmOptions {
+    restarts: 3,
+    seed: 7,
+    tolerance: 1e-9,
+    max_iterations: 200,
+    regularisation: 0.0,
+    shrinkage: 0.0,
+};
+
+/// Sixty rows on a bent curve, two clusters.
+pub(super) fn plane() -> DataTable {
+    let row = |i: u32| {
+        let (a, odd) = (0.37 * f64::from(i), f64::from(i % 2));
+        [
+            3.0 * a.sin() + 4.0 * odd,
+            (1.7 * a).cos() + 0.5 * a.sin() + 0.3 * (11.3 * a).sin() - odd,
+        ]
+    };
+    DataTable::from_rows(2, (0..60).map(row))
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_a_bit() {
+    let fit = || fit_mixtures(&plane(), 1..=4, &EmOptions::default(), &Silent).unwrap();
+    let one = with_threads(1, fit);
+    assert!(one.iter().all(Result::is_ok));
+    assert_eq!(one, with_threads(3, fit));
+}
+
+#[test]
+fn another_seed_gives_other_starts() {
+    let with = |seed| fit_mixture(&plane(), 4, &EmOptions { seed, ..PLAIN }, &Silent).unwrap();
+    assert_ne!(with(1).starts, with(2).starts);
+}
+
+#[test]
+fn restarts_are_counted_and_the_best_wins() {
+    let fit = fit_mixture(&plane(), 4, &EmOptions::default(), &Silent).unwrap();
+    let starts = &fit.starts;
+    let all = starts.log_likelihoods.len() + starts.failures.len();
+    assert_eq!(all, EmOptions::default().restarts);
+    assert!(starts.spread() > 0.0);
+    let one = fit_mixture(&plane(), 4, &few_starts(1), &Silent).unwrap();
+    assert!(fit.log_likelihood >= one.log_likelihood);
+}
+
+#[test]
+fn a_collapse_fails_its_start_and_not_the_process() {
+    // Points on a line have no density in the plane.
+    let data = DataTable::from_rows(2, (0..50).map(|i| [f64::from(i), 2.0 * f64::from(i)]));
+    let error = fit_mixture(&data, 2, &PLAIN, &Silent).unwrap_err();
+    assert!(
+        matches!(&error, EmError::NoStartSucceeded { failures, .. } if failures.len() == 3),
+        "{error}"
+    );
+    let propped_up = EmOptions {
+        regularisation: 1e-6,
+        ..PLAIN
+    };
+    assert!(fit_mixture(&data, 2, &propped_up, &Silent).is_ok());
+}
+
+#[test]
+fn data_that_cannot_be_fitted_are_refused_with_the_reason() {
+    let refusal = |data: &DataTable, components: usize| {
+        fit_mixture(data, components, &PLAIN, &Silent)
+            .unwrap_err()
+            .to_string()
+    };
+    let wide = DataTable::from_rows(8, [[0.0; 8]; 100]);
+    let hole = DataTable::from_rows(2, [[0.0, 1.0], [1.0, f64::NAN]]);
+    let same = DataTable::from_rows(2, [[1.0, 2.0]; 100]);
+    for (data, components, reason) in [
+        (
+            &plane(),
+            11,
+            "60 rows of 2 variables carry at most 10 component(s), and 11 are",
+        ),
+        (&plane(), 0, "carry at most 10 component(s), and 0 are"),
+        (&wide, 1, "2 to 7 variables, and the data have 8"),
+        (
+            &hole,
+            1,
+            "row 1 of the data holds a number that is not finite",
+        ),
+        (&same, 2, "fewer distinct rows than components"),
+    ] {
+        let text = refusal(data, components);
+        assert!(text.contains(reason), "{text}");
+    }
+}
+
+#[test]
+fn a_range_ends_where_the_rows_do() {
+    let fits = fit_mixtures(&plane(), 8..=100, &EmOptions::default(), &Silent).unwrap();
+    assert_eq!(fits.len(), 3);
+}
+
+#[test]
+fn units_and_offsets_do_not_matter() {
+    let moved = DataTable::from_rows(2, plane().rows().map(|row| [row[0], 1e3 * row[1] + 7e5]));
+    let fit = |data| {
+        fit_mixture(data, 2, &PLAIN, &Silent)
+            .unwrap()
+            .log_likelihood
+    };
+    assert_near(fit(&moved) + 1e3_f64.ln(), fit(&plane()), 1e-8);
+}
+
+fn check_mixture(mixture: &MixtureParameters) {
+    assert!((mixture.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    assert!(mixture.weights.is_sorted_by(|a, b| a >= b));
+    for covariance in &mixture.covariances {
+        let matrix = DMatrix::from_fn(covariance.len(), covariance.len(), |i, j| covariance[i][j]);
+        assert_eq!(matrix, matrix.transpose());
+        assert!(matrix.cholesky().is_some());
+    }
+}
+
+/// Rows on a bent sheet with some noise.
+fn rows() -> impl Strategy<Value = Vec<[f64; 3]>> {
+    let row = (-300.0..300.0, -1.0..1.0, -1.0..1.0_f64);
+    let bent = |(count, noise, other): (f64, f64, f64)| {
+        [
+            count,
+            1e4 + 0.02 * count + noise,
+            (count / 100.0).sin() + other,
+        ]
+    };
+    prop::collection::vec(row.prop_map(bent), 40..150)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn the_objective_never_falls(
+        rows in rows(),
+        components in 1_usize..5,
+        seed in any::<u64>(),
+        shrinkage in 0.0..0.1,
+    ) {
+        let samples = Samples::<3>::new(&DataTable::from_rows(3, rows));
+        let prior = SMatrix::identity() * 1e-6 + samples.correlation * shrinkage;
+        let mut random = Pcg64::new(u128::from(seed), 0);
+        let start = random_start(&samples, components, &prior, &mut random).unwrap();
+        let rules = EmRules { tolerance: -1.0, max_iterations: 100, prior };
+        if let Ok(result) = iterate(&samples, start, &rules) {
+            prop_assert_eq!(result.history.len(), 100);
+            for step in result.history.windows(2) {
+                prop_assert!(step[1] >= step[0] - 1e-11, "{} after {}", step[1], step[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn weights_sum_to_1_and_covariances_are_positive_definite(
+        rows in rows(),
+        components in 1_usize..4,
+    ) {
+        let data = DataTable::from_rows(3, rows);
+        let fit = fit_mixture(&data, components, &few_starts(2), &Silent);
+        if let Ok(MixtureFit { parameters, .. }) = fit {
+            check_mixture(&parameters);
+        }
+    }
+}

@@ -1,0 +1,295 @@
+//! The regression on virtual counts and the residual behind a hysteresis operator.
+//!
+//! 1. A ridge regression of the outputs on all features finds the part that goes with the lags.
+//! 2. That part is subtracted, and a Gaussian mixture is fitted to `[virtual counts; outputs]`.
+//!    Otherwise the mixture would treat the loop as noise. The number of components is chosen by
+//!    leaving out contiguous blocks.
+//! 3. A residual is fitted to the rest, if that lowers the error on blocks left out.
+
+use i2ris::model::file::{HullParameters, MixtureParameters};
+use i2ris::model::hysteresis::residual::ResidualParameters;
+use i2ris::model::{Hull, ModelError};
+use i2ris::units::MotorVec;
+use nalgebra::DMatrix;
+
+use super::operator_trace::{TracePoint, feature_matrix, shape_features};
+use crate::em::error::EmError;
+use crate::em::mixture::MixtureFit;
+use crate::em::options::EmOptions;
+use crate::em::restarts::fit_mixture;
+use crate::progress::Progress;
+use crate::regression::component_choice::{choose_components, fewer};
+use crate::regression::mixture::MixtureRegression;
+use crate::regression::ridge::{RidgeFit, ridge};
+use crate::series::Series;
+use crate::table::DataTable;
+
+/// Shape and lag degrees of the residuals that are tried.
+const DEGREES: [(usize, usize); 6] = [(5, 2), (5, 1), (5, 0), (3, 1), (3, 0), (1, 0)];
+
+/// A residual has to lower the error on blocks left out by this part.
+const LEAST_GAIN: f64 = 0.01;
+
+/// How to fit the chain behind an operator.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainOptions {
+    /// The most components of the mixture; chosen by leaving out blocks if `None`.
+    pub components: Option<usize>,
+    /// Whether to look for a residual.
+    pub residual: bool,
+    /// How to fit the mixture.
+    pub em: EmOptions,
+}
+
+impl Default for ChainOptions {
+    fn default() -> Self {
+        Self {
+            components: None,
+            residual: true,
+            em: EmOptions::default(),
+        }
+    }
+}
+
+/// The chain behind an operator, in the units of the recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainFit {
+    /// Mixture over `[virtual counts; outputs]`.
+    pub mixture: MixtureParameters,
+    /// The residual, if it lowers the error.
+    pub residual: Option<ResidualParameters>,
+    /// The region of virtual counts that the samples visited.
+    pub virtual_hull: HullParameters,
+    /// Of the mixture, nats per row.
+    pub log_likelihood: f64,
+    /// Of the mixture.
+    pub bic: f64,
+    /// RMS length of the error of the residual's fit on blocks left out.
+    pub cross_validated_rms: f64,
+}
+
+/// Why no chain could be fitted behind an operator.
+#[derive(Debug, thiserror::Error)]
+pub enum ChainError {
+    /// No mixture.
+    #[error(transparent)]
+    Mixture(#[from] EmError),
+    /// The mixture or the region of virtual counts is refused.
+    #[error(transparent)]
+    Refused(#[from] ModelError),
+    /// The virtual counts do not move.
+    #[error(
+        "the outputs cannot be regressed on the virtual counts: a motor does not move them, or \
+         there are too few samples"
+    )]
+    Degenerate,
+}
+
+/// Fits the chain to the trace of an operator along a series.
+///
+/// # Errors
+///
+/// See [`ChainError`].
+pub fn fit_chain(
+    series: &Series,
+    points: &[TracePoint],
+    options: &ChainOptions,
+    progress: &dyn Progress,
+) -> Result<ChainFit, ChainError> {
+    let data = ChainData::new(series, points);
+    let virtual_hull = Hull::from_points(data.motors, &data.virtual_counts)?.parameters();
+    let joint = data.joint(&data.without_lags()?);
+    let components = options
+        .components
+        .unwrap_or_else(|| choose_components(&joint, data.motors, &options.em, progress));
+    let mixture = mixture(&joint, components, &options.em, progress)?;
+    let regression =
+        MixtureRegression::prepare(&mixture.parameters, data.motors, series.outputs())?;
+    let rest = regression.residuals(&data.virtual_counts, &data.measured);
+    let (residual, error) = match options.residual {
+        true => data.residual(&rest),
+        false => (None, mean_square(&rest)),
+    };
+    Ok(ChainFit {
+        mixture: mixture.parameters,
+        residual,
+        virtual_hull,
+        log_likelihood: mixture.log_likelihood,
+        bic: mixture.bic,
+        cross_validated_rms: error.sqrt(),
+    })
+}
+
+/// A mixture of so many components, or of fewer where some of them starve.
+fn mixture(
+    joint: &DataTable,
+    mut components: usize,
+    em: &EmOptions,
+    progress: &dyn Progress,
+) -> Result<MixtureFit, EmError> {
+    loop {
+        match (
+            fit_mixture(joint, components, em, progress),
+            fewer(components),
+        ) {
+            (Err(EmError::NoStartSucceeded { .. }), Some(fewer)) => components = fewer,
+            (fit, _) => return fit,
+        }
+    }
+}
+
+struct ChainData<'a> {
+    motors: usize,
+    points: &'a [TracePoint],
+    virtual_counts: Vec<MotorVec>,
+    measured: DMatrix<f64>,
+    /// The largest virtual count: powers of scaled counts stay near 1.
+    scale_counts: f64,
+}
+
+impl<'a> ChainData<'a> {
+    fn new(series: &Series, points: &'a [TracePoint]) -> Self {
+        let virtual_counts: Vec<MotorVec> = points.iter().map(|p| p.virtual_counts).collect();
+        let largest = virtual_counts
+            .iter()
+            .flatten()
+            .fold(1.0, |most: f64, v| most.max(v.abs()));
+        Self {
+            motors: series.motors(),
+            points,
+            measured: DMatrix::from_fn(points.len(), series.outputs(), |row, output| {
+                points[row].outputs[output]
+            }),
+            virtual_counts,
+            scale_counts: largest,
+        }
+    }
+
+    fn features(&self, degrees: (usize, usize)) -> DMatrix<f64> {
+        let lags = self
+            .points
+            .first()
+            .map_or(0, |point| point.lags.as_slice().len());
+        feature_matrix(self.motors, (self.points.len(), lags), degrees, &|row| {
+            let scaled = self.virtual_counts[row].map(|v| v / self.scale_counts);
+            (scaled, self.points[row].lags)
+        })
+    }
+
+    /// The outputs without the part that goes with the lags.
+    fn without_lags(&self) -> Result<DMatrix<f64>, ChainError> {
+        let mut features = self.features(DEGREES[0]);
+        let fit = ridge(&features, &self.measured).ok_or(ChainError::Degenerate)?;
+        features
+            .columns_mut(0, shape_features(self.motors, DEGREES[0].0))
+            .fill(0.0);
+        Ok(&self.measured - features * fit.coefficients)
+    }
+
+    fn joint(&self, outputs: &DMatrix<f64>) -> DataTable {
+        let row = |row: usize| {
+            let inputs = self.virtual_counts[row].into_iter().take(self.motors);
+            inputs.chain((0..outputs.ncols()).map(move |output| outputs[(row, output)]))
+        };
+        DataTable::from_rows(
+            self.motors + outputs.ncols(),
+            (0..self.points.len()).map(row),
+        )
+    }
+
+    /// The residual with the least error on blocks left out, and the mean square of that error.
+    fn residual(&self, rest: &DMatrix<f64>) -> (Option<ResidualParameters>, f64) {
+        let tried = DEGREES
+            .iter()
+            .filter_map(|d| Some((d, ridge(&self.features(*d), rest)?)));
+        let best = tried.min_by(|a, b| a.1.left_out_error.total_cmp(&b.1.left_out_error));
+        let without = mean_square(rest);
+        match best {
+            Some((degrees, fit)) if fit.left_out_error < without * (1.0 - LEAST_GAIN) => {
+                (Some(self.parameters(*degrees, &fit)), fit.left_out_error)
+            }
+            _ => (None, without),
+        }
+    }
+
+    fn parameters(&self, degrees: (usize, usize), fit: &RidgeFit) -> ResidualParameters {
+        let columns = fit.coefficients.column_iter();
+        ResidualParameters {
+            scale_counts: self.scale_counts,
+            shape_degree: degrees.0,
+            lag_degree: degrees.1,
+            coefficients: columns
+                .map(|column| column.iter().copied().collect())
+                .collect(),
+        }
+    }
+}
+
+fn mean_square(errors: &DMatrix<f64>) -> f64 {
+    errors.norm_squared() / errors.nrows().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::model::hysteresis::Operator;
+    use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+    use nalgebra::SVector;
+
+    use super::super::operator_trace::{UnknownMemory, trace_plays};
+    use super::*;
+    use crate::progress::Silent;
+    use crate::recording::Recording;
+    use crate::testing::{few_starts, recording, straight, wander};
+
+    fn plays() -> PlayParameters {
+        PlayParameters {
+            thresholds_counts: vec![vec![0.0, 40.0]; 2],
+            weights: vec![vec![0.4, 0.6]; 2],
+            planar_thresholds_counts: Vec::new(),
+        }
+    }
+
+    /// Outputs that go with the virtual counts, and some of them with a lag.
+    fn with_lag(lag_share: f64) -> Recording {
+        let operator = Plays::<2>::prepare(&plays()).unwrap();
+        let mut state = operator.begin(&SVector::from(wander(0.0)));
+        recording(900, |time| {
+            let counts = SVector::from(wander(time));
+            operator.advance(&mut state, &counts);
+            let [pitch, yaw] = straight(operator.local(&state, &counts).mean.into());
+            let lags = operator.lags(&state);
+            (wander(time), [pitch + lag_share * lags.as_slice()[0], yaw])
+        })
+    }
+
+    fn fit(recording: &Recording, residual: bool) -> ChainFit {
+        let series = Series::whole(recording);
+        let points = trace_plays(&series, &plays(), UnknownMemory::LeaveOut).unwrap();
+        let options = ChainOptions {
+            components: Some(1),
+            residual,
+            em: few_starts(2),
+        };
+        fit_chain(&series, &points, &options, &Silent).unwrap()
+    }
+
+    #[test]
+    fn a_straight_relation_needs_no_residual() {
+        let found = fit(&with_lag(0.0), true);
+        assert!(found.cross_validated_rms < 0.01, "{found:?}");
+        let corners = found.virtual_hull.corners;
+        assert!(
+            corners.iter().flatten().all(|corner| corner.abs() < 450.0),
+            "{corners:?}"
+        );
+    }
+
+    #[test]
+    fn the_residual_takes_what_goes_with_a_lag() {
+        let recording = with_lag(0.5);
+        let (without, with) = (fit(&recording, false), fit(&recording, true));
+        assert!(with.residual.is_some() && without.residual.is_none());
+        let (without, with) = (without.cross_validated_rms, with.cross_validated_rms);
+        assert!(without > 0.2 && with < 0.02, "{without} {with}");
+    }
+}

@@ -1,0 +1,17 @@
+//! The fit of each family of models.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `kinematic` | the analytic chain of the robot |
+//! | `direction` | mixtures over counts, directions of travel and outputs |
+//! | `operator_trace` | hysteresis operators along the path of a series |
+//! | `chain` | regression and residual behind a hysteresis operator |
+//! | `play` | play operators |
+//! | `stop` | stop operators |
+
+pub mod chain;
+pub mod direction;
+pub mod kinematic;
+pub mod operator_trace;
+pub mod play;
+pub mod stop;

@@ -1,0 +1,140 @@
+//! Weights behind the mixture itself: expectation maximisation on the virtual counts and a step in
+//! the weights take turns for as long as that lowers the error on blocks left out.
+
+use nalgebra::DMatrix;
+
+use super::polynomial::Polynomial;
+use super::states::{PlayStates, motor_vectors};
+use super::threshold_search::{BLOCKS, ROWS};
+use super::weights::{Linearised, Weights, fit_weights};
+use crate::em::mixture::most_components;
+use crate::em::options::EmOptions;
+use crate::em::restarts::fit_mixture;
+use crate::parallel;
+use crate::progress::{Progress, Silent};
+use crate::regression::mixture::MixtureRegression;
+use crate::series::blocks;
+use crate::table::DataTable;
+
+/// Components of the mixture behind which weights are improved.
+const COMPONENTS: usize = 8;
+
+/// Starts of its fit.
+const RESTARTS: usize = 3;
+
+/// Most passes.
+const PASSES: usize = 3;
+
+/// A pass has to lower the error by this part of it.
+const LEAST_GAIN: f64 = 0.005;
+
+/// Half the step of the differences for slopes, scaled virtual counts.
+const HALF_STEP: f64 = 1e-4;
+
+/// Fits weights behind a polynomial and improves them behind a mixture; also returns how often
+/// weights and mixture took turns. `None` when the outputs cannot be regressed on the counts.
+pub(super) fn alternate(
+    states: &PlayStates,
+    em: &EmOptions,
+    progress: &dyn Progress,
+) -> Option<(Weights, usize)> {
+    let em = EmOptions {
+        restarts: RESTARTS,
+        ..em.clone()
+    };
+    let thinned = states.thinned(states.rows(), ROWS);
+    let blocks = blocks(thinned.rows(), BLOCKS);
+    progress.begin(BLOCKS);
+    let errors = parallel::map(blocks.len(), |block| {
+        let (seen, unseen) = thinned.split(&blocks[block]);
+        let errors = errors_after_passes(&seen, &unseen, &em);
+        progress.step();
+        errors
+    });
+    progress.end();
+    let errors = errors.into_iter().collect::<Option<Vec<_>>>();
+    let passes = errors.map_or(0, |errors| best_pass(&errors));
+    let mut weights = fit_weights(states)?;
+    for _ in 0..passes {
+        let regression = regression(states, &weights, &em)?;
+        weights = behind_mixture(states, &weights, &regression)?.step(states, &weights);
+    }
+    Some((weights, passes))
+}
+
+/// Squared error on unseen samples after 0, 1, ... passes.
+fn errors_after_passes(seen: &PlayStates, unseen: &PlayStates, em: &EmOptions) -> Option<Vec<f64>> {
+    let mut weights = fit_weights(seen)?;
+    let mut errors = Vec::with_capacity(PASSES + 1);
+    loop {
+        let regression = regression(seen, &weights, em)?;
+        let inputs = motor_vectors(&unseen.virtual_counts(&weights));
+        errors.push(
+            regression
+                .residuals(&inputs, &unseen.outputs)
+                .norm_squared(),
+        );
+        if errors.len() > PASSES {
+            return Some(errors);
+        }
+        weights = behind_mixture(seen, &weights, &regression)?.step(seen, &weights);
+    }
+}
+
+/// The last pass of those that each lower the error of all blocks together.
+fn best_pass(blocks: &[Vec<f64>]) -> usize {
+    let after = |pass: usize| blocks.iter().map(|errors| errors[pass]).sum::<f64>();
+    let lowers = |pass: &usize| after(pass + 1) < after(*pass) * (1.0 - LEAST_GAIN);
+    (0..PASSES).take_while(lowers).count()
+}
+
+fn regression(states: &PlayStates, weights: &Weights, em: &EmOptions) -> Option<MixtureRegression> {
+    let virtual_counts = states.virtual_counts(weights);
+    let (inputs, outputs) = (virtual_counts.ncols(), states.outputs.ncols());
+    let row = |row: usize| {
+        let virtual_counts = &virtual_counts;
+        let cells = (0..inputs).map(move |motor| virtual_counts[(row, motor)]);
+        cells.chain((0..outputs).map(move |output| states.outputs[(row, output)]))
+    };
+    let joint = DataTable::from_rows(inputs + outputs, (0..states.rows()).map(row));
+    let components = COMPONENTS.min(most_components(joint.len(), joint.width()));
+    let fit = fit_mixture(&joint, components, em, &Silent).ok()?;
+    MixtureRegression::prepare(&fit.parameters, inputs, outputs).ok()
+}
+
+fn behind_mixture(
+    states: &PlayStates,
+    weights: &Weights,
+    regression: &MixtureRegression,
+) -> Option<Linearised> {
+    let virtual_counts = states.virtual_counts(weights);
+    let residuals =
+        |inputs: &DMatrix<f64>| regression.residuals(&motor_vectors(inputs), &states.outputs);
+    let beside = |motor: usize, step: f64| {
+        let mut beside = virtual_counts.clone();
+        beside.column_mut(motor).add_scalar_mut(step);
+        residuals(&beside)
+    };
+    let slope = |motor| (beside(motor, -HALF_STEP) - beside(motor, HALF_STEP)) / (2.0 * HALF_STEP);
+    Some(Linearised {
+        error: residuals(&virtual_counts),
+        slopes: (0..virtual_counts.ncols()).map(slope).collect(),
+        basis: Polynomial::new(&virtual_counts)?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_go_on_only_while_they_help_all_blocks_together() {
+        for (blocks, passes) in [
+            (vec![vec![4.0, 3.0, 2.0, 1.0], vec![4.0, 3.0, 3.5, 3.0]], 3),
+            (vec![vec![4.0, 3.0, 3.0, 1.0], vec![4.0; 4]], 1),
+            (vec![vec![4.0, 4.1, 1.0, 1.0]], 0),
+        ] {
+            assert_eq!(best_pass(&blocks), passes);
+        }
+    }
+}

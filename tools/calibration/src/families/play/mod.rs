@@ -1,0 +1,36 @@
+//! The fit of play operators: family `gmr-play`.
+//!
+//! 1. **Thresholds** are in geometric steps between what one step of the motor still shows and the
+//!    longest travel between two turning points. How many, and how far up, is chosen by leaving
+//!    out contiguous blocks.
+//! 2. **Weights** are fitted by variable projection behind a polynomial, a substitute for the
+//!    later regression, and then behind a Gaussian mixture for as long as that lowers the error on
+//!    blocks left out.
+//! 3. The **chain** behind the operator is fitted: mixture on the virtual counts, residual on the
+//!    lags.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `thresholds` | thresholds, and the range of them that a path can show |
+//! | `threshold_search` | how many thresholds, and up to where |
+//! | `states` | the states of the plays at every sample |
+//! | `polynomial` | the polynomial |
+//! | `weights` | variable projection |
+//! | [`nnls`] | least squares with unknowns that must not be negative |
+//! | `alternation` | weights behind a mixture |
+//! | [`play_mechanism`] | properties of the mechanism that the plays show |
+//! | [`linear_baseline`] | plays with a linear read-out, to compare with |
+//! | [`play_fit`] | all of it in order |
+
+mod alternation;
+pub mod linear_baseline;
+pub mod nnls;
+pub mod play_fit;
+pub mod play_mechanism;
+mod polynomial;
+mod states;
+#[cfg(test)]
+mod tests;
+mod threshold_search;
+mod thresholds;
+mod weights;

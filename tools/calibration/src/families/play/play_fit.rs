@@ -1,0 +1,142 @@
+//! The whole fit of play operators.
+
+use i2ris::model::ModelError;
+use i2ris::model::file::FamilyParameters;
+use i2ris::model::hysteresis::play::PlayParameters;
+use nalgebra::DMatrix;
+
+use super::super::chain::{ChainError, ChainFit, ChainOptions, fit_chain};
+use super::super::operator_trace::{UnknownMemory, trace_plays};
+use super::alternation::alternate;
+use super::play_mechanism::PlayMechanism;
+use super::states::PlayStates;
+use super::threshold_search::search;
+use super::thresholds::ThresholdRange;
+use crate::progress::Progress;
+use crate::recording::MIN_ROWS;
+use crate::regression::linear::LinearError;
+use crate::series::Series;
+use crate::table::DataTable;
+
+/// Fitted plays and the chain behind them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlayFit {
+    /// From counts to virtual counts.
+    pub plays: PlayParameters,
+    /// From virtual counts to outputs.
+    pub chain: ChainFit,
+    /// Properties of the mechanism.
+    pub mechanism: PlayMechanism,
+    /// RMS length of the error on blocks left out of the chosen thresholds.
+    pub search_rms: f64,
+    /// How often weights and mixture took turns.
+    pub passes: usize,
+}
+
+impl PlayFit {
+    /// Fits the chain behind the same plays again, for example with fewer components.
+    ///
+    /// # Errors
+    ///
+    /// As [`fit_play`].
+    pub fn refit(
+        &self,
+        series: &Series,
+        options: &ChainOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self, PlayError> {
+        let chain = chain(&self.plays, series, options, progress)?;
+        Ok(Self {
+            chain,
+            ..self.clone()
+        })
+    }
+
+    /// The parameters for a model file.
+    #[must_use]
+    pub fn family(&self) -> FamilyParameters {
+        FamilyParameters::GmrPlay {
+            plays: self.plays.clone(),
+            mixture: self.chain.mixture.clone(),
+            residual: self.chain.residual.clone(),
+            virtual_hull: self.chain.virtual_hull.clone(),
+        }
+    }
+}
+
+/// Why no plays could be fitted.
+#[derive(Debug, thiserror::Error)]
+pub enum PlayError {
+    /// Not enough samples given, and the number needed.
+    #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
+    TooFewSamples(usize, usize),
+    /// A motor, counted from 0, that hardly moves.
+    #[error(
+        "motor {0} hardly moves in the rows used for training; record motion of it, or hold out \
+         other rows"
+    )]
+    Still(usize),
+    /// Outputs that cannot be regressed on the counts.
+    #[error(
+        "the outputs cannot be regressed on the plays: numbers are too large, or there are too \
+         few samples"
+    )]
+    Degenerate,
+    /// The operator is refused.
+    #[error(transparent)]
+    Refused(#[from] ModelError),
+    /// Virtual counts that move as one.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+    /// Nothing could be fitted behind the operator.
+    #[error(transparent)]
+    Chain(#[from] ChainError),
+}
+
+/// Fits plays and the chain behind them; the seed of `options` is that of everything. The same
+/// seed gives the same fit to the bit, on any number of cores.
+///
+/// # Errors
+///
+/// See [`PlayError`].
+pub fn fit_play(
+    series: &Series,
+    options: &ChainOptions,
+    progress: &dyn Progress,
+) -> Result<PlayFit, PlayError> {
+    let samples = series.samples().len();
+    if samples < MIN_ROWS {
+        return Err(PlayError::TooFewSamples(samples, MIN_ROWS));
+    }
+    let ranges = ThresholdRange::of_motors(series).map_err(PlayError::Still)?;
+    let chosen = search(series, &ranges, progress)?.ok_or(PlayError::Degenerate)?;
+    let states = PlayStates::new(series, &chosen.thresholds)?;
+    let (weights, passes) =
+        alternate(&states, &options.em, progress).ok_or(PlayError::Degenerate)?;
+    let plays = chosen.thresholds.with(&weights);
+    let virtual_counts = table(&(states.virtual_counts(&weights) * states.scale));
+    let mechanism = PlayMechanism::new(&plays, &virtual_counts, &table(&states.outputs))?;
+    let chain = chain(&plays, series, options, progress)?;
+    Ok(PlayFit {
+        plays,
+        chain,
+        mechanism,
+        search_rms: chosen.error.sqrt(),
+        passes,
+    })
+}
+
+fn table(rows: &DMatrix<f64>) -> DataTable {
+    let cells = |row| (0..rows.ncols()).map(move |column| rows[(row, column)]);
+    DataTable::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
+}
+
+fn chain(
+    plays: &PlayParameters,
+    series: &Series,
+    options: &ChainOptions,
+    progress: &dyn Progress,
+) -> Result<ChainFit, PlayError> {
+    let points = trace_plays(series, plays, UnknownMemory::LeaveOut)?;
+    Ok(fit_chain(series, &points, options, progress)?)
+}

@@ -1,0 +1,78 @@
+//! Why there is no model.
+
+use std::error::Error;
+
+use i2ris::model::ModelError;
+
+use super::family::Family;
+use super::flatness::FlatSpot;
+use super::split::SplitError;
+use crate::em::error::EmError;
+use crate::regression::linear::LinearError;
+use crate::survey::identifiability::Finding;
+
+/// Why there is no model.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// Too much is held out.
+    #[error(transparent)]
+    Split(#[from] SplitError),
+    /// The motors do not span their space.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+    /// An output that never changes.
+    #[error(
+        "output `{output}` does not change in the rows used for training; record motion of it, or \
+         hold out others"
+    )]
+    Constant {
+        /// Its name.
+        output: String,
+    },
+    /// No mixture.
+    #[error(transparent)]
+    Mixture(#[from] EmError),
+    /// The parameters of the family cannot be found.
+    #[error("family `{family}`: {source}")]
+    Family {
+        /// The family.
+        family: Family,
+        /// Why.
+        source: Box<dyn Error + Send + Sync>,
+    },
+    /// Every mixture is flat somewhere.
+    #[error(
+        "the mixture of {components} component(s) is refused: {spot}; record more of that region"
+    )]
+    TooFlat {
+        /// How many.
+        components: usize,
+        /// Where.
+        spot: FlatSpot,
+    },
+    /// The recording cannot show hysteresis, and the family needs it.
+    #[error("{0}")]
+    NoHysteresis(Finding),
+    /// Nothing is held out to choose by.
+    #[error(
+        "choosing the best family takes rows held out; name a family with --family, or hold \
+         something out"
+    )]
+    NothingToChooseBy,
+    /// The model is refused, as the controller would refuse it.
+    #[error("the model of family `{family}` is refused: {source}")]
+    Refused {
+        /// The family.
+        family: Family,
+        /// Why.
+        source: Box<ModelError>,
+    },
+}
+
+/// A model of a family that the controller would refuse.
+pub(super) fn refused(family: Family, source: ModelError) -> FitError {
+    FitError::Refused {
+        family,
+        source: Box::new(source),
+    }
+}

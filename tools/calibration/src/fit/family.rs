@@ -1,0 +1,115 @@
+//! Names of the families of models, and the choice among them.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A family of models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Family {
+    /// Affine least squares: the baseline.
+    Linear,
+    /// The analytic chain from counts to bend: the baseline with geometry.
+    Kinematic,
+    /// Gaussian mixture regression on the counts, without memory.
+    Gmr,
+    /// Gaussian mixture regression on the counts and the direction of travel: as published.
+    GmrDirection,
+    /// Play operators, then Gaussian mixture regression and a residual.
+    GmrPlay,
+    /// Stop operators with friction that grows with the wire force, then the same.
+    GmrStop,
+}
+
+impl fmt::Display for Family {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Linear => "linear",
+            Self::Kinematic => "kinematic",
+            Self::Gmr => "gmr",
+            Self::GmrDirection => "gmr-direction",
+            Self::GmrPlay => "gmr-play",
+            Self::GmrStop => "gmr-stop",
+        })
+    }
+}
+
+impl Family {
+    /// All of them, the simplest first.
+    pub const ALL: [Self; 6] = [
+        Self::Linear,
+        Self::Kinematic,
+        Self::Gmr,
+        Self::GmrDirection,
+        Self::GmrPlay,
+        Self::GmrStop,
+    ];
+
+    /// Whether models of the family have memory.
+    #[must_use]
+    pub fn has_memory(self) -> bool {
+        matches!(self, Self::GmrDirection | Self::GmrPlay | Self::GmrStop)
+    }
+}
+
+/// Text that names no family.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{found}` is no family of models: there are {}", names())]
+pub struct ParseFamilyError {
+    found: String,
+}
+
+fn names() -> String {
+    Family::ALL.map(|family| format!("`{family}`")).join(", ")
+}
+
+impl FromStr for Family {
+    type Err = ParseFamilyError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let found = text.to_owned();
+        let mut families = Self::ALL.into_iter();
+        let named = families.find(|family| family.to_string() == text);
+        named.ok_or(ParseFamilyError { found })
+    }
+}
+
+/// Which families are fitted, and which of them is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// All of them; the one with the least error on the rows held out.
+    Best,
+    /// One of them, and `linear` to compare with.
+    One(Family),
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Best => f.write_str("best"),
+            Self::One(family) => family.fmt(f),
+        }
+    }
+}
+
+impl FromStr for Choice {
+    type Err = ParseFamilyError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "best" {
+            Ok(Self::Best)
+        } else {
+            text.parse().map(Self::One)
+        }
+    }
+}
+
+impl Choice {
+    /// Whether a family is fitted.
+    #[must_use]
+    pub fn includes(self, family: Family) -> bool {
+        match self {
+            Self::Best => true,
+            Self::One(one) => family == Family::Linear || family == one,
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Errors of predictions.
+
+use i2ris::model::Model;
+use i2ris::model::file::FitMetrics;
+use i2ris::units::MAX_OUTPUTS;
+
+use crate::recording::Recording;
+use crate::statistics::min_max;
+
+/// Predictions of a model at every row of a recording, in the units of the recording; entries
+/// beyond the number of outputs are 0. The code is that of the controller, and its memory follows
+/// the path of the motors from the first position on.
+#[must_use]
+pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUTS]> {
+    let mut memory = model.new_memory();
+    let mut next = 0;
+    let mut all = Vec::with_capacity(recording.rows().len());
+    for row in recording.rows() {
+        for position in recording
+            .path()
+            .get(next..=row.path_index)
+            .unwrap_or_default()
+        {
+            model.advance(&mut memory, &position.counts);
+        }
+        next = row.path_index + 1;
+        let mut values = [0.0; MAX_OUTPUTS];
+        let mean = model.predict(&row.counts, &memory).mean;
+        for (index, spec) in recording.outputs().iter().enumerate() {
+            values[index] = mean[index] / spec.unit.si();
+        }
+        all.push(values);
+    }
+    all
+}
+
+/// Metrics of one output over pairs of measured and predicted values. `None` for fewer than two
+/// rows, or where the measured values are all the same: without a range, neither R2 nor NRMSD has a
+/// meaning.
+///
+/// ```text
+/// R2    = 1 - sum (measured - predicted)^2 / sum (measured - mean)^2
+/// RMSD  = sqrt(mean (measured - predicted)^2)
+/// NRMSD = RMSD / (highest measured - lowest measured)
+/// MAE   = mean |measured - predicted|
+/// ```
+#[must_use]
+pub fn metrics(pairs: &[(f64, f64)]) -> Option<FitMetrics> {
+    let rows = pairs.len() as f64;
+    let (low, high) = min_max(pairs.iter().map(|(measured, _)| *measured));
+    if rows < 2.0 || low >= high {
+        return None;
+    }
+    let mean = pairs.iter().map(|(measured, _)| measured).sum::<f64>() / rows;
+    let (mut variation, mut squares, mut errors, mut max) = (0.0, 0.0, 0.0, 0.0_f64);
+    for (measured, predicted) in pairs {
+        let error = (measured - predicted).abs();
+        variation += (measured - mean).powi(2);
+        squares += error * error;
+        errors += error;
+        max = max.max(error);
+    }
+    let rmsd = (squares / rows).sqrt();
+    Some(FitMetrics {
+        r2: 1.0 - squares / variation,
+        rmsd,
+        nrmsd: rmsd / (high - low),
+        mae: errors / rows,
+        max,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::assert_near;
+
+    #[test]
+    fn the_metrics_follow_their_formulas() {
+        let found = metrics(&[(1.0, 1.0), (2.0, 3.0), (5.0, 3.0)]).unwrap();
+        // Mean 8/3, variation 26/3, squared errors 0 + 1 + 4, range 4.
+        let rmsd = (5.0_f64 / 3.0).sqrt();
+        for (found, expected) in [
+            (found.r2, 1.0 - 15.0 / 26.0),
+            (found.rmsd, rmsd),
+            (found.nrmsd, rmsd / 4.0),
+            (found.mae, 1.0),
+            (found.max, 2.0),
+        ] {
+            assert_near(found, expected, 1e-15);
+        }
+    }
+
+    #[test]
+    fn constant_values_have_no_metrics() {
+        assert_eq!(metrics(&[(3.0, 1.0), (3.0, 2.0)]), None);
+        assert_eq!(metrics(&[(3.0, 1.0)]), None);
+        assert_eq!(metrics(&[]), None);
+    }
+
+    proptest! {
+        #[test]
+        fn errors_are_ordered(pairs in prop::collection::vec((-50.0..50.0, -50.0..50.0), 2..60)) {
+            let m = metrics(&pairs).unwrap();
+            prop_assert!(0.0 <= m.mae && m.mae <= m.rmsd * (1.0 + 1e-12), "{m:?}");
+            prop_assert!(m.rmsd <= m.max * (1.0 + 1e-12) && m.r2 <= 1.0, "{m:?}");
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! The fit of all families to a recording, and the choice among them.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `options` | how to fit |
+//! | `family` | names of the families, and which of them are fitted |
+//! | `split` | training and held-out rows |
+//! | `metrics` | errors of predictions |
+//! | `flatness` | models that are flat where the robot is not |
+//! | `drift` | slow changes of the outputs during a recording |
+//! | `model_file` | model files with their metrics |
+//! | `gmr` | mixtures on the counts, and their number of components |
+//! | `one_family` | the fit of each family |
+//! | `all_families` | all of it in order, and the choice |
+//! | `outcome` | models, and how they were found |
+//! | `error` | why there is no model |
+
+mod all_families;
+pub mod drift;
+pub mod error;
+pub mod family;
+pub mod flatness;
+pub mod gmr;
+pub mod metrics;
+mod model_file;
+mod one_family;
+pub mod options;
+pub mod outcome;
+pub mod split;
+#[cfg(test)]
+mod tests;
+
+pub use all_families::fit;
+pub use error::FitError;
+pub use family::{Choice, Family};
+pub use gmr::{Candidate, Verdict};
+pub use options::{Components, FitOptions};
+pub use outcome::FitOutcome;

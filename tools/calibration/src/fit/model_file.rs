@@ -1,0 +1,128 @@
+//! Model files with their metrics.
+
+use i2ris::model::file::{
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, SCHEMA_VERSION,
+    TrainingRecord,
+};
+use i2ris::model::{Model, ModelError};
+
+use super::metrics::{metrics, predictions};
+use super::split::Split;
+use crate::recording::Recording;
+use crate::regression::linear::LinearFit;
+
+/// A family with its parameters, fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Fitted {
+    pub family: FamilyParameters,
+    /// Of the mixture, nats per row; `None` for families without one.
+    pub log_likelihood: Option<f64>,
+    /// Of the mixture.
+    pub bic: Option<f64>,
+    /// Random starts per mixture.
+    pub restarts: usize,
+}
+
+impl Fitted {
+    /// Of a family without a mixture.
+    pub fn plain(family: FamilyParameters) -> Self {
+        Self {
+            family,
+            log_likelihood: None,
+            bic: None,
+            restarts: 0,
+        }
+    }
+}
+
+impl From<&LinearFit> for Fitted {
+    fn from(fit: &LinearFit) -> Self {
+        let LinearFit {
+            gain,
+            offset,
+            covariance,
+        } = fit.clone();
+        Self::plain(FamilyParameters::Linear {
+            gain,
+            offset,
+            covariance,
+        })
+    }
+}
+
+const NO_METRICS: OutputMetrics = OutputMetrics {
+    training: FitMetrics {
+        r2: 0.0,
+        rmsd: 0.0,
+        nrmsd: 0.0,
+        mae: 0.0,
+        max: 0.0,
+    },
+    held_out: None,
+};
+
+/// The content of a model file beside the parameters of the family.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FileContext<'a> {
+    pub recording: &'a Recording,
+    pub split: &'a Split,
+    /// Indices of the rows used for training.
+    pub training: &'a [usize],
+    pub hull: &'a HullParameters,
+    pub robot_id: &'a str,
+    pub seed: u64,
+}
+
+impl FileContext<'_> {
+    /// A checked model with its metrics.
+    ///
+    /// # Errors
+    ///
+    /// When the model is refused, as it would be by the controller.
+    pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
+        let mut file = self.file(fitted);
+        file.metrics = self.measure(&Model::from_file(file.clone())?);
+        Model::from_file(file)
+    }
+
+    /// The model file without metrics: these need the model.
+    fn file(&self, fitted: &Fitted) -> ModelFile {
+        ModelFile {
+            format: FORMAT.to_owned(),
+            schema_version: SCHEMA_VERSION,
+            robot_id: self.robot_id.to_owned(),
+            outputs: self.recording.outputs().to_vec(),
+            family: fitted.family.clone(),
+            hull: self.hull.clone(),
+            training: TrainingRecord {
+                data_file: self.recording.name().to_owned(),
+                data_sha256: self.recording.sha256().to_owned(),
+                rows: self.training.len(),
+                seed: self.seed,
+                restarts: fitted.restarts,
+                log_likelihood: fitted.log_likelihood,
+                bic: fitted.bic,
+                software: concat!("i2ris-calibration ", env!("CARGO_PKG_VERSION")).to_owned(),
+            },
+            metrics: vec![NO_METRICS; self.recording.outputs().len()],
+        }
+    }
+
+    /// Metrics on the rows used for training and on all rows held out, flagged ones included: what
+    /// is tested is not chosen by how well it fits.
+    fn measure(&self, model: &Model) -> Vec<OutputMetrics> {
+        let predicted = predictions(model, self.recording);
+        let rows = self.recording.rows();
+        let measure = |rows_used: &mut dyn Iterator<Item = usize>, output: usize| {
+            let pair = |row: usize| (rows[row].outputs[output], predicted[row][output]);
+            metrics(&rows_used.map(pair).collect::<Vec<_>>())
+        };
+        let of_output = |output| OutputMetrics {
+            // Training rows of a constant output were refused before anything was fitted.
+            training: measure(&mut self.training.iter().copied(), output)
+                .unwrap_or(NO_METRICS.training),
+            held_out: measure(&mut self.split.held_out(), output),
+        };
+        (0..self.recording.outputs().len()).map(of_output).collect()
+    }
+}

@@ -1,0 +1,214 @@
+//! The fit of each family, from the same rows.
+
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+
+use i2ris::model::file::{FamilyParameters, OutputUnit};
+use i2ris::model::{Model, ModelError};
+
+use super::error::{FitError, refused};
+use super::family::Family;
+use super::gmr::{self, Candidate, GmrData};
+use super::model_file::{FileContext, Fitted};
+use super::options::FitOptions;
+use super::outcome::{FamilyOutcome, Mechanism};
+use crate::families::chain::{ChainOptions, fit_chain};
+use crate::families::direction::{DirectionOptions, fit_direction};
+use crate::families::kinematic::{KinematicOptions, fit_kinematic};
+use crate::families::operator_trace::trace_stops;
+use crate::families::play::play_fit::fit_play;
+use crate::families::stop::stop_fit::{StopOptions, fit_stop};
+use crate::progress::Progress;
+use crate::regression::component_choice::fewer;
+use crate::regression::linear::LinearFit;
+use crate::series::Series;
+use crate::survey::identifiability::Finding;
+use crate::table::DataTable;
+
+/// Why the parameters of a family cannot be found.
+type Reason = Box<dyn Error + Send + Sync>;
+
+/// The data of all families.
+pub(super) struct FamilyFitter<'a> {
+    pub context: FileContext<'a>,
+    pub series: Series,
+    /// Why the recording cannot show hysteresis, if it cannot.
+    pub hidden: Option<Finding>,
+    pub inputs: DataTable,
+    pub outputs: DataTable,
+    pub straight: LinearFit,
+    pub options: &'a FitOptions,
+    pub progress: &'a dyn Progress,
+    pub candidates: Vec<Candidate>,
+}
+
+impl FamilyFitter<'_> {
+    /// Fits a family and measures the time.
+    pub fn attempt(&mut self, family: Family) -> FamilyOutcome {
+        let begin = Instant::now();
+        let mut mechanism = None;
+        let result = self.fit(family, &mut mechanism).map(Arc::new);
+        FamilyOutcome {
+            family,
+            result,
+            mechanism,
+            seconds: begin.elapsed().as_secs_f64(),
+        }
+    }
+
+    fn fit(
+        &mut self,
+        family: Family,
+        mechanism: &mut Option<Mechanism>,
+    ) -> Result<Model, FitError> {
+        if family.has_memory()
+            && let Some(reason) = self.hidden
+        {
+            return Err(FitError::NoHysteresis(reason));
+        }
+        match family {
+            Family::Linear => self.checked(family, &Fitted::from(&self.straight)),
+            Family::Kinematic => self.checked(family, &self.kinematic()?),
+            Family::Gmr => self.gmr(),
+            Family::GmrDirection => self.with_inverse(family, &|k| self.direction(k)),
+            Family::GmrPlay => self.play(mechanism),
+            Family::GmrStop => self.stop(mechanism),
+        }
+    }
+
+    fn checked(&self, family: Family, fitted: &Fitted) -> Result<Model, FitError> {
+        self.context
+            .model(fitted)
+            .map_err(|source| refused(family, source))
+    }
+
+    /// Fits with as many components as do best, and with fewer for as long as the model has no
+    /// inverse: the more there are, the more easily the regression folds where the recording has
+    /// few rows.
+    fn with_inverse(
+        &self,
+        family: Family,
+        fit: &dyn Fn(Option<usize>) -> Result<MixtureModel, Reason>,
+    ) -> Result<Model, FitError> {
+        let mut components = None;
+        loop {
+            let candidate =
+                fit(components).map_err(|source| FitError::Family { family, source })?;
+            match self.context.model(&candidate.fitted) {
+                Err(ModelError::NotInvertible { .. }) if candidate.components > 1 => {
+                    components = fewer(candidate.components);
+                }
+                checked => return checked.map_err(|source| refused(family, source)),
+            }
+        }
+    }
+
+    fn gmr(&mut self) -> Result<Model, FitError> {
+        let data = GmrData {
+            inputs: &self.inputs,
+            outputs: &self.outputs,
+            straight: &self.straight,
+        };
+        let (model, candidates) = gmr::fit(&self.context, data, self.options, self.progress)?;
+        self.candidates = candidates;
+        Ok(model)
+    }
+
+    fn kinematic(&self) -> Result<Fitted, FitError> {
+        let output = self.context.recording.outputs().first();
+        let unit = output.map_or(OutputUnit::Deg, |output| output.unit);
+        let parameters = fit_kinematic(&self.series, &KinematicOptions::new(unit));
+        let parameters = parameters.map_err(|source| failed(Family::Kinematic, source))?;
+        Ok(Fitted::plain(parameters))
+    }
+
+    fn direction(&self, components: Option<usize>) -> Result<MixtureModel, Reason> {
+        let options = DirectionOptions {
+            components,
+            em: self.options.em.clone(),
+        };
+        let fit = fit_direction(&self.series, &options, self.progress)?;
+        let quality = (fit.log_likelihood, fit.bic);
+        Ok(self.mixture_model(fit.parameters, fit.components, quality))
+    }
+
+    fn play(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+        let family = Family::GmrPlay;
+        let first = fit_play(&self.series, &self.chain(None), self.progress);
+        let first = first.map_err(|source| failed(family, source))?;
+        *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
+        self.with_inverse(family, &|components| {
+            let fit = match components {
+                None => first.clone(),
+                fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
+            };
+            let quality = (fit.chain.log_likelihood, fit.chain.bic);
+            Ok(self.mixture_model(fit.family(), fit.chain.mixture.weights.len(), quality))
+        })
+    }
+
+    fn stop(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+        let options = StopOptions {
+            seed: self.options.em.seed,
+            ..StopOptions::default()
+        };
+        let fit = fit_stop(&self.series, &options, self.progress);
+        let fit = fit.map_err(|source| failed(Family::GmrStop, source))?;
+        *mechanism = Some(Mechanism::Stops(fit.mechanism));
+        let stops = fit.parameters;
+        self.with_inverse(Family::GmrStop, &|components| {
+            let points = trace_stops(&self.series, &stops)?;
+            let chain = fit_chain(
+                &self.series,
+                &points,
+                &self.chain(components),
+                self.progress,
+            )?;
+            let components = chain.mixture.weights.len();
+            let family = FamilyParameters::GmrStop {
+                stops: stops.clone(),
+                mixture: chain.mixture,
+                residual: chain.residual,
+                virtual_hull: chain.virtual_hull,
+            };
+            Ok(self.mixture_model(family, components, (chain.log_likelihood, chain.bic)))
+        })
+    }
+
+    fn chain(&self, components: Option<usize>) -> ChainOptions {
+        ChainOptions {
+            components,
+            em: self.options.em.clone(),
+            ..ChainOptions::default()
+        }
+    }
+
+    fn mixture_model(
+        &self,
+        family: FamilyParameters,
+        components: usize,
+        (log_likelihood, bic): (f64, f64),
+    ) -> MixtureModel {
+        let fitted = Fitted {
+            family,
+            log_likelihood: Some(log_likelihood),
+            bic: Some(bic),
+            restarts: self.options.em.restarts,
+        };
+        MixtureModel { fitted, components }
+    }
+}
+
+/// A family with a mixture of so many components.
+struct MixtureModel {
+    fitted: Fitted,
+    components: usize,
+}
+
+fn failed(family: Family, source: impl Error + Send + Sync + 'static) -> FitError {
+    FitError::Family {
+        family,
+        source: Box::new(source),
+    }
+}

@@ -1,0 +1,49 @@
+//! Options of a fit.
+
+use super::family::Choice;
+use super::split::HoldOut;
+use crate::em::options::EmOptions;
+use crate::survey::spike::SpikeOptions;
+
+/// How to fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitOptions {
+    /// The robot that was recorded.
+    pub robot_id: String,
+    /// What to fit.
+    pub choice: Choice,
+    /// Components of a mixture on the counts.
+    pub components: Components,
+    /// How to fit a mixture.
+    pub em: EmOptions,
+    /// What to hold out.
+    pub hold_out: HoldOut,
+    /// What to take for a spike.
+    pub spikes: SpikeOptions,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self {
+            robot_id: "i2ris".to_owned(),
+            choice: Choice::Best,
+            components: Components::UpTo(MAX_COMPONENTS_TRIED),
+            em: EmOptions::default(),
+            hold_out: HoldOut::default(),
+            spikes: SpikeOptions::default(),
+        }
+    }
+}
+
+/// Components of a mixture on the counts that are tried.
+const MAX_COMPONENTS_TRIED: usize = 12;
+
+/// How many components a mixture on the counts has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Components {
+    /// So many.
+    Exactly(usize),
+    /// From one to so many, or as many as the rows can carry: the least number that comes near the
+    /// least error on blocks left out, among those whose model can be inverted all over the hull.
+    UpTo(usize),
+}

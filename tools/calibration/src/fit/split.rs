@@ -1,0 +1,207 @@
+//! Training rows, and rows held out to test the fit: whole cycles or one
+//! block at the end, never single rows in between. Neighbouring rows are nearly the same, so a fit
+//! tested on rows between those that it was trained on would be tested on its own training.
+
+use std::fmt;
+use std::ops::Range;
+use std::str::FromStr;
+
+use crate::recording::{MIN_ROWS, Recording};
+use crate::survey::cycle::{Cycle, last_cycle};
+
+/// Fraction of the rows that is held out where there are no cycles.
+const WITHOUT_CYCLES: f64 = 0.25;
+
+/// What to hold out.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum HoldOut {
+    /// The last cycle of the motion; without cycles the last quarter of the rows.
+    #[default]
+    LastCycle,
+    /// The last part of the rows, as a fraction above 0 and below 1.
+    Fraction(f64),
+    /// Nothing: all rows are used for training, and none test the fit.
+    Nothing,
+}
+
+/// Text that does not name what to hold out.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is neither `last-cycle`, `none` nor a fraction between 0 and 1")]
+pub struct ParseHoldOutError(String);
+
+impl FromStr for HoldOut {
+    type Err = ParseHoldOutError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "last-cycle" => Ok(Self::LastCycle),
+            "none" => Ok(Self::Nothing),
+            other => match other.parse::<f64>() {
+                Ok(fraction) if fraction > 0.0 && fraction < 1.0 => Ok(Self::Fraction(fraction)),
+                _ => Err(ParseHoldOutError(text.to_owned())),
+            },
+        }
+    }
+}
+
+impl fmt::Display for HoldOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::LastCycle => f.write_str("last-cycle"),
+            Self::Fraction(fraction) => write!(f, "{fraction}"),
+            Self::Nothing => f.write_str("none"),
+        }
+    }
+}
+
+/// A recording, cut in two: the rows before `boundary` are for training, those from it on are held
+/// out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Split {
+    boundary: usize,
+    rows: usize,
+    kind: SplitKind,
+}
+
+/// What the held-out rows are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SplitKind {
+    /// The last of so many cycles.
+    LastCycle {
+        /// Cycles in the recording, not always whole.
+        cycles: f64,
+    },
+    /// The last part, because there are no cycles.
+    NoCycles,
+    /// The last part, as asked for.
+    Fraction,
+    /// Nothing is held out.
+    Nothing,
+}
+
+impl fmt::Display for SplitKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::LastCycle { cycles } => write!(f, "the last of {cycles:.2} cycles"),
+            Self::NoCycles => f.write_str("the last quarter, for the motion has no cycles"),
+            Self::Fraction => f.write_str("the last part"),
+            Self::Nothing => f.write_str("nothing"),
+        }
+    }
+}
+
+/// Training would be left with too little.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "holding out {held_out} of {rows} rows leaves {training} for training, and it takes \
+     {MIN_ROWS}; hold out less with --hold-out, or record more"
+)]
+pub struct SplitError {
+    rows: usize,
+    held_out: usize,
+    training: usize,
+}
+
+impl Split {
+    /// Cuts a recording.
+    ///
+    /// # Errors
+    ///
+    /// When fewer than [`MIN_ROWS`] rows would be left for training.
+    pub fn new(recording: &Recording, hold_out: HoldOut) -> Result<Self, SplitError> {
+        let rows = recording.rows().len();
+        let before = |fraction: f64| rows - (rows as f64 * fraction).round() as usize;
+        let (boundary, kind) = match hold_out {
+            HoldOut::Nothing => (rows, SplitKind::Nothing),
+            HoldOut::Fraction(fraction) => (before(fraction.clamp(0.0, 1.0)), SplitKind::Fraction),
+            HoldOut::LastCycle => match last_cycle(recording) {
+                Some(Cycle { start, cycles }) => (start, SplitKind::LastCycle { cycles }),
+                None => (before(WITHOUT_CYCLES), SplitKind::NoCycles),
+            },
+        };
+        if boundary < MIN_ROWS {
+            let (held_out, training) = (rows - boundary, boundary);
+            return Err(SplitError {
+                rows,
+                held_out,
+                training,
+            });
+        }
+        Ok(Self {
+            boundary,
+            rows,
+            kind,
+        })
+    }
+
+    /// Indices of the rows for training.
+    #[must_use]
+    pub fn training(&self) -> Range<usize> {
+        0..self.boundary
+    }
+
+    /// Indices of the rows held out.
+    #[must_use]
+    pub fn held_out(&self) -> Range<usize> {
+        self.boundary..self.rows
+    }
+
+    /// What the held-out rows are.
+    #[must_use]
+    pub fn kind(&self) -> SplitKind {
+        self.kind
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_contains, assert_near, one_motor, wandering};
+
+    #[test]
+    fn the_two_parts_are_all_rows_in_one_cut() {
+        for (hold_out, held_out) in [
+            (HoldOut::LastCycle, 50),
+            (HoldOut::Fraction(0.1), 20),
+            (HoldOut::Fraction(0.333), 67),
+            (HoldOut::Nothing, 0),
+        ] {
+            let split = Split::new(&wandering(200), hold_out).unwrap();
+            assert_eq!(split.training(), 0..200 - held_out);
+            assert_eq!(split.held_out(), 200 - held_out..200);
+        }
+    }
+
+    #[test]
+    fn a_cycle_is_held_out_where_there_are_cycles() {
+        let eighth = std::f64::consts::TAU / 8.0;
+        let sweeps = one_motor(200, |time| (500.0 * (eighth * time).sin(), time));
+        let split = Split::new(&sweeps, HoldOut::LastCycle).unwrap();
+        let SplitKind::LastCycle { cycles } = split.kind() else {
+            panic!("{split:?}")
+        };
+        assert_near(cycles, 4.97, 0.05);
+        assert!((39..=41).contains(&split.held_out().len()));
+    }
+
+    #[test]
+    fn too_little_training_is_refused() {
+        let short = one_motor(25, |time| (time, time));
+        let error = Split::new(&short, HoldOut::Fraction(0.5)).unwrap_err();
+        assert_contains(
+            &error,
+            &["holding out 13 of 25 rows leaves 12 for training"],
+        );
+    }
+
+    #[test]
+    fn texts_are_parsed() {
+        for text in ["last-cycle", "none", "0.25"] {
+            assert_eq!(text.parse::<HoldOut>().unwrap().to_string(), text);
+        }
+        for text in ["", "0", "1", "1.5", "-0.1", "NaN", "last"] {
+            let error = text.parse::<HoldOut>().unwrap_err();
+            assert_contains(&error, &[&format!("`{text}` is neither")]);
+        }
+    }
+}

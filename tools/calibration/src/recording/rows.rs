@@ -1,0 +1,98 @@
+//! A recording in memory.
+
+use i2ris::model::file::OutputSpec;
+use i2ris::units::{MAX_OUTPUTS, MotorVec};
+
+/// One row of a recording.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// Line in the file, counted from 1 with the header.
+    pub line: u64,
+    /// Time stamp, s, of whatever clock the file has.
+    pub time_s: Option<f64>,
+    /// Encoder counts; entries beyond the number of motors are 0.
+    pub counts: MotorVec,
+    /// Measured outputs in the unit of the file (degrees or mm); entries beyond the number of
+    /// outputs are 0.
+    pub outputs: [f64; MAX_OUTPUTS],
+    /// Index of the position in [`Recording::path`].
+    pub path_index: usize,
+}
+
+impl Row {
+    /// A row to be written: its line and its path index do not matter.
+    #[must_use]
+    pub fn new(time_s: Option<f64>, counts: MotorVec, outputs: [f64; MAX_OUTPUTS]) -> Self {
+        let (line, path_index) = (0, 0);
+        Self {
+            line,
+            time_s,
+            counts,
+            outputs,
+            path_index,
+        }
+    }
+}
+
+/// A position on the path of the motors, with or without outputs that were measured there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPoint {
+    /// Line in the file, counted from 1 with the header.
+    pub line: u64,
+    /// Time stamp, s, of whatever clock the file has.
+    pub time_s: Option<f64>,
+    /// Encoder counts; entries beyond the number of motors are 0.
+    pub counts: MotorVec,
+}
+
+/// A recording that has been checked: at least [`MIN_ROWS`] rows, every number finite and within
+/// its range, no motor and no output constant, time (where there is one) strictly
+/// increasing.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    pub(super) name: String,
+    pub(super) sha256: String,
+    pub(super) motors: usize,
+    pub(super) outputs: Vec<OutputSpec>,
+    pub(super) path: Vec<PathPoint>,
+    pub(super) rows: Vec<Row>,
+}
+
+impl Recording {
+    /// Name of the file, without folders.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// SHA-256 of the bytes of the file, hexadecimal: what `sha256sum` prints.
+    #[must_use]
+    pub fn sha256(&self) -> &str {
+        &self.sha256
+    }
+
+    /// Number of motors, 1 or 2.
+    #[must_use]
+    pub fn motors(&self) -> usize {
+        self.motors
+    }
+
+    /// What was measured, 1 to 3 outputs.
+    #[must_use]
+    pub fn outputs(&self) -> &[OutputSpec] {
+        &self.outputs
+    }
+
+    /// The path of the motors: every position of the file, in order, also those at which nothing
+    /// was measured.
+    #[must_use]
+    pub fn path(&self) -> &[PathPoint] {
+        &self.path
+    }
+
+    /// The rows with outputs, in the order of the file.
+    #[must_use]
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+}

@@ -1,0 +1,258 @@
+//! Affine least squares: `output = gain * counts + offset`.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::table::DataTable;
+
+/// With less independent motion than this part, the effects of two motors cannot be separated.
+const INSEPARABLE: f64 = 0.01;
+
+/// Variance added to the residual covariance, as a part of the variance of the output, so that data
+/// without any noise still give a covariance.
+const REGULARISATION: f64 = 1e-12;
+
+/// An affine model in the units of the data; `d` inputs, `m` outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearFit {
+    /// m rows of d.
+    pub gain: Vec<Vec<f64>>,
+    /// m.
+    pub offset: Vec<f64>,
+    /// Covariance of the residuals, m rows of m: their products divided by the rows beyond the
+    /// parameters of an output.
+    pub covariance: Vec<Vec<f64>>,
+}
+
+impl LinearFit {
+    /// The outputs at an input; entries of `input` beyond the model's inputs do not matter.
+    pub fn predict<'a>(&'a self, input: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        let product = move |gain: &[f64]| gain.iter().zip(input).map(|(g, x)| g * x).sum::<f64>();
+        let outputs = self.gain.iter().zip(&self.offset);
+        outputs.map(move |(gain, offset)| product(gain) + offset)
+    }
+}
+
+/// Why no affine model could be fitted.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum LinearError {
+    /// Not enough rows.
+    #[error("{rows} row(s) do not determine an affine model, {least} would; record more")]
+    TooFewRows {
+        /// Rows given.
+        rows: usize,
+        /// Rows needed.
+        least: usize,
+    },
+    /// A motor that does not move.
+    #[error(
+        "motor {motor} does not move in the rows used for training; record motion of it, or hold \
+         out other rows"
+    )]
+    Still {
+        /// Counted from 0.
+        motor: usize,
+    },
+    /// Motors that move together.
+    #[error(
+        "the motors move together: only {percent:.2} % of the motion of one is independent of the \
+         other, so their effects cannot be separated; record motion in which they move \
+         separately, or name one motor with --counts"
+    )]
+    Inseparable {
+        /// Part of the motion that is independent, percent.
+        percent: f64,
+    },
+}
+
+/// Part of the motion of each of two inputs that is independent of the other, 0 to 1:
+/// `sqrt(1 - correlation^2)`. 1 for a single input.
+#[must_use]
+pub fn independence(inputs: &DataTable) -> f64 {
+    if inputs.width() < 2 {
+        return 1.0;
+    }
+    let mean = means(inputs);
+    let product = |i: usize, j: usize| -> f64 {
+        let products = inputs
+            .rows()
+            .map(|row| (row[i] - mean[i]) * (row[j] - mean[j]));
+        products.sum()
+    };
+    let (a, b, ab) = (product(0, 0), product(1, 1), product(0, 1));
+    (1.0 - ab * ab / (a * b)).max(0.0).sqrt()
+}
+
+/// Fits every output by least squares, by QR decomposition of the standardised inputs.
+///
+/// # Errors
+///
+/// When there are too few rows, or the inputs do not span their space.
+pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, LinearError> {
+    let rows = inputs.len().min(outputs.len());
+    let (d, m) = (inputs.width(), outputs.width());
+    let least = d + 2;
+    if rows < least {
+        return Err(LinearError::TooFewRows { rows, least });
+    }
+    let (input_mean, output_mean) = (means(inputs), means(outputs));
+    let x = centred(inputs, &input_mean);
+    let y = centred(outputs, &output_mean);
+    let deviation = DVector::from_fn(d, |i, _| x.column(i).norm() / (rows as f64).sqrt());
+    if let Some(motor) = deviation.iter().position(|deviation| *deviation == 0.0) {
+        return Err(LinearError::Still { motor });
+    }
+    let independent = independence(inputs);
+    let inseparable = LinearError::Inseparable {
+        percent: 100.0 * independent,
+    };
+    if independent < INSEPARABLE {
+        return Err(inseparable);
+    }
+    let standardised = DMatrix::from_fn(rows, d, |row, i| x[(row, i)] / deviation[i]);
+    let slopes = least_squares(&standardised, &y).ok_or(inseparable)?;
+    let gain = DMatrix::from_fn(m, d, |output, i| slopes[(i, output)] / deviation[i]);
+    let offset = output_mean - &gain * input_mean;
+    let residuals = y - standardised * slopes;
+    let covariance = residual_covariance(&residuals, outputs, (rows - d - 1) as f64);
+    Ok(LinearFit {
+        gain: rows_of(&gain),
+        offset: offset.as_slice().to_vec(),
+        covariance: rows_of(&covariance),
+    })
+}
+
+/// The `b` with the least `|y - x b|`; `None` when the columns of `x` do not determine it.
+fn least_squares(x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let factors = x.clone().qr();
+    let mut turned = y.clone();
+    factors.q_tr_mul(&mut turned);
+    let r = factors.r();
+    r.solve_upper_triangular(&turned.rows(0, x.ncols()))
+}
+
+/// Covariance of residuals with so many degrees of freedom.
+pub(crate) fn residual_covariance(
+    residuals: &DMatrix<f64>,
+    outputs: &DataTable,
+    freedom: f64,
+) -> DMatrix<f64> {
+    let mut covariance = residuals.transpose() * residuals / freedom;
+    let spread = centred(outputs, &means(outputs));
+    for (i, column) in spread.column_iter().enumerate() {
+        covariance[(i, i)] += REGULARISATION * column.norm_squared() / freedom;
+    }
+    covariance
+}
+
+fn means(table: &DataTable) -> DVector<f64> {
+    let rows = table.len().max(1) as f64;
+    DVector::from_fn(table.width(), |i, _| table.column(i).sum::<f64>() / rows)
+}
+
+fn centred(table: &DataTable, mean: &DVector<f64>) -> DMatrix<f64> {
+    let mut centred = DMatrix::from_row_slice(table.len(), table.width(), table.values());
+    for (mut column, mean) in centred.column_iter_mut().zip(mean.iter()) {
+        column.add_scalar_mut(-mean);
+    }
+    centred
+}
+
+pub(crate) fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let row = |row: usize| matrix.row(row).iter().copied().collect();
+    (0..matrix.nrows()).map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{assert_contains, assert_near};
+
+    fn counts() -> DataTable {
+        let row = |i: u32| [f64::from(i * 37 % 100), 5000.0 + f64::from(i * 61 % 90)];
+        DataTable::from_rows(2, (0..40).map(row))
+    }
+
+    #[test]
+    fn an_affine_relation_is_found() {
+        let exact = |row: &[f64]| {
+            [
+                0.02 * row[0] - 0.01 * row[1] + 3.0,
+                7.0 + 0.5 * row[1],
+                -row[0],
+            ]
+        };
+        let outputs = DataTable::from_rows(3, counts().rows().map(exact));
+        let fit = fit_linear(&counts(), &outputs).unwrap();
+        let expected = [[0.02, -0.01], [0.0, 0.5], [-1.0, 0.0]];
+        for (gain, expected) in fit.gain.concat().iter().zip(expected.concat()) {
+            assert_near(*gain, expected, 1e-12);
+        }
+        assert_near(fit.offset[0], 3.0, 1e-9);
+        let predicted = fit.predict(&[10.0, 20.0, 99.0]);
+        for (found, expected) in predicted.zip([3.0, 17.0, -10.0]) {
+            assert_near(found, expected, 1e-9);
+        }
+        // The covariance is positive definite also without noise.
+        let covariance = DMatrix::from_row_iterator(3, 3, fit.covariance.concat());
+        assert!(covariance.cholesky().is_some());
+    }
+
+    /// The textbook line through (1, 2), (2, 3), (3, 5), (4, 4): slope 0.8, offset 1.5, squared
+    /// residuals 1.8.
+    #[test]
+    fn a_line_through_four_points_is_the_textbooks() {
+        let x = DataTable::from_rows(1, [1.0, 2.0, 3.0, 4.0].map(|x| [x]));
+        let y = DataTable::from_rows(1, [2.0, 3.0, 5.0, 4.0].map(|y| [y]));
+        let fit = fit_linear(&x, &y).unwrap();
+        assert_near(fit.gain[0][0], 0.8, 1e-14);
+        assert_near(fit.offset[0], 1.5, 1e-13);
+        assert_near(fit.covariance[0][0], 0.9, 1e-9);
+    }
+
+    #[test]
+    fn motors_that_cannot_be_separated_are_refused() {
+        let y = DataTable::from_rows(1, (0..40).map(|i| [f64::from(i % 5)]));
+        let second = |second: fn(f64) -> f64| {
+            DataTable::from_rows(2, (0..40).map(f64::from).map(|i| [i, second(i)]))
+        };
+        assert!(independence(&second(|i| i + 0.5 * (i % 2.0).floor())) < 0.03);
+        let refusal = |inputs| fit_linear(&inputs, &y).unwrap_err();
+        assert_contains(
+            &refusal(second(|i| 3.0 - 2.0 * i)),
+            &["only 0.00 % of the motion"],
+        );
+        assert_eq!(refusal(second(|_| 3.0)), LinearError::Still { motor: 1 });
+        let few = DataTable::from_rows(2, [[0.0, 1.0], [1.0, 0.0], [2.0, 2.0]]);
+        assert_eq!(refusal(few), LinearError::TooFewRows { rows: 3, least: 4 });
+    }
+
+    #[test]
+    fn independent_motors_have_an_independence_of_1() {
+        let square = DataTable::from_rows(2, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]);
+        assert_eq!(independence(&square), 1.0);
+        assert_eq!(independence(&DataTable::from_rows(1, [[1.0], [2.0]])), 1.0);
+    }
+
+    proptest! {
+        /// The normal equations: what is left over has nothing in common with the inputs.
+        #[test]
+        fn residuals_are_orthogonal_to_the_inputs(
+            noise in prop::collection::vec(-5.0..5.0_f64, 40),
+        ) {
+            let counts_and_noise = counts();
+            let rows = counts_and_noise.rows().zip(&noise);
+            let y: Vec<_> = rows.map(|(row, noise)| [row[0] * 0.1 + noise]).collect();
+            let fit = fit_linear(&counts(), &DataTable::from_rows(1, y.iter().copied())).unwrap();
+            let mut sums = [0.0; 3];
+            for (row, y) in counts().rows().zip(&y) {
+                let residual = y[0] - fit.predict(row).next().unwrap();
+                sums[0] += residual;
+                sums[1] += residual * row[0];
+                sums[2] += residual * (row[1] - 5000.0);
+            }
+            prop_assert!(sums.iter().all(|sum| sum.abs() < 1e-6), "{sums:?}");
+        }
+    }
+}

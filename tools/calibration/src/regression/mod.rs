@@ -1,0 +1,13 @@
+//! Regression of outputs on inputs.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `linear` | affine least squares |
+//! | `ridge` | ridge regression, its penalty chosen on blocks left out |
+//! | `mixture` | Gaussian mixture regression for any number of inputs |
+//! | `component_choice` | the number of components, by the error on blocks left out |
+
+pub(crate) mod component_choice;
+pub mod linear;
+pub(crate) mod mixture;
+pub(crate) mod ridge;

@@ -1,0 +1,171 @@
+//! Ridge regression whose penalty is chosen by leaving out contiguous blocks.
+//!
+//! Features are standardised first, so that one penalty suits all of them; the first feature is the
+//! constant 1 and is not penalised. (A. Hoerl and R. Kennard, "Ridge regression", Technometrics,
+//! 1970.)
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::parallel;
+use crate::series::blocks;
+
+/// Penalties that are tried, relative to the variance of a feature.
+const PENALTIES: [f64; 8] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0];
+
+/// Blocks left out one at a time.
+const BLOCKS: usize = 10;
+
+/// Features with a smaller deviation, beside the constant 1, never move and get no coefficient.
+const LEAST_DEVIATION: f64 = 1e-9;
+
+/// A ridge regression.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct RidgeFit {
+    /// Row: feature, column: output; for features as they are, not standardised.
+    pub coefficients: DMatrix<f64>,
+    /// Mean over the rows of the squared length of the error, each row left out with its block.
+    pub left_out_error: f64,
+}
+
+/// Regresses outputs (a row each) on features (a row each, the first of them 1).
+pub(crate) fn ridge(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<RidgeFit> {
+    let scaling = FeatureScaling::new(features);
+    let standard = scaling.apply(features);
+    let blocks = blocks(features.nrows(), BLOCKS);
+    let parts = parallel::map(blocks.len(), |block| {
+        let (from, height) = (blocks[block].start, blocks[block].len());
+        let features = standard.rows(from, height).into_owned();
+        NormalEquations::new(&features, &outputs.rows(from, height).into_owned())
+    });
+    let first = parts.first()?.clone();
+    let whole = parts
+        .iter()
+        .skip(1)
+        .fold(first, |sum, part| sum.plus(part, 1.0));
+    let errors = parallel::map(PENALTIES.len(), |penalty| {
+        let error = |part: &NormalEquations| {
+            let others = whole.plus(part, -1.0);
+            Some(part.error(&others.solve(PENALTIES[penalty])?))
+        };
+        parts.iter().map(error).sum::<Option<f64>>()
+    });
+    let tried = errors.into_iter().zip(PENALTIES);
+    let best = tried.filter_map(|(error, penalty)| Some((error?, penalty)));
+    let (error, penalty) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let coefficients = scaling.undo(whole.solve(penalty)?);
+    Some(RidgeFit {
+        coefficients,
+        left_out_error: error / features.nrows() as f64,
+    })
+}
+
+/// Means and deviations of the features.
+struct FeatureScaling {
+    means: DVector<f64>,
+    deviations: DVector<f64>,
+}
+
+impl FeatureScaling {
+    fn new(features: &DMatrix<f64>) -> Self {
+        let mut means = features.row_mean().transpose();
+        let mut deviations = features.row_variance().transpose().map(f64::sqrt);
+        for deviation in deviations.iter_mut().filter(|d| **d < LEAST_DEVIATION) {
+            *deviation = f64::INFINITY;
+        }
+        means[0] = 0.0;
+        deviations[0] = 1.0;
+        Self { means, deviations }
+    }
+
+    fn apply(&self, features: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut standard = features.clone();
+        let scaling = self.means.iter().zip(&self.deviations);
+        for (mut column, (mean, deviation)) in standard.column_iter_mut().zip(scaling) {
+            column.apply(|value| *value = (*value - mean) / deviation);
+        }
+        standard
+    }
+
+    fn undo(&self, mut coefficients: DMatrix<f64>) -> DMatrix<f64> {
+        for (mut row, deviation) in coefficients.row_iter_mut().zip(&self.deviations) {
+            row /= *deviation;
+        }
+        let shift = self.means.transpose() * &coefficients;
+        let mut constant = coefficients.row_mut(0);
+        constant -= shift;
+        coefficients
+    }
+}
+
+/// Sums over rows: what the normal equations need.
+#[derive(Clone)]
+struct NormalEquations {
+    features: DMatrix<f64>,
+    cross: DMatrix<f64>,
+    outputs: f64,
+    rows: f64,
+}
+
+impl NormalEquations {
+    fn new(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Self {
+        Self {
+            features: features.tr_mul(features),
+            cross: features.tr_mul(outputs),
+            outputs: outputs.norm_squared(),
+            rows: features.nrows() as f64,
+        }
+    }
+
+    fn plus(&self, other: &Self, sign: f64) -> Self {
+        Self {
+            features: &self.features + sign * &other.features,
+            cross: &self.cross + sign * &other.cross,
+            outputs: self.outputs + sign * other.outputs,
+            rows: self.rows + sign * other.rows,
+        }
+    }
+
+    fn solve(&self, penalty: f64) -> Option<DMatrix<f64>> {
+        let mut matrix = self.features.clone();
+        for i in 1..matrix.nrows() {
+            matrix[(i, i)] += penalty * self.rows;
+        }
+        Some(matrix.cholesky()?.solve(&self.cross))
+    }
+
+    /// Sum of the squared errors of given coefficients.
+    fn error(&self, coefficients: &DMatrix<f64>) -> f64 {
+        let explained = coefficients.dot(&(&self.features * coefficients))
+            - 2.0 * coefficients.dot(&self.cross);
+        (self.outputs + explained).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_near, noise};
+
+    #[test]
+    fn a_straight_relation_is_found_and_a_feature_of_noise_gets_no_weight() {
+        let mut noise = noise(3);
+        let rows = 400;
+        let features = DMatrix::from_fn(rows, 4, |row, column| match column {
+            0 => 1.0,
+            1 => (row as f64 * 0.1).sin() + 5.0,
+            2 => noise(),
+            _ => 7.0,
+        });
+        let outputs = DMatrix::from_fn(rows, 2, |row, column| match column {
+            0 => 3.0 * features[(row, 1)] + 2.0,
+            _ => noise(),
+        });
+        let fit = ridge(&features, &outputs).unwrap();
+        let found = &fit.coefficients;
+        assert_near(found[(1, 0)], 3.0, 1e-3);
+        assert_near(found[(0, 0)], 2.0, 1e-2);
+        assert_near(found[(2, 1)], 0.0, 0.15);
+        assert_eq!(found[(3, 0)], 0.0, "a feature that never moves");
+        assert_near(fit.left_out_error, 1.0, 0.2);
+    }
+}

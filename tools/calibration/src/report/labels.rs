@@ -1,0 +1,114 @@
+//! Numbers and names in the form of the report.
+
+use i2ris::units::MotorVec;
+use i2ris_plot::number::{MINUS, fixed, significant};
+use i2ris_plot::{Dash, Ink, Stroke};
+
+use super::data::{FamilyResult, OutputFacts, ReportData};
+use super::score::BASELINE;
+
+/// The memoryless mixture: what a model with memory has to be better than.
+const MEMORYLESS: &str = "gmr";
+
+/// A part of the motion of a motor below this is not named.
+const NEGLIGIBLE: f64 = 0.05;
+
+/// The chosen model.
+pub(super) const CHOSEN: Stroke = Stroke::new(Ink::BLUE, 1.6);
+/// Lines at 0.
+pub(super) const ZERO: Stroke = Stroke::new(Ink::DARK, 0.6);
+/// Levels of noise.
+pub(super) const NOISE: Stroke = Stroke::new(Ink::DARK, 0.8).dash(Dash::Dotted);
+
+/// A length of an error, to three digits.
+pub(super) fn error(value: f64) -> String {
+    significant(value, 3)
+}
+
+/// `pitch (deg)`.
+pub(super) fn with_unit(output: &OutputFacts) -> String {
+    format!("{} ({})", output.name, output.unit)
+}
+
+/// The unit of all outputs.
+pub(super) fn unit(data: &ReportData) -> &str {
+    data.outputs
+        .first()
+        .map_or("", |output| output.unit.as_str())
+}
+
+/// The model that was chosen.
+pub(super) fn chosen(data: &ReportData) -> Option<&FamilyResult> {
+    data.families.iter().find(|family| family.chosen)
+}
+
+/// What the chosen model is compared with in the figures: the memoryless mixture if there is one,
+/// otherwise the baseline; nothing if that is the chosen one.
+pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
+    let named = |name: &str| {
+        data.families
+            .iter()
+            .find(|family| family.name == name && !family.chosen)
+    };
+    named(MEMORYLESS).or_else(|| named(BASELINE))
+}
+
+/// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the symbol
+/// of the counts.
+pub(super) fn along(direction: &MotorVec, motors: usize, q: char) -> String {
+    let named = direction
+        .iter()
+        .zip(["₀", "₁"])
+        .take(motors)
+        .filter(|(part, _)| part.abs() >= NEGLIGIBLE);
+    let named: Vec<_> = named.collect();
+    match named.as_slice() {
+        [(part, index)] if **part > 0.0 => format!("{q}{index}"),
+        [(_, index)] => format!("{MINUS}{q}{index}"),
+        parts => {
+            let term = |(i, (part, index)): (usize, &(&f64, &str))| match (i, **part < 0.0) {
+                (0, _) => format!("{} {q}{index}", fixed(**part, 2)),
+                (_, true) => format!(" {MINUS} {} {q}{index}", fixed(part.abs(), 2)),
+                (_, false) => format!(" + {} {q}{index}", fixed(**part, 2)),
+            };
+            parts.iter().enumerate().map(term).collect()
+        }
+    }
+}
+
+/// Names in a row: `a, b and c`.
+pub(super) fn list(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [front @ .., last] => format!("{} and {last}", front.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_named() {
+        assert_eq!(along(&[1.0, 0.01], 2, 'q'), "q₀");
+        assert_eq!(along(&[0.0, -1.0], 2, 'q'), "\u{2212}q₁");
+        assert_eq!(along(&[0.8, -0.6], 2, 'q'), "0.80 q₀ \u{2212} 0.60 q₁");
+        assert_eq!(along(&[-0.6, 0.8], 2, 'v'), "\u{2212}0.60 v₀ + 0.80 v₁");
+        assert_eq!(along(&[1.0, 0.0], 1, 'q'), "q₀");
+    }
+
+    #[test]
+    fn names_are_joined() {
+        let names = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!(
+            [
+                list(&names),
+                list(&names[..2]),
+                list(&names[..1]),
+                list(&[])
+            ],
+            ["a, b and c", "a and b", "a", ""]
+        );
+    }
+}

@@ -1,0 +1,134 @@
+//! All properties of a recording that need no model of a family.
+
+use std::fmt;
+
+use super::identifiability::{Finding, findings};
+use super::noise::{NoiseFloor, noise_floor};
+use super::spike::{Spike, SpikeOptions, spikes};
+use crate::recording::Recording;
+use crate::recording::latency::Latency;
+use crate::regression::linear::{LinearError, LinearFit, fit_linear, independence};
+use crate::series::Series;
+use crate::table::DataTable;
+
+/// With less independent motion than this part, the effects of two motors are separated badly.
+const HARDLY_SEPARABLE: f64 = 0.1;
+
+/// Properties of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Survey {
+    /// Noise of each output, where it can be estimated.
+    pub noise: Vec<Option<NoiseFloor>>,
+    /// Readings that were flagged, in order of rows.
+    pub spikes: Vec<Spike>,
+    /// How late the outputs are stamped against the counts, where the motion shows it.
+    pub latency: Option<Latency>,
+    /// Limits of the recording.
+    pub warnings: Vec<Warning>,
+}
+
+/// A limit of a recording; no error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Warning {
+    /// Hysteresis cannot be separated from the shape of the curve, or not all of it.
+    Hysteresis(Finding),
+    /// Motors that move nearly as one.
+    HardlySeparable {
+        /// Part of the motion that is independent, percent.
+        percent: f64,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Hysteresis(finding) => finding.fmt(f),
+            Self::HardlySeparable { percent } => write!(
+                f,
+                "the motors move nearly together ({percent:.1} % of their motion is independent): \
+                 their effects are hard to separate; record motion in which they move separately"
+            ),
+        }
+    }
+}
+
+impl Survey {
+    /// Examines a recording.
+    ///
+    /// # Errors
+    ///
+    /// When the motors do not span their space, so that not even an affine model can be fitted.
+    pub fn new(recording: &Recording, options: &SpikeOptions) -> Result<Self, LinearError> {
+        let rows = recording.rows();
+        let indices = || 0..rows.len();
+        let inputs = inputs(recording, indices());
+        let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
+        let warnings = warnings(recording, &inputs);
+        let mut survey = Self {
+            noise: Vec::new(),
+            spikes: Vec::new(),
+            latency: None,
+            warnings,
+        };
+        // Where hysteresis looks like a shift in phase, a shift in time does too.
+        if survey.hides_hysteresis().is_none() {
+            survey.latency = recording.latency();
+        }
+        for output in 0..recording.outputs().len() {
+            let measured: Vec<f64> = rows.iter().map(|row| row.outputs[output]).collect();
+            let residuals = residuals(&measured, &inputs, &linear, output);
+            let noise = noise_floor(rows, &measured, &residuals);
+            let deviation = noise.map_or(0.0, |noise| noise.deviation);
+            let spikes = spikes(rows, &residuals, output, &linear, deviation, options);
+            survey.spikes.extend(spikes);
+            survey.noise.push(noise);
+        }
+        survey.spikes.sort_by_key(|spike| (spike.row, spike.output));
+        Ok(survey)
+    }
+
+    /// Why hysteresis cannot be found at all, if it cannot.
+    #[must_use]
+    pub fn hides_hysteresis(&self) -> Option<Finding> {
+        self.warnings.iter().find_map(|warning| match warning {
+            Warning::Hysteresis(finding) if finding.hides_hysteresis() => Some(*finding),
+            _ => None,
+        })
+    }
+
+    /// Whether a row was flagged, for any output.
+    #[must_use]
+    pub fn is_flagged(&self, row: usize) -> bool {
+        self.spikes.iter().any(|spike| spike.row == row)
+    }
+}
+
+fn residuals(measured: &[f64], inputs: &DataTable, linear: &LinearFit, output: usize) -> Vec<f64> {
+    let predicted = |counts| linear.predict(counts).nth(output).unwrap_or_default();
+    let rows = measured.iter().zip(inputs.rows());
+    rows.map(|(measured, counts)| measured - predicted(counts))
+        .collect()
+}
+
+fn warnings(recording: &Recording, inputs: &DataTable) -> Vec<Warning> {
+    let independent = independence(inputs);
+    let percent = 100.0 * independent;
+    let hardly = (independent < HARDLY_SEPARABLE).then_some(Warning::HardlySeparable { percent });
+    let findings = findings(&Series::whole(recording)).into_iter();
+    hardly
+        .into_iter()
+        .chain(findings.map(Warning::Hysteresis))
+        .collect()
+}
+
+/// The counts of some rows, one column per motor.
+pub(crate) fn inputs(recording: &Recording, rows: impl IntoIterator<Item = usize>) -> DataTable {
+    let counts = |index: usize| recording.rows()[index].counts;
+    DataTable::from_rows(recording.motors(), rows.into_iter().map(counts))
+}
+
+/// The outputs of some rows, one column per output.
+pub(crate) fn outputs(recording: &Recording, rows: impl IntoIterator<Item = usize>) -> DataTable {
+    let outputs = |index: usize| recording.rows()[index].outputs;
+    DataTable::from_rows(recording.outputs().len(), rows.into_iter().map(outputs))
+}

@@ -1,0 +1,194 @@
+//! Camera frames that wait for their turn in the recording, and for the next frame, which shows
+//! whether they are outliers. Pure.
+
+use std::collections::VecDeque;
+
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::model::file::OutputUnit;
+use i2ris::units::{MAX_OUTPUTS, Nanos};
+
+/// Frames further apart than this are not compared, ns.
+const NEIGHBOURS_NS: u64 = 300_000_000;
+
+/// The largest possible values, in degrees and mm: recordings with larger ones are refused.
+const MOST_DEG: f64 = 180.0;
+const MOST_MM: f64 = 1000.0;
+
+/// Measurements of a camera frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraFrame {
+    /// When it was exposed.
+    pub stamp: Nanos,
+    /// In the unit of the recording.
+    pub outputs: [f64; MAX_OUTPUTS],
+}
+
+/// A frame with its assessment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum JudgedFrame {
+    Good(CameraFrame),
+    Outlier(CameraFrame),
+}
+
+impl JudgedFrame {
+    pub fn frame(&self) -> &CameraFrame {
+        match self {
+            Self::Good(frame) | Self::Outlier(frame) => frame,
+        }
+    }
+}
+
+/// The queue.
+#[derive(Debug)]
+pub struct FrameQueue {
+    unit: OutputUnit,
+    outputs: usize,
+    /// Distance in one output from both neighbours that makes an outlier, in the unit.
+    outlier: f64,
+    /// Taken off every stamp, s.
+    latency_s: f64,
+    queue: VecDeque<CameraFrame>,
+    /// The last good one that was handed out.
+    before: Option<CameraFrame>,
+}
+
+impl FrameQueue {
+    /// An empty queue.
+    pub fn new(unit: OutputUnit, outputs: usize, outlier: f64, latency_s: f64) -> Self {
+        Self {
+            unit,
+            outputs,
+            outlier,
+            latency_s,
+            queue: VecDeque::new(),
+            before: None,
+        }
+    }
+
+    /// Takes in what the camera sent; false if its stamp is not above that of the one before.
+    pub fn push(&mut self, seen: &ExternalPosition) -> bool {
+        let stamp = Nanos((seen.stamp_ns as f64 - self.latency_s * 1e9).max(0.0) as u64);
+        let rises = self.queue.back().is_none_or(|last| last.stamp < stamp);
+        if rises {
+            let mut outputs = [0.0; MAX_OUTPUTS];
+            let values = outputs.iter_mut().zip(seen.position).take(self.outputs);
+            values.for_each(|(output, position)| *output = position / self.unit.si());
+            self.queue.push_back(CameraFrame { stamp, outputs });
+        }
+        rises
+    }
+
+    /// The stamp of the next frame that can be assessed: one that has a successor, unless all have
+    /// to go.
+    pub fn next(&self, all: bool) -> Option<Nanos> {
+        let ready = self.queue.len() > 1 || all;
+        self.queue
+            .front()
+            .filter(|_| ready)
+            .map(|frame| frame.stamp)
+    }
+
+    /// Removes the next frame.
+    pub fn pop(&mut self) -> Option<JudgedFrame> {
+        let frame = self.queue.pop_front()?;
+        if self.impossible(&frame) || self.stands_out(&frame) {
+            return Some(JudgedFrame::Outlier(frame));
+        }
+        self.before = Some(frame);
+        Some(JudgedFrame::Good(frame))
+    }
+
+    fn impossible(&self, frame: &CameraFrame) -> bool {
+        let most = match self.unit {
+            OutputUnit::Deg => MOST_DEG,
+            OutputUnit::Mm => MOST_MM,
+        };
+        frame
+            .outputs
+            .iter()
+            .any(|output| output.is_nan() || output.abs() > most)
+    }
+
+    /// Far from both neighbours, which are near each other.
+    fn stands_out(&self, frame: &CameraFrame) -> bool {
+        let near = |other: &&CameraFrame| other.stamp.0.abs_diff(frame.stamp.0) <= NEIGHBOURS_NS;
+        let (Some(before), Some(after)) = (
+            self.before.as_ref().filter(near),
+            self.queue.front().filter(near),
+        ) else {
+            return false;
+        };
+        let apart = |a: &CameraFrame, b: &CameraFrame, output: usize| {
+            (a.outputs[output] - b.outputs[output]).abs()
+        };
+        (0..self.outputs).any(|output| {
+            let far = |other| apart(frame, other, output) > self.outlier;
+            far(before) && far(after) && apart(before, after, output) <= self.outlier
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(milliseconds: u64, pitch_deg: f64) -> ExternalPosition {
+        let position = [pitch_deg.to_radians(), 0.1, 0.0];
+        ExternalPosition {
+            stamp_ns: milliseconds * 1_000_000,
+            position,
+            count: 2,
+            flags: 1,
+            ..Default::default()
+        }
+    }
+
+    fn judge(angles: &[(u64, f64)]) -> Vec<bool> {
+        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.0);
+        angles
+            .iter()
+            .for_each(|(time, angle)| assert!(frames.push(&seen(*time, *angle))));
+        std::iter::from_fn(|| frames.pop())
+            .map(|frame| matches!(frame, JudgedFrame::Good(_)))
+            .collect()
+    }
+
+    #[test]
+    fn a_frame_far_from_both_neighbours_is_an_outlier() {
+        assert_eq!(
+            judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]),
+            [true, false, true, true]
+        );
+    }
+
+    #[test]
+    fn fast_motion_a_step_and_a_lone_picture_are_none() {
+        assert_eq!(judge(&[(0, 1.0), (33, 5.0), (66, 9.0)]), [true, true, true]);
+        assert_eq!(
+            judge(&[(0, 1.0), (33, 1.0), (66, 9.0), (99, 9.0)]),
+            [true, true, true, true]
+        );
+        assert_eq!(
+            judge(&[(0, 1.0), (1000, 9.0), (2000, 1.0)]),
+            [true, true, true]
+        );
+    }
+
+    #[test]
+    fn an_angle_that_no_snake_has_is_always_one() {
+        assert_eq!(
+            judge(&[(0, 200.0), (33, f64::NAN), (66, 1.0)]),
+            [false, false, true]
+        );
+    }
+
+    #[test]
+    fn stamps_rise_and_lose_the_latency() {
+        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.040);
+        assert!(frames.push(&seen(100, 1.0)) && !frames.push(&seen(100, 1.0)));
+        assert_eq!(
+            (frames.next(false), frames.next(true)),
+            (None, Some(Nanos::from_millis(60)))
+        );
+    }
+}

@@ -1,0 +1,110 @@
+//! The printed outcome of `i2ris calibrate collect`.
+
+use std::path::Path;
+
+use i2ris_calibration::recording::latency::Latency;
+
+use super::recording_flag::FlagKind;
+use super::sidecar::{LatencyRecord, Sidecar};
+use i2ris_terminal::Failure;
+
+/// A latency below this is none: the encoders are read every 4 ms.
+const SMALL_MS: f64 = 4.0;
+
+/// As in the file.
+pub fn record(latency: &Latency) -> LatencyRecord {
+    let round = |seconds: f64| (seconds * 1e5).round() / 1e2;
+    LatencyRecord {
+        estimate_ms: round(latency.seconds),
+        deviation_ms: round(latency.deviation_s),
+        applied: false,
+    }
+}
+
+/// Prints it, for a person or for a script.
+pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Failure> {
+    if json {
+        println!("{}", serde_json::to_string_pretty(sidecar)?);
+        return Ok(());
+    }
+    let Some(outcome) = &sidecar.outcome else {
+        return Ok(());
+    };
+    println!(
+        "recorded   {:.1} s: {} positions ({:.0} Hz), {} with angles ({:.1} Hz)",
+        outcome.length_s,
+        outcome.rows,
+        outcome.encoder_rate_hz,
+        outcome.samples,
+        outcome.camera_rate_hz
+    );
+    println!("latency    {}", latency_text(sidecar.latency.as_ref()));
+    println!("flags      {}", flags_text(sidecar));
+    if outcome.missed_messages > 0 {
+        println!(
+            "missed     {} message(s): this program was held up",
+            outcome.missed_messages
+        );
+    }
+    println!(
+        "wrote      {} and {}",
+        recording.display(),
+        Sidecar::path(recording).display()
+    );
+    if outcome.complete {
+        let robot = &sidecar.robot_id;
+        println!(
+            "next       i2ris calibrate fit {} --robot-id {robot} --output MODEL.json",
+            recording.display()
+        );
+    }
+    Ok(())
+}
+
+fn latency_text(latency: Option<&LatencyRecord>) -> String {
+    match latency {
+        None => "of the camera's stamps cannot be told from this motion".to_owned(),
+        Some(LatencyRecord {
+            estimate_ms,
+            deviation_ms,
+            applied,
+        }) => {
+            let what = if *applied {
+                ", taken off the stamps"
+            } else if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
+                "; --apply-latency would take it off"
+            } else {
+                ", as good as none"
+            };
+            format!("{estimate_ms:+.1} +- {deviation_ms:.1} ms in the camera's stamps{what}")
+        }
+    }
+}
+
+fn flags_text(sidecar: &Sidecar) -> String {
+    const KINDS: [FlagKind; 6] = [
+        FlagKind::EncoderGap,
+        FlagKind::CameraGap,
+        FlagKind::NoCounts,
+        FlagKind::NothingSeen,
+        FlagKind::Outlier,
+        FlagKind::Late,
+    ];
+    let count = |kind: FlagKind| {
+        sidecar
+            .flags
+            .iter()
+            .filter(|flag| flag.kind == kind)
+            .count()
+    };
+    let found: Vec<String> = KINDS
+        .iter()
+        .filter(|kind| count(**kind) > 0)
+        .map(|kind| format!("{} {}", count(*kind), kind.text()))
+        .collect();
+    if found.is_empty() {
+        "none".to_owned()
+    } else {
+        found.join(", ")
+    }
+}

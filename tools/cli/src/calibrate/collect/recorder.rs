@@ -1,0 +1,461 @@
+//! From messages to the rows of a recording, in order of time. Pure except for the writer.
+//!
+//! Every position of motor 0 makes a row, with the other motor between its own positions around
+//! that instant; every frame makes a row with its angles and both motors between their positions
+//! around its stamp. A row is written once everything that may still come before it has had time to
+//! arrive.
+
+use std::io::{self, Write};
+
+use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
+use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos};
+use i2ris_calibration::recording::{RecordingWriter, Row};
+
+use super::frame_queue::{CameraFrame, FrameQueue, JudgedFrame};
+use super::recording_flag::{Flag, FlagKind};
+use crate::series::Series;
+
+/// Positions come every 4 to 10 ms; motors may have turned back in a gap of this length, ns.
+pub const GAP_NS: u64 = 60_000_000;
+
+/// No camera is slower than 5 frames a second; a gap of this length is one.
+const CAMERA_GAP_NS: u64 = 500_000_000;
+
+/// A recording under way.
+pub struct Recorder<W: Write> {
+    writer: RecordingWriter<W>,
+    start: Nanos,
+    motors: usize,
+    outputs: usize,
+    encoders: [Series<1>; MAX_MOTORS],
+    frames: FrameQueue,
+    /// Number of the position of motor 0 that is to be written next.
+    next: usize,
+    written: Option<Nanos>,
+    last_seen: Option<Nanos>,
+    rows: Vec<Row>,
+    flags: Vec<Flag>,
+}
+
+/// A finished recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedRows {
+    /// All rows; `outputs` are not numbers where nothing was measured.
+    pub rows: Vec<Row>,
+    /// In the order in which they were found.
+    pub flags: Vec<Flag>,
+}
+
+impl RecordedRows {
+    /// Rows with outputs.
+    pub fn samples(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| is_sample(row))
+    }
+}
+
+/// A row with outputs.
+pub fn is_sample(row: &Row) -> bool {
+    row.outputs.iter().all(|output| output.is_finite())
+}
+
+impl<W: Write> Recorder<W> {
+    /// Begins with the header. `start` is the instant that the recording counts from.
+    pub fn new(
+        to: W,
+        start: Nanos,
+        motors: usize,
+        outputs: &[OutputSpec],
+        outlier: f64,
+        latency_s: f64,
+    ) -> io::Result<Self> {
+        let unit = outputs
+            .first()
+            .map_or(OutputUnit::Deg, |output| output.unit);
+        Ok(Self {
+            writer: RecordingWriter::new(to, true, motors, outputs)?,
+            start,
+            motors,
+            outputs: outputs.len(),
+            encoders: Default::default(),
+            frames: FrameQueue::new(unit, outputs.len(), outlier, latency_s),
+            next: 0,
+            written: None,
+            last_seen: None,
+            rows: Vec::new(),
+            flags: Vec::new(),
+        })
+    }
+
+    /// Adds positions of the motors.
+    pub fn positions(&mut self, state: &ActuatorState) {
+        for motor in 0..self.motors {
+            let stamp = state.measured_stamp_ns[motor];
+            if stamp < self.start.0 {
+                continue;
+            }
+            let before = self.encoders[motor].last().map(|(stamp, _)| *stamp);
+            if let Some(before) = before.filter(|before| stamp > *before + GAP_NS) {
+                self.flag(Nanos(before), FlagKind::EncoderGap, stamp - before, &[]);
+            }
+            self.encoders[motor].push(stamp, [f64::from(state.measured_counts[motor])]);
+        }
+    }
+
+    /// Adds a frame.
+    pub fn frame(&mut self, seen: &ExternalPosition) {
+        let stamp = Nanos(seen.stamp_ns);
+        if stamp < self.start {
+            return;
+        }
+        if seen.flags & ExternalPosition::VALID == 0 {
+            return self.nothing_seen(stamp);
+        }
+        if let Some(before) = self
+            .last_seen
+            .filter(|before| stamp.since(*before).0 > CAMERA_GAP_NS)
+        {
+            self.flag(before, FlagKind::CameraGap, stamp.since(before).0, &[]);
+        }
+        self.last_seen = Some(stamp);
+        if !self.frames.push(seen) {
+            self.flag(stamp, FlagKind::Late, 0, &[]);
+        }
+    }
+
+    /// Writes every row up to an instant that is complete; `all` if no more messages follow.
+    pub fn write(&mut self, until: Nanos, all: bool) -> io::Result<()> {
+        while let Some(stamp) = self.encoders[0]
+            .get(self.next)
+            .map(|(stamp, _)| Nanos(*stamp))
+        {
+            let frame = self.frames.next(all).filter(|frame| *frame <= stamp);
+            let due = frame.unwrap_or(stamp);
+            if due > until || !self.covered(due) {
+                break;
+            }
+            if frame.is_some() {
+                if let Some(frame) = self.frames.pop() {
+                    self.write_frame(frame)?;
+                }
+            } else {
+                self.write_position(stamp)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Number of motors.
+    pub fn motors(&self) -> usize {
+        self.motors
+    }
+
+    /// Writes the rest.
+    pub fn finish(mut self) -> io::Result<RecordedRows> {
+        self.write(Nanos(u64::MAX), true)?;
+        self.writer.finish()?;
+        Ok(RecordedRows {
+            rows: self.rows,
+            flags: self.flags,
+        })
+    }
+
+    /// Every motor has a position at an instant or after it.
+    fn covered(&self, stamp: Nanos) -> bool {
+        self.encoders
+            .iter()
+            .take(self.motors)
+            .all(|series| series.last().is_some_and(|(last, _)| *last >= stamp.0))
+    }
+
+    fn write_position(&mut self, stamp: Nanos) -> io::Result<()> {
+        self.next += 1;
+        // The other motor may have its first position later.
+        match self.counts(stamp, u64::MAX) {
+            Some(counts) if self.written.is_none_or(|written| written < stamp) => {
+                self.row(stamp, counts, [f64::NAN; MAX_OUTPUTS])
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn write_frame(&mut self, frame: JudgedFrame) -> io::Result<()> {
+        let CameraFrame { stamp, outputs } = *frame.frame();
+        let measured = &outputs[..self.outputs];
+        if self.written.is_some_and(|written| written >= stamp) {
+            self.flag(stamp, FlagKind::Late, 0, measured);
+            return Ok(());
+        }
+        match (self.counts(stamp, GAP_NS), frame) {
+            // The recording begins with a position.
+            _ if self.written.is_none() => Ok(()),
+            (Some(counts), JudgedFrame::Good(_)) => self.row(stamp, counts, outputs),
+            (_, JudgedFrame::Outlier(_)) => {
+                self.flag(stamp, FlagKind::Outlier, 0, measured);
+                Ok(())
+            }
+            (None, JudgedFrame::Good(_)) => {
+                self.flag(stamp, FlagKind::NoCounts, 0, measured);
+                Ok(())
+            }
+        }
+    }
+
+    fn counts(&self, stamp: Nanos, gap_ns: u64) -> Option<MotorVec> {
+        let mut counts = MotorVec::default();
+        for (counts, series) in counts.iter_mut().zip(&self.encoders).take(self.motors) {
+            [*counts] = series.at(stamp.0, gap_ns)?;
+        }
+        Some(counts)
+    }
+
+    fn row(
+        &mut self,
+        stamp: Nanos,
+        counts: MotorVec,
+        outputs: [f64; MAX_OUTPUTS],
+    ) -> io::Result<()> {
+        let time_s = Some(stamp.since(self.start).as_seconds());
+        let row = Row {
+            line: self.rows.len() as u64 + 2,
+            time_s,
+            counts,
+            outputs,
+            path_index: self.rows.len(),
+        };
+        self.written = Some(stamp);
+        self.rows.push(row);
+        self.writer.row(&row)
+    }
+
+    /// One flag while the camera sees nothing.
+    fn nothing_seen(&mut self, stamp: Nanos) {
+        let t_s = stamp.since(self.start).as_seconds();
+        match self.flags.last_mut() {
+            Some(flag)
+                if flag.kind == FlagKind::NothingSeen && t_s - flag.t_s - flag.span_s < 0.5 =>
+            {
+                flag.span_s = t_s - flag.t_s;
+            }
+            _ => self.flag(stamp, FlagKind::NothingSeen, 0, &[]),
+        }
+    }
+
+    fn flag(&mut self, stamp: Nanos, kind: FlagKind, span_ns: u64, measured: &[f64]) {
+        let measured = measured
+            .iter()
+            .copied()
+            .filter(|value| value.is_finite())
+            .collect();
+        let t_s = stamp.since(self.start).as_seconds();
+        self.flags.push(Flag {
+            t_s,
+            kind,
+            span_s: Nanos(span_ns).as_seconds(),
+            measured,
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris_calibration::recording::{ColumnMap, Recording};
+
+    use super::*;
+
+    const START: Nanos = Nanos(5_000_000_000);
+
+    fn ms(milliseconds: u64) -> u64 {
+        START.0 + milliseconds * 1_000_000
+    }
+
+    fn outputs() -> [OutputSpec; 2] {
+        ["pitch", "yaw"].map(|name| OutputSpec {
+            name: name.to_owned(),
+            unit: OutputUnit::Deg,
+        })
+    }
+
+    /// Motor 0 is read at the given time, motor 1 one millisecond later; they go 1 and -2 counts
+    /// per ms.
+    fn positions(time: u64) -> ActuatorState {
+        ActuatorState {
+            measured_stamp_ns: [ms(time), ms(time + 1)],
+            measured_counts: [time as i32, -2 * (time as i32 + 1)],
+            count: 2,
+            ..ActuatorState::default()
+        }
+    }
+
+    fn frame(time: u64, pitch_deg: f64) -> ExternalPosition {
+        let position = [
+            pitch_deg.to_radians(),
+            (1.0 - pitch_deg / 2.0).to_radians(),
+            0.0,
+        ];
+        ExternalPosition {
+            stamp_ns: ms(time),
+            position,
+            count: 2,
+            flags: 1,
+            ..ExternalPosition::default()
+        }
+    }
+
+    fn sample_times_ms(recorded: &RecordedRows) -> Vec<u64> {
+        recorded
+            .samples()
+            .map(|row| (row.time_s.unwrap() * 1e3).round() as u64)
+            .collect()
+    }
+
+    fn recorder(file: &mut Vec<u8>) -> Recorder<&mut Vec<u8>> {
+        Recorder::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap()
+    }
+
+    #[test]
+    fn rows_come_in_order_with_the_counts_of_their_instant() {
+        let mut file = Vec::new();
+        let mut recorder = recorder(&mut file);
+        (0..=400)
+            .step_by(4)
+            .for_each(|time| recorder.positions(&positions(time)));
+        (10..400)
+            .step_by(33)
+            .for_each(|time| recorder.frame(&frame(time, 2.0)));
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(recorded.samples().count(), 12);
+        assert!(
+            recorded
+                .rows
+                .windows(2)
+                .all(|pair| pair[0].time_s < pair[1].time_s)
+        );
+        for row in &recorded.rows {
+            let time = row.time_s.unwrap() * 1e3;
+            assert!(
+                (row.counts[0] - time).abs() < 1e-6 && (row.counts[1] + 2.0 * time).abs() < 1e-6,
+                "{row:?}"
+            );
+        }
+        assert_eq!(recorded.flags, []);
+        let text = String::from_utf8(file).unwrap();
+        assert!(
+            text.starts_with("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n0.004,4,-8,,\n"),
+            "{text}"
+        );
+        assert_eq!(text.lines().count(), recorded.rows.len() + 1);
+    }
+
+    #[test]
+    fn written_rows_are_read_unchanged() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("take.csv");
+        let file = std::fs::File::create(&path).unwrap();
+        let mut recorder = Recorder::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap();
+        for time in (0..2000).step_by(4) {
+            recorder.positions(&positions(time));
+            if time % 40 == 0 {
+                recorder.frame(&frame(time, time as f64 / 100.0));
+            }
+            recorder
+                .write(Nanos(ms(time.saturating_sub(500))), false)
+                .unwrap();
+        }
+        let recorded = recorder.finish().unwrap();
+        let (recording, report) = Recording::read(&path, &ColumnMap::default()).unwrap();
+        assert_eq!(
+            (recording.path().len(), report.dropped.len()),
+            (recorded.rows.len(), 0)
+        );
+        let samples: Vec<Row> = recorded
+            .samples()
+            .map(|row| Row {
+                outputs: [row.outputs[0], row.outputs[1], 0.0],
+                ..*row
+            })
+            .collect();
+        assert_eq!(recording.rows(), samples);
+    }
+
+    #[test]
+    fn a_row_waits_for_what_may_come_before_it() {
+        let mut file = Vec::new();
+        let mut recorder = recorder(&mut file);
+        (0..=400)
+            .step_by(4)
+            .for_each(|time| recorder.positions(&positions(time)));
+        recorder.write(Nanos(ms(100)), false).unwrap();
+        recorder.frame(&frame(110, 1.0));
+        recorder.frame(&frame(90, 1.0));
+        recorder.frame(&frame(143, 1.0));
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(sample_times_ms(&recorded), [110, 143]);
+        assert_eq!(
+            recorded
+                .flags
+                .iter()
+                .map(|flag| flag.kind)
+                .collect::<Vec<_>>(),
+            [FlagKind::Late]
+        );
+    }
+
+    #[test]
+    fn gaps_outliers_and_blind_pictures_are_flagged_and_give_no_angles() {
+        let mut file = Vec::new();
+        let mut recorder = recorder(&mut file);
+        (0..=200)
+            .step_by(4)
+            .for_each(|time| recorder.positions(&positions(time)));
+        (400..=600)
+            .step_by(4)
+            .for_each(|time| recorder.positions(&positions(time)));
+        for (time, pitch) in [(30, 1.0), (63, 50.0), (96, 1.0), (300, 1.5), (430, 1.0)] {
+            recorder.frame(&frame(time, pitch));
+        }
+        for time in [460, 490, 520] {
+            recorder.frame(&ExternalPosition {
+                flags: 0,
+                ..frame(time, 0.0)
+            });
+        }
+        let recorded = recorder.finish().unwrap();
+        assert_eq!(sample_times_ms(&recorded), [30, 96, 430]);
+        let entry = |flag: &Flag| {
+            (
+                flag.kind,
+                (flag.t_s * 1e3).round() as u64,
+                flag.measured.len(),
+            )
+        };
+        let mut flags: Vec<_> = recorded.flags.iter().map(entry).collect();
+        flags.sort_unstable();
+        assert_eq!(
+            flags[..2],
+            [
+                (FlagKind::EncoderGap, 200, 0),
+                (FlagKind::EncoderGap, 201, 0)
+            ]
+        );
+        assert_eq!(
+            flags[2..4],
+            [
+                (FlagKind::NoCounts, 300, 2),
+                (FlagKind::NothingSeen, 460, 0)
+            ]
+        );
+        assert_eq!((flags[4], flags.len()), ((FlagKind::Outlier, 63, 2), 5));
+        assert!(
+            (recorded
+                .flags
+                .iter()
+                .find(|flag| flag.kind == FlagKind::NothingSeen)
+                .unwrap()
+                .span_s
+                - 0.06)
+                .abs()
+                < 1e-9
+        );
+    }
+}
