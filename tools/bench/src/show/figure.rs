@@ -5,7 +5,7 @@
 //! the right is a tenth of the spans that are left, so that a tail shows that a histogram would
 //! hide.
 
-use i2ris_plot::{Axis, Dash, Figure, Ink, Line, Marker, Panel, Stroke};
+use i2ris_plot::{Axis, Dash, Figure, Color, Line, Marker, Panel, Stroke};
 
 use crate::outcome::{Outcome, Role, Way};
 use crate::spans::Spans;
@@ -30,16 +30,16 @@ const MARKS: [(f64, &str); 7] = [
 const FEWEST: f64 = 3.0;
 
 /// Inks, dashes and markers of ways that are ours, in this order, and of peers.
-const OURS: [(Ink, Dash, Marker); 4] = [
-    (Ink::BLUE, Dash::Solid, Marker::Circle),
-    (Ink::VERMILION, Dash::Solid, Marker::Square),
-    (Ink::GREEN, Dash::Solid, Marker::Triangle),
-    (Ink::SKY, Dash::Solid, Marker::Diamond),
+const OURS: [(Color, Dash, Marker); 4] = [
+    (Color::BLUE, Dash::Solid, Marker::Circle),
+    (Color::VERMILION, Dash::Solid, Marker::Square),
+    (Color::GREEN, Dash::Solid, Marker::Triangle),
+    (Color::SKY, Dash::Solid, Marker::Diamond),
 ];
-const PEERS: [(Ink, Dash, Marker); 3] = [
-    (Ink::GREY, Dash::Dashed, Marker::Cross),
-    (Ink::ORANGE, Dash::DashDot, Marker::Diamond),
-    (Ink::BLACK, Dash::Dotted, Marker::Square),
+const PEERS: [(Color, Dash, Marker); 3] = [
+    (Color::GREY, Dash::Dashed, Marker::Cross),
+    (Color::ORANGE, Dash::DashDot, Marker::Diamond),
+    (Color::BLACK, Dash::Dotted, Marker::Square),
 ];
 
 /// A panel for every group.
@@ -74,7 +74,7 @@ fn panel(group: &str, ways: &[&Way]) -> Panel {
         let line = match way.role {
             Role::Floor => Line::new(
                 curve(&way.spans),
-                Stroke::new(Ink::BLACK, 1.8).dash(Dash::Dashed),
+                Stroke::new(Color::BLACK, 1.8).dash(Dash::Dashed),
             ),
             Role::Ours => marked(way, ours.next()),
             Role::Peer => marked(way, peers.next()),
@@ -89,7 +89,7 @@ fn panel(group: &str, ways: &[&Way]) -> Panel {
     panel
 }
 
-fn marked(way: &Way, look: Option<&(Ink, Dash, Marker)>) -> Line {
+fn marked(way: &Way, look: Option<&(Color, Dash, Marker)>) -> Line {
     let (ink, dash, marker) = *look.unwrap_or(&OURS[0]);
     Line::new(curve(&way.spans), Stroke::new(ink, 1.4).dash(dash)).marker(marker)
 }

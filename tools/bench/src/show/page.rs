@@ -10,7 +10,7 @@ use crate::outcome::{Outcome, Role, Way};
 #[must_use]
 pub fn page(outcomes: &[Outcome]) -> Page {
     let mut page = Page::new("Latencies of i2ris");
-    page.lead(
+    page.main_result(
         "Every way stands beside the least that this machine needs for the same thing, measured in the same run and in turns \
          with it: the floor. Ratios to it carry over to other machines; absolute times do not.",
     );

@@ -3,7 +3,7 @@
 use i2ris::ipc::payload::PeriodStatistics;
 use i2ris_plot::page::TableRow;
 use i2ris_plot::{
-    Axis, Dash, Dots, Figure, Ink, Line, Marker, Page, Panel, Rule, Shade, Stroke, Table,
+    Axis, Dash, Scatter, Figure, Color, Line, Marker, Page, Panel, ReferenceLine, ShadedInterval, Stroke, Table,
 };
 
 use super::hysteresis::Loop;
@@ -13,11 +13,11 @@ use super::tracking::{Error, errors};
 use super::trial::Trial;
 use crate::series::Series;
 
-const GOAL: Stroke = Stroke::new(Ink::BLACK, 1.6);
-const ESTIMATE: Stroke = Stroke::new(Ink::BLUE, 1.1).dash(Dash::Dashed);
-const CAMERA: Stroke = Stroke::new(Ink::VERMILION, 1.0);
-const ZERO: Stroke = Stroke::new(Ink::PALE, 0.8);
-const TROUBLE: Stroke = Stroke::new(Ink::VERMILION, 1.4).dash(Dash::Dotted);
+const GOAL: Stroke = Stroke::new(Color::BLACK, 1.6);
+const ESTIMATE: Stroke = Stroke::new(Color::BLUE, 1.1).dash(Dash::Dashed);
+const CAMERA: Stroke = Stroke::new(Color::VERMILION, 1.0);
+const ZERO: Stroke = Stroke::new(Color::PALE, 0.8);
+const TROUBLE: Stroke = Stroke::new(Color::VERMILION, 1.4).dash(Dash::Dotted);
 
 const ROW: f64 = 190.0;
 
@@ -30,7 +30,7 @@ const AWAY: &str = "not following (off, holding, busy)";
 /// The page of a trial.
 pub fn page(trial: &Trial, summary: &Summary) -> Page {
     let mut page = Page::new(format!("Trial {}", summary.file));
-    page.lead(lead(summary));
+    page.main_result(lead(summary));
     let troubles: Vec<String> = notices(trial, summary);
     if !troubles.is_empty() {
         page.notice("To keep in mind", troubles);
@@ -163,7 +163,7 @@ fn tracking(page: &mut Page, trial: &Trial, summary: &Summary) {
             &format!("error in {name}"),
             "seen − goal (deg)",
         )
-        .with(Rule::level(0.0, ZERO));
+        .with(ReferenceLine::horizontal(0.0, ZERO));
         let lines = both.iter().filter(|(.., errors)| !errors.is_empty());
         let lines = lines.map(|(_, stroke, errors)| Line::new(with_gaps(errors, axis), *stroke));
         figure = figure.row(0.8 * ROW, vec![panel.with_all(lines)]);
@@ -182,14 +182,14 @@ fn timeline(trial: &Trial, summary: &Summary, title: &str, y: &str) -> Panel {
     let x = Axis::linear("time (s)").range(0.0, trial.length_s().max(1e-3));
     let mut panel = Panel::new(title, x, Axis::linear(y));
     for [from, to] in trial.away() {
-        panel = panel.with(Shade::new(from, to, Ink::FAINT).label(AWAY));
+        panel = panel.with(ShadedInterval::new(from, to, Color::FAINT).label(AWAY));
     }
     panel.with_all(
         summary
             .events
             .iter()
             .filter(|event| event.is_trouble)
-            .map(|event| Rule::upright(event.t_s, TROUBLE)),
+            .map(|event| ReferenceLine::vertical(event.t_s, TROUBLE)),
     )
 }
 
@@ -325,9 +325,9 @@ fn loop_panel(own: &Loop, deviation: bool) -> Panel {
         Axis::linear("counts along the direction"),
         Axis::linear(y),
     )
-    .with(Dots::new(points(&own.rising), Ink::BLUE, 1.6).label("counts rising"))
-    .with(Dots::new(points(&own.falling), Ink::ORANGE, 1.6).label("counts falling"))
-    .with(Rule::level(0.0, ZERO))
+    .with(Scatter::new(points(&own.rising), Color::BLUE, 1.6).label("counts rising"))
+    .with(Scatter::new(points(&own.falling), Color::ORANGE, 1.6).label("counts falling"))
+    .with(ReferenceLine::horizontal(0.0, ZERO))
 }
 
 fn latency(page: &mut Page, trial: &Trial, summary: &Summary) {
@@ -364,13 +364,13 @@ fn latency(page: &mut Page, trial: &Trial, summary: &Summary) {
         1e-3,
     );
     let histograms = [
-        ("command to line", &trial.latencies.to_line, Ink::BLUE),
-        ("age of encoder positions", &trial.latencies.age, Ink::GREEN),
+        ("command to line", &trial.latencies.to_line, Color::BLUE),
+        ("age of encoder positions", &trial.latencies.age, Color::GREEN),
     ];
     let drawn = histograms
         .into_iter()
         .filter(|(_, histogram, _)| !histogram.is_empty());
-    let panel = |(name, histogram, ink): (&str, &hdrhistogram::Histogram<u64>, Ink)| {
+    let panel = |(name, histogram, ink): (&str, &hdrhistogram::Histogram<u64>, Color)| {
         let (edges, heights) = bins(histogram);
         let x = Axis::log("time (ms)");
         Panel::new(name, x, Axis::linear("share (%)").including(0.0)).with(Line::steps(
@@ -433,31 +433,31 @@ fn windows(trial: &Trial, summary: &Summary) -> Panel {
     let x = Axis::linear("time (s)").range(0.0, trial.length_s().max(1e-3));
     let troubles = summary.events.iter().filter(|event| event.is_trouble);
     Panel::new("control loop, second by second", x, Axis::log("time (µs)"))
-        .with_all(troubles.map(|event| Rule::upright(event.t_s, TROUBLE)))
-        .with(line(|w| w.lateness.p50_ns, Stroke::new(Ink::BLUE, 1.4)).label("late, p50"))
+        .with_all(troubles.map(|event| ReferenceLine::vertical(event.t_s, TROUBLE)))
+        .with(line(|w| w.lateness.p50_ns, Stroke::new(Color::BLUE, 1.4)).label("late, p50"))
         .with(
             line(
                 |w| w.lateness.p99_ns,
-                Stroke::new(Ink::BLUE, 1.4).dash(Dash::Dashed),
+                Stroke::new(Color::BLUE, 1.4).dash(Dash::Dashed),
             )
             .label("late, p99"),
         )
         .with(
             line(
                 |w| w.lateness.max_ns,
-                Stroke::new(Ink::BLUE, 1.0).dash(Dash::Dotted),
+                Stroke::new(Color::BLUE, 1.0).dash(Dash::Dotted),
             )
             .label("late, max"),
         )
         .with(
-            line(|w| w.compute.p50_ns, Stroke::new(Ink::GREEN, 1.4))
+            line(|w| w.compute.p50_ns, Stroke::new(Color::GREEN, 1.4))
                 .marker(Marker::Square)
                 .label("computes, p50"),
         )
         .with(
             line(
                 |w| w.compute.p99_ns,
-                Stroke::new(Ink::GREEN, 1.4).dash(Dash::Dashed),
+                Stroke::new(Color::GREEN, 1.4).dash(Dash::Dashed),
             )
             .marker(Marker::Square)
             .label("computes, p99"),
@@ -474,7 +474,7 @@ fn events(page: &mut Page, summary: &Summary) {
         "In bold what was not meant to happen.",
         ["time (s)", "what"],
     )
-    .words(1);
+    .text_column(1);
     for event in summary.events.iter().take(MOST_EVENTS) {
         let cells = vec![format!("{:.3}", event.t_s), event.what.clone()];
         table.row(TableRow {
