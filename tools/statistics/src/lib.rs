@@ -6,6 +6,7 @@
 //! | `quantile` | median and other quantiles |
 //! | `histogram` | counts between edges |
 //! | `distance` | distances between points, interpolation |
+//! | `time_series` | values over time |
 //!
 //! A statistic of no values is `None`. No function checks for values that are not finite: the
 //! caller leaves them out. For histograms of durations with a fixed resolution use the crate
@@ -17,8 +18,10 @@ mod distance;
 mod histogram;
 mod moments;
 mod quantile;
+mod time_series;
 
 pub use distance::{distance, distance_to_segment, interpolate, largest_difference};
 pub use histogram::histogram;
 pub use moments::{mean, root_mean_square, standard_deviation, variance};
 pub use quantile::{median, quantile, quantile_of_unsorted, sort};
+pub use time_series::TimeSeries;

@@ -1,16 +1,15 @@
-//! The standard message `sensor_msgs/JointState`: what every tool of ROS 2 knows how to plot.
+//! The standard message `sensor_msgs/JointState`, which every tool of ROS 2 can plot.
 
 use i2ris::ipc::payload::JointState;
 
 use crate::cdr::Encoder;
 
-/// Names of joints until a model says more.
-pub const USUAL_NAMES: [&str; 2] = ["pitch", "yaw"];
+/// Names of the joints if no model names them.
+pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
 
-/// The message for angles that are valid, with its stamp in Unix time. `None`: there are no angles
-/// to tell.
+/// Encodes valid angles with their stamp in Unix time; `None` if the angles are not valid.
 #[must_use]
-pub fn message(state: &JointState, unix_ns: u64, names: &[String]) -> Option<Vec<u8>> {
+pub fn encode(state: &JointState, unix_ns: u64, names: &[String]) -> Option<Vec<u8>> {
     let count = state.count as usize;
     if state.flags & JointState::VALID == 0 || count == 0 {
         return None;
@@ -21,7 +20,9 @@ pub fn message(state: &JointState, unix_ns: u64, names: &[String]) -> Option<Vec
     encoder.u32((unix_ns % 1_000_000_000) as u32);
     encoder.string("");
     encoder.u32(count as u32);
-    (0..count).for_each(|joint| encoder.string(names.get(joint).map_or("", String::as_str)));
+    for joint in 0..count {
+        encoder.string(names.get(joint).map_or("", String::as_str));
+    }
     encoder.f64s(position);
     encoder.f64s(velocity);
     encoder.f64s(&[]);
