@@ -5,6 +5,8 @@
 //! reason; nothing starts on a half-understood configuration.
 
 mod drives;
+#[cfg(test)]
+mod schema_file;
 mod suggest;
 
 use std::fs;
@@ -19,7 +21,7 @@ pub use drives::{AxisConfig, Family, Framing, HomingMethod, Pattern, PortConfig,
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Config {
     /// Name of the robot. A model that was calibrated on another robot is refused.
@@ -63,7 +65,7 @@ pub struct Config {
 
 /// The control loop.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
     /// Ticks per second, 100 to 4000.
@@ -106,7 +108,7 @@ impl ControlConfig {
 
 /// Shared memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct IpcConfig {
     /// Name of the domain: controllers and clients meet only inside one. Letters, digits and `-`,
@@ -124,7 +126,7 @@ impl Default for IpcConfig {
 
 /// What is asked of commands from other processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CommandConfig {
     /// Age at which a servo command that names no deadline is stale and the robot stops, in
@@ -161,7 +163,7 @@ impl Default for CommandConfig {
 /// Limits on the motion of every motor. The reference is the previous set-point, not the
 /// measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitConfig {
     /// Velocity of the set-point, counts per second.
@@ -222,7 +224,7 @@ impl LimitConfig {
 
 /// How a model with memory is used.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CompensationConfig {
     /// Part of gaps and friction that is compensated, 0 to 1. Too much moves the tip at a turn, too
@@ -251,7 +253,7 @@ impl Default for CompensationConfig {
 
 /// The decaying stroke that wipes out what is not known about the past of the wires.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ConditionConfig {
     /// Half the width of the first turn, counts of every motor, around where it begins. The model's
@@ -276,7 +278,7 @@ impl Default for ConditionConfig {
 
 /// How one model takes over from another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SwapConfig {
     /// How long the motors take to go where the new model wants them, in milliseconds, 0 to 10000.
@@ -293,7 +295,7 @@ impl Default for SwapConfig {
 /// Limits on the angles that are asked of the inverse. Each is off unless it is there; a model of
 /// the tip position has none.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct JointLimitConfig {
     /// Lowest angles, degrees, one per output.
@@ -329,7 +331,7 @@ impl JointLimitConfig {
 
 /// The way of `move_jp`: from rest to rest on a straight line in joint space.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct MoveConfig {
     /// Velocity along the line, degrees per second.
@@ -353,7 +355,7 @@ impl Default for MoveConfig {
 /// The camera against the model: what `external/measured_jp` says against the estimate from the
 /// encoders at that instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlausibilityConfig {
     /// Distance between the two that leads to FAULT when it lasts, in degrees. 0: never, for robots
@@ -374,7 +376,7 @@ impl Default for PlausibilityConfig {
 
 /// What is written down.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct RecordConfig {
     /// Where black boxes and the log of runs go, relative to the folder of this file.

@@ -31,7 +31,7 @@ pub type OutputVec = [f64; MAX_OUTPUTS];
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
 )]
 #[serde(transparent)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Counts(pub i32);
 
 impl Counts {

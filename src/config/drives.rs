@@ -9,7 +9,7 @@ use crate::units::{Counts, MAX_MOTORS};
 
 /// A serial port and the axes behind it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PortConfig {
     /// The device file.
@@ -65,7 +65,7 @@ impl PortConfig {
 /// How often what is not pressing is read. A round is a set-point and a position, and takes two
 /// exchanges of the line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Pattern {
     /// Rounds between two looks at the statusword, 1 to 1000.
@@ -85,7 +85,7 @@ impl Default for Pattern {
 
 /// Families of drives. They differ in their requests and in the numbers of their objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Family {
     /// maxon EPOS4.
@@ -97,7 +97,7 @@ pub enum Family {
 
 /// How bytes are put into frames on a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Framing {
     /// With sync bytes and stuffing: EPOS4 on RS232 and USB, EPOS2 on USB.
@@ -109,7 +109,7 @@ pub enum Framing {
 
 /// How set-points reach the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Streaming {
     /// Every set-point acts at once: cyclic synchronous position (EPOS4), position mode (EPOS2).
@@ -123,7 +123,7 @@ pub enum Streaming {
 
 /// How an axis finds its zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum HomingMethod {
     /// Where it stands when it is homed. Nothing moves.
@@ -149,7 +149,7 @@ fn default_deadman_ms() -> u64 {
 
 /// One drive and its motor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
     /// Which motor of the model this drive turns, 0 or 1.

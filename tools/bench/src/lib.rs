@@ -4,7 +4,7 @@
 //! |---|---|
 //! | latencies: shared memory, loop, inverse, serial line, all of them together | `i2ris bench`, on [`ipc`], [`ticks`], [`inverse`], [`wire`], [`e2e`] |
 //! | time of a call | `cargo bench -p i2ris-bench` |
-//! | instructions, which no other load on the machine changes; takes valgrind | `cargo run --release -p i2ris-bench -- instructions` |
+//! | instructions, which no other load on the machine changes; takes valgrind | `i2ris bench instructions` |
 //! | scikit-learn and the Python package `gmr` in the same run | `python3 tools/bench/peers.py` |
 //!
 //! A latency means little without what the machine itself needs for it. So every measurement is an

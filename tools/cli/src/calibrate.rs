@@ -7,7 +7,7 @@ mod merge;
 mod progress;
 mod report;
 
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// What `i2ris calibrate` can do.
 #[derive(Debug, clap::Subcommand)]

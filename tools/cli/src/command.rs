@@ -15,8 +15,9 @@ use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
-use crate::console::{DomainOption, Interrupt, Screen, until_closed};
-use crate::{Cli, Failure};
+use crate::Cli;
+use i2ris_terminal::Failure;
+use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
 use path::{Angles, Path, Table};
 use stream::Plan;
 use teleop::Device;

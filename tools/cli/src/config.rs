@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use i2ris::config::Config;
 
-use crate::Failure;
+use i2ris_terminal::Failure;
 use schema::Kind;
 
 /// What `i2ris config` can do.
@@ -54,7 +54,7 @@ pub fn run(command: &Command) -> Result<(), Failure> {
             print!("{}", describe::describe(&Config::load(file)?)?)
         }
         Command::Schema { kind } => {
-            println!("{}", serde_json::to_string_pretty(&schema::of(*kind))?)
+            print!("{}", schema::text(*kind))
         }
     }
     Ok(())

@@ -14,7 +14,7 @@ use i2ris_emulator::drive::Family;
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, Snapshot};
 
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// How often the status line is refreshed.
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);

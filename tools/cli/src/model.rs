@@ -16,7 +16,7 @@ use i2ris::model::Model;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-use crate::Failure;
+use i2ris_terminal::Failure;
 use table::Table;
 
 /// What `i2ris model` can do.

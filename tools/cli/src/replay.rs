@@ -8,9 +8,9 @@ use i2ris::control::{EventKind, Outputs};
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
-use crate::Failure;
-use crate::console::DomainOption;
-use crate::working::while_working;
+use i2ris_terminal::DomainOption;
+use i2ris_terminal::Failure;
+use i2ris_terminal::while_working;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);

@@ -1,20 +1,18 @@
 //! `i2ris calibrate collect` against a controller without drives, and a camera without a lens.
 #![allow(clippy::unwrap_used)]
 
-mod fake_controller;
-
 use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
-use fake_controller::{Controller, Program};
 use i2ris::clock;
 use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand, random_id};
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_testing::{Controller, Program};
 use tempfile::TempDir;
 
 const ROBOT: &str = r#"

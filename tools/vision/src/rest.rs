@@ -13,7 +13,7 @@ const MAD: f64 = 1.4826;
 
 /// What one view shows of the straight pose: medians over some pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Rest {
     /// Angle between base and tip, deg: how far fibre and joint zero are off.

@@ -4,6 +4,9 @@
 //! and scale are measured once by a person. Lengths are millimetres, so a change of the
 //! magnification changes one number.
 
+#[cfg(test)]
+mod schema_file;
+
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -13,7 +16,7 @@ use crate::rest::Rest;
 
 /// The two joint axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Pitch.
@@ -24,7 +27,7 @@ pub enum Axis {
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
     /// Pictures of both views belong together if their stamps differ by no more than this, ms.
@@ -38,7 +41,7 @@ pub struct Setup {
 
 /// One view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct View {
     /// Its name in messages, and in the file name of overlays.

@@ -8,9 +8,9 @@ use i2ris_calibration::metrics::{metrics, predictions};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use serde::Serialize;
 
-use crate::Failure;
-use crate::series::percentile;
-use crate::working::while_working;
+use i2ris_statistics::quantile;
+use i2ris_terminal::Failure;
+use i2ris_terminal::while_working;
 
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
@@ -101,7 +101,7 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
             rmsd: found.rmsd,
             nrmsd: found.nrmsd,
             mae: found.mae,
-            p99: percentile(&errors, 0.99),
+            p99: quantile(&errors, 0.99).unwrap_or(f64::NAN),
             max: found.max,
         });
     }

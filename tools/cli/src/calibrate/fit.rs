@@ -16,7 +16,7 @@ use i2ris_calibration::survey::Survey;
 
 use super::progress::Bar;
 use super::report::report;
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// More is no latency of a camera, ms.
 const MAX_LATENCY_MS: f64 = 1000.0;

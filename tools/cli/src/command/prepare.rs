@@ -8,8 +8,8 @@ use i2ris::units::Nanos;
 
 use super::stream::FIRST_NEWS;
 use super::watch::{Stop, enabled};
-use crate::Failure;
-use crate::console::Interrupt;
+use i2ris_terminal::Failure;
+use i2ris_terminal::Interrupt;
 
 /// How long the drives may take to start, to find their zero, or to switch on.
 const DRIVES: Nanos = Nanos::from_millis(15_000);

@@ -11,8 +11,8 @@ use super::path::{Angles, Path};
 use super::player::Player;
 use super::prepare::prepare;
 use super::watch::{Stop, Tracking, Watch};
-use crate::Failure;
-use crate::console::{Interrupt, Screen, until_closed};
+use i2ris_terminal::Failure;
+use i2ris_terminal::{Interrupt, Screen, until_closed};
 
 /// How long the controller may take to tell something for the first time.
 pub(super) const FIRST_NEWS: Nanos = Nanos::from_millis(2000);

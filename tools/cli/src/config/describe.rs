@@ -6,14 +6,14 @@ use i2ris::config::Config;
 use toml::Value;
 
 use super::schema::{Kind, Node, of};
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// Characters of a line of comment at most.
 const WIDTH: usize = 110;
 
 /// The configuration with every key: those that may be absent and are stand there as comments.
 pub fn describe(config: &Config) -> Result<String, Failure> {
-    let (table, schema) = (toml::Table::try_from(config)?, of(Kind::Controller));
+    let (table, schema) = (toml::Table::try_from(config)?, of(Kind::Controller)?);
     let mut text = String::new();
     write_table(&mut text, &table, Node::root(&schema), "");
     Ok(text.trim_start_matches('\n').to_owned())

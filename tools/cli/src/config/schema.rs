@@ -1,9 +1,8 @@
-//! The schema of the configuration, as it follows from the code: keys, types, and the documentation
-//! of each key.
+//! The JSON Schema of the files that people write: keys, types, and the meaning of each key.
+//!
+//! The crates that read these files derive the schemas in their tests, so that no program depends
+//! on the derivation; `config/schema` holds the result.
 
-use i2ris::config::Config;
-use i2ris_emulator::snake::SnakeConfig;
-use i2ris_vision::setup::Setup;
 use serde_json::Value;
 
 /// Kinds of files that people write.
@@ -17,14 +16,18 @@ pub enum Kind {
     Vision,
 }
 
-/// The JSON Schema of such files.
-pub fn of(kind: Kind) -> Value {
+/// The JSON Schema of such files, as text.
+pub const fn text(kind: Kind) -> &'static str {
     match kind {
-        Kind::Controller => schemars::schema_for!(Config),
-        Kind::Snake => schemars::schema_for!(SnakeConfig),
-        Kind::Vision => schemars::schema_for!(Setup),
+        Kind::Controller => include_str!("../../../../config/schema/controller.json"),
+        Kind::Snake => include_str!("../../../../config/schema/snake.json"),
+        Kind::Vision => include_str!("../../../../config/schema/vision.json"),
     }
-    .into()
+}
+
+/// The JSON Schema of such files.
+pub fn of(kind: Kind) -> serde_json::Result<Value> {
+    serde_json::from_str(text(kind))
 }
 
 /// A node of a schema, and the schema that its references point into.
@@ -142,7 +145,7 @@ mod tests {
             (Kind::Snake, "snakes/multi.toml"),
             (Kind::Vision, "vision.toml"),
         ] {
-            let schema = of(kind);
+            let schema = of(kind).unwrap();
             let path = Path::new(env!("CARGO_MANIFEST_DIR"))
                 .join("../../config")
                 .join(file);
@@ -173,7 +176,7 @@ mod tests {
             (Kind::Snake, 20),
             (Kind::Vision, 12),
         ] {
-            let schema = of(kind);
+            let schema = of(kind).unwrap();
             let (mut found, mut count) = (Vec::new(), 0);
             without_meaning(Node::root(&schema), "", &mut found, &mut count);
             assert!(
@@ -181,7 +184,7 @@ mod tests {
                 "{kind:?}: {count} keys, without meaning: {found:?}"
             );
         }
-        let schema = of(Kind::Controller);
+        let schema = of(Kind::Controller).unwrap();
         assert_eq!(schema["additionalProperties"], false);
         let limits = &schema["$defs"]["LimitConfig"];
         assert_eq!(
@@ -196,7 +199,7 @@ mod tests {
     #[test]
     fn a_key_that_is_misspelt_is_in_no_schema() {
         let table: toml::Table = "[control]\nrate_herz = 3".parse().unwrap();
-        let (schema, mut found) = (of(Kind::Controller), Vec::new());
+        let (schema, mut found) = (of(Kind::Controller).unwrap(), Vec::new());
         unknown(&table, Node::root(&schema), "", &mut found);
         assert_eq!(found, ["control.rate_herz: not in the schema"]);
     }

@@ -11,7 +11,7 @@ use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris::units::Nanos;
 
 use super::process::Process;
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// A robot of the emulator's kind, so that models and configuration match.
 const CONTROLLER_CONFIG: &str = include_str!("../../../../config/emulator.toml");

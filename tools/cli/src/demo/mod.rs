@@ -21,11 +21,11 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use i2ris_vision::source::Size;
+use i2ris_terminal::programs;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::Failure;
 use bench::{Bench, Snake, text};
+use i2ris_terminal::Failure;
 use motion::Motion;
 use process::Process;
 use summary::Followed;
@@ -49,8 +49,9 @@ pub struct Arguments {
     families: Vec<String>,
     /// Calibrate twice over the same motion, by the true angles and through synthetic pictures of
     /// this size, and compare
-    #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960")]
-    through_images: Option<Size>,
+    #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960",
+          value_parser = images::size)]
+    through_images: Option<String>,
     /// With --through-images: use every so manieth picture of the camera, for both calibrations; 1
     /// draws 18,000 pictures of five minutes
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
@@ -93,10 +94,10 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Release))?;
     let this_program = std::env::current_exe()?;
-    let controller_program = controller_program(&this_program)?;
+    let controller_program = controller_program(&this_program, arguments.through_images.is_some())?;
     let folder = demo_folder(&this_program)?;
     let bench = Bench::new(folder, arguments.snake, this_program, controller_program)?;
-    let outcome = match arguments.through_images {
+    let outcome = match &arguments.through_images {
         None => show(&bench, &arguments),
         Some(size) => images::show(&bench, &arguments, size),
     };
@@ -276,9 +277,11 @@ fn finish(bar: &ProgressBar, outcome: &str) {
     eprintln!("{what:<50} {outcome}");
 }
 
-/// `i2ris-control` beside this program. When cargo runs us it may be missing or older than its
-/// source: cargo builds one program at a time, so ask for it.
-fn controller_program(this_program: &Path) -> Result<PathBuf, Failure> {
+/// `i2ris-control` beside this program, up to date.
+///
+/// `cargo run` builds only the program that it starts, so the demo builds the others that it needs.
+/// It names this package as well: with the same features nothing is compiled twice.
+fn controller_program(this_program: &Path, through_images: bool) -> Result<PathBuf, Failure> {
     let program = this_program.with_file_name("i2ris-control");
     if let Some(cargo) = std::env::var_os("CARGO") {
         eprintln!("build the controller");
@@ -287,10 +290,14 @@ fn controller_program(this_program: &Path) -> Result<PathBuf, Failure> {
             "build",
             "--quiet",
             "--package",
+            "i2ris-cli",
+            "--package",
             "i2ris",
-            "--bin",
-            "i2ris-control",
         ]);
+        build.args(["--bin", "i2ris-control"]);
+        if through_images {
+            build.args(["--package", "i2ris-vision", "--bin", "i2ris-vision"]);
+        }
         if !cfg!(debug_assertions) {
             build.arg("--release");
         }
@@ -301,10 +308,16 @@ fn controller_program(this_program: &Path) -> Result<PathBuf, Failure> {
     }
     if !program.exists() {
         return Err(format!(
-            "there is no {}; build both programs: cargo build --release",
+            "there is no {}; build it with `cargo build --release -p i2ris`",
             program.display()
         )
         .into());
+    }
+    if through_images && programs::find("vision").is_none() {
+        let vision = programs::Program::named("vision");
+        return Err(vision
+            .map_or_else(String::new, |it| it.how_to_install())
+            .into());
     }
     Ok(program)
 }

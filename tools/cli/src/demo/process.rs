@@ -10,7 +10,7 @@ use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// How long a child may take to end after it was asked to: the controller brings the drives down in
 /// order first.

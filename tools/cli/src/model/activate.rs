@@ -5,8 +5,8 @@ use i2ris::ipc::payload::ModelSlot;
 use i2ris::model::ModelId;
 
 use super::list::{CONNECT, show};
-use crate::Failure;
-use crate::console::DomainOption;
+use i2ris_terminal::DomainOption;
+use i2ris_terminal::Failure;
 
 /// Arguments of `i2ris model activate`.
 #[derive(Debug, clap::Args)]

@@ -17,7 +17,7 @@ use serde::Serialize;
 
 use super::table::{self, Row, Table};
 use super::{check_output, counts_columns, history, output_columns, outputs, si};
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;

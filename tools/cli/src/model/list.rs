@@ -6,8 +6,8 @@ use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 use serde_json::{Value, json};
 
-use crate::Failure;
-use crate::console::DomainOption;
+use i2ris_terminal::DomainOption;
+use i2ris_terminal::Failure;
 
 /// How long to wait for a controller that is just starting.
 pub const CONNECT: Nanos = Nanos::from_millis(2000);

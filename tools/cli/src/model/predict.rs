@@ -6,7 +6,7 @@ use i2ris::model::Model;
 
 use super::table::{self, Table};
 use super::{check_output, counts_columns, history, motors, output_columns, si};
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// Arguments of `i2ris model predict`.
 #[derive(Debug, clap::Args)]

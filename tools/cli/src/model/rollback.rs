@@ -3,8 +3,8 @@
 use i2ris::ipc::client::Client;
 
 use super::list::{CONNECT, show};
-use crate::Failure;
-use crate::console::DomainOption;
+use i2ris_terminal::DomainOption;
+use i2ris_terminal::Failure;
 
 /// Arguments of `i2ris model rollback`.
 #[derive(Debug, clap::Args)]

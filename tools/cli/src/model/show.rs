@@ -10,7 +10,7 @@ use i2ris::model::hysteresis::stop::StopParameters;
 use serde_json::json;
 
 use super::si;
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// Arguments of `i2ris model show`.
 #[derive(Debug, clap::Args)]

@@ -6,9 +6,9 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ModelDifference;
 
 use super::list::{CONNECT, models, show};
-use crate::Failure;
-use crate::console::DomainOption;
-use crate::working::while_working;
+use i2ris_terminal::DomainOption;
+use i2ris_terminal::Failure;
+use i2ris_terminal::while_working;
 
 /// Arguments of `i2ris model stage`.
 #[derive(Debug, clap::Args)]

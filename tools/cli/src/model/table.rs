@@ -137,7 +137,7 @@ pub fn write(path: &Path, columns: &[String], rows: &[Vec<f64>]) -> Result<(), S
         .chain(lines)
         .try_for_each(|line| writeln!(text, "{line}"));
     written
-        .and_then(|()| crate::files::replace(path, &text))
+        .and_then(|()| i2ris_terminal::files::replace(path, &text))
         .map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 

@@ -12,7 +12,7 @@ use super::{MAX_BRISTLES, MAX_SEGMENTS};
 
 /// One snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SnakeConfig {
     /// What people call it.
@@ -40,7 +40,7 @@ pub struct SnakeConfig {
 
 /// Gearheads and pulleys, one entry per motor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct GearConfig {
     /// Backlash between motor and pulley, from flank to flank, degrees.
@@ -56,7 +56,7 @@ pub struct GearConfig {
 /// Antagonist wires. In pairs: motor, then direction (the wire that pulls to positive angles
 /// first).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct WireConfig {
     /// How far each wire hangs loose when the snake is straight, degrees.
@@ -69,7 +69,7 @@ pub struct WireConfig {
 
 /// Friction of the wires.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FrictionConfig {
     /// Break-away force without any tension.
@@ -88,7 +88,7 @@ pub struct FrictionConfig {
 
 /// Hairs of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct BristleConfig {
     /// Stiffness before it slips.
@@ -99,7 +99,7 @@ pub struct BristleConfig {
 
 /// A stretch of the snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SegmentConfig {
     /// Stiffness that straightens it.
@@ -114,7 +114,7 @@ pub struct SegmentConfig {
 
 /// What wanders with time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DriftConfig {
     /// Spread of the zero of pitch and yaw in the long run, degrees.

@@ -32,6 +32,8 @@ mod drift;
 mod friction;
 mod law;
 mod newton;
+#[cfg(test)]
+mod schema_file;
 
 pub use config::{
     BristleConfig, DriftConfig, FrictionConfig, GearConfig, SegmentConfig, SnakeConfig,

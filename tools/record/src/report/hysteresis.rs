@@ -175,7 +175,7 @@ fn width(rising: &[[f64; 3]], falling: &[[f64; 3]]) -> Option<f64> {
         .filter_map(|(down, up)| Some(down? - up?))
         .collect();
     widths.sort_by(f64::total_cmp);
-    (!widths.is_empty()).then(|| crate::series::percentile(&widths, 0.5))
+    (!widths.is_empty()).then(|| i2ris_plot::series::percentile(&widths, 0.5))
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use super::latency::bins;
 use super::summary::{Spread, Summary, Tracked};
 use super::tracking::{Error, errors};
 use super::trial::Trial;
-use crate::series::Series;
+use i2ris_plot::series::Series;
 
 const GOAL: Stroke = Stroke::new(Color::BLACK, 1.6);
 const ESTIMATE: Stroke = Stroke::new(Color::BLUE, 1.1).dash(Dash::Dashed);

@@ -149,7 +149,7 @@ fn typical(windows: &[PeriodStatistics], spans: fn(&PeriodStatistics) -> &SpanSu
             .map(|window| pick(spans(window)) as f64 * 1e-3)
             .collect();
         all.sort_by(f64::total_cmp);
-        crate::series::percentile(&all, 0.5)
+        i2ris_plot::series::percentile(&all, 0.5)
     };
     let max = windows
         .iter()

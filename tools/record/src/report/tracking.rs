@@ -2,7 +2,7 @@
 
 use super::summary::{Spread, Tracked};
 use super::trial::Trial;
-use crate::series::{Series, percentile};
+use i2ris_plot::series::{Series, percentile};
 
 /// Goals further apart than this are not brought together: the controller tells one every tick.
 const GAP_NS: u64 = 60_000_000;

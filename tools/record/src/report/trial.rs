@@ -12,8 +12,8 @@ use super::latency::Latencies;
 use crate::cdr;
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME};
-use crate::series::Series;
 use crate::topic::{Stream, Topic};
+use i2ris_plot::series::Series;
 
 /// Models of the tip position have three outputs, in metres; the others have angles.
 const ANGLES: u32 = 2;

@@ -39,9 +39,9 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::Failure;
 use crate::command::prepare::prepare;
-use crate::console::Interrupt;
+use i2ris_terminal::Failure;
+use i2ris_terminal::Interrupt;
 use protocol::{Protocol, Region, Wish};
 use session::{Ears, Ending, Session};
 use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};

@@ -6,7 +6,7 @@ use i2ris_calibration::latency::Latency;
 
 use super::flag::FlagKind;
 use super::sidecar::{LatencyRecord, Sidecar};
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// A latency below this is none: the encoders are read every 4 ms.
 const SMALL_MS: f64 = 4.0;

@@ -12,9 +12,9 @@ use indicatif::ProgressBar;
 
 use super::motion::{Motion, Playback};
 use super::take::Take;
-use crate::Failure;
 use crate::command::watch::{Watch, enabled};
-use crate::console::Interrupt;
+use i2ris_terminal::Failure;
+use i2ris_terminal::Interrupt;
 
 /// Commands per second: well below the deadline of a controller, and four times as fast as feedback
 /// needs.

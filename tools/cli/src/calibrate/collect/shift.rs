@@ -9,7 +9,7 @@ use i2ris_calibration::latency::{Latency, Place, Seen, estimate};
 use i2ris_calibration::recording::{RecordingWriter, Row, counts_at};
 
 use super::take::{GAP_NS, is_sample};
-use crate::files::replace;
+use i2ris_terminal::files::replace;
 
 /// The latency that is left in the stamps of a recording.
 pub fn latency(rows: &[Row], motors: usize) -> Option<Latency> {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::flag::Flag;
-use crate::files::replace;
+use i2ris_terminal::files::replace;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -11,7 +11,7 @@ use i2ris::units::Nanos;
 
 use super::master::Input;
 use super::{Gone, Source};
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// Bytes of an event: time, ms (u32), value (i16), kind (u8), number (u8).
 const EVENT: usize = 8;

@@ -15,7 +15,7 @@ use nix::sys::termios::{OutputFlags, SetArg, tcgetattr, tcsetattr};
 
 use super::master::Input;
 use super::{Gone, Source};
-use crate::Failure;
+use i2ris_terminal::Failure;
 
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.

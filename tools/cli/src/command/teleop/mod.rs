@@ -21,9 +21,9 @@ use i2ris::units::Nanos;
 use super::prepare::prepare;
 use super::stream::{present_pose, two_angles};
 use super::watch::Watch;
-use crate::Failure;
-use crate::console::{Interrupt, Screen, until_closed};
 use gamepad::Gamepad;
+use i2ris_terminal::Failure;
+use i2ris_terminal::{Interrupt, Screen, until_closed};
 use keyboard::Keyboard;
 use master::{Input, Master, Order};
 

@@ -17,22 +17,17 @@
 
 mod swing;
 
-use std::f64::consts::FRAC_PI_2;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
-
-use i2ris_vision::scene::Pose;
-use i2ris_vision::setup::Setup;
-use i2ris_vision::source::Size;
 
 use super::bench::{Bench, text};
 use super::process::Process;
 use super::summary::Followed;
 use super::track::rms_deg;
 use super::{Arguments, Motion, bar, calibrate, finish, fit_to, follow, step, watch_over};
-use crate::Failure;
-use crate::vision::table;
+use i2ris_terminal::Failure;
+use i2ris_terminal::pose_table::{self, Pose};
 use swing::{REST_S, Swing};
 
 /// The cameras stand turned by this, so that their calibration has something to find.
@@ -46,8 +41,22 @@ const DIRECT: &str = "direct.csv";
 /// The two ways to angles: name, and recording.
 const WAYS: [(&str, &str); 2] = [("direct", DIRECT), ("images", "images.csv")];
 
+/// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.
+pub fn size(text: &str) -> Result<String, String> {
+    let is_side = |side: &str| {
+        side.parse()
+            .is_ok_and(|side| (16..=1 << 14).contains(&side))
+    };
+    let is_size = text
+        .split_once('x')
+        .is_some_and(|(w, h)| is_side(w) && is_side(h));
+    is_size
+        .then(|| text.to_owned())
+        .ok_or_else(|| "write columns x rows, such as 1280x960".to_owned())
+}
+
 /// Runs it.
-pub fn show(bench: &Bench, arguments: &Arguments, size: Size) -> Result<(), Failure> {
+pub fn show(bench: &Bench, arguments: &Arguments, size: &str) -> Result<(), Failure> {
     let mut emulator = step("start two emulated drives with a snake behind them", || {
         bench.start_emulator(arguments.seed, &["--camera-noise-deg", "0"])
     })?;
@@ -111,13 +120,12 @@ fn swing(bench: &Bench, emulator: &mut Process) -> Result<(), Failure> {
 }
 
 /// Draws what the cameras would have seen and measures it.
-fn look(bench: &Bench, emulator: &mut Process, size: Size) -> Result<(), Failure> {
-    let size = size.to_string();
+fn look(bench: &Bench, emulator: &mut Process, size: &str) -> Result<(), Failure> {
     let file = |name: &str| text(&bench.path(name));
     for axis in ["pitch", "yaw"] {
         let (angles, folder) = (file(&format!("{axis}.csv"))?, file(axis)?);
         let render = [
-            "vision", "render", "--angles", &angles, "--output", &folder, "--size", &size,
+            "vision", "render", "--angles", &angles, "--output", &folder, "--size", size,
         ];
         let options = ["--turned-deg", TURNED_DEG, "--every", EVERY];
         run(
@@ -153,7 +161,7 @@ fn look(bench: &Bench, emulator: &mut Process, size: Size) -> Result<(), Failure
         "calibrate the views by those motions",
         &[&calibrate[..], &motions].concat(),
     )?;
-    stream(bench, emulator, &size, &setup)?;
+    stream(bench, emulator, size, &setup)?;
     let (recording, angles, images) = (file(DIRECT)?, file("angles.csv")?, file("images.csv")?);
     run(
         bench,
@@ -194,14 +202,20 @@ fn thin(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     Ok(writer.flush()?)
 }
 
-/// What a person writes into the setup who has not calibrated the views yet.
+/// Writes the setup of a person who has not calibrated the views yet: one view per axis, in the
+/// usual direction, without a straight pose.
 fn guess(drawn: &Path, to: &Path) -> Result<(), Failure> {
-    let mut setup = Setup::load(drawn)?;
-    for (number, view) in setup.views.iter_mut().enumerate() {
-        view.set_plane(number as f64 * FRAC_PI_2);
-        view.rest = None;
+    let mut setup: toml::Table = fs::read_to_string(drawn)?.parse()?;
+    let views = setup.get_mut("view").and_then(toml::Value::as_array_mut);
+    let views = views.ok_or("the setup names no views")?;
+    for (view, axis) in views.iter_mut().zip(["pitch", "yaw"]) {
+        let view = view.as_table_mut().ok_or("a view is no table")?;
+        view.insert("axis".to_owned(), axis.into());
+        view.insert("reversed".to_owned(), false.into());
+        view.insert("turn_deg".to_owned(), 0.0.into());
+        view.remove("rest");
     }
-    Ok(setup.save(to)?)
+    Ok(fs::write(to, toml::to_string(&setup)?)?)
 }
 
 /// Two processes: one draws the recording, the other measures.
@@ -209,7 +223,7 @@ fn stream(bench: &Bench, emulator: &mut Process, size: &str, setup: &str) -> Res
     let file = |name: &str| text(&bench.path(name));
     let (recording, folder, angles) = (file(DIRECT)?, file("pictures")?, file("angles.csv")?);
     let (first, second) = (file("pictures/view0")?, file("pictures/view1")?);
-    let pictures = table::read(&bench.path(DIRECT))?.len();
+    let pictures = pose_table::read(&bench.path(DIRECT))?.len();
     let bar = bar(
         "draw the recording as pictures and measure them",
         pictures as f64 / 10.0,
@@ -278,8 +292,8 @@ fn run(
 
 /// How exact the pictures were: their angles against the true ones of the same instants.
 fn seen(bench: &Bench) -> Result<(), Failure> {
-    let truth = table::read(&bench.path(DIRECT))?;
-    let measured = table::read(&bench.path("images.csv"))?;
+    let truth = pose_table::read(&bench.path(DIRECT))?;
+    let measured = pose_table::read(&bench.path("images.csv"))?;
     let degrees = |pose: &Pose| [pose.pitch_rad.to_degrees(), pose.yaw_rad.to_degrees()];
     let errors: Vec<[f64; 2]> = measured
         .iter()

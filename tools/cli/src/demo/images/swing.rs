@@ -10,10 +10,10 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::rt::Ticker;
 use i2ris::units::Nanos;
 
-use crate::Failure;
 use crate::command::watch::Watch;
 use crate::demo::{process::Process, watch_over};
-use crate::series::Series;
+use i2ris_statistics::TimeSeries;
+use i2ris_terminal::Failure;
 
 /// How long a motion rests at its beginning, s.
 pub const REST_S: f64 = 2.0;
@@ -66,7 +66,7 @@ impl Swing {
     ) -> Result<(), Failure> {
         let mut camera = client.watcher().external();
         let mut commander = client.commander();
-        let mut seen = Series::<2>::default();
+        let mut seen = TimeSeries::<2>::default();
         let start = clock::now();
         camera.drain(|_| {})?;
         let mut watch = Watch::new(client.id(), &client.wait_for(NEWS, |_| true)?, clock::now());
@@ -92,7 +92,7 @@ impl Swing {
 
 fn listen(
     camera: &mut i2ris::ipc::client::Subscription<ExternalPosition>,
-    seen: &mut Series<2>,
+    seen: &mut TimeSeries<2>,
 ) -> Result<(), Failure> {
     camera.drain(|picture| {
         if picture.flags & ExternalPosition::VALID != 0 {
@@ -103,7 +103,7 @@ fn listen(
     Ok(())
 }
 
-fn write(file: &Path, seen: &Series<2>, start: Nanos) -> Result<(), Failure> {
+fn write(file: &Path, seen: &TimeSeries<2>, start: Nanos) -> Result<(), Failure> {
     let mut writer = csv::Writer::from_path(file)?;
     writer.write_record(["t_s", "pitch_deg", "yaw_deg"])?;
     for (stamp, [pitch, yaw]) in seen.iter().filter(|(stamp, _)| *stamp >= start.0) {

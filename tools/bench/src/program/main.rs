@@ -1,0 +1,160 @@
+//! `i2ris bench`: how fast it is on this machine. Each figure is beside what the machine itself
+//! needs, in the same run.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `arguments` | arguments of every measurement, and running it |
+//! | `print` | the table of an outcome |
+//! | `instructions` | instructions per call, counted under valgrind |
+//! | `peers` | the Rust side of `peers.py` |
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command-line program prints"
+)]
+
+mod arguments;
+mod instructions;
+mod peers;
+mod print;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use i2ris_bench::{Outcome, Seats, show};
+use i2ris_terminal::{Failure, Interrupt};
+
+use arguments::{Measurement, Run};
+
+/// Measure latencies of this machine and of the controller
+#[derive(Debug, Parser)]
+#[command(
+    name = "i2ris-bench",
+    bin_name = "i2ris bench",
+    version,
+    propagate_version = true
+)]
+#[command(after_help = "Examples:
+  i2ris bench ipc
+  i2ris bench loop --duration-s 30 --json
+  i2ris bench e2e --commands 2000
+  i2ris bench all --output latencies
+  i2ris bench instructions
+
+`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON, HDR histogram logs (.hlog).
+
+Run it on an idle machine, built with --release. Threads ask for SCHED_FIFO and for a processor of their own; without
+permission they go on without and say so. On a virtual machine ratios and medians mean something, maxima belong to the host.")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+    /// Print as JSON
+    #[arg(long, global = true)]
+    json: bool,
+    /// Write page, figures, numbers and histograms into this folder
+    #[arg(long, value_name = "DIR", global = true)]
+    output: Option<PathBuf>,
+    /// SCHED_FIFO priority to ask for; 0: stay as it is
+    #[arg(long, value_name = "PRIORITY", default_value_t = 80, global = true,
+          value_parser = clap::value_parser!(u8).range(0..=98))]
+    priority: u8,
+    /// Let the scheduler choose processors
+    #[arg(long, global = true)]
+    unpinned: bool,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    #[command(flatten)]
+    Measure(Measurement),
+    /// Count the instructions of every call of a model, which no other load changes; needs valgrind
+    Instructions,
+    /// Call a model again and again; `instructions` counts this
+    #[command(hide = true)]
+    Repeat {
+        call: String,
+        components: usize,
+        plays: usize,
+        rounds: usize,
+    },
+    /// Fit and predict what `peers.py` hands over, and print the result as JSON
+    #[command(hide = true)]
+    Peers { file: String },
+}
+
+fn main() -> ExitCode {
+    i2ris_terminal::program::run(|_| true, run)
+}
+
+fn run(arguments: Arguments) -> Result<(), Failure> {
+    match &arguments.task {
+        Task::Measure(measurement) => measure(&arguments, measurement),
+        Task::Instructions => instructions::table(),
+        Task::Repeat {
+            call,
+            components,
+            plays,
+            rounds,
+        } => instructions::repeat(call, *components, *plays, *rounds),
+        Task::Peers { file } => peers::answer(file),
+    }
+}
+
+fn measure(arguments: &Arguments, measurement: &Measurement) -> Result<(), Failure> {
+    let interrupt = Interrupt::catch()?;
+    let seats = Seats {
+        priority: arguments.priority,
+        pinned: !arguments.unpinned,
+    };
+    let run = Run {
+        seats,
+        interrupt: &interrupt,
+        quiet: arguments.json,
+    };
+    let outcomes = run.measure(measurement)?;
+    if arguments.json {
+        println!("{:#}", as_json(&outcomes));
+    } else {
+        for outcome in &outcomes {
+            print::print(outcome);
+        }
+    }
+    if let Some(folder) = &arguments.output {
+        let written = show::write(folder, &outcomes)?;
+        if !arguments.json {
+            println!(
+                "\nwritten: {} and {} more",
+                folder.join("index.html").display(),
+                written.len() - 1
+            );
+        }
+    }
+    Ok(())
+}
+
+/// One object, or an array of all.
+fn as_json(outcomes: &[Outcome]) -> serde_json::Value {
+    match outcomes {
+        [one] => show::json(one),
+        all => all.iter().map(show::json).collect::<Vec<_>>().into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_help_has_an_example_and_the_command_line_is_consistent() {
+        let mut command = Arguments::command();
+        let help = command.render_long_help().to_string();
+        assert!(
+            help.contains("Example") && help.contains("i2ris bench"),
+            "{help}"
+        );
+        command.debug_assert();
+    }
+}

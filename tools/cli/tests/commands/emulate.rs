@@ -1,0 +1,257 @@
+//! `i2ris emulate` as a process: starts, serves, ends cleanly, and says in one sentence what is
+//! wrong.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+fn snake(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../config/snakes/{name}.toml"))
+}
+
+fn emulate(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris"));
+    command
+        .arg("emulate")
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+/// A child that does not outlive its test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn signals_end_it_cleanly() {
+    for signal in [Signal::SIGINT, Signal::SIGTERM] {
+        let folder = tempfile::tempdir().unwrap();
+        let (ports, log) = (folder.path().join("ports"), folder.path().join("log.csv"));
+        let mut command = emulate(&["--no-camera", "--snake"]);
+        command
+            .arg(snake("multi"))
+            .arg("--ports")
+            .arg(&ports)
+            .arg("--log")
+            .arg(&log);
+        let mut running = Running(command.spawn().unwrap());
+        let mut output = BufReader::new(running.0.stdout.take().unwrap());
+        let mut lines = String::new();
+        while !lines.contains("ready") {
+            assert!(output.read_line(&mut lines).unwrap() > 0, "{lines}");
+        }
+        assert!(ports.join("axis0").exists() && ports.join("axis1").exists());
+        assert!(
+            lines.contains(ports.join("axis1").to_str().unwrap()),
+            "{lines}"
+        );
+        kill(Pid::from_raw(running.0.id().try_into().unwrap()), signal).unwrap();
+        output.read_to_string(&mut lines).unwrap();
+        assert_eq!(running.0.wait().unwrap().code(), Some(0), "{lines}");
+        assert!(!ports.exists());
+        assert!(std::fs::read_to_string(log).unwrap().contains(",boot,"));
+    }
+}
+
+#[test]
+fn it_ends_by_itself_when_asked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = emulate(&[
+        "--duration",
+        "0.2",
+        "--domain",
+        "t-emulate-duration",
+        "--snake",
+    ]);
+    let output = command
+        .arg(snake("brass"))
+        .arg("--ports")
+        .arg(folder.path().join("ports"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    assert!(
+        String::from_utf8_lossy(&output.stdout).contains("ended: 0 and 0 requests"),
+        "{output:?}"
+    );
+}
+
+/// Ends with a code other than 0 and one sentence on stderr that holds `words`.
+fn assert_refused(output: &Output, words: &[&str]) {
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success(), "{message}");
+    assert!(
+        message.contains("error: ") && !message.contains("panicked"),
+        "{message}"
+    );
+    assert!(words.iter().all(|word| message.contains(word)), "{message}");
+}
+
+#[test]
+fn bad_input_is_refused_with_a_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let steel = snake("steel").to_string_lossy().into_owned();
+    let bad = folder.path().join("bad.toml");
+    std::fs::write(
+        &bad,
+        std::fs::read_to_string(&steel)
+            .unwrap()
+            .replace("drag_s", "drag"),
+    )
+    .unwrap();
+    let in_the_way = folder.path().join("file");
+    std::fs::write(&in_the_way, "").unwrap();
+    let (bad, in_the_way) = (bad.to_string_lossy(), in_the_way.to_string_lossy());
+    let ports = folder.path().join("ports").to_string_lossy().into_owned();
+    for (arguments, words) in [
+        (
+            vec!["--snake", "none.toml"],
+            vec!["none.toml", "name an existing file"],
+        ),
+        (vec!["--snake", &bad], vec!["bad.toml", "drag"]),
+        (
+            vec!["--snake", &steel, "--ports", &in_the_way],
+            vec!["file", "--ports"],
+        ),
+        (
+            vec![
+                "--snake",
+                &steel,
+                "--ports",
+                &ports,
+                "--log",
+                "/proc/none/log",
+            ],
+            vec!["/proc/none/log"],
+        ),
+        (
+            vec!["--snake", &steel, "--ports", &ports, "--domain", "a/b"],
+            vec!["a/b"],
+        ),
+        (
+            vec!["--snake", &steel, "--duration", "nan"],
+            vec!["--duration", "seconds"],
+        ),
+    ] {
+        let output = emulate(&arguments).output().unwrap();
+        assert_refused(&output, &words);
+        assert!(
+            !Path::new(&ports).exists(),
+            "{arguments:?} left something behind"
+        );
+    }
+}
+
+/// The configuration of a controller for emulated drives in a folder.
+fn controller_config(ports: &Path, change: impl Fn(String) -> String) -> PathBuf {
+    let standard = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let text = std::fs::read_to_string(standard).unwrap();
+    let file = ports.with_extension("toml");
+    std::fs::write(
+        &file,
+        change(text.replace("/tmp/i2ris-emulator", &ports.to_string_lossy())),
+    )
+    .unwrap();
+    file
+}
+
+fn doctor(config: &Path, more: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_i2ris"))
+        .arg("doctor")
+        .arg("--config")
+        .arg(config)
+        .args(more)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn the_doctor_looks_at_drives_and_machine() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = folder.path().join("ports");
+    let mut command = emulate(&[
+        "--no-camera",
+        "--family",
+        "epos2",
+        "--framing",
+        "v1",
+        "--snake",
+    ]);
+    let mut running = Running(
+        command
+            .arg(snake("steel"))
+            .arg("--ports")
+            .arg(&ports)
+            .spawn()
+            .unwrap(),
+    );
+    let mut output = BufReader::new(running.0.stdout.take().unwrap());
+    let mut lines = String::new();
+    while !lines.contains("ready") {
+        assert!(output.read_line(&mut lines).unwrap() > 0, "{lines}");
+    }
+    let epos2 = |text: String| {
+        text.replace(
+            "baud = 115200",
+            "baud = 115200\nfamily = \"epos2\"\nframing = \"v1\"",
+        )
+    };
+    let config = controller_config(&ports, epos2);
+    let healthy = doctor(&config, &[]);
+    let said = String::from_utf8_lossy(&healthy.stdout);
+    assert!(healthy.status.success(), "{said}");
+    for part in [
+        "kernel",
+        "scheduling",
+        "shared memory",
+        "ms an exchange",
+        "EPOS2, serial number 62000001",
+        "not homed",
+    ] {
+        assert!(said.contains(part), "no `{part}` in:\n{said}");
+    }
+    let swapped = controller_config(&ports, |text| epos2(text).replace("62000001", "62000007"));
+    let sick = doctor(&swapped, &["--json"]);
+    assert!(!sick.status.success());
+    let checks: serde_json::Value = serde_json::from_slice(&sick.stdout).unwrap();
+    let failed: Vec<&serde_json::Value> = checks["checks"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|check| check["level"] == "fail")
+        .collect();
+    assert_eq!(failed.len(), 1, "{failed:?}");
+    assert!(
+        failed[0]["found"]
+            .as_str()
+            .unwrap()
+            .contains("62000001 (0x03B20B81) instead of 62000007"),
+        "{failed:?}"
+    );
+    assert!(!failed[0]["fix"].as_str().unwrap().is_empty());
+}
+
+#[test]
+fn the_doctor_names_a_port_that_is_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = doctor(
+        &controller_config(&folder.path().join("ports"), |text| text),
+        &[],
+    );
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(!output.status.success());
+    assert!(
+        said.contains("FAIL") && said.contains("axis0") && said.contains("-> plug in the drive"),
+        "{said}"
+    );
+}

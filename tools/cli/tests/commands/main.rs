@@ -1,0 +1,10 @@
+//! The subcommands of `i2ris` as processes.
+#![allow(clippy::unwrap_used)]
+
+mod command;
+mod configuration;
+mod emulate;
+mod live;
+mod python;
+mod shell;
+mod teleop;

@@ -1,0 +1,171 @@
+//! The Python client against a controller without drives, where there is a Python with what it
+//! needs.
+#![allow(clippy::print_stderr, reason = "a test that skips says so")]
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use i2ris::ipc::client::Client;
+use i2ris::ipc::{Domain, DomainGuard, StateCommand, look_up, random_id};
+use i2ris::units::Nanos;
+
+use i2ris_testing::Controller;
+
+pub fn python(modules: &str) -> Option<Command> {
+    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&name)
+        .args(["-c", &format!("import {modules}")])
+        .output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
+        return None;
+    }
+    let mut command = Command::new(name);
+    command
+        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
+        .env("PYTHONDONTWRITEBYTECODE", "1");
+    Some(command)
+}
+
+const SCRIPT: &str = "
+import math, sys, time
+from i2ris.arm import Arm, NoController, Refused
+
+with Arm(sys.argv[1], deadline_s=0.5) as arm:
+    assert arm.version().interface == 1
+    try:
+        arm.state_command('enable')
+        raise AssertionError('it is not homed')
+    except Refused as refused:
+        assert 'not homed' in str(refused), refused
+    arm.state_command('home')
+    assert arm.state_command('enable') == 'ENABLED'
+    assert arm.wait_for(lambda state: state.state == 'ENABLED' and state.homed).fault == 'none'
+    for k in range(200):
+        arm.servo_jp([math.radians(5.0), math.radians(-3.0)])
+        time.sleep(0.005)
+        joints = arm.measured_js()
+        if k > 20 and joints is not None and abs(math.degrees(joints.position[0]) - 5.0) < 1e-9:
+            break
+    assert abs(math.degrees(joints.position[1]) + 3.0) < 1e-9 and joints.valid and len(joints.position) == 2, joints
+    state = arm.wait_for(lambda state: state.lease)
+    assert state.accepted > 0, state
+    assert list(arm.actuators.measured_js().measured_counts) == [40, -20]
+    try:
+        arm.servo_jp([])
+        raise AssertionError('nothing is no pose')
+    except ValueError:
+        pass
+
+try:
+    Arm('nobody-' + sys.argv[1][-8:]).measured_js()
+    raise AssertionError('nobody serves there')
+except NoController as error:
+    assert 'start i2ris-control' in str(error), error
+";
+
+#[test]
+fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::start();
+    let output = command
+        .args(["-c", SCRIPT, controller.domain.name()])
+        .output()
+        .unwrap();
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert!(output.status.success(), "{out}{err}");
+    let robot = controller.robot();
+    assert_eq!(
+        (robot.lease, robot.asked.last()),
+        (0, Some(&StateCommand::Release))
+    );
+    assert!(
+        (robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9,
+        "{:?}",
+        robot.pose
+    );
+}
+
+const HOLDER: &str = "
+import sys, time
+from i2ris.arm import Arm
+
+with Arm(sys.argv[1], deadline_s=0.5) as arm:
+    arm.servo_jp([0.0, 0.0])
+    print('commanding', flush=True)
+    sys.stdin.read()
+";
+
+#[test]
+fn who_commands_from_python_is_known_by_name() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::enabled();
+    let mut child = command
+        .args(["-c", HOLDER, controller.domain.name()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    assert_eq!(line, "commanding\n");
+    controller.wait("the lease", |robot| robot.lease != 0);
+    let lease = controller.robot().lease;
+    let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
+    let boot_id = client.version().unwrap().boot_id;
+    let caller = look_up(&controller.domain, boot_id, lease).unwrap();
+    assert_eq!(
+        (caller.pid, caller.program.starts_with("python")),
+        (child.id(), true),
+        "{caller}"
+    );
+    drop(child.stdin.take());
+    assert!(child.wait().unwrap().success());
+    assert_eq!(
+        look_up(&controller.domain, boot_id, lease),
+        None,
+        "gone with the client"
+    );
+}
+
+const FOREIGN: &str = "
+import sys
+from i2ris.arm import Arm, OtherInterface
+
+try:
+    with Arm(sys.argv[1]):
+        pass
+    raise AssertionError('it speaks another version')
+except OtherInterface as error:
+    assert 'interface version 99' in str(error) and 'install the package' in str(error), error
+";
+
+#[test]
+fn a_controller_of_another_version_is_refused_plainly() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+    let _guard = DomainGuard::acquire(&domain).unwrap();
+    fs::write(domain.directory().join("ready"), "000000000000b007 99 1\n").unwrap();
+    let output = command
+        .args(["-c", FOREIGN, domain.name()])
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}

@@ -1,0 +1,354 @@
+//! How the screen is divided: everything at once where there is room, one view after the other
+//! where there is not.
+
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{Message, OperatingState, Refusal};
+use i2ris::units::Nanos;
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::desk::{Desk, KEYS, Panel};
+use super::look::{alarm, faint, fold, of_level, warning};
+use super::{charts, numbers};
+use crate::board::Board;
+use crate::view::{STALE, state_name};
+
+/// From here on everything fits on one screen.
+const WIDE: u16 = 110;
+const TALL: u16 = 30;
+
+/// Draws everything.
+pub fn draw(frame: &mut Frame, board: &Board, desk: &Desk, title: &str, now: Nanos) {
+    let area = frame.area();
+    let width = usize::from(area.width);
+    let (head, foot) = (header(board, title, width, now), footer(desk, width, now));
+    let [top, middle, bottom] = Layout::vertical([
+        Constraint::Length(lines_of(&head)),
+        Constraint::Min(0),
+        Constraint::Length(lines_of(&foot)),
+    ])
+    .areas(area);
+    frame.render_widget(Paragraph::new(head), top);
+    if area.width >= WIDE && middle.height >= TALL {
+        everything(frame, middle, board, desk, now);
+    } else {
+        one_view(frame, middle, board, desk, now);
+    }
+    frame.render_widget(Paragraph::new(foot), bottom);
+}
+
+fn lines_of(lines: &[Line]) -> u16 {
+    u16::try_from(lines.len()).unwrap_or(u16::MAX)
+}
+
+/// State, what it means, who commands, and what is wrong.
+fn header(board: &Board, title: &str, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let problem = board
+        .problem
+        .iter()
+        .map(|problem| Span::styled(problem.clone(), alarm()));
+    let mut lines = fold(problem, width);
+    match &board.view.state {
+        None => lines.extend(fold([Span::styled(" STATE NOT TOLD YET ", alarm())], width)),
+        Some(state) => {
+            lines.extend(fold(state_items(board, state, now), width));
+            lines.extend(fold(command_items(state), width));
+        }
+    }
+    if width >= usize::from(WIDE) {
+        lines.push(Line::from(Span::styled(title.to_owned(), faint())));
+    }
+    lines
+}
+
+fn state_items(board: &Board, state: &OperatingStateMsg, now: Nanos) -> Vec<Span<'static>> {
+    let has = |flag: u32| state.flags & flag != 0;
+    let name = state_name(state);
+    let stale = state.age(now) > STALE;
+    let badge = if stale {
+        format!(" STALE {:.1} s, was {name} ", state.age(now).as_seconds())
+    } else {
+        format!(" {name} ")
+    };
+    let mut items = vec![Span::styled(badge, badge_style(state, stale))];
+    items.extend(
+        board
+            .view
+            .fault()
+            .map(|fault| Span::styled(fault.to_string(), alarm())),
+    );
+    items.push(Span::raw(format!(
+        "for {:.0} s",
+        state.stamp().since(Nanos(state.since_ns)).as_seconds()
+    )));
+    let model = board
+        .models
+        .used()
+        .map(|used| format!("model {}", used.name));
+    for (flag, on, off) in [
+        (OperatingStateMsg::HOMED, Some("homed"), Some("NOT HOMED")),
+        (OperatingStateMsg::BUSY, Some("busy"), None),
+        (OperatingStateMsg::HOLDING, Some("holding"), None),
+        (OperatingStateMsg::CLIPPED, Some("CLIPPED TO HULL"), None),
+        (
+            OperatingStateMsg::MEMORY_KNOWN,
+            Some("memory known"),
+            Some("memory unknown"),
+        ),
+        (
+            OperatingStateMsg::MODEL,
+            model.as_deref().or(Some("model loaded")),
+            Some("no model"),
+        ),
+    ] {
+        let text = if has(flag) { on } else { off };
+        let style = if text.is_some_and(|text| text == "NOT HOMED" || text.starts_with("CLIPPED")) {
+            warning()
+        } else {
+            Style::new()
+        };
+        items.extend(text.map(|text| Span::styled(text.to_owned(), style)));
+    }
+    items
+}
+
+fn badge_style(state: &OperatingStateMsg, stale: bool) -> Style {
+    let colour = match OperatingState::from_number(state.state) {
+        _ if stale => Color::Red,
+        Some(OperatingState::Enabled) => Color::Green,
+        Some(OperatingState::Paused) => Color::Yellow,
+        Some(OperatingState::Disabled) => Color::Gray,
+        Some(OperatingState::Fault) | None => Color::Red,
+    };
+    Style::new()
+        .fg(if colour == Color::Red {
+            Color::White
+        } else {
+            Color::Black
+        })
+        .bg(colour)
+        .add_modifier(Modifier::BOLD)
+}
+
+fn command_items(state: &OperatingStateMsg) -> Vec<Span<'static>> {
+    let lease = match state.lease_client_id {
+        0 => "no commander".to_owned(),
+        client => format!("lease {client:016x}"),
+    };
+    let refused = format!("refused {}", state.refused);
+    let mut items = vec![
+        Span::raw(lease),
+        Span::raw(format!("accepted {}", state.accepted)),
+        Span::styled(
+            refused,
+            if state.refused > 0 {
+                warning()
+            } else {
+                Style::new()
+            },
+        ),
+    ];
+    let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
+    items.extend(reason.map(|reason| Span::raw(format!("last: {reason}"))));
+    if state.stale_stops > 0 {
+        items.push(Span::styled(
+            format!("stale stops {}", state.stale_stops),
+            warning(),
+        ));
+    }
+    items
+}
+
+/// What was asked and answered, and every key.
+fn footer(desk: &Desk, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let mut lines = Vec::new();
+    if let Some(question) = desk.question(now) {
+        lines.extend(fold(
+            [Span::styled(question.text.clone(), warning())],
+            width,
+        ));
+        lines.extend(fold([key("y", "yes"), key("n", "no")].concat(), width));
+    }
+    if let Some(answer) = desk.answer(now) {
+        let style = if answer.good {
+            Style::new().fg(Color::Green)
+        } else {
+            alarm()
+        };
+        lines.extend(fold([Span::styled(answer.text.clone(), style)], width));
+    }
+    lines.extend(keys(width));
+    lines
+}
+
+fn key(name: &str, meaning: &str) -> Vec<Span<'static>> {
+    vec![Span::styled(
+        format!("{name} {meaning}"),
+        Style::new().add_modifier(Modifier::REVERSED),
+    )]
+}
+
+fn keys(width: usize) -> Vec<Line<'static>> {
+    let mut lines: Vec<Line<'static>> = Vec::new();
+    for (name, meaning) in KEYS {
+        let item = [
+            Span::styled(name, Style::new().add_modifier(Modifier::REVERSED)),
+            Span::raw(format!(" {meaning}")),
+        ];
+        let long: usize = item.iter().map(Span::width).sum();
+        match lines.last_mut() {
+            Some(line) if line.width() + 2 + long <= width => {
+                line.push_span(Span::raw("  "));
+                line.extend(item);
+            }
+            _ => lines.push(Line::from(item.to_vec())),
+        }
+    }
+    lines
+}
+
+/// Numbers and events on the left, plots on the right.
+fn everything(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Nanos) {
+    let [left, right] = Layout::horizontal([
+        Constraint::Length(numbers::WIDTH as u16 + 3),
+        Constraint::Min(0),
+    ])
+    .areas(area);
+    let text = numbers::lines(board, numbers::WIDTH, now);
+    let [top, bottom] =
+        Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)]).areas(left);
+    frame.render_widget(Paragraph::new(text), top);
+    scrolled(
+        frame,
+        Rect {
+            width: numbers::WIDTH as u16,
+            ..bottom
+        },
+        events(board, numbers::WIDTH, now),
+        desk.scroll,
+    );
+    let [strips, plots] =
+        Layout::vertical([Constraint::Percentage(54), Constraint::Min(0)]).areas(right);
+    draw_strips(frame, strips, board, now);
+    let [plane, loops] =
+        Layout::horizontal([Constraint::Percentage(50), Constraint::Min(0)]).areas(plots);
+    charts::plane(frame, plane, board, now);
+    draw_loops(frame, loops, board, now);
+}
+
+/// One view, with its name beside those of the others.
+fn one_view(frame: &mut Frame, area: Rect, board: &Board, desk: &Desk, now: Nanos) {
+    let width = usize::from(area.width);
+    let tabs = fold(Panel::ALL.map(|panel| tab(panel, desk.panel)), width);
+    let [top, rest] =
+        Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
+    frame.render_widget(Paragraph::new(tabs), top);
+    match desk.panel {
+        Panel::Numbers => scrolled(
+            frame,
+            rest,
+            numbers::lines(board, width.min(60), now),
+            desk.scroll,
+        ),
+        Panel::Strips => draw_strips(frame, rest, board, now),
+        Panel::Plane => with_legend(frame, rest, |frame, area| {
+            charts::plane(frame, area, board, now)
+        }),
+        Panel::Loops => with_legend(frame, rest, |frame, area| {
+            draw_loops(frame, area, board, now)
+        }),
+        Panel::Events => scrolled(frame, rest, events(board, width, now), desk.scroll),
+    }
+}
+
+fn tab(panel: Panel, chosen: Panel) -> Span<'static> {
+    let style = if panel == chosen {
+        Style::new().add_modifier(Modifier::REVERSED)
+    } else {
+        faint()
+    };
+    Span::styled(panel.name(), style)
+}
+
+fn draw_strips(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
+    with_legend(frame, area, |frame, area| {
+        let [pitch, yaw] =
+            Layout::vertical([Constraint::Percentage(50), Constraint::Min(0)]).areas(area);
+        charts::strip(frame, pitch, board, 0, now);
+        charts::strip(frame, yaw, board, 1, now);
+    });
+}
+
+/// Beside each other, or below each other where that is narrow.
+fn draw_loops(frame: &mut Frame, area: Rect, board: &Board, now: Nanos) {
+    let motors = charts::motors(board);
+    let parts = vec![Constraint::Ratio(1, motors as u32); motors];
+    let layout = if area.width >= 56 {
+        Layout::horizontal(parts)
+    } else {
+        Layout::vertical(parts)
+    };
+    for (motor, part) in layout.split(area).iter().enumerate() {
+        charts::hysteresis(frame, *part, board, motor, now);
+    }
+}
+
+fn with_legend(frame: &mut Frame, area: Rect, plot: impl FnOnce(&mut Frame, Rect)) {
+    let legend = fold(charts::legend(), usize::from(area.width));
+    let [top, rest] =
+        Layout::vertical([Constraint::Length(lines_of(&legend)), Constraint::Min(0)]).areas(area);
+    frame.render_widget(Paragraph::new(legend), top);
+    plot(frame, rest);
+}
+
+fn events(board: &Board, width: usize, now: Nanos) -> Vec<Line<'static>> {
+    let mut lines = vec![Line::from(Span::styled(
+        "events seen since this started",
+        faint(),
+    ))];
+    for event in board.journal.newest() {
+        let count = if event.count > 1 {
+            format!(" ({} times)", event.count)
+        } else {
+            String::new()
+        };
+        let age = format!("{:>4.0} s ago", now.since(event.stamp).as_seconds());
+        lines.extend(fold(
+            [
+                Span::styled(age, faint()),
+                Span::styled(format!("{}{count}", event.text), of_level(event.level)),
+            ],
+            width,
+        ));
+    }
+    lines
+}
+
+/// As much as fits; what does not is counted.
+fn scrolled(frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>, scroll: usize) {
+    let height = usize::from(area.height);
+    if lines.len() <= height {
+        return frame.render_widget(Paragraph::new(lines), area);
+    }
+    let room = height.saturating_sub(1);
+    let first = scroll.min(lines.len() - room.min(lines.len()));
+    let more = Line::from(Span::styled(
+        format!(
+            "↑↓ lines {} to {} of {}",
+            first + 1,
+            first + room,
+            lines.len()
+        ),
+        warning(),
+    ));
+    let shown: Vec<Line> = lines
+        .into_iter()
+        .skip(first)
+        .take(room)
+        .chain(std::iter::once(more))
+        .collect();
+    frame.render_widget(Paragraph::new(shown), area);
+}

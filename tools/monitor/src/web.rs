@@ -1,0 +1,79 @@
+//! The page for a browser: to look at, not to touch.
+//!
+//! That nothing can be done through it is how it is built, not how it is configured. The server
+//! knows one method, GET, and answers from a [`Board`], which holds numbers; no type of the client
+//! library is within its reach. The thread that fills the board subscribes to streams and opens no
+//! publisher. What it asks for is the list of models, by a connection of its own that is closed
+//! again.
+//!
+//! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a
+//! vanished one costs nothing: the server remembers nothing about any of them.
+
+mod http;
+mod place;
+mod route;
+mod server;
+mod snapshot;
+mod source;
+
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Watcher;
+use i2ris::units::Nanos;
+
+pub use place::{DEFAULT_ADDRESS, Place};
+use source::Source;
+
+use super::models::Librarian;
+use super::sight::{READ_PERIOD, Sight};
+use i2ris_terminal::Failure;
+use i2ris_terminal::{Interrupt, Screen, until_closed};
+
+/// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is
+/// none.
+pub fn run(
+    domain: &Domain,
+    place: Place,
+    model: Option<PathBuf>,
+    span: Option<Nanos>,
+) -> Result<(), Failure> {
+    let interrupt = Interrupt::catch()?;
+    let listener = TcpListener::bind(place.0).map_err(|error| {
+        format!(
+            "cannot serve at {}: {error}; is another monitor running there? --web ADDRESS:PORT chooses another",
+            place.0
+        )
+    })?;
+    let address = listener.local_addr()?;
+    if !address.ip().is_loopback() {
+        eprintln!(
+            "warning: {address} can be reached from other machines: everyone there can watch, without a password and \
+             without encryption. Nobody can command the robot this way."
+        );
+    }
+    let source = Arc::new(Source::new(domain.name(), clock::now()));
+    server::start(listener, Arc::clone(&source), address.ip().is_loopback())?;
+    let told = Screen::stdout().say(&format!(
+        "watch domain {} at http://{address}/ (to look at only)",
+        domain.name()
+    ));
+    until_closed(told)?;
+    let librarian = Librarian::start(domain, model);
+    let mut sight = Sight::new(&Watcher::new(domain));
+    let start = clock::now();
+    while !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
+        let now = clock::now();
+        let mut board = source.board();
+        if sight.refresh(&mut board, now) {
+            librarian.look();
+        }
+        board.models = librarian.known();
+        drop(board);
+        clock::sleep(READ_PERIOD);
+    }
+    Ok(())
+}

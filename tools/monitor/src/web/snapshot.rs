@@ -1,0 +1,321 @@
+//! What a browser is told, as JSON. Pure. Degrees, counts, seconds; ages in milliseconds at the
+//! moment of the answer, because a browser knows nothing of the controller's clock.
+
+use i2ris::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
+};
+use i2ris::ipc::word::phase_text;
+use i2ris::ipc::{Message, Refusal};
+use i2ris::units::Nanos;
+use serde_json::{Value, json};
+
+use super::source::Since;
+use crate::board::Board;
+use crate::journal::Level;
+use crate::models::Named;
+use crate::trail::{Pair, Picture, Sample};
+use crate::view::{
+    CAMERA_STALE, STALE, STATISTICS_STALE, View, angles, count, granted, state_name,
+};
+
+/// Events that are told.
+const EVENTS: usize = 30;
+
+/// Everything there is to show; of the trail what is new.
+pub fn snapshot(
+    board: &Board,
+    domain: &str,
+    run: u64,
+    origin: Nanos,
+    since: &Since,
+    now: Nanos,
+) -> Value {
+    let view = &board.view;
+    let (samples, next_sample) = board.trail.samples(since.sample);
+    let (pictures, next_picture) = board.trail.pictures(since.picture);
+    json!({
+        "run": run,
+        "domain": domain,
+        "version": env!("CARGO_PKG_VERSION"),
+        "now_s": seconds(now, origin),
+        "problem": board.problem,
+        "state": view.state.as_ref().map(|state| operating(view, state, now)),
+        "goal": view.goal.as_ref().map(|joint| joint_state(joint, now)),
+        "setpoint": view.setpoint.as_ref().map(|joint| joint_state(joint, now)),
+        "estimate": view.measured.as_ref().map(|joint| joint_state(joint, now)),
+        "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
+        "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
+        "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
+        "models": models(board),
+        "hull": board.models.outline.points.iter().map(|point| point.map(short)).collect::<Vec<_>>(),
+        "along": board.models.outline.along,
+        "along_names": [board.models.outline.name(0), board.models.outline.name(1)],
+        "events": events(board, now),
+        "samples": samples.map(|sample| sample_row(sample, origin)).collect::<Vec<_>>(),
+        "next_sample": next_sample,
+        "pictures": pictures.map(|picture| picture_row(picture, origin)).collect::<Vec<_>>(),
+        "next_picture": next_picture,
+    })
+}
+
+fn operating(view: &View, state: &OperatingStateMsg, now: Nanos) -> Value {
+    let has = |flag: u32| state.flags & flag != 0;
+    let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
+    json!({
+        "name": state_name(state),
+        "fault": view.fault().map(|fault| fault.text()),
+        "for_s": state.stamp().since(Nanos(state.since_ns)).as_seconds().round(),
+        "homed": has(OperatingStateMsg::HOMED),
+        "busy": has(OperatingStateMsg::BUSY),
+        "holding": has(OperatingStateMsg::HOLDING),
+        "clipped": has(OperatingStateMsg::CLIPPED),
+        "model": has(OperatingStateMsg::MODEL),
+        "memory_known": has(OperatingStateMsg::MEMORY_KNOWN),
+        "lease": (state.lease_client_id != 0).then(|| format!("{:016x}", state.lease_client_id)),
+        "accepted": state.accepted,
+        "refused": state.refused,
+        "last_refusal": reason.map(Refusal::text),
+        "stale_stops": state.stale_stops,
+        "age_ms": milliseconds(state.age(now)),
+        "stale": state.age(now) > STALE,
+    })
+}
+
+fn joint_state(joint: &JointState, now: Nanos) -> Value {
+    json!({
+        "deg": angles(Some(joint)).map(|pair| pair.map(short)),
+        "deviation_deg": angles(Some(joint)).map(|_| [joint.deviation[0], joint.deviation[1]].map(|d| short(d.to_degrees()))),
+        "memory_known": joint.flags & JointState::MEMORY_KNOWN != 0,
+        "is_position": joint.count == 3,
+        "age_ms": milliseconds(joint.age(now)),
+        "stale": joint.age(now) > STALE,
+    })
+}
+
+fn seen(view: &View, camera: &ExternalPosition, now: Nanos) -> Value {
+    json!({
+        "deg": view.camera_angles().map(|pair| pair.map(short)),
+        "age_ms": milliseconds(camera.age(now)),
+        "stale": camera.age(now) > CAMERA_STALE,
+    })
+}
+
+fn actuators(view: &View, motors: &ActuatorState, now: Nanos) -> Value {
+    let motor = |motor: usize| {
+        let value = |values: &[i32; 2]| values.get(motor).copied().unwrap_or_default();
+        let word =
+            |values: &[u16; 2]| format!("0x{:04X}", values.get(motor).copied().unwrap_or_default());
+        let read = motors
+            .measured_stamp_ns
+            .get(motor)
+            .map(|stamp| Nanos(*stamp))
+            .filter(|stamp| *stamp != Nanos::ZERO);
+        let phase = motors
+            .phase
+            .get(motor)
+            .copied()
+            .map_or("unknown", phase_text);
+        json!({
+            "setpoint_counts": value(&motors.setpoint_counts),
+            "measured_counts": value(&motors.measured_counts),
+            "current_ma": value(&motors.current_ma),
+            "phase": phase,
+            "bad": matches!(phase, "lost" | "at fault" | "unknown"),
+            "status": word(&motors.statusword),
+            "error": motors.error_code.get(motor).filter(|code| **code != 0).map(|_| word(&motors.error_code)),
+            "exchanges_per_s": view.exchange_rates.and_then(|rates| rates.get(motor).map(|rate| rate.round())),
+            "age_ms": read.map(|read| milliseconds(now.since(read))),
+            "stale": read.is_none_or(|read| now.since(read) > STALE) || motors.age(now) > STALE,
+        })
+    };
+    (0..count(motors.count)).map(motor).collect()
+}
+
+fn loop_statistics(statistics: &PeriodStatistics, now: Nanos) -> Value {
+    let us = |nanos: u64| (nanos as f64 / 100.0).round() / 10.0;
+    let spans = |span: &SpanSummary| json!({ "p50_us": us(span.p50_ns), "p99_us": us(span.p99_ns), "max_us": us(span.max_ns) });
+    let window = Nanos(statistics.window_ns).as_seconds();
+    json!({
+        "hz": if window > 0.0 { (statistics.ticks as f64 / window).round() } else { 0.0 },
+        "late": spans(&statistics.lateness),
+        "compute": spans(&statistics.compute),
+        "missed": statistics.total_missed,
+        "missed_in_window": statistics.missed,
+        "ticks": statistics.total_ticks,
+        "granted": granted(statistics),
+        "real_time": statistics.priority > 0,
+        "age_ms": milliseconds(statistics.age(now)),
+        "stale": statistics.age(now) > STATISTICS_STALE,
+    })
+}
+
+fn models(board: &Board) -> Value {
+    let models = &board.models;
+    let named = |named: Option<Named>| {
+        named.map(|named| json!({ "name": named.name, "file": named.file, "memory_known": named.memory_known }))
+    };
+    json!({
+        "known": models.slots.is_some(),
+        "used": named(models.used()),
+        "staged": named(models.staged()),
+        "former": named(models.former()),
+        "problem": models.problem,
+        "hull_problem": models.hull_problem,
+    })
+}
+
+fn events(board: &Board, now: Nanos) -> Value {
+    let level = |level| match level {
+        Level::Info => "info",
+        Level::Warning => "warning",
+        Level::Alarm => "alarm",
+    };
+    let event = |event: &crate::journal::Event| {
+        json!({
+            "age_ms": milliseconds(now.since(event.stamp)),
+            "level": level(event.level),
+            "text": event.text,
+            "count": event.count,
+        })
+    };
+    board.journal.newest().take(EVENTS).map(event).collect()
+}
+
+/// Time, then pairs: goal, set-point, estimate, standard deviation, set-point counts, counts,
+/// currents. `null`: a gap.
+fn sample_row(sample: &Sample, origin: Nanos) -> Value {
+    let pair = |pair: Pair| pair.map_or([None, None], |pair| pair.map(|value| Some(short(value))));
+    let Sample {
+        goal,
+        setpoint,
+        estimate,
+        deviation,
+        setpoint_counts,
+        counts,
+        current,
+        ..
+    } = *sample;
+    let pairs = [
+        goal,
+        setpoint,
+        estimate,
+        deviation,
+        setpoint_counts,
+        counts,
+        current,
+    ];
+    let values = pairs.into_iter().flat_map(pair);
+    std::iter::once(Some(seconds(sample.stamp, origin)))
+        .chain(values)
+        .collect::<Vec<_>>()
+        .into()
+}
+
+/// Time, pitch, yaw, counts of both motors.
+fn picture_row(picture: &Picture, origin: Nanos) -> Value {
+    let [pitch, yaw] = picture.angles.map(|value| Some(short(value)));
+    let [first, second] = picture.counts.map_or([None, None], |counts| {
+        counts.map(|value| Some(short(value)))
+    });
+    vec![
+        Some(seconds(picture.stamp, origin)),
+        pitch,
+        yaw,
+        first,
+        second,
+    ]
+    .into()
+}
+
+/// Three digits are a thousandth of a degree: more is noise, and bytes.
+fn short(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
+/// Seconds since the monitor started; a picture may be from before.
+fn seconds(instant: Nanos, origin: Nanos) -> f64 {
+    short(instant.as_seconds() - origin.as_seconds())
+}
+
+fn milliseconds(span: Nanos) -> u64 {
+    span.0 / 1_000_000
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::ipc::OperatingState;
+
+    use super::*;
+
+    const NOW: Nanos = Nanos(100_000_000_000);
+
+    fn board() -> Board {
+        let joint = JointState {
+            stamp_ns: NOW.0 - 2_000_000,
+            position: [0.1, -0.2, 0.0],
+            deviation: [0.01, 0.02, 0.0],
+            count: 2,
+            flags: JointState::VALID,
+            ..JointState::default()
+        };
+        let state = OperatingStateMsg {
+            stamp_ns: NOW.0 - 600_000_000,
+            state: OperatingState::Fault.number(),
+            fault: 2,
+            ..OperatingStateMsg::default()
+        };
+        let view = View {
+            state: Some(state),
+            measured: Some(joint),
+            goal: Some(JointState { flags: 0, ..joint }),
+            ..View::default()
+        };
+        let mut board = Board {
+            view,
+            ..Board::default()
+        };
+        board.trail.note(&board.view, NOW);
+        board
+    }
+
+    #[test]
+    fn angles_are_degrees_and_ages_are_told() {
+        let value = snapshot(&board(), "test", 7, Nanos::ZERO, &Since::default(), NOW);
+        assert_eq!(value["estimate"]["deg"], json!([5.73, -11.459]));
+        assert_eq!(
+            (&value["estimate"]["age_ms"], &value["estimate"]["stale"]),
+            (&json!(2), &json!(false))
+        );
+        assert_eq!(
+            (&value["state"]["stale"], &value["state"]["fault"]),
+            (&json!(true), &json!("a drive does not answer"))
+        );
+        assert_eq!(
+            (&value["goal"]["deg"], &value["camera"], &value["motors"]),
+            (&Value::Null, &Value::Null, &Value::Null)
+        );
+    }
+
+    #[test]
+    fn a_row_holds_what_there_is_and_null_for_gaps() {
+        let value = snapshot(&board(), "test", 7, NOW, &Since::default(), NOW);
+        let row = value["samples"][0].as_array().unwrap();
+        assert_eq!(row.len(), 15);
+        assert_eq!(
+            (&row[0], &row[1], &row[5], &row[11]),
+            (&json!(0.0), &Value::Null, &json!(5.73), &Value::Null)
+        );
+        let nothing = snapshot(
+            &board(),
+            "test",
+            7,
+            NOW,
+            &Since {
+                sample: 1,
+                ..Since::default()
+            },
+            NOW,
+        );
+        assert_eq!(nothing["samples"], json!([]));
+    }
+}

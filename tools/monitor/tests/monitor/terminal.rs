@@ -1,0 +1,239 @@
+//! `i2ris monitor` on a terminal: what it shows at every size, what its keys do, and how it leaves
+//! the terminal.
+
+use std::fs;
+
+use i2ris::clock;
+use i2ris::ipc::{
+    Domain, DomainGuard, Fault, ModelAction, OperatingState, StateCommand, random_id,
+};
+use nix::sys::signal::{Signal, kill};
+
+use i2ris_testing::Controller;
+use i2ris_testing::Terminal;
+
+const KEYS: [&str; 9] = [
+    "space pause",
+    "h hold",
+    "a acknowledge",
+    "m swap model",
+    "b roll back",
+    "tab next view",
+    "1-5 view",
+    "scroll",
+    "q quit",
+];
+
+fn domain() -> Domain {
+    Domain::new(&format!("t{:016x}", random_id())).unwrap()
+}
+
+#[test]
+fn forty_columns_hold_every_number_and_every_key() {
+    let controller = Controller::enabled();
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 40);
+    let text = terminal.wait("everything", |text| {
+        text.contains("SCHEDULING") && text.contains("former none")
+    });
+    for part in [
+        "ENABLED",
+        "homed",
+        "memory unknown",
+        "no commander",
+        "accepted 0",
+        "refused 0",
+        "deg",
+    ] {
+        assert!(text.contains(part), "{part}\n{text}");
+    }
+    for part in [
+        "pitch   +1.00  +1.00  +1.00  0.00      -",
+        "  0       40       40    0 starting",
+        "bus",
+        "late",
+        "p50",
+    ] {
+        assert!(text.contains(part), "{part}\n{text}");
+    }
+    for key in KEYS {
+        assert!(text.contains(key), "{key}\n{text}");
+    }
+    for (key, shown) in [
+        ("2", "pitch, deg"),
+        ("3", "pitch over yaw"),
+        ("4", "motor 0"),
+        ("5", "events seen"),
+        ("1", "set-pt"),
+    ] {
+        terminal.type_keys(key);
+        let text = terminal.wait_for(shown);
+        assert!(
+            text.contains("ENABLED"),
+            "the state is on every view\n{text}"
+        );
+    }
+}
+
+#[test]
+fn a_screen_that_is_too_small_says_what_is_missing_and_one_that_is_large_shows_everything() {
+    let controller = Controller::enabled();
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 16, 40);
+    let first = terminal.wait("a hint", |text| {
+        text.contains("lines 1 to") && text.contains("ENABLED")
+    });
+    assert!(!first.contains("SCHEDULING"), "{first}");
+    terminal.type_keys("\u{1b}[B\u{1b}[B\u{1b}[B");
+    terminal.wait_for("lines 4 to");
+    for (rows, columns) in [(3, 10), (1, 1), (8, 200), (60, 20)] {
+        terminal.resize(rows, columns);
+        clock::sleep(i2ris::units::Nanos::from_millis(300));
+    }
+    terminal.resize(50, 160);
+    for part in [
+        "yaw, deg",
+        "pitch, deg",
+        "pitch over yaw",
+        "motor 0",
+        "motor 1",
+        "events seen",
+        "set-pt",
+        "q quit",
+        "━ estimate",
+    ] {
+        terminal.wait_for(part);
+    }
+}
+
+#[test]
+fn keys_stop_the_robot_and_acknowledge_its_faults() {
+    let controller = Controller::enabled();
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 60);
+    terminal.wait_for("ENABLED");
+    terminal.type_keys("h");
+    terminal.wait_for("hold: the controller is ENABLED, until the next command");
+    terminal.type_keys(" ");
+    terminal.wait_for("pause: the controller is PAUSED");
+    terminal.wait_for(" PAUSED ");
+    terminal.type_keys("a");
+    terminal.wait_for("acknowledge NOT DONE");
+    controller.robot().state = OperatingState::Fault;
+    controller.robot().fault = Fault::Link;
+    terminal.wait_for("a drive does not answer");
+    terminal.type_keys("a");
+    terminal.wait_for("acknowledge: the controller is DISABLED");
+    let asked = controller.robot().asked.clone();
+    assert_eq!(
+        asked,
+        [
+            StateCommand::Hold,
+            StateCommand::Pause,
+            StateCommand::Acknowledge,
+            StateCommand::Acknowledge
+        ]
+    );
+    terminal.type_keys("5");
+    let text = terminal.wait_for("PAUSED to FAULT: a drive does not");
+    assert!(text.contains("pause: the controller is PAUSED"), "{text}");
+}
+
+#[test]
+fn a_model_is_changed_only_after_a_confirmation() {
+    let controller = Controller::enabled();
+    controller.robot().models = [1, 0, 0];
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 45, 60);
+    terminal.wait_for("in use linear 01010101");
+    terminal.type_keys("my");
+    terminal.wait_for("no model is staged");
+    controller.robot().models = [1, 2, 0];
+    terminal.wait_for("staged linear 02020202");
+    terminal.type_keys("m");
+    let text = terminal.wait_for("Activate linear 02020202 in place of linear 01010101?");
+    assert!(text.contains("y yes") && text.contains("n no"), "{text}");
+    terminal.type_keys("n");
+    terminal.wait("the question is gone", |text| !text.contains("Activate"));
+    assert!(controller.robot().asked_of_models.is_empty());
+    terminal.type_keys("my");
+    terminal.wait_for("swap: model 02020202 takes over");
+    terminal.wait_for("former linear 01010101");
+    terminal.type_keys("b");
+    terminal.wait_for("Roll back to linear 01010101?");
+    terminal.type_keys("y");
+    terminal.wait_for("roll back: model 01010101 takes over");
+    assert_eq!(
+        controller.robot().asked_of_models,
+        [ModelAction::Activate, ModelAction::Rollback]
+    );
+}
+
+#[test]
+fn the_terminal_is_put_back_by_q_and_by_signals() {
+    let controller = Controller::enabled();
+    for end in [None, Some(Signal::SIGINT), Some(Signal::SIGTERM)] {
+        let mut terminal = Terminal::start(&controller.domain, &["monitor"], 24, 80);
+        terminal.wait_for("ENABLED");
+        assert!(terminal.is_raw() && terminal.screen.screen().alternate_screen());
+        match end {
+            None => terminal.type_keys("q"),
+            Some(signal) => kill(terminal.pid(), signal).unwrap(),
+        }
+        assert!(terminal.end().success(), "{end:?}");
+        terminal.assert_restored();
+    }
+    assert!(
+        controller.robot().asked.is_empty(),
+        "looking asks for nothing"
+    );
+}
+
+#[test]
+fn a_window_that_is_closed_ends_it() {
+    let controller = Controller::enabled();
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 24, 80);
+    terminal.wait_for("ENABLED");
+    terminal.hang_up();
+    terminal.end();
+}
+
+#[test]
+fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_drawn() {
+    let mut terminal = Terminal::start(&domain(), &["monitor"], 24, 80);
+    assert_eq!(terminal.end().code(), Some(3));
+    terminal.assert_restored();
+    let text = terminal.screen.screen().contents();
+    assert!(
+        text.contains("no controller serves domain") && text.contains("start i2ris-control"),
+        "{text}"
+    );
+
+    let domain = domain();
+    let guard = DomainGuard::acquire(&domain).unwrap();
+    fs::write(
+        domain.directory().join("ready"),
+        format!("{:016x} 2 1", guard.boot_id()),
+    )
+    .unwrap();
+    let mut terminal = Terminal::start(&domain, &["monitor"], 24, 80);
+    assert_eq!(terminal.end().code(), Some(3));
+    let text = terminal.screen.screen().contents();
+    assert!(text.contains("interface version 2"), "{text}");
+}
+
+#[test]
+fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
+    let controller = Controller::enabled();
+    let domain = controller.domain.clone();
+    let mut terminal = Terminal::start(&domain, &["monitor"], 45, 60);
+    terminal.wait_for("+1.00");
+    drop(controller);
+    let text = terminal.wait("staleness", |text| {
+        text.contains("was ENABLED") && text.contains("estimate STALE")
+    });
+    assert!(
+        text.contains("no controller serves domain") && text.contains("motor"),
+        "{text}"
+    );
+    terminal.type_keys(" ");
+    terminal.wait_for("pause NOT DONE: no controller serves domain");
+    terminal.type_keys("q");
+    assert!(terminal.end().success());
+}

@@ -1,0 +1,343 @@
+//! `i2ris monitor --web`: what it answers, what it refuses, and that nobody can hold it up.
+
+use std::io::Write;
+use std::net::TcpStream;
+
+use i2ris::clock;
+use i2ris::ipc::payload::{
+    ModelReply, ModelRequest, MoveRequest, ServoActuator, ServoJp, StateCommandReply,
+    StateCommandRequest,
+};
+use i2ris::ipc::{Domain, OperatingState, random_id};
+use i2ris::units::Nanos;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::prelude::{
+    Config, FileName, Path, SemanticString, SignalHandlingMode, ZeroCopySend, ipc,
+};
+use iceoryx2::service::port_factory::PortFactory;
+use serde_json::json;
+
+use crate::http::Served;
+use i2ris_testing::{Controller, Program};
+
+const PATIENCE: Nanos = Nanos::from_millis(30_000);
+
+#[test]
+fn a_page_is_told_everything_and_then_what_is_new() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    let live = served.wait("numbers", |live| {
+        live["loop"].is_object()
+            && live["models"]["used"].is_object()
+            && live["next_sample"].as_u64() > Some(50)
+    });
+    assert_eq!(
+        (&live["problem"], &live["state"]["name"]),
+        (&json!(null), &json!("ENABLED"))
+    );
+    assert_eq!(
+        (&live["estimate"]["deg"], &live["state"]["stale"]),
+        (&json!([1.0, -1.0]), &json!(false))
+    );
+    assert_eq!(live["motors"][1]["measured_counts"], json!(-20));
+    assert_eq!(live["models"]["used"]["name"], json!("linear 01010101"));
+    let (run, next) = (&live["run"], &live["next_sample"]);
+    let more = served.live(&format!("run={run}&sample={next}"));
+    assert!(more["samples"].as_array().unwrap().len() < 50, "{more}");
+    controller.robot().pose = [2.0, 3.0];
+    served.wait("another pose", |live| {
+        live["estimate"]["deg"] == json!([2.0, 3.0])
+    });
+    controller.robot().state = OperatingState::Fault;
+    let live = served.wait("a fault", |live| live["state"]["name"] == json!("FAULT"));
+    assert_eq!(
+        live["events"][0]["text"].as_str(),
+        Some("ENABLED to FAULT: none"),
+        "{}",
+        live["events"]
+    );
+}
+
+#[test]
+fn the_page_and_all_of_its_parts_come_from_here() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    for (target, part) in [
+        ("/", "<!doctype html>"),
+        ("/page.css", "canvas"),
+        ("/page.js", "fetch("),
+        ("/plots.js", "class Plot"),
+    ] {
+        let (status, body) = served.ask("GET", target);
+        assert!(
+            status == 200 && body.contains(part),
+            "{target}: {status}\n{body}"
+        );
+        assert!(
+            !body.contains("//cdn") && !body.contains("https:"),
+            "{target}"
+        );
+    }
+    assert_eq!(served.ask("GET", "/none").0, 404);
+}
+
+#[test]
+fn everything_but_get_is_refused_and_moves_nothing() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    served.wait("numbers", |live| live["state"].is_object());
+    for method in ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "BREW"] {
+        for target in ["/", "/live", "/state_command"] {
+            assert_eq!(served.ask(method, target).0, 405, "{method} {target}");
+        }
+    }
+    let body = "{\"command\":\"disable\"}";
+    let post = format!(
+        "POST /live HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    assert!(
+        served
+            .exchange(post.as_bytes())
+            .starts_with("HTTP/1.1 405 ")
+    );
+    let get = format!(
+        "GET /live HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    assert!(served.exchange(get.as_bytes()).starts_with("HTTP/1.1 400 "));
+    let robot = controller.robot();
+    assert!(robot.asked.is_empty() && robot.asked_of_models.is_empty() && robot.poses.is_empty());
+    assert_eq!(robot.state, OperatingState::Enabled);
+}
+
+#[test]
+fn strangers_and_nonsense_are_refused() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    let asked = |text: &str| {
+        served
+            .exchange(text.as_bytes())
+            .chars()
+            .take(12)
+            .collect::<String>()
+    };
+    assert_eq!(
+        asked("GET /live HTTP/1.1\r\nHost: rebound.example\r\n\r\n"),
+        "HTTP/1.1 403"
+    );
+    assert_eq!(asked("nonsense\r\n\r\n"), "HTTP/1.1 400");
+    let long = format!(
+        "GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}",
+        "x".repeat(9000)
+    );
+    assert_eq!(asked(&long), "HTTP/1.1 431");
+    assert_eq!(served.ask("GET", "/live").0, 200, "and it goes on");
+}
+
+#[test]
+fn browsers_that_stall_or_vanish_cost_the_others_nothing() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    // Some say half a sentence, some ask again and again and never read, some go.
+    let stalled: Vec<TcpStream> = (0..30)
+        .map(|number| {
+            let mut stream = served.connect();
+            match number % 3 {
+                0 => stream.write_all(b"GET / HT").unwrap(),
+                1 => {
+                    stream.set_nonblocking(true).unwrap();
+                    let many = "GET /live HTTP/1.1\r\nHost: localhost\r\n\r\n".repeat(2000);
+                    let _ = stream.write(many.as_bytes());
+                }
+                _ => {}
+            }
+            stream
+        })
+        .collect();
+    drop((0..50).map(|_| served.connect()).collect::<Vec<_>>());
+    served.wait_for_a_place();
+    let before = served.live("")["next_sample"].as_u64().unwrap();
+    let live = served.wait("the stream goes on", |live| {
+        live["next_sample"].as_u64().unwrap() > before + 20
+    });
+    assert_eq!(live["state"]["stale"], json!(false));
+    drop(stalled);
+}
+
+#[test]
+fn too_many_browsers_are_told_so() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    let held: Vec<TcpStream> = (0..60).map(|_| served.connect()).collect();
+    let (mut refused, end) = (
+        false,
+        std::time::Instant::now() + std::time::Duration::from_secs(20),
+    );
+    while !refused && std::time::Instant::now() < end {
+        refused = served.ask("GET", "/").0 == 503;
+    }
+    assert!(refused, "60 connections are open");
+    drop(held);
+    served.wait_for_a_place();
+}
+
+#[test]
+fn several_browsers_see_the_same() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    served.wait("numbers", |live| live["next_sample"].as_u64() > Some(20));
+    let (one, other) = (served.live(""), served.live(""));
+    let first = |live: &serde_json::Value| live["samples"].as_array().unwrap()[..20].to_vec();
+    assert_eq!(first(&one), first(&other));
+}
+
+#[test]
+fn without_a_controller_the_page_waits_for_one_and_says_when_it_goes() {
+    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+    let served = Served::start(&domain);
+    let live = served.live("");
+    assert!(
+        live["problem"]
+            .as_str()
+            .unwrap()
+            .contains("no controller serves domain"),
+        "{live}"
+    );
+    assert_eq!(live["state"], json!(null));
+
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    served.wait("numbers", |live| {
+        live["state"]["name"] == json!("ENABLED") && live["problem"].is_null()
+    });
+    drop(controller);
+    let live = served.wait("staleness", |live| {
+        live["state"]["stale"] == json!(true) && !live["problem"].is_null()
+    });
+    assert_eq!(
+        (&live["estimate"]["stale"], &live["motors"][0]["stale"]),
+        (&json!(true), &json!(true))
+    );
+    assert!(live["estimate"]["age_ms"].as_u64().unwrap() > 500);
+}
+
+#[test]
+fn it_ends_with_ctrl_c_and_a_place_that_is_taken_is_named() {
+    let controller = Controller::enabled();
+    let mut served = Served::start(&controller.domain);
+    let place = served.address.to_string();
+    let (success, _, error) = Program::run(&controller.domain, &["monitor", "--web", &place]);
+    assert!(
+        !success && error.contains(&place) && error.contains("--web ADDRESS:PORT"),
+        "{error}"
+    );
+    served.program.interrupt();
+    assert!(served.program.end().0);
+    let (success, _, error) = Program::run(&controller.domain, &["monitor", "--web", "somewhere"]);
+    assert!(!success && error.contains("192.168.1.5:8080"), "{error}");
+}
+
+#[test]
+fn an_address_for_others_is_warned_about() {
+    let controller = Controller::enabled();
+    let mut served = Served::with(&controller.domain, &["monitor", "--web", "0.0.0.0:0"]);
+    assert_eq!(served.ask("GET", "/live").0, 200);
+    served.program.interrupt();
+    let (success, _, error) = served.program.end();
+    assert!(
+        success && error.contains("can be reached from other machines"),
+        "{error}"
+    );
+}
+
+/// The services of the controller, as any client finds them: how many of the domain could command.
+struct Census(Node<ipc::Service>);
+
+impl Census {
+    fn of(domain: &Domain) -> Self {
+        let text = std::fs::read_to_string(domain.directory().join("ready")).unwrap();
+        let boot = text.split(' ').next().unwrap();
+        let mut config = Config::default();
+        let root = domain.directory().join(boot);
+        config
+            .global
+            .set_root_path(&Path::new(root.as_os_str().as_encoded_bytes()).unwrap());
+        config.global.prefix =
+            FileName::new(format!("{}{boot}_", domain.prefix()).as_bytes()).unwrap();
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        Self(
+            NodeBuilder::new()
+                .config(&config)
+                .signal_handling_mode(SignalHandlingMode::Disabled)
+                .create()
+                .unwrap(),
+        )
+    }
+
+    fn publishers<T: ZeroCopySend + std::fmt::Debug + 'static>(&self, name: &str) -> usize {
+        let service = self
+            .0
+            .service_builder(&name.try_into().unwrap())
+            .publish_subscribe::<T>()
+            .open()
+            .unwrap();
+        service.dynamic_config().number_of_publishers()
+    }
+
+    fn subscribers<T: ZeroCopySend + std::fmt::Debug + 'static>(&self, name: &str) -> usize {
+        let service = self
+            .0
+            .service_builder(&name.try_into().unwrap())
+            .publish_subscribe::<T>()
+            .open()
+            .unwrap();
+        service.dynamic_config().number_of_subscribers()
+    }
+
+    fn askers<Q, R>(&self, name: &str) -> usize
+    where
+        Q: ZeroCopySend + std::fmt::Debug + 'static,
+        R: ZeroCopySend + std::fmt::Debug + 'static,
+    {
+        let service = self
+            .0
+            .service_builder(&name.try_into().unwrap())
+            .request_response::<Q, R>()
+            .open()
+            .unwrap();
+        service.dynamic_config().number_of_clients()
+    }
+}
+
+#[test]
+fn the_page_has_no_way_to_command() {
+    let controller = Controller::enabled();
+    let census = Census::of(&controller.domain);
+    let watchers = || census.subscribers::<i2ris::ipc::payload::JointState>("i2ris/measured_js");
+    let before = watchers();
+    let served = Served::start(&controller.domain);
+    served.wait("numbers, and the models", |live| {
+        live["models"]["used"].is_object()
+    });
+    assert_eq!(watchers(), before + 1, "it is counted");
+    assert_eq!(census.publishers::<ServoJp>("i2ris/servo_jp"), 0);
+    assert_eq!(
+        census.publishers::<ServoActuator>("i2ris/actuators/servo_jp"),
+        0
+    );
+    // Every few seconds it asks which models are at hand; nothing stays open.
+    let askers = || {
+        [
+            census.askers::<StateCommandRequest, StateCommandReply>("i2ris/state_command"),
+            census.askers::<MoveRequest, StateCommandReply>("i2ris/move_jp"),
+            census.askers::<ModelRequest, ModelReply>("i2ris/model"),
+        ]
+    };
+    let start = clock::now();
+    while askers() != [0; 3] {
+        assert!(clock::now().since(start) < PATIENCE, "{:?}", askers());
+        clock::sleep(Nanos::from_millis(20));
+    }
+}

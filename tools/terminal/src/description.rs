@@ -1,0 +1,143 @@
+//! A command line as JSON.
+//!
+//! `i2ris completions` writes one script for `i2ris` and the programs that it starts. It asks each
+//! of them for its command line with [`DESCRIBE`](crate::program::DESCRIBE).
+
+use clap::builder::{PossibleValue, Resettable, Str, StyledStr};
+use clap::{Arg, ArgAction, Command};
+use serde::{Deserialize, Serialize};
+
+/// A command line: what shell completions need of it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Description {
+    name: String,
+    about: Option<String>,
+    arguments: Vec<Argument>,
+    subcommands: Vec<Self>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Argument {
+    id: String,
+    short: Option<char>,
+    long: Option<String>,
+    help: Option<String>,
+    takes_values: bool,
+    is_repeated: bool,
+    is_global: bool,
+    /// The values to choose from, with their help.
+    values: Vec<(String, Option<String>)>,
+}
+
+impl Description {
+    /// Describes a command line.
+    #[must_use]
+    pub fn new(command: &Command) -> Self {
+        Self {
+            name: command.get_name().to_owned(),
+            about: command.get_about().map(ToString::to_string),
+            arguments: command.get_arguments().map(Argument::new).collect(),
+            subcommands: command.get_subcommands().map(Self::new).collect(),
+        }
+    }
+
+    /// The command line, called `name`.
+    #[must_use]
+    pub fn command(self, name: &str) -> Command {
+        Command::new(name.to_owned())
+            .about(Resettable::from(self.about.map(StyledStr::from)))
+            .args(self.arguments.into_iter().map(Argument::arg))
+            .subcommands(self.subcommands.into_iter().map(|subcommand| {
+                let name = subcommand.name.clone();
+                subcommand.command(&name)
+            }))
+    }
+}
+
+impl Argument {
+    fn new(arg: &Arg) -> Self {
+        let value = |value: PossibleValue| {
+            let help = value.get_help().map(ToString::to_string);
+            (value.get_name().to_owned(), help)
+        };
+        Self {
+            id: arg.get_id().to_string(),
+            short: arg.get_short(),
+            long: arg.get_long().map(str::to_owned),
+            help: arg.get_help().map(ToString::to_string),
+            takes_values: arg.get_action().takes_values(),
+            is_repeated: matches!(arg.get_action(), ArgAction::Append | ArgAction::Count),
+            is_global: arg.is_global_set(),
+            values: arg.get_possible_values().into_iter().map(value).collect(),
+        }
+    }
+
+    fn arg(self) -> Arg {
+        let action = match (self.takes_values, self.is_repeated) {
+            (true, true) => ArgAction::Append,
+            (true, false) => ArgAction::Set,
+            (false, true) => ArgAction::Count,
+            (false, false) => ArgAction::SetTrue,
+        };
+        let values = self.values.into_iter().map(|(name, help)| {
+            let value = PossibleValue::new(name);
+            match help {
+                Some(help) => value.help(help),
+                None => value,
+            }
+        });
+        let values: Vec<PossibleValue> = values.collect();
+        let arg = Arg::new(self.id)
+            .short(self.short)
+            .long(Resettable::from(self.long.map(Str::from)))
+            .help(Resettable::from(self.help.map(StyledStr::from)))
+            .global(self.is_global)
+            .action(action);
+        if self.takes_values && !values.is_empty() {
+            arg.value_parser(values)
+        } else {
+            arg
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, Parser, ValueEnum};
+
+    use super::*;
+
+    #[derive(Debug, Clone, ValueEnum)]
+    enum Format {
+        /// Text
+        Csv,
+        Parquet,
+    }
+
+    /// Exports
+    #[derive(Debug, Parser)]
+    enum Program {
+        /// Writes tables
+        Export {
+            /// Where from
+            from: String,
+            /// How
+            #[arg(long, short, value_enum)]
+            format: Option<Format>,
+            #[arg(long)]
+            quiet: bool,
+        },
+    }
+
+    #[test]
+    fn a_command_line_survives_the_way_through_json() {
+        let description = Description::new(&Program::command());
+        let json = serde_json::to_string(&description).unwrap();
+        let read: Description = serde_json::from_str(&json).unwrap();
+        assert_eq!(read, description);
+        let name = description.name.clone();
+        let command = read.command(&name);
+        command.clone().debug_assert();
+        assert_eq!(Description::new(&command), description);
+    }
+}

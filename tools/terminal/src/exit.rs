@@ -1,0 +1,85 @@
+//! Exit codes: one number per kind of failure, so that scripts can tell them apart.
+
+use i2ris::config::ConfigError;
+use i2ris::ipc::client::ClientError;
+
+use crate::Failure;
+
+/// The exit codes, as the help of `i2ris` prints them.
+pub const HELP: &str = "Exit codes:
+  0    done
+  1    failed; the last line on standard error says why
+  2    the command line is wrong
+  3    no controller serves the domain, it does not answer, or it is of another version
+  4    the controller refuses: not homed, not enabled, another client commands, a bad model, ...
+  5    the robot is in FAULT
+  6    a configuration is not valid
+  130  interrupted twice";
+
+/// A failure that names its exit code.
+#[derive(Debug)]
+pub struct Coded {
+    /// The exit code.
+    pub code: u8,
+    /// The sentence for the user.
+    pub sentence: String,
+}
+
+impl std::fmt::Display for Coded {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.sentence)
+    }
+}
+
+impl std::error::Error for Coded {}
+
+/// The exit code of a failure.
+#[must_use]
+pub fn code(failure: &Failure) -> u8 {
+    if let Some(coded) = failure.downcast_ref::<Coded>() {
+        return coded.code;
+    }
+    match failure.downcast_ref::<ClientError>() {
+        Some(
+            ClientError::NoController { .. }
+            | ClientError::Interface { .. }
+            | ClientError::NoReply { .. }
+            | ClientError::Timeout { .. },
+        ) => 3,
+        Some(ClientError::Refused { .. } | ClientError::ModelRefused { .. }) => 4,
+        Some(_) => 1,
+        None if failure.is::<ConfigError>() => 6,
+        None => 1,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::config::Config;
+    use i2ris::ipc::{Refusal, StateCommand};
+
+    use super::*;
+
+    #[test]
+    fn every_kind_of_failure_has_the_code_that_the_help_names() {
+        let domain = "x".to_owned();
+        let refused = ClientError::Refused {
+            command: StateCommand::Enable,
+            refusal: Refusal::NotHomed,
+            state: None,
+        };
+        let sentence = "the robot is in FAULT".to_owned();
+        let no_config = Config::load(std::path::Path::new("/nowhere")).unwrap_err();
+        let cases: [(Failure, u8); 5] = [
+            ("something".into(), 1),
+            (ClientError::NoController { domain }.into(), 3),
+            (refused.into(), 4),
+            (Coded { code: 5, sentence }.into(), 5),
+            (no_config.into(), 6),
+        ];
+        for (failure, expected) in cases {
+            assert_eq!(code(&failure), expected, "{failure}");
+            assert!(HELP.contains(&format!("\n  {expected} ")), "{expected}");
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! The main function of a program: command line, exit code.
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command-line program prints"
+)]
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use nix::sys::signal::{SigHandler, Signal, signal};
+
+use crate::description::Description;
+use crate::{Failure, exit};
+
+/// The only argument of a program that is asked for its command line, see [`description`].
+///
+/// [`description`]: crate::description
+pub const DESCRIBE: &str = "--describe-command-line";
+
+/// Runs a program: reads its command line, does the work, reports a failure on standard error.
+///
+/// `only_prints` says whether these arguments only print. Such a run ends silently when the reader
+/// of its output goes away (`| head`). A run that moves the robot, or holds something that it must
+/// give back, ends in order instead.
+pub fn run<Arguments: Parser>(
+    only_prints: impl FnOnce(&Arguments) -> bool,
+    work: impl FnOnce(Arguments) -> Result<(), Failure>,
+) -> ExitCode {
+    let mut arguments = std::env::args_os().skip(1);
+    if arguments.next().is_some_and(|first| first == DESCRIBE) && arguments.next().is_none() {
+        return finish(describe(&Arguments::command()));
+    }
+    let arguments = Arguments::parse();
+    if only_prints(&arguments) {
+        end_with_reader();
+    }
+    finish(work(arguments))
+}
+
+fn describe(command: &clap::Command) -> Result<(), Failure> {
+    println!("{}", serde_json::to_string(&Description::new(command))?);
+    Ok(())
+}
+
+/// Lets the kernel end the program when the reader of its output goes away.
+pub fn end_with_reader() {
+    // SAFETY: this replaces no handler of the program, and only one thread runs.
+    let _ = unsafe { signal(Signal::SIGPIPE, SigHandler::SigDfl) };
+}
+
+/// Reports a failure on standard error and returns the exit code.
+#[must_use]
+pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(exit::code(&failure))
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Standard output, redrawn on a terminal.
+
+use std::io::{self, ErrorKind, IsTerminal, Write};
+
+/// Standard output: a block of lines that is redrawn in place on a terminal, and appended elsewhere.
+#[derive(Debug)]
+pub struct Screen {
+    terminal: bool,
+    drawn: usize,
+}
+
+impl Screen {
+    /// Standard output.
+    #[must_use]
+    pub fn stdout() -> Self {
+        Self {
+            terminal: io::stdout().is_terminal(),
+            drawn: 0,
+        }
+    }
+
+    /// Whether it is a terminal.
+    #[must_use]
+    pub fn is_terminal(&self) -> bool {
+        self.terminal
+    }
+
+    /// Shows these lines in place of those shown before.
+    ///
+    /// # Errors
+    ///
+    /// Standard output cannot be written.
+    pub fn draw(&mut self, lines: &[String]) -> io::Result<()> {
+        let mut text = String::new();
+        if self.terminal {
+            // A line that the terminal wraps would make the count of lines wrong: cut it instead.
+            text.push_str("\x1b[?7l");
+        }
+        if self.terminal && self.drawn > 0 {
+            text.push_str(&format!("\x1b[{}A", self.drawn));
+        }
+        for line in lines {
+            text.push_str(line);
+            // The old line may have been longer.
+            text.push_str(if self.terminal { "\x1b[K\n" } else { "\n" });
+        }
+        if self.terminal {
+            // The old block may have had more lines.
+            text.push_str("\x1b[J\x1b[?7h");
+        }
+        self.drawn = lines.len();
+        write(&text)
+    }
+
+    /// Keeps what is shown and prints a line below it.
+    ///
+    /// # Errors
+    ///
+    /// Standard output cannot be written.
+    pub fn say(&mut self, line: &str) -> io::Result<()> {
+        self.drawn = 0;
+        write(&format!("{line}\n"))
+    }
+}
+
+fn write(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    out.write_all(text.as_bytes())?;
+    out.flush()
+}
+
+/// Whether the reader of standard output is still there. A reader that went away is no failure:
+/// `i2ris monitor | head`.
+///
+/// # Errors
+///
+/// Every other failure of the output.
+pub fn until_closed(outcome: io::Result<()>) -> io::Result<bool> {
+    match outcome {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(error),
+    }
+}

@@ -1,0 +1,314 @@
+//! A controller without drives: follows at once, and misbehaves on request.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, mpsc};
+use std::thread::{self, JoinHandle};
+
+use i2ris::clock;
+use i2ris::ipc::payload::{
+    ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, padded_text,
+};
+use i2ris::ipc::{
+    Domain, DomainGuard, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
+    random_id,
+};
+use i2ris::units::Nanos;
+
+/// What the robot is and what happened to it.
+#[derive(Debug)]
+pub struct Robot {
+    pub state: OperatingState,
+    pub fault: Fault,
+    pub homed: bool,
+    pub model: bool,
+    /// Pitch and yaw, degrees.
+    pub pose: [f64; 2],
+    /// Motors, counts.
+    pub counts: [i32; 2],
+    /// Knows `condition`, which takes no time.
+    pub conditions: bool,
+    pub lease: u64,
+    pub refused: u64,
+    /// Every servo command is refused with this.
+    pub refuse: Option<Refusal>,
+    /// Every state command, in order.
+    pub asked: Vec<StateCommand>,
+    /// Models in use, staged and in use before, by the byte that their identity is made of; 0:
+    /// none.
+    pub models: [u8; 3],
+    /// Every request about models but `list`, in order.
+    pub asked_of_models: Vec<ModelAction>,
+    /// Flags of the last accepted pose.
+    pub flags: u32,
+    /// Every accepted pose with its stamp.
+    pub poses: Vec<(Nanos, [f64; 2])>,
+    /// Every accepted position of the motors.
+    pub places: Vec<[i32; 2]>,
+    sequence: u64,
+}
+
+impl Robot {
+    fn new() -> Self {
+        Self {
+            state: OperatingState::Disabled,
+            fault: Fault::None,
+            homed: false,
+            model: true,
+            pose: [1.0, -1.0],
+            counts: [40, -20],
+            conditions: true,
+            lease: 0,
+            refused: 0,
+            refuse: None,
+            asked: Vec::new(),
+            models: [1, 0, 0],
+            asked_of_models: Vec::new(),
+            flags: 0,
+            poses: Vec::new(),
+            places: Vec::new(),
+            sequence: 0,
+        }
+    }
+
+    fn command(&mut self, request: StateCommandRequest) -> Refusal {
+        let command = StateCommand::from_number(request.command).unwrap();
+        self.asked.push(command);
+        match command {
+            StateCommand::Enable if self.state == OperatingState::Enabled => Refusal::State,
+            StateCommand::Enable if !self.homed => Refusal::NotHomed,
+            StateCommand::Enable => self.change(OperatingState::Enabled),
+            StateCommand::Disable => self.change(OperatingState::Disabled),
+            StateCommand::Home => {
+                self.homed = true;
+                Refusal::None
+            }
+            StateCommand::Release => {
+                self.lease = 0;
+                Refusal::None
+            }
+            StateCommand::Condition if self.conditions => Refusal::None,
+            StateCommand::Pause if self.state == OperatingState::Enabled => {
+                self.change(OperatingState::Paused)
+            }
+            StateCommand::Hold if self.state == OperatingState::Enabled => Refusal::None,
+            StateCommand::Acknowledge if self.state == OperatingState::Fault => {
+                self.change(OperatingState::Disabled)
+            }
+            StateCommand::Pause | StateCommand::Hold | StateCommand::Acknowledge => Refusal::State,
+            _ => Refusal::Unsupported,
+        }
+    }
+
+    fn change(&mut self, state: OperatingState) -> Refusal {
+        self.state = state;
+        Refusal::None
+    }
+
+    fn about_models(&mut self, request: &ModelRequest) -> ModelReply {
+        let action = ModelAction::from_number(request.action).unwrap();
+        let [used, staged, former] = self.models;
+        if action != ModelAction::List {
+            self.asked_of_models.push(action);
+        }
+        let refusal = match action {
+            ModelAction::List => Refusal::None,
+            ModelAction::Activate if staged != 0 && request.model_id == [staged; 32] => {
+                self.models = [staged, 0, used];
+                Refusal::None
+            }
+            ModelAction::Rollback if former != 0 => {
+                self.models = [former, 0, used];
+                Refusal::None
+            }
+            ModelAction::Activate => Refusal::NothingStaged,
+            ModelAction::Rollback => Refusal::NoFormer,
+            ModelAction::Stage => Refusal::Unsupported,
+        };
+        let slot = |byte: u8| ModelSlot {
+            model_id: [byte; 32],
+            family: padded_text("linear"),
+            outputs: 2,
+            flags: if byte == 0 {
+                0
+            } else {
+                ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN
+            },
+            ..ModelSlot::default()
+        };
+        ModelReply {
+            refusal: refusal.number(),
+            slots: self.models.map(slot),
+            ..ModelReply::default()
+        }
+    }
+
+    fn servo(&mut self, command: ServoJp) {
+        if !self.takes(command.client_id, command.sequence) {
+            return;
+        }
+        self.pose = [
+            command.position[0].to_degrees(),
+            command.position[1].to_degrees(),
+        ];
+        self.flags = command.flags;
+        self.poses.push((Nanos(command.stamp_ns), self.pose));
+    }
+
+    fn actuator(&mut self, command: ServoActuator) {
+        if self.takes(command.client_id, command.sequence) {
+            self.counts = command.position_counts;
+            self.places.push(self.counts);
+        }
+    }
+
+    fn takes(&mut self, client_id: u64, sequence: u64) -> bool {
+        let allowed =
+            self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == client_id);
+        if !allowed || self.refuse.is_some() {
+            self.refused += 1;
+            return false;
+        }
+        assert!(sequence > self.sequence, "numbers rise");
+        (self.sequence, self.lease) = (sequence, client_id);
+        true
+    }
+
+    fn tell(&self, server: &mut Server, now: Nanos) {
+        let joint = JointState {
+            stamp_ns: now.0,
+            position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
+            count: 2,
+            flags: if self.model { JointState::VALID } else { 0 },
+            model_id: [self.models[0]; 32],
+            ..JointState::default()
+        };
+        server.publish_goal(joint);
+        server.publish_setpoint(joint);
+        server.publish_measured(joint);
+        server.publish_actuators(ActuatorState {
+            stamp_ns: now.0,
+            measured_stamp_ns: [now.0; 2],
+            measured_counts: self.counts,
+            setpoint_counts: self.counts,
+            count: 2,
+            ..ActuatorState::default()
+        });
+        server.publish_period_statistics(PeriodStatistics {
+            stamp_ns: now.0,
+            ..PeriodStatistics::default()
+        });
+        server.publish_operating_state(OperatingStateMsg {
+            stamp_ns: now.0,
+            lease_client_id: self.lease,
+            accepted: (self.poses.len() + self.places.len()) as u64,
+            refused: self.refused,
+            state: self.state.number(),
+            fault: self.fault.number(),
+            last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
+            flags: if self.homed {
+                OperatingStateMsg::HOMED
+            } else {
+                0
+            },
+            ..OperatingStateMsg::default()
+        });
+    }
+}
+
+/// The controller, until dropped.
+pub struct Controller {
+    pub domain: Domain,
+    robot: Arc<Mutex<Robot>>,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Controller {
+    /// Serves in a domain of its own.
+    pub fn start() -> Self {
+        let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+        let robot = Arc::new(Mutex::new(Robot::new()));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (ready, is_ready) = mpsc::channel();
+        let thread = thread::spawn({
+            let (domain, robot, stop) = (domain.clone(), Arc::clone(&robot), Arc::clone(&stop));
+            move || {
+                let mut server = Server::create(DomainGuard::acquire(&domain).unwrap()).unwrap();
+                server.describe([2, 0], [0; 32], Default::default());
+                ready.send(()).unwrap();
+                while !stop.load(Ordering::Relaxed) {
+                    pass(&mut server, &robot);
+                    clock::sleep(Nanos::from_millis(1));
+                }
+            }
+        });
+        is_ready.recv().unwrap();
+        Self {
+            domain,
+            robot,
+            stop,
+            thread: Some(thread),
+        }
+    }
+
+    /// A controller that is homed and enabled.
+    pub fn enabled() -> Self {
+        let controller = Self::start();
+        controller.robot().homed = true;
+        controller.robot().state = OperatingState::Enabled;
+        controller
+    }
+
+    pub fn robot(&self) -> MutexGuard<'_, Robot> {
+        self.robot.lock().unwrap()
+    }
+
+    /// Waits until the robot is as wanted.
+    pub fn wait(&self, what: &str, wanted: impl Fn(&Robot) -> bool) {
+        let end = clock::now() + Nanos::from_millis(20_000);
+        while !wanted(&self.robot()) {
+            assert!(clock::now() < end, "waited in vain: {what}");
+            clock::sleep(Nanos::from_millis(2));
+        }
+    }
+}
+
+fn pass(server: &mut Server, robot: &Mutex<Robot>) {
+    let (mut robot, now) = (robot.lock().unwrap(), clock::now());
+    let mut requests = Vec::new();
+    server.poll_state_commands(now, |token, request| requests.push((token, request)));
+    for (token, request) in requests {
+        let refusal = robot.command(request).number();
+        server.reply(
+            token,
+            StateCommandReply {
+                refusal,
+                state: robot.state.number(),
+            },
+        );
+    }
+    let mut questions = Vec::new();
+    server.poll_models(now, |token, request| questions.push((token, request)));
+    for (token, request) in questions {
+        let reply = robot.about_models(&request);
+        server.reply_model(token, reply);
+    }
+    if let Some(command) = server.poll_servo(robot.lease) {
+        robot.servo(command);
+    }
+    if let Some(command) = server.poll_actuator(robot.lease) {
+        robot.actuator(command);
+    }
+    robot.tell(server, now);
+    server.maintain(now);
+}
+
+impl Drop for Controller {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

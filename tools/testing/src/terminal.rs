@@ -1,0 +1,183 @@
+//! A program on a terminal of any size: what it draws, and what is typed.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::num::NonZeroU16;
+use std::os::fd::{AsFd, AsRawFd};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use i2ris::ipc::Domain;
+use nix::pty::{OpenptyResult, Winsize, openpty};
+use nix::sys::termios::{LocalFlags, tcgetattr};
+
+use crate::program;
+
+/// How long anything may take on a machine that does other things.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn some(length: u16) -> NonZeroU16 {
+    NonZeroU16::new(length).unwrap()
+}
+
+/// A program on a terminal of its own, killed when dropped.
+pub struct Terminal {
+    child: Child,
+    keyboard: Option<File>,
+    /// Ours, so that its settings can be looked at when the program is gone.
+    slave: File,
+    output: Receiver<Vec<u8>>,
+    pub screen: vt100::Parser,
+}
+
+impl Terminal {
+    /// Starts `i2ris` with arguments on a terminal of so many rows and columns.
+    pub fn start(domain: &Domain, arguments: &[&str], rows: u16, columns: u16) -> Self {
+        let mut command = program::command(arguments);
+        command
+            .env("I2RIS_DOMAIN", domain.name())
+            .env("TERM", "xterm-256color")
+            .env_remove("NO_COLOR");
+        let size = Winsize {
+            ws_row: rows,
+            ws_col: columns,
+            ws_xpixel: 0,
+            ws_ypixel: 0,
+        };
+        let OpenptyResult { master, slave } = openpty(&size, None).unwrap();
+        let other = || Stdio::from(slave.try_clone().unwrap());
+        command.stdin(other()).stdout(other()).stderr(other());
+        // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
+        unsafe {
+            command.pre_exec(|| {
+                nix::unistd::setsid()?;
+                nix::errno::Errno::result(nix::libc::ioctl(0, nix::libc::TIOCSCTTY, 0))?;
+                Ok(())
+            });
+        }
+        let child = command.spawn().unwrap();
+        let mut reader = File::from(master.try_clone().unwrap());
+        let (sender, output) = channel();
+        thread::spawn(move || {
+            let mut chunk = [0; 4096];
+            while let Ok(count @ 1..) = reader.read(&mut chunk) {
+                if sender.send(chunk[..count].to_vec()).is_err() {
+                    return;
+                }
+            }
+        });
+        let screen = vt100::Parser::new(some(rows), some(columns), 0);
+        Self {
+            child,
+            keyboard: Some(File::from(master)),
+            slave: File::from(slave),
+            output,
+            screen,
+        }
+    }
+
+    pub fn pid(&self) -> nix::unistd::Pid {
+        nix::unistd::Pid::from_raw(i32::try_from(self.child.id()).unwrap())
+    }
+
+    /// Types.
+    pub fn type_keys(&mut self, keys: &str) {
+        self.keyboard
+            .as_mut()
+            .unwrap()
+            .write_all(keys.as_bytes())
+            .unwrap();
+    }
+
+    /// Gives the terminal another size.
+    pub fn resize(&mut self, rows: u16, columns: u16) {
+        let size = Winsize {
+            ws_row: rows,
+            ws_col: columns,
+            ws_xpixel: 0,
+            ws_ypixel: 0,
+        };
+        // SAFETY: the descriptor is open, and the call only reads the structure.
+        let done = unsafe {
+            nix::libc::ioctl(
+                self.slave.as_raw_fd(),
+                nix::libc::TIOCSWINSZ,
+                &raw const size,
+            )
+        };
+        nix::errno::Errno::result(done).unwrap();
+        self.screen.set_size(some(rows), some(columns));
+    }
+
+    /// Waits until the screen shows something, and returns all of it.
+    pub fn wait(&mut self, what: &str, shown: impl Fn(&str) -> bool) -> String {
+        let end = Instant::now() + PATIENCE;
+        loop {
+            let text = self.screen.screen().contents();
+            if shown(&text) {
+                return text;
+            }
+            assert!(Instant::now() < end, "waited in vain: {what}\n{text}");
+            match self.output.recv_timeout(Duration::from_millis(100)) {
+                Ok(bytes) => self.screen.process(&bytes),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => panic!("it ended: {what}\n{text}"),
+            }
+        }
+    }
+
+    /// Waits for a word on the screen.
+    pub fn wait_for(&mut self, word: &str) -> String {
+        self.wait(word, |text| text.contains(word))
+    }
+
+    /// Whether keys come one by one and are not shown, as a full screen wants them.
+    pub fn is_raw(&self) -> bool {
+        !tcgetattr(self.slave.as_fd())
+            .unwrap()
+            .local_flags
+            .intersects(LocalFlags::ICANON | LocalFlags::ECHO)
+    }
+
+    /// Waits for the end, and takes in what was written until then.
+    pub fn end(&mut self) -> ExitStatus {
+        let end = Instant::now() + PATIENCE;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(
+                Instant::now() < end,
+                "it does not end\n{}",
+                self.screen.screen().contents()
+            );
+            thread::sleep(Duration::from_millis(10));
+        };
+        while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {
+            self.screen.process(&bytes);
+        }
+        status
+    }
+
+    /// Takes the terminal away, as when its window is closed.
+    pub fn hang_up(&mut self) {
+        self.keyboard = None;
+        nix::sys::signal::kill(self.pid(), nix::sys::signal::Signal::SIGHUP).unwrap();
+    }
+
+    /// That the terminal is as it was: lines and echo, the first screen, a cursor.
+    pub fn assert_restored(&self) {
+        assert!(!self.is_raw(), "keys are shown and come in lines");
+        assert!(!self.screen.screen().alternate_screen() && !self.screen.screen().hide_cursor());
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

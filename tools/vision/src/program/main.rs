@@ -1,0 +1,86 @@
+//! `i2ris vision`: from microscope pictures to angles.
+#![allow(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a command-line program prints"
+)]
+
+mod accuracy;
+mod calibrate;
+mod check;
+mod input;
+mod measure;
+mod render;
+mod report;
+mod scale;
+
+use clap::Parser;
+use i2ris_terminal::Failure;
+use std::process::ExitCode;
+
+/// Measure angles in microscope images
+#[derive(Debug, Parser)]
+#[command(
+    name = "i2ris-vision",
+    bin_name = "i2ris vision",
+    version,
+    propagate_version = true
+)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(after_help = "Examples:
+  i2ris vision calibrate --setup my.toml --pitch P/top P/side --yaw Y/top Y/side --output vision.toml
+  i2ris vision check --setup vision.toml --sheet sheet.png P/top P/side
+  i2ris vision --setup vision.toml top.fifo side.fifo --latency-ms 40 --publish --output angles.csv")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Option<Task>,
+    #[command(flatten)]
+    measure: measure::Arguments,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    /// Draw what is measured over the pictures, for a person to look at
+    Check(check::Arguments),
+    /// Find which view shows which axis, and the straight pose, and write them into a setup
+    Calibrate(calibrate::Arguments),
+    /// Tell the scale from two pictures between which a stage moved by a known way
+    Scale(scale::Arguments),
+    /// Draw synthetic pictures of given angles
+    Render(render::Arguments),
+    /// Measure how exact the detector is on synthetic pictures
+    Accuracy(accuracy::Arguments),
+}
+
+fn main() -> ExitCode {
+    i2ris_terminal::program::run(|_| true, run)
+}
+
+fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.task {
+        None => measure::run(arguments.measure),
+        Some(Task::Check(arguments)) => check::run(&arguments),
+        Some(Task::Calibrate(arguments)) => calibrate::run(&arguments),
+        Some(Task::Scale(arguments)) => scale::run(&arguments),
+        Some(Task::Render(arguments)) => render::run(&arguments),
+        Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_help_has_an_example_and_the_command_line_is_consistent() {
+        let mut command = Arguments::command();
+        let help = command.render_long_help().to_string();
+        assert!(
+            help.contains("Example") && help.contains("i2ris vision"),
+            "{help}"
+        );
+        command.debug_assert();
+    }
+}

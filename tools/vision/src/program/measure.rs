@@ -1,0 +1,298 @@
+//! `i2ris vision`: pictures in, angles out.
+
+use std::fs::File;
+use std::io::{Write, stdout};
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use i2ris::clock;
+use i2ris::ipc::client::{ClientError, ExternalPublisher};
+use i2ris::units::Nanos;
+use i2ris_vision::look::{Eye, Look};
+use i2ris_vision::record::{Recorder, Row};
+use i2ris_vision::session::{Reference, Session};
+use i2ris_vision::setup::Setup;
+use i2ris_vision::source::SourceError;
+
+use super::input::Format;
+use super::report::report;
+use i2ris_terminal::Failure;
+use i2ris_terminal::{DomainOption, Interrupt, until_closed};
+
+/// A camera that delivers nothing for this long has stalled.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// How often it is looked whether to end.
+const GLANCE: Duration = Duration::from_millis(100);
+/// Looks of one view that wait for the other: a second and more of a camera, little memory of a
+/// recording.
+const WAITING: usize = 64;
+
+/// Arguments of `i2ris vision`.
+#[derive(Debug, clap::Args)]
+#[group(id = "measure")]
+pub struct Arguments {
+    /// Pictures of each view of the setup: a folder, a file, a FIFO, or `-` for the standard input
+    #[arg(value_name = "PICTURES", num_args = 1..=2, required = true)]
+    pictures: Vec<PathBuf>,
+    /// What is known about the views
+    #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
+    setup: PathBuf,
+    #[command(flatten)]
+    format: Format,
+    /// The pictures begin at rest for this long: what angles count from. 0: as the setup says
+    #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = span)]
+    rest_s: Nanos,
+    /// Where to write the angles, CSV [default: standard output]
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Publish the angles as external/measured_jp
+    #[arg(long)]
+    publish: bool,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+/// A span of 0 to 3600 s.
+pub fn span(text: &str) -> Result<Nanos, String> {
+    let seconds = text
+        .parse()
+        .ok()
+        .filter(|s: &f64| (0.0..=3600.0).contains(s));
+    seconds
+        .map(|s| Nanos((s * 1e9) as u64))
+        .ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
+}
+
+/// What a view's thread tells.
+type Told = Result<Look, SourceError>;
+
+/// Runs it.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    let setup = Setup::load(&arguments.setup)?;
+    let Arguments {
+        pictures, format, ..
+    } = &arguments;
+    if pictures.len() != setup.views.len() {
+        let (given, wanted) = (pictures.len(), setup.views.len());
+        return Err(format!(
+            "{given} sources of pictures for {wanted} views in {}",
+            arguments.setup.display()
+        )
+        .into());
+    }
+    let live = format.is_live(pictures);
+    let reference = if arguments.rest_s == Nanos::ZERO {
+        Reference::Setup
+    } else {
+        Reference::First(arguments.rest_s)
+    };
+    let session = Session::new(&setup, reference)?;
+    let outlet = Outlet::open(&arguments, live, session.axes())?;
+    let interrupt = Interrupt::catch()?;
+    let views = setup.views.iter().zip(pictures).map(|(view, path)| {
+        let (sender, receiver) = sync_channel(WAITING);
+        let (path, format, eye) = (path.clone(), format.clone(), Eye::new(view.settings()));
+        thread::spawn(move || watch(&path, &format, eye, &sender));
+        receiver
+    });
+    let mut run = Run {
+        views: views.collect(),
+        session,
+        outlet,
+        live,
+        interrupt,
+        failure: None,
+    };
+    let outcome = run.go();
+    eprint!("{}{}", report(&setup, &run.session), run.outlet.report());
+    outcome?;
+    match run.failure {
+        Some(failure) => Err(failure.into()),
+        None if run.session.tally().good == 0 => Err("not one angle could be measured".into()),
+        None => Ok(()),
+    }
+}
+
+/// Looks at the pictures of one view until they end, or until nobody listens.
+fn watch(path: &std::path::Path, format: &Format, mut eye: Eye, to: &SyncSender<Told>) {
+    let mut source = match format.open(path) {
+        Ok(source) => source,
+        Err(error) => {
+            let _ = to.send(Err(error));
+            return;
+        }
+    };
+    loop {
+        let told = match source.next() {
+            Ok(None) => return,
+            Ok(Some(shot)) => {
+                let mut look = eye.look(shot);
+                // Many of them wait in the channel.
+                look.picture = None;
+                Ok(look)
+            }
+            Err(error) => Err(error),
+        };
+        let is_last = told.is_err();
+        if to.send(told).is_err() || is_last {
+            return;
+        }
+    }
+}
+
+struct Run {
+    views: Vec<Receiver<Told>>,
+    session: Session,
+    outlet: Outlet,
+    live: bool,
+    interrupt: Interrupt,
+    /// What ended a view before its end.
+    failure: Option<SourceError>,
+}
+
+impl Run {
+    fn go(&mut self) -> Result<(), Failure> {
+        while let Some(view) = self.session.wanted() {
+            match self.next(view) {
+                Next::Told(told) => match *told {
+                    Ok(look) => self.session.take(view, look),
+                    Err(error) => {
+                        self.failure.get_or_insert(error);
+                        self.session.end(view);
+                    }
+                },
+                Next::Ended => self.session.end(view),
+                Next::Stalled => {
+                    let rows = self.session.stalled(view, clock::now())?;
+                    if !self.outlet.put(&rows)? {
+                        return Ok(());
+                    }
+                }
+                Next::Interrupted => return Ok(()),
+            }
+            let rows = match self.session.rows() {
+                // Why there is no picture says more than that there is none.
+                Err(error) => {
+                    return self
+                        .failure
+                        .take()
+                        .map_or(Err(error.into()), |failure| Err(failure.into()));
+                }
+                Ok(rows) => rows,
+            };
+            if !self.outlet.put(&rows)? {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    fn next(&self, view: usize) -> Next {
+        let start = Instant::now();
+        loop {
+            match self.views[view].recv_timeout(GLANCE) {
+                Ok(told) => return Next::Told(Box::new(told)),
+                Err(RecvTimeoutError::Disconnected) => return Next::Ended,
+                Err(RecvTimeoutError::Timeout) if self.interrupt.came() => {
+                    return Next::Interrupted;
+                }
+                Err(RecvTimeoutError::Timeout) if self.live && start.elapsed() >= PATIENCE => {
+                    return Next::Stalled;
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+}
+
+enum Next {
+    Told(Box<Told>),
+    Ended,
+    Stalled,
+    Interrupted,
+}
+
+/// Where rows go.
+struct Outlet {
+    recorder: Recorder<Box<dyn Write>>,
+    publisher: Option<ExternalPublisher>,
+    published: usize,
+    unheard: usize,
+}
+
+impl Outlet {
+    fn open(arguments: &Arguments, live: bool, axes: [bool; 2]) -> Result<Self, Failure> {
+        if arguments.publish && !live {
+            return Err(
+                "--publish needs pictures as they are taken: a stream, and no --fps".into(),
+            );
+        }
+        if arguments.publish && !axes[0] {
+            return Err(
+                "--publish needs pitch: external/measured_jp has no way to say yaw alone".into(),
+            );
+        }
+        let to: Box<dyn Write> = match &arguments.output {
+            None => Box::new(stdout()),
+            Some(path) => Box::new(
+                File::create(path).map_err(|error| format!("{}: {error}", path.display()))?,
+            ),
+        };
+        let publisher = if arguments.publish {
+            Some(ExternalPublisher::new(&arguments.domain.domain()?))
+        } else {
+            None
+        };
+        Ok(Self {
+            recorder: Recorder::new(to, axes)?,
+            publisher,
+            published: 0,
+            unheard: 0,
+        })
+    }
+
+    /// Writes and publishes. `false`: nobody reads any more.
+    fn put(&mut self, rows: &[Row]) -> Result<bool, Failure> {
+        for row in rows {
+            if !until_closed(self.recorder.row(row))? {
+                return Ok(false);
+            }
+            self.publish(row)?;
+        }
+        Ok(true)
+    }
+
+    fn publish(&mut self, row: &Row) -> Result<(), ClientError> {
+        let Some(publisher) = &mut self.publisher else {
+            return Ok(());
+        };
+        let outcome = match &row.seen {
+            Ok(joints) => {
+                let known =
+                    |values: [Option<f64>; 2]| values.into_iter().flatten().collect::<Vec<f64>>();
+                let (angles, deviations) = (known(joints.angle_rad), known(joints.std_rad));
+                publisher.publish_judged(row.stamp, &angles, &deviations, joints.quality)
+            }
+            Err(_) => publisher.publish_nothing(row.stamp),
+        };
+        match outcome {
+            Ok(()) => self.published += 1,
+            // A controller may come later.
+            Err(error) if error.is_absent() => self.unheard += 1,
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    fn report(&self) -> String {
+        if self.publisher.is_none() {
+            return String::new();
+        }
+        format!(
+            "published {} rows; {} more while no controller served the domain\n",
+            self.published, self.unheard
+        )
+    }
+}

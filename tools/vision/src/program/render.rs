@@ -1,0 +1,155 @@
+//! `i2ris vision render`: pictures of given angles, from a recording or from the emulator as it
+//! moves.
+
+mod fifo;
+mod live;
+mod recorded;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use i2ris::units::Nanos;
+use i2ris_terminal::pose_table;
+
+use i2ris_vision::accuracy::setup;
+use i2ris_vision::scene::{Optics, Paint, Pose, Rig, Snake};
+use i2ris_vision::setup::Setup;
+use i2ris_vision::source::Size;
+
+use i2ris_terminal::Failure;
+use i2ris_terminal::Interrupt;
+
+/// Scale of a picture of this width that shows the whole snake.
+const WIDTH_AT_200: f64 = 1280.0;
+
+/// Arguments of `i2ris vision render`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Angles over time: CSV with t_s, pitch_deg and yaw_deg
+    #[arg(
+        long,
+        value_name = "FILE",
+        required_unless_present = "live",
+        conflicts_with = "live"
+    )]
+    angles: Option<PathBuf>,
+    /// Draw what `i2ris emulate --domain NAME` publishes as its camera, as Y4M into the FIFOs view0
+    /// and view1 of the output folder; the domain must be one that no controller serves
+    #[arg(long, value_name = "NAME")]
+    live: Option<String>,
+    /// Draw --angles as Y4M into FIFOs of the output folder, too, as fast as their reader takes
+    /// them: no files
+    #[arg(long, conflicts_with = "live")]
+    stream: bool,
+    /// Folder for the pictures (view0, view1), those at rest (rest0, rest1) and their setup
+    /// (vision.toml)
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+    /// Size of the pictures
+    #[arg(long, value_name = "WxH", default_value = "1280x960")]
+    size: Size,
+    /// What the pictures look like
+    #[command(flatten)]
+    look: LookArguments,
+    /// Draw every so manieth row
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+}
+
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Pictures")]
+struct LookArguments {
+    /// A bare fibre of one thickness, not the robot's body
+    #[arg(long)]
+    bare_fibre: bool,
+    /// Bright fibre on dark ground
+    #[arg(long)]
+    bright: bool,
+    /// Strong blur, noise and uneven light
+    #[arg(long)]
+    strong: bool,
+    /// Both cameras stand turned by this about the snake, from pitch towards yaw
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = turn)]
+    turned_deg: f64,
+    /// Seed of the noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn turn(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|deg: &f64| deg.abs() <= 180.0);
+    value.ok_or_else(|| "must be an angle from -180 to 180".to_owned())
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let rig = rig(arguments);
+    fs::create_dir_all(&arguments.output)
+        .map_err(|error| format!("{}: {error}", arguments.output.display()))?;
+    match (&arguments.angles, &arguments.live) {
+        (Some(angles), _) => {
+            let poses = poses(angles)?;
+            match arguments.stream {
+                false => recorded::files(arguments, &rig, &poses),
+                true => recorded::stream(arguments, &rig, &poses, &Interrupt::catch()?),
+            }
+        }
+        (None, Some(domain)) => {
+            let path = write_setup(arguments, &rig)?;
+            println!(
+                "wrote {}; feeding {} and {}",
+                path.display(),
+                fifo(arguments, 0).display(),
+                fifo(arguments, 1).display()
+            );
+            live::run(
+                &rig,
+                domain,
+                &[fifo(arguments, 0), fifo(arguments, 1)],
+                &Interrupt::catch()?,
+            )
+        }
+        (None, None) => Err("give --angles or --live".into()),
+    }
+}
+
+/// Poses over time from a CSV file.
+fn poses(angles: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
+    let pose = |pose: pose_table::Pose| Pose {
+        pitch_rad: pose.pitch_rad,
+        yaw_rad: pose.yaw_rad,
+    };
+    let rows = pose_table::read(angles)?.into_iter();
+    Ok(rows.map(|(stamp, row)| (stamp, pose(row))).collect())
+}
+
+fn rig(arguments: &Arguments) -> Rig {
+    let Size { width, height } = arguments.size;
+    let look = &arguments.look;
+    let mut rig = Rig::laboratory(width, height, 200.0 * width as f64 / WIDTH_AT_200);
+    rig.seed = look.seed;
+    rig.cameras
+        .iter_mut()
+        .for_each(|camera| camera.plane_rad += look.turned_deg.to_radians());
+    if look.bare_fibre {
+        rig.snake = Snake::fibre(0.125);
+    }
+    if look.bright {
+        rig.paint = Paint::bright();
+    }
+    if look.strong {
+        rig.optics = Optics::strong();
+    }
+    rig
+}
+
+fn fifo(arguments: &Arguments, view: usize) -> PathBuf {
+    arguments.output.join(format!("view{view}"))
+}
+
+fn write_setup(arguments: &Arguments, rig: &Rig) -> Result<PathBuf, Failure> {
+    let path = arguments.output.join("vision.toml");
+    let setup: Setup = setup(rig);
+    setup.save(&path)?;
+    Ok(path)
+}

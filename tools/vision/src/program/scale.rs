@@ -1,0 +1,68 @@
+//! `i2ris vision scale`: pixels per millimetre from a stage.
+
+use std::path::{Path, PathBuf};
+
+use i2ris_vision::fibre::{Reading, measure};
+use i2ris_vision::setup::Setup;
+use i2ris_vision::source::decode;
+
+use i2ris_terminal::Failure;
+
+/// Arguments of `i2ris vision scale`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Two pictures of one view, before and after the stage moved
+    #[arg(value_name = "PICTURE", num_args = 2, required = true)]
+    pictures: Vec<PathBuf>,
+    /// How far the stage moved, across the line of sight
+    #[arg(long, value_name = "MM")]
+    moved_mm: f64,
+    /// What is known about the views; its scale has to be right to a fifth
+    #[arg(long, value_name = "FILE", default_value = "config/vision.toml")]
+    setup: PathBuf,
+    /// Name of the view in the setup [default: the first]
+    #[arg(long, value_name = "NAME")]
+    view: Option<String>,
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let setup = Setup::load(&arguments.setup)?;
+    let named = |name: &String| setup.views.iter().find(|view| view.name == *name);
+    let view = match &arguments.view {
+        None => setup.views.first(),
+        Some(name) => named(name),
+    }
+    .ok_or("the setup has no such view")?;
+    if !(arguments.moved_mm.is_finite() && arguments.moved_mm > 0.0) {
+        return Err("--moved-mm must be above 0".into());
+    }
+    let read = |path: &Path| -> Result<Reading, Failure> {
+        let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+        let bytes = std::fs::read(path).map_err(|error| failed(&error))?;
+        let picture = decode(&bytes).map_err(|error| failed(&error))?;
+        let reading = measure(&picture, &view.settings()).map_err(|doubt| failed(&doubt))?;
+        match reading.doubt {
+            Some(doubt) => Err(failed(&doubt).into()),
+            None => Ok(reading),
+        }
+    };
+    let (before, after) = (read(&arguments.pictures[0])?, read(&arguments.pictures[1])?);
+    let turned = (after.angle_rad - before.angle_rad).to_degrees().abs();
+    if turned > 0.5 {
+        return Err(format!(
+            "the snake bent by {turned:.1} deg between both pictures; hold it still"
+        )
+        .into());
+    }
+    let moved = (after.tip_px[0] - before.tip_px[0]).hypot(after.tip_px[1] - before.tip_px[1]);
+    if moved < 20.0 {
+        return Err(format!("the tip moved by {moved:.1} px only; move the stage farther").into());
+    }
+    println!(
+        "px_per_mm = {:.3}   # view {}: tip moved by {moved:.2} px",
+        moved / arguments.moved_mm,
+        view.name
+    );
+    Ok(())
+}

@@ -1,0 +1,513 @@
+//! `i2ris vision` as a process: pictures in, angles out, and one sentence for everything that is
+//! wrong.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use i2ris::clock;
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::ipc::{Domain, DomainGuard, Server, random_id};
+use i2ris::units::Nanos;
+use i2ris_vision::accuracy::setup;
+use i2ris_vision::scene::{Pose, Rig};
+use i2ris_vision::setup::Setup;
+use i2ris_vision::show::save_grey;
+
+const REST: u64 = 6;
+
+fn rig() -> Rig {
+    Rig::laboratory(640, 480, 100.0)
+}
+
+fn vision(arguments: &[&str]) -> Command {
+    let mut command = i2ris_testing::program::command(&[&["vision"], arguments].concat());
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+fn run(arguments: &[&str]) -> Output {
+    vision(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Ends with a code other than 0 and one sentence on stderr that holds `words`.
+fn assert_refused(output: &Output, words: &[&str]) {
+    let message = text(&output.stderr);
+    assert!(!output.status.success(), "{message}");
+    assert!(
+        message.contains("error: ") && !message.contains("panicked"),
+        "{message}"
+    );
+    assert!(
+        words.iter().all(|word| message.contains(word)),
+        "{words:?} in {message}"
+    );
+}
+
+/// A folder that vanishes, with paths as text.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn name(&self, name: &str) -> String {
+        self.path(name).to_string_lossy().into_owned()
+    }
+
+    /// Numbered pictures of both views: rest, then these poses in degrees. And the setup.
+    fn film(&self, prefix: &str, rig: &Rig, poses: &[[f64; 2]]) {
+        for view in 0..2 {
+            fs::create_dir_all(self.path(&format!("{prefix}{view}"))).unwrap();
+        }
+        let all = (0..REST).map(|_| [0.0; 2]).chain(poses.iter().copied());
+        for (number, [pitch, yaw]) in all.enumerate() {
+            let pose = Pose {
+                pitch_rad: pitch.to_radians(),
+                yaw_rad: yaw.to_radians(),
+            };
+            for (view, picture) in rig.shoot(pose, number as u64).iter().enumerate() {
+                save_grey(
+                    &self.path(&format!("{prefix}{view}/image_{number:04}.png")),
+                    picture,
+                )
+                .unwrap();
+            }
+        }
+        setup(rig).save(&self.path("vision.toml")).unwrap();
+    }
+}
+
+/// Rows of a CSV text without its header, cell by cell.
+fn rows(csv: &str) -> Vec<Vec<String>> {
+    csv.lines()
+        .skip(1)
+        .map(|line| line.split(',').map(str::to_owned).collect())
+        .collect()
+}
+
+fn number(cell: &str) -> f64 {
+    cell.parse().unwrap()
+}
+
+#[test]
+fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
+    let place = Place::new();
+    place.film(
+        "view",
+        &rig(),
+        &[[10.0, -20.0], [-30.0, 5.0], [25.0, 25.0], [1.0, 2.0]],
+    );
+    fs::remove_file(place.path("view0/image_0007.png")).unwrap();
+    let whole = fs::read(place.path("view1/image_0008.png")).unwrap();
+    fs::write(
+        place.path("view1/image_0008.png"),
+        &whole[..whole.len() / 2],
+    )
+    .unwrap();
+    let (setup, first, second) = (
+        place.name("vision.toml"),
+        place.name("view0"),
+        place.name("view1"),
+    );
+    let output = run(&["--setup", &setup, &first, &second, "--rest-s", "0.2"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let rows = rows(&text(&output.stdout));
+    assert_eq!(rows.len(), 10);
+    for (row, [pitch, yaw]) in [(6, [10.0, -20.0]), (9, [1.0, 2.0])] {
+        assert!(
+            (number(&rows[row][1]) - pitch).abs() < 0.1
+                && (number(&rows[row][2]) - yaw).abs() < 0.1,
+            "{row}"
+        );
+    }
+    assert!(
+        rows[7][1..9].iter().all(String::is_empty) && rows[7][9].contains("view0: file missing"),
+        "{:?}",
+        rows[7]
+    );
+    assert!(
+        rows[8][1..9].iter().all(String::is_empty)
+            && rows[8][9].contains("view1: not a whole picture")
+    );
+    let report = text(&output.stderr);
+    assert!(
+        report.contains("8 of 10 rows have angles") && report.contains("spread"),
+        "{report}"
+    );
+
+    // A person looks at the same pictures.
+    let (sheet, overlays) = (place.name("sheet.png"), place.name("overlays"));
+    let output = run(&[
+        "check",
+        "--setup",
+        &setup,
+        &first,
+        &second,
+        "--sheet",
+        &sheet,
+        "--overlays",
+        &overlays,
+    ]);
+    assert!(
+        output.status.success() && text(&output.stdout).contains("file missing"),
+        "{}",
+        text(&output.stdout)
+    );
+    assert!(fs::metadata(&sheet).unwrap().len() > 10_000);
+    assert_eq!(fs::read_dir(&overlays).unwrap().count(), 20);
+}
+
+#[test]
+fn motions_of_one_axis_tell_which_view_is_which() {
+    let place = Place::new();
+    let mut rig = rig();
+    // Yaw with a turn, and pitch the other way round.
+    rig.cameras[0].plane_rad = f64::to_radians(94.0);
+    rig.cameras[1].plane_rad = f64::to_radians(184.0);
+    let swing = |i: u32| 25.0 * (f64::from(i) * 0.5).sin();
+    place.film(
+        "p",
+        &rig,
+        &(0..12).map(|i| [swing(i), 0.0]).collect::<Vec<_>>(),
+    );
+    place.film(
+        "y",
+        &rig,
+        &(0..12).map(|i| [0.0, swing(i)]).collect::<Vec<_>>(),
+    );
+    // What a person writes who does not know yet.
+    let mut guess = setup(&rig);
+    guess.views[0].set_plane(0.0);
+    guess.views[1].set_plane(std::f64::consts::FRAC_PI_2);
+    let (given, found) = (place.name("guess.toml"), place.name("found.toml"));
+    guess.save(Path::new(&given)).unwrap();
+    let folders = ["p0", "p1", "y0", "y1"].map(|name| place.name(name));
+    let [p0, p1, y0, y1] = folders.each_ref().map(String::as_str);
+    let common = [
+        "calibrate",
+        "--setup",
+        &given,
+        "--output",
+        &found,
+        "--rest-s",
+        "0.2",
+    ];
+    let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", y0, y1]].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let views = Setup::load(Path::new(&found)).unwrap().views;
+    for (view, deg) in views.iter().zip([94.0, 184.0]) {
+        assert!(
+            (view.plane_rad().to_degrees() - deg).abs() < 0.3,
+            "{view:?}"
+        );
+        assert!(view.rest.is_some_and(|rest| rest.spread_deg < 0.1));
+    }
+    // With the rest from the file, pictures need not begin at rest.
+    let output = run(&["--setup", &found, p0, p1, "--rest-s", "0"]);
+    let rows = rows(&text(&output.stdout));
+    assert!(
+        (number(&rows[9][1]) - swing(3)).abs() < 0.2 && number(&rows[9][2]).abs() < 0.2,
+        "{:?}",
+        rows[9]
+    );
+    // The wrong motions for the axes are noticed where they can be: both the same.
+    let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", p0, p1]].concat());
+    assert_refused(&output, &["disagree"]);
+}
+
+/// A stream of the first view, alone. The setup goes beside it.
+fn stream(place: &Place, rig: &Rig, poses: usize) -> Vec<u8> {
+    let mut one = setup(rig);
+    one.views.truncate(1);
+    one.save(&place.path("one.toml")).unwrap();
+    let mut bytes = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".to_vec();
+    for number in 0..poses as u64 {
+        let angle = if number < REST { 0.0 } else { 0.2 };
+        bytes.extend(b"FRAME\n");
+        bytes.extend(
+            rig.shoot(
+                Pose {
+                    pitch_rad: angle,
+                    yaw_rad: 0.0,
+                },
+                number,
+            )[0]
+            .data(),
+        );
+    }
+    bytes
+}
+
+fn feed(mut command: Command, bytes: Vec<u8>) -> Output {
+    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
+    let mut to = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || {
+        let _ = to.write_all(&bytes);
+    });
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    output
+}
+
+#[test]
+fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
+    let place = Place::new();
+    let mut bytes = stream(&place, &rig(), 9);
+    bytes.truncate(bytes.len() - 1000);
+    let setup = place.name("one.toml");
+    let output = feed(
+        vision(&["--setup", &setup, "-", "--fps", "30", "--rest-s", "0.15"]),
+        bytes,
+    );
+    assert_refused(&output, &["ends within picture 9", "306200 of 307200"]);
+    let rows = rows(&text(&output.stdout));
+    assert_eq!(rows.len(), 8);
+    assert!((number(&rows[7][1]) - f64::to_degrees(0.2)).abs() < 0.1);
+}
+
+#[test]
+fn raw_bytes_are_the_same_pictures() {
+    let place = Place::new();
+    let bytes = stream(&place, &rig(), 8);
+    let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
+    let raw: Vec<u8> = bytes[header..]
+        .chunks(6 + 640 * 480)
+        .flat_map(|frame| frame[6..].to_vec())
+        .collect();
+    let setup = place.name("one.toml");
+    let output = feed(
+        vision(&[
+            "--setup", &setup, "-", "--raw", "640x480", "--fps", "30", "--rest-s", "0.15",
+        ]),
+        raw,
+    );
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(rows(&text(&output.stdout)).len(), 8);
+}
+
+#[test]
+fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
+    let place = Place::new();
+    let rig = rig();
+    let mut bytes = stream(&place, &rig, 30);
+    // The last picture is empty: the controller hears that nothing was seen.
+    let length = bytes.len();
+    bytes[length - 640 * 480..].fill(100);
+    let name = format!("t{:016x}", random_id());
+    let mut server =
+        Server::create(DomainGuard::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
+    let setup = place.name("one.toml");
+    let before = clock::now();
+    // Every picture says when it was taken: a millisecond after the one before.
+    let command = vision(&[
+        "--setup",
+        &setup,
+        "-",
+        "--rest-s",
+        "0.0055",
+        "--publish",
+        "--domain",
+        &name,
+    ]);
+    let mut child = { command }.stdin(Stdio::piped()).spawn().unwrap();
+    let mut to = child.stdin.take().unwrap();
+    let writer = std::thread::spawn(move || {
+        let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
+        to.write_all(&bytes[..header]).unwrap();
+        for (number, frame) in bytes[header..].chunks(6 + 640 * 480).enumerate() {
+            let Nanos(stamp) = before + Nanos::from_millis(number as u64);
+            writeln!(
+                to,
+                "FRAME XT={}.{:09}",
+                stamp / 1_000_000_000,
+                stamp % 1_000_000_000
+            )
+            .unwrap();
+            to.write_all(&frame[6..]).unwrap();
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        // Time for the server to see the last one before its publisher goes.
+        std::thread::sleep(Duration::from_millis(500));
+    });
+    let mut seen: Vec<ExternalPosition> = Vec::new();
+    let start = Instant::now();
+    while seen.last().is_none_or(|last| last.flags != 0)
+        && start.elapsed() < Duration::from_secs(30)
+    {
+        server.maintain(clock::now());
+        seen.extend(server.poll_external());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    writer.join().unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let valid: Vec<_> = seen
+        .iter()
+        .filter(|s| s.flags == ExternalPosition::VALID)
+        .collect();
+    let last = valid.last().unwrap();
+    assert!(
+        (last.position[0] - 0.2).abs() < 0.003 && last.count == 1,
+        "{last:?}"
+    );
+    assert!(
+        last.quality > 0.5 && last.deviation[0] > 0.0 && last.deviation[0] < 0.01,
+        "{last:?}"
+    );
+    assert!(
+        seen.windows(2)
+            .all(|pair| pair[0].stamp_ns < pair[1].stamp_ns)
+    );
+    let number = (last.stamp_ns - before.0) / 1_000_000;
+    assert!(
+        last.stamp_ns == before.0 + number * 1_000_000 && number < 29,
+        "the picture's own stamp: {last:?}"
+    );
+    assert_eq!(
+        seen.last().unwrap().flags,
+        0,
+        "an empty picture is said to show nothing"
+    );
+}
+
+#[test]
+fn a_recording_is_drawn_and_measured_again() {
+    let place = Place::new();
+    fs::write(
+        place.path("angles.csv"),
+        "t_s,pitch_deg,yaw_deg\n3.5,10,-12\n3.6,,\n3.7,-20,15.5\n",
+    )
+    .unwrap();
+    let (angles, folder) = (place.name("angles.csv"), place.name("out"));
+    let output = run(&[
+        "render", "--angles", &angles, "--output", &folder, "--size", "640x480",
+    ]);
+    assert!(
+        output.status.success() && text(&output.stdout).contains("2 poses"),
+        "{output:?}"
+    );
+    let names = [
+        "out/vision.toml",
+        "out/view0",
+        "out/view1",
+        "out/rest0",
+        "out/rest1",
+    ]
+    .map(|name| place.name(name));
+    let [setup, v0, v1, r0, r1] = names.each_ref().map(String::as_str);
+    let output = run(&[
+        "calibrate",
+        "--setup",
+        setup,
+        "--rest",
+        r0,
+        r1,
+        "--output",
+        setup,
+    ]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let output = run(&["--setup", setup, v0, v1, "--rest-s", "0"]);
+    let rows = rows(&text(&output.stdout));
+    assert_eq!((rows.len(), rows[1][0].as_str()), (2, "3.700000000"));
+    assert!(
+        (number(&rows[1][1]) + 20.0).abs() < 0.1 && (number(&rows[1][2]) - 15.5).abs() < 0.1,
+        "{rows:?}"
+    );
+}
+
+#[test]
+fn a_stage_tells_the_scale() {
+    let place = Place::new();
+    let before = rig();
+    let mut after = before.clone();
+    // The stage moved by 0.8 mm across the base.
+    after.cameras[0].origin_px[1] += 80.0;
+    place.film("a", &before, &[]);
+    place.film("b", &after, &[]);
+    let (setup, a, b) = (
+        place.name("vision.toml"),
+        place.name("a0/image_0000.png"),
+        place.name("b0/image_0000.png"),
+    );
+    let output = run(&["scale", "--setup", &setup, "--moved-mm", "0.8", &a, &b]);
+    let words = text(&output.stdout);
+    let scale = number(words.split_whitespace().nth(2).unwrap_or("nan"));
+    assert!(
+        (scale - 100.0).abs() < 0.5,
+        "{words} {}",
+        text(&output.stderr)
+    );
+    assert_refused(
+        &run(&["scale", "--setup", &setup, "--moved-mm", "0.8", &a, &a]),
+        &["moved by 0.0 px"],
+    );
+}
+
+#[test]
+fn bad_input_is_refused_with_a_reason() {
+    let place = Place::new();
+    place.film("view", &rig(), &[]);
+    fs::create_dir(place.path("empty")).unwrap();
+    let names =
+        ["vision.toml", "view0", "view1", "empty", "none.toml"].map(|name| place.name(name));
+    let [setup, v0, v1, empty, none] = names.each_ref().map(String::as_str);
+    for (arguments, words) in [
+        (vec!["--setup", none, v0, v1], vec!["none.toml"]),
+        (
+            vec!["--setup", setup, v0],
+            vec!["1 sources of pictures for 2 views"],
+        ),
+        (
+            vec!["--setup", setup, v0, empty],
+            vec!["empty", "no PNG or JPEG"],
+        ),
+        (
+            vec!["--setup", setup, v0, v0],
+            vec!["of 6 pictures at rest can be measured"],
+        ),
+        (
+            vec!["--setup", setup, v0, v1, "--rest-s", "0"],
+            vec!["no rest for view view0"],
+        ),
+        (
+            vec!["--setup", setup, v0, v1, "--publish"],
+            vec!["--publish", "stream"],
+        ),
+        (vec!["--setup", setup, setup, setup], vec!["YUV4MPEG2"]),
+        (
+            vec![
+                "calibrate",
+                "--setup",
+                setup,
+                "--pitch",
+                v0,
+                v1,
+                "--output",
+                none,
+            ],
+            vec!["--pitch and --yaw"],
+        ),
+        (
+            vec!["render", "--angles", setup, "--output", empty],
+            vec!["vision.toml", "t_s"],
+        ),
+    ] {
+        assert_refused(&run(&arguments), &words);
+    }
+}
