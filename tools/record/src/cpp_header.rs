@@ -27,7 +27,10 @@ pub fn cpp_header() -> String {
 fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
     let PayloadLayout { name, size, fields } = payload;
     let _ = writeln!(text, "struct {name} {{");
-    let _ = writeln!(text, "    static constexpr const char* IOX2_TYPE_NAME = \"{type_name}\";");
+    let _ = writeln!(
+        text,
+        "    static constexpr const char* IOX2_TYPE_NAME = \"{type_name}\";"
+    );
     for field in *fields {
         let entries = match field.count {
             count if count > 1 && !field.is_span => format!("[{count}]"),
@@ -42,7 +45,10 @@ fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
         ..
     } in *fields
     {
-        let _ = writeln!(text, "static_assert(offsetof({name}, {field}) == {offset});");
+        let _ = writeln!(
+            text,
+            "static_assert(offsetof({name}, {field}) == {offset});"
+        );
     }
     text.push('\n');
 }

@@ -145,7 +145,14 @@ impl FieldValue for SpanSummary {
     const IS_SPAN: bool = true;
 
     fn encode(self, bytes: &mut Vec<u8>) {
-        [self.p50_ns, self.p90_ns, self.p99_ns, self.p999_ns, self.max_ns].encode(bytes);
+        [
+            self.p50_ns,
+            self.p90_ns,
+            self.p99_ns,
+            self.p999_ns,
+            self.max_ns,
+        ]
+        .encode(bytes);
     }
 
     fn decode(bytes: &mut &[u8]) -> Option<Self> {
@@ -274,7 +281,12 @@ mod tests {
             let mut end = 0;
             for field in payload.fields {
                 let size = field.kind.size();
-                assert_eq!((field.offset, end % size), (end, 0), "{name}: {}", field.name);
+                assert_eq!(
+                    (field.offset, end % size),
+                    (end, 0),
+                    "{name}: {}",
+                    field.name
+                );
                 end += size * field.count;
             }
             assert_eq!(end, payload.size, "{name}");

@@ -1,47 +1,42 @@
-//! When the robot followed commands.
+//! Percentiles of a quantity.
 
-use i2ris::ipc::OperatingState;
-use i2ris::ipc::payload::OperatingStateMsg;
+use hdrhistogram::Histogram;
+use i2ris_statistics::{quantile, sort};
+use serde::Serialize;
 
-use super::trial::Trial;
-
-/// Whether the robot followed commands while this state lasted.
-pub fn follows(state: &OperatingStateMsg) -> bool {
-    let away = OperatingStateMsg::HOLDING | OperatingStateMsg::BUSY;
-    state.state == OperatingState::Enabled.number() && state.flags & away == 0
+/// Percentiles of a quantity.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 90th percentile.
+    pub p90: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Largest value.
+    pub max: f64,
 }
 
-impl Trial {
-    /// Whether the robot followed commands at an instant. Without any state in the recording it is
-    /// taken to have.
-    pub fn followed_at(&self, stamp_ns: u64) -> bool {
-        let after = self
-            .states
-            .partition_point(|state| state.stamp_ns <= stamp_ns);
-        match after
-            .checked_sub(1)
-            .and_then(|index| self.states.get(index))
-        {
-            Some(state) => follows(state),
-            None => self.states.is_empty(),
-        }
+impl Percentiles {
+    /// Percentiles of values in any order; `None` for no values.
+    pub(super) fn of(mut values: Vec<f64>) -> Option<Self> {
+        sort(&mut values);
+        Some(Self {
+            p50: quantile(&values, 0.5)?,
+            p90: quantile(&values, 0.9)?,
+            p99: quantile(&values, 0.99)?,
+            max: *values.last()?,
+        })
     }
 
-    /// Stretches of time in which it did not, seconds.
-    pub fn away(&self) -> Vec<[f64; 2]> {
-        let mut stretches: Vec<[f64; 2]> = Vec::new();
-        let mut since = None;
-        for state in &self.states {
-            match (follows(state), since) {
-                (false, None) => since = Some(self.seconds(state.stamp_ns)),
-                (true, Some(from)) => {
-                    stretches.push([from, self.seconds(state.stamp_ns)]);
-                    since = None;
-                }
-                _ => {}
-            }
-        }
-        stretches.extend(since.map(|from| [from, self.length_s()]));
-        stretches
+    /// Percentiles in ms of a histogram in ns; `None` if it is empty.
+    pub(super) fn of_histogram_ms(histogram: &Histogram<u64>) -> Option<Self> {
+        let ms = |share| histogram.value_at_quantile(share) as f64 * 1e-6;
+        (!histogram.is_empty()).then(|| Self {
+            p50: ms(0.5),
+            p90: ms(0.9),
+            p99: ms(0.99),
+            max: histogram.max() as f64 * 1e-6,
+        })
     }
 }
