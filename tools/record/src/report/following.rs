@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn intervals_without_following_end_with_the_next_state_or_the_recording() {
-        let state = |seconds, state: OperatingState| OperatingStateMsg {
+        let state = |seconds: u64, state: OperatingState| OperatingStateMsg {
             stamp_ns: seconds * 1_000_000_000,
             state: state.number(),
             ..OperatingStateMsg::default()

@@ -1,4 +1,4 @@
-//! What can be done with a recording: recover, export, look.
+//! Commands for existing recordings: recover, export, info.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -6,17 +6,15 @@ use std::path::PathBuf;
 use i2ris_record::export;
 use i2ris_record::read::Records;
 use i2ris_record::recover;
+use i2ris_terminal::{Failure, while_working};
 use mcap::records::Record;
-
-use i2ris_terminal::Failure;
-use i2ris_terminal::while_working;
 
 /// Arguments of `i2ris record recover`.
 #[derive(Debug, clap::Args)]
 pub struct RecoverArguments {
     /// The recording that was cut off
     recording: PathBuf,
-    /// Where to write a whole one
+    /// File to write
     #[arg(long, short, value_name = "FILE.mcap")]
     output: PathBuf,
 }
@@ -24,12 +22,12 @@ pub struct RecoverArguments {
 /// Arguments of `i2ris record export`.
 #[derive(Debug, clap::Args)]
 pub struct ExportArguments {
-    /// The recording, whole or cut off
+    /// The recording, complete or cut off
     recording: PathBuf,
     /// Folder for the tables
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// How tables are written
+    /// File format of the tables
     #[arg(long, value_enum, default_value_t = FormatName::Csv)]
     format: FormatName,
 }
@@ -45,25 +43,21 @@ enum FormatName {
 /// Arguments of `i2ris record info`.
 #[derive(Debug, clap::Args)]
 pub struct InfoArguments {
-    /// The recording, whole or cut off
+    /// The recording, complete or cut off
     recording: PathBuf,
 }
 
-/// Makes a whole file.
+/// Makes a complete file.
 pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
     let recovered = while_working("recovering", || {
         recover::recover(&arguments.recording, &arguments.output)
     })?;
-    let (messages, metadata, attachments) = (
-        recovered.messages,
-        recovered.metadata,
-        recovered.attachments,
-    );
     println!(
-        "recovered {messages} messages, {metadata} metadata records, {attachments} attachments"
+        "recovered {} messages, {} metadata records, {} attachments",
+        recovered.messages, recovered.metadata, recovered.attachments
     );
     match recovered.stopped_by {
-        None => println!("the old file is whole"),
+        None => println!("the old file is complete"),
         Some(error) => println!("the old file ends there: {error}"),
     }
     Ok(())
@@ -72,8 +66,8 @@ pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
 /// Writes tables.
 pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
     let format = match arguments.format {
-        FormatName::Csv => export::Format::Csv,
-        FormatName::Parquet => export::Format::Parquet,
+        FormatName::Csv => export::TableFormat::Csv,
+        FormatName::Parquet => export::TableFormat::Parquet,
     };
     let exported = while_working("exporting", || {
         export::export(&arguments.recording, &arguments.output, format)
@@ -82,13 +76,13 @@ pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
         println!("{rows:>9} rows  {}", arguments.output.join(name).display());
     }
     if let Some(error) = exported.stopped_by {
-        eprintln!("warning: the recording is not whole: {error}");
+        eprintln!("warning: the recording is not complete: {error}");
     }
     Ok(())
 }
 
 #[derive(Default)]
-struct Topic {
+struct TopicStatistics {
     name: String,
     messages: u64,
     bytes: u64,
@@ -96,9 +90,9 @@ struct Topic {
     last: u64,
 }
 
-/// Tells what there is.
+/// Prints the content of a recording.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
-    let mut topics: BTreeMap<u16, Topic> = BTreeMap::new();
+    let mut topics: BTreeMap<u16, TopicStatistics> = BTreeMap::new();
     let mut cut_off = None;
     for record in Records::open(&arguments.recording)? {
         match record {
@@ -107,29 +101,22 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
             }
             Ok(Record::Message { header, data }) => {
                 let topic = topics.entry(header.channel_id).or_default();
-                topic.first = if topic.messages == 0 {
-                    header.publish_time
-                } else {
-                    topic.first
-                };
+                if topic.messages == 0 {
+                    topic.first = header.publish_time;
+                }
                 topic.last = header.publish_time;
                 topic.messages += 1;
                 topic.bytes += data.len() as u64;
             }
             Ok(Record::Metadata(metadata)) => {
                 println!("{}", metadata.name);
-                metadata
-                    .metadata
-                    .iter()
-                    .for_each(|(name, value)| println!("  {name}: {value}"));
+                for (name, value) in &metadata.metadata {
+                    println!("  {name}: {value}");
+                }
             }
             Ok(Record::Attachment { header, data, .. }) => {
-                println!(
-                    "attached {} ({} bytes, {})",
-                    header.name,
-                    data.len(),
-                    header.media_type
-                );
+                let (name, size) = (header.name, data.len());
+                println!("attached {name} ({size} bytes, {})", header.media_type);
             }
             Ok(Record::DataEnd(_)) => break,
             Ok(_) => {}
@@ -139,27 +126,16 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
             }
         }
     }
-    for Topic {
-        name,
-        messages,
-        bytes,
-        first,
-        last,
-    } in topics.values()
-    {
-        let span_s = last.saturating_sub(*first) as f64 * 1e-9;
+    for topic in topics.values() {
+        let (name, messages) = (&topic.name, topic.messages);
+        let span_s = topic.last.saturating_sub(topic.first) as f64 * 1e-9;
         let rate = if span_s > 0.0 {
-            (*messages as f64 - 1.0) / span_s
+            (messages as f64 - 1.0) / span_s
         } else {
             0.0
         };
-        println!(
-            "{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {:>8.1} kB",
-            *bytes as f64 / 1e3
-        );
+        let kilobytes = topic.bytes as f64 / 1e3;
+        println!("{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {kilobytes:>8.1} kB");
     }
-    match cut_off {
-        None => Ok(()),
-        Some(error) => Err(error.into()),
-    }
+    cut_off.map_or(Ok(()), |error| Err(error.into()))
 }

@@ -1,4 +1,4 @@
-//! Every stream of the controller, drained into a recording.
+//! Subscriptions to every stream of the controller.
 
 use std::collections::BTreeMap;
 
@@ -9,12 +9,12 @@ use i2ris::ipc::payload::{
     ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
-use i2ris_record::layout::Laid;
-use i2ris_record::recorder::Trial;
+use i2ris_record::layout::Layout;
+use i2ris_record::recorder::TrialRecorder;
 use i2ris_record::topic::Stream;
 
 /// All subscriptions.
-pub struct Ears {
+pub struct Subscriptions {
     joints: [(Stream, Subscription<JointState>); 3],
     actuators: Subscription<ActuatorState>,
     state: Subscription<OperatingStateMsg>,
@@ -24,8 +24,8 @@ pub struct Ears {
     servo_actuators: Subscription<ServoActuator>,
 }
 
-impl Ears {
-    /// Opens nothing yet.
+impl Subscriptions {
+    /// Subscribes; streams are opened by the first call of [`Subscriptions::record`].
     pub fn new(watcher: &Watcher) -> Self {
         Self {
             joints: [
@@ -42,10 +42,10 @@ impl Ears {
         }
     }
 
-    /// Hands everything that has arrived to the recording.
-    pub fn listen(&mut self, trial: &mut Trial, now: Nanos) -> Result<(), ClientError> {
+    /// Records every message that has arrived.
+    pub fn record(&mut self, trial: &mut TrialRecorder, now: Nanos) -> Result<(), ClientError> {
         for (stream, subscription) in &mut self.joints {
-            subscription.drain(|message| trial.take_joints(*stream, &message, now))?;
+            subscription.drain(|message| trial.record_joints(*stream, &message, now))?;
         }
         drain(&mut self.actuators, Stream::Actuators, trial, now)?;
         drain(&mut self.state, Stream::State, trial, now)?;
@@ -60,13 +60,10 @@ impl Ears {
         )
     }
 
-    /// Messages that were overwritten before they were read. Commands and pictures may come from
-    /// several senders, whose numbers do not tell: they are left out.
+    /// Messages that were overwritten before they were read, of all streams with one sender.
     pub fn missed(&self) -> BTreeMap<Stream, u64> {
-        let joints = self
-            .joints
-            .iter()
-            .map(|(stream, subscription)| (*stream, subscription.missed()));
+        let joints = self.joints.iter();
+        let joints = joints.map(|(stream, subscription)| (*stream, subscription.missed()));
         let others = [
             (Stream::Actuators, self.actuators.missed()),
             (Stream::State, self.state.missed()),
@@ -76,13 +73,12 @@ impl Ears {
     }
 }
 
-fn drain<T: Laid + Message>(
+fn drain<T: Layout + Message>(
     subscription: &mut Subscription<T>,
     stream: Stream,
-    trial: &mut Trial,
+    trial: &mut TrialRecorder,
     now: Nanos,
 ) -> Result<(), ClientError> {
-    subscription
-        .drain(|message| trial.take(stream, &message, now))
-        .map(drop)
+    let drained = subscription.drain(|message| trial.record(stream, &message, now));
+    drained.map(drop)
 }

@@ -1,4 +1,4 @@
-//! `i2ris record`: a trial as it happens.
+//! `i2ris record`: records a trial.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,34 +11,33 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::Version;
 use i2ris::model::file::ModelFile;
 use i2ris::units::Nanos;
-use i2ris_record::joint::USUAL_NAMES;
-use i2ris_record::recorder::{Attached, Header, Trial, Written};
+use i2ris_record::joint_state::DEFAULT_NAMES;
+use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
 use i2ris_record::topic::Stream;
+use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen};
 
-use super::audit;
-use super::ears::Ears;
-use i2ris_terminal::Failure;
-use i2ris_terminal::{DomainOption, Interrupt, Screen};
+use super::run_log::lines_of_run;
+use super::subscriptions::Subscriptions;
 
-/// How long to wait for a controller that is just starting.
-const CONNECT: Nanos = Nanos::from_millis(2000);
-/// Buffers hold an eighth of a second.
+/// Waiting time for a controller that is starting.
+const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
+/// Time between two reads. Buffers hold an eighth of a second.
 const READ_PERIOD: Nanos = Nanos::from_millis(4);
 const JSON_LINES: &str = "application/jsonl";
-/// How often a person sees something new.
+/// Time between two updates of the terminal.
 const DRAW_PERIOD: Nanos = Nanos::from_millis(500);
 
 /// Arguments of `i2ris record`.
 #[derive(Debug, clap::Args)]
 #[group(id = "trial")]
 pub struct Arguments {
-    /// Where to record: an MCAP file that does not exist yet
+    /// MCAP file to write, which must not exist yet
     #[arg(long, short, value_name = "FILE.mcap", required = true)]
     output: Option<PathBuf>,
     /// Put this configuration, and the model that it names, into the file
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Words that go into the file
+    /// Text that goes into the file
     #[arg(long, value_name = "TEXT", default_value = "")]
     note: String,
     /// End after this time instead of with Ctrl-C
@@ -66,38 +65,48 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .as_deref()
         .ok_or("give --output FILE.mcap")?;
     let interrupt = Interrupt::catch()?;
-    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT_TIMEOUT)?;
     let version = client.version()?;
     let config = arguments.config.as_deref().map(Config::load).transpose()?;
     let header = header(arguments, &version, config.as_ref())?;
-    let mut trial = Trial::start(output, header)?;
-    let mut ears = Ears::new(&client.watcher());
+    let mut trial = TrialRecorder::start(output, header)?;
+    let mut subscriptions = Subscriptions::new(&client.watcher());
     let start = clock::now();
-    let absent = listen(arguments, &interrupt, &mut ears, &mut trial, start);
+    let absent = record(arguments, &interrupt, &mut subscriptions, &mut trial, start);
     let length_s = clock::now().since(start).as_seconds();
-    let missed = ears.missed();
+    let missed = subscriptions.missed();
     let mut outcome: BTreeMap<String, String> = missed
         .iter()
         .map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string()))
         .collect();
-    outcome.insert("dropped".to_owned(), trial.written().dropped.to_string());
+    outcome.insert("dropped".to_owned(), trial.counts().dropped.to_string());
     outcome.insert("length_s".to_owned(), length_s.to_string());
-    // What happened in the meantime, with causes and callers: the streams do not tell those.
-    let audit = config.and_then(|config| audit::lines(&config.record.folder, version.boot_id));
-    let files: Vec<Attached> = audit
-        .into_iter()
-        .map(|lines| ("audit.jsonl".to_owned(), JSON_LINES, lines))
-        .collect();
-    let written = trial.finish(outcome, &files)?;
-    tell(arguments.json, output, &written, &missed, length_s, absent?)
+    // The run log has causes and callers, which the streams do not have.
+    let run_log = config.and_then(|config| run_log(&config, "audit.jsonl", version.boot_id));
+    let counts = trial.finish(outcome, run_log.as_slice())?;
+    print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
 }
 
-/// Listens to the end. The answer says how long there was no controller.
-fn listen(
+/// The run log as an attachment, if it has lines of this run.
+fn run_log(config: &Config, name: &str, boot_id: u64) -> Option<AttachedFile> {
+    let lines = lines_of_run(&config.record.folder, boot_id);
+    lines.map(|content| attachment(name.to_owned(), JSON_LINES, content))
+}
+
+fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> AttachedFile {
+    AttachedFile {
+        name,
+        media_type,
+        content,
+    }
+}
+
+/// Records to the end. Returns how long there was no controller.
+fn record(
     arguments: &Arguments,
     interrupt: &Interrupt,
-    ears: &mut Ears,
-    trial: &mut Trial,
+    subscriptions: &mut Subscriptions,
+    trial: &mut TrialRecorder,
     start: Nanos,
 ) -> Result<Nanos, Failure> {
     let end = arguments
@@ -107,9 +116,9 @@ fn listen(
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
     loop {
         let now = clock::now();
-        match ears.listen(trial, now) {
+        match subscriptions.record(trial, now) {
             Ok(()) => {}
-            // A controller that is started anew is recorded on.
+            // The recording continues if the controller starts again.
             Err(error) if error.is_absent() => absent = absent + now.since(before),
             Err(error) => return Err(error.into()),
         }
@@ -118,8 +127,8 @@ fn listen(
         }
         if screen.is_terminal() && !arguments.json && now >= next_draw {
             next_draw = now + DRAW_PERIOD;
-            let messages: u64 = trial.written().messages.values().sum();
-            let dropped = trial.written().dropped;
+            let messages: u64 = trial.counts().messages.values().sum();
+            let dropped = trial.counts().dropped;
             let seconds = now.since(start).as_seconds();
             screen.draw(&[format!(
                 "recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C ends"
@@ -134,14 +143,15 @@ fn header(
     arguments: &Arguments,
     version: &Version,
     config: Option<&Config>,
-) -> Result<Header, Failure> {
+) -> Result<RecordingHeader, Failure> {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let [major, minor, patch] = version.software;
-    let model: String = version
-        .model_id
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
+    let model = version.model_id.map(|byte| format!("{byte:02x}")).concat();
+    let model = if version.model_id == [0; 32] {
+        "none".to_owned()
+    } else {
+        model
+    };
     let mut about: BTreeMap<String, String> = [
         ("recorder", format!("i2ris {}", env!("CARGO_PKG_VERSION"))),
         (
@@ -149,14 +159,7 @@ fn header(
             format!("i2ris-control {major}.{minor}.{patch}"),
         ),
         ("boot_id", format!("{:016x}", version.boot_id)),
-        (
-            "model_id",
-            if version.model_id == [0; 32] {
-                "none".to_owned()
-            } else {
-                model
-            },
-        ),
+        ("model_id", model),
         ("note", arguments.note.clone()),
     ]
     .map(|(name, value)| (name.to_owned(), value))
@@ -164,16 +167,15 @@ fn header(
     let mut attachments = Vec::new();
     if let (Some(path), Some(config)) = (&arguments.config, config) {
         about.insert("robot_id".to_owned(), config.robot_id.clone());
-        attachments.push((name(path), "application/toml", read(path)?));
+        attachments.push(attachment(name(path), "application/toml", read(path)?));
         if let Some(file) = &config.control.model {
-            attachments.push((name(file), "application/json", read(file)?));
+            attachments.push(attachment(name(file), "application/json", read(file)?));
             about.insert("model_file".to_owned(), model_file(file, version));
         }
-        let audit = audit::lines(&config.record.folder, version.boot_id);
-        attachments.extend(audit.map(|lines| ("audit-begin.jsonl".to_owned(), JSON_LINES, lines)));
+        attachments.extend(run_log(config, "audit-begin.jsonl", version.boot_id));
     }
     let unix_offset_ns = unix.wrapping_sub(clock::now().0);
-    Ok(Header {
+    Ok(RecordingHeader {
         about,
         attachments,
         unix_offset_ns,
@@ -181,8 +183,7 @@ fn header(
     })
 }
 
-/// The model that is attached is the one that the configuration names; the one in use may be
-/// another one by now.
+/// Whether the model of the configuration, which is attached, is the one in use.
 fn model_file(file: &Path, version: &Version) -> String {
     match ModelFile::read(file).and_then(|model| model.id()) {
         Ok(id) if id.0 == version.model_id => format!("{}: the model in use", name(file)),
@@ -210,42 +211,41 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 
 fn joints(version: &Version) -> Vec<String> {
     let named = version.output_names.iter().map(|bytes| {
-        let bytes: Vec<u8> = bytes
+        let end = bytes
             .iter()
-            .copied()
-            .take_while(|byte| *byte != 0)
-            .collect();
-        String::from_utf8_lossy(&bytes).into_owned()
+            .position(|byte| *byte == 0)
+            .unwrap_or(bytes.len());
+        String::from_utf8_lossy(&bytes[..end]).into_owned()
     });
     let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
     if named.is_empty() {
-        USUAL_NAMES.map(str::to_owned).to_vec()
+        DEFAULT_NAMES.map(str::to_owned).to_vec()
     } else {
         named
     }
 }
 
-fn tell(
+fn print_outcome(
     json: bool,
     output: &Path,
-    written: &Written,
+    counts: &MessageCounts,
     missed: &BTreeMap<Stream, u64>,
     length_s: f64,
     absent: Nanos,
 ) -> Result<(), Failure> {
     let lost: u64 = missed.values().sum();
-    let counts = || {
+    let by_stream = || {
         Stream::ALL
             .into_iter()
-            .map(|stream| (stream, written.messages.get(&stream).copied().unwrap_or(0)))
+            .map(|stream| (stream, counts.messages.get(&stream).copied().unwrap_or(0)))
     };
     if json {
-        let messages: serde_json::Map<_, _> = counts()
+        let messages: serde_json::Map<_, _> = by_stream()
             .map(|(stream, count)| (stream.name().into(), count.into()))
             .collect();
         let report = serde_json::json!({
-            "file": output, "length_s": length_s, "messages": messages, "missed": lost, "dropped": written.dropped,
-            "without_controller_s": absent.as_seconds(),
+            "file": output, "length_s": length_s, "messages": messages, "missed": lost,
+            "dropped": counts.dropped, "without_controller_s": absent.as_seconds(),
         });
         println!("{report}");
         return Ok(());
@@ -253,9 +253,9 @@ fn tell(
     println!(
         "recorded {length_s:.1} s to {}; {lost} messages missed, {} dropped",
         output.display(),
-        written.dropped
+        counts.dropped
     );
-    for (stream, count) in counts() {
+    for (stream, count) in by_stream() {
         println!(
             "  {:<24} {count:>9}  {:>7.1} Hz",
             stream.name(),
