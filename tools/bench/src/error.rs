@@ -1,4 +1,4 @@
-//! Why there is no measurement.
+//! Errors of measurements.
 
 use std::io;
 use std::path::PathBuf;
@@ -12,85 +12,85 @@ use i2ris::ipc::{DomainError, IpcError};
 use i2ris::model::ModelError;
 use i2ris_emulator::EmulatorError;
 
-/// Why there is no measurement.
+/// Why a measurement failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// The system refused something.
+    /// A system call failed.
     #[error("cannot {what}: {source}")]
     System {
-        /// What was tried.
+        /// The operation.
         what: &'static str,
-        /// Why not.
+        /// The reason.
         source: io::Error,
     },
-    /// A file of the outcome.
+    /// A file of the outcome cannot be written.
     #[error("cannot write {path}: {source}; name a folder that you may write to")]
     Write {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
-    /// iceoryx2 refused a step.
-    #[error("cannot {step}: iceoryx2 says {reason}")]
+    /// iceoryx2 failed.
+    #[error("cannot {step}: iceoryx2 reports {reason}")]
     Transport {
-        /// What was tried.
+        /// The operation.
         step: &'static str,
-        /// Its word for it.
+        /// Its error.
         reason: String,
     },
-    /// Shared memory of the controller.
+    /// The shared memory of the controller failed.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// See [`BenchError::Domain`].
+    /// As [`BenchError::Domain`].
     #[error(transparent)]
     Ipc(#[from] IpcError),
-    /// A client of the controller.
+    /// A client of the controller failed.
     #[error(transparent)]
     Client(#[from] ClientError),
-    /// The configuration that is measured with.
+    /// The configuration is invalid.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The model that is measured with.
+    /// The model is invalid.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The cycle without a robot.
+    /// The cycle without a robot failed.
     #[error(transparent)]
     Rehearsal(#[from] RehearsalError),
-    /// The emulated drives.
+    /// The emulated drives failed.
     #[error(transparent)]
     Emulator(#[from] EmulatorError),
-    /// The driver.
+    /// The driver failed.
     #[error(transparent)]
     Drive(#[from] DriveError),
-    /// A line.
+    /// A serial line failed.
     #[error("the emulated drive does not answer: {0}")]
     Link(#[from] LinkError),
-    /// The controller that is measured.
-    #[error("the controller {program} {what}; it said last:\n  {said}")]
+    /// The controller failed.
+    #[error("the controller {program} {what}; the end of its log:\n  {log}")]
     Controller {
         /// The program.
         program: PathBuf,
-        /// What it did.
+        /// What happened.
         what: &'static str,
         /// The end of its log.
-        said: String,
+        log: String,
     },
-    /// Nothing came of it.
+    /// Something did not happen in time.
     #[error("{what}: the machine is too busy to measure on, or a part of it hangs")]
-    Nothing {
-        /// What did not come.
+    Timeout {
+        /// What did not happen.
         what: &'static str,
     },
-    /// A histogram cannot be written down.
-    #[error("the histogram of `{way}` cannot be written: {reason}")]
+    /// A histogram cannot be written.
+    #[error("the histogram of `{variant}` cannot be written: {reason}")]
     Histogram {
-        /// Of which way.
-        way: String,
-        /// Why.
+        /// Its variant.
+        variant: String,
+        /// The reason.
         reason: String,
     },
-    /// The operator ended it.
+    /// The user interrupted it.
     #[error("interrupted")]
     Interrupted,
 }
@@ -98,5 +98,12 @@ pub enum BenchError {
 impl BenchError {
     pub(crate) fn system(what: &'static str) -> impl FnOnce(io::Error) -> Self {
         move |source| Self::System { what, source }
+    }
+
+    /// A thread of the measurement panicked.
+    pub(crate) fn panicked<T>(_: T) -> Self {
+        Self::Timeout {
+            what: "a thread of the measurement panicked",
+        }
     }
 }

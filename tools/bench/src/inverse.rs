@@ -1,19 +1,19 @@
-//! The inverse of one pose: from desired angles to counts, with the memory of the hysteresis.
+//! One call of a model: from desired angles to counts, and from counts to angles.
 
 use std::hint::black_box;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::model::{Model, ModelError};
+use i2ris::units::Nanos;
 
+use crate::durations::Durations;
 use crate::error::BenchError;
-use crate::machine::{self, Watch};
+use crate::machine::{LoadMonitor, Machine};
 use crate::model::model;
-use crate::outcome::{Outcome, Role, Way};
-use crate::seat::{Seats, Who, apart};
-use crate::spans::Spans;
-use crate::ticks::between_readings;
-use crate::way::{TICKS, Tick, way};
+use crate::outcome::{BenchOutcome, Role, Variant};
+use crate::placement::{ThreadPlacement, ThreadRole, run_in_thread};
+use crate::workload::{QueryTick, TICKS, workload};
 
 /// Calls that do not count.
 const WARM_UP: u64 = 1000;
@@ -21,8 +21,8 @@ const WARM_UP: u64 = 1000;
 const INVERSE: &str = "inverse";
 const FORWARD: &str = "forward";
 
-/// Models that are measured: components, plays per motor, name.
-const SIZES: [(usize, usize, &str, Role); 4] = [
+/// The models: components, plays per motor, name, role.
+const MODELS: [(usize, usize, &str, Role); 4] = [
     (
         10,
         0,
@@ -34,11 +34,11 @@ const SIZES: [(usize, usize, &str, Role); 4] = [
     (20, 12, "gmr-play, K = 20, 12 plays per motor", Role::Ours),
 ];
 
-struct Sized {
+struct MeasuredModel {
     model: Model,
-    ticks: Vec<Tick>,
-    inverse: Spans,
-    forward: Spans,
+    ticks: Vec<QueryTick>,
+    inverse: Durations,
+    forward: Durations,
 }
 
 /// Calls every model along a motion that turns both motors often, `rounds` times, the models in
@@ -49,73 +49,84 @@ struct Sized {
 /// [`BenchError`].
 pub fn run(
     rounds: u32,
-    seats: Seats,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Outcome, BenchError> {
-    apart(interrupted, |stop| measured(rounds, seats, stop))
+    placement: ThreadPlacement,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<BenchOutcome, BenchError> {
+    run_in_thread(is_interrupted, |stop| measure(rounds, placement, stop))
 }
 
-fn measured(rounds: u32, seats: Seats, stop: &AtomicBool) -> Result<Outcome, BenchError> {
-    let (watch, scheduling) = (Watch::start(), seats.take(Who::Receiver));
-    let sized = |(components, plays, ..): (usize, usize, &str, Role)| -> Result<Sized, ModelError> {
-        let model = model(components, plays)?;
-        let ticks = way(&model);
-        Ok(Sized {
-            model,
-            ticks,
-            inverse: Spans::new(WARM_UP),
-            forward: Spans::new(WARM_UP),
-        })
-    };
-    let mut models = SIZES
-        .into_iter()
-        .map(sized)
-        .collect::<Result<Vec<_>, _>>()?;
-    let mut nothing = Spans::new(WARM_UP);
+fn measure(
+    rounds: u32,
+    placement: ThreadPlacement,
+    stop: &AtomicBool,
+) -> Result<BenchOutcome, BenchError> {
+    let monitor = LoadMonitor::start();
+    let scheduling = placement.apply(ThreadRole::Receiver);
+    let models = MODELS.map(|(components, plays, ..)| MeasuredModel::new(components, plays));
+    let mut models = models.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let mut floor = Durations::new(WARM_UP);
     for _ in 0..rounds {
-        (0..TICKS).for_each(|_| nothing.push(between_readings()));
-        models.iter_mut().for_each(Sized::round);
+        for _ in 0..TICKS {
+            floor.push(two_clock_readings());
+        }
+        for model in &mut models {
+            model.call_all();
+        }
         if stop.load(Ordering::Relaxed) {
             return Err(BenchError::Interrupted);
         }
     }
-    let floor = |group| Way {
-        name: "two readings of the clock".to_owned(),
-        group,
-        role: Role::Floor,
-        spans: nothing.clone(),
-    };
-    let mut ways = vec![floor(INVERSE)];
-    let named = || SIZES.iter().zip(&models);
-    let own = |name: &str, group, role, spans: &Spans| Way {
-        name: name.to_owned(),
-        group,
-        role,
-        spans: spans.clone(),
-    };
-    ways.extend(named().map(|((.., name, role), sized)| own(name, INVERSE, *role, &sized.inverse)));
-    ways.push(floor(FORWARD));
-    ways.extend(named().map(|((.., name, role), sized)| own(name, FORWARD, *role, &sized.forward)));
-    let machine = machine::look();
-    let note = "Each span is one call with the readings of the clock around it; take the floor off for the call alone. For \
-                instructions, which no other load changes: cargo run --release -p i2ris-bench -- instructions.";
-    let notes = std::iter::once(note.to_owned())
-        .chain(machine.notes())
-        .collect();
-    Ok(Outcome {
+    let mut variants = Vec::new();
+    for group in [INVERSE, FORWARD] {
+        let name = "two readings of the clock";
+        variants.push(Variant::new(name, group, Role::Floor, floor.clone()));
+        for ((.., name, role), measured) in MODELS.iter().zip(&models) {
+            let durations = if group == INVERSE {
+                &measured.inverse
+            } else {
+                &measured.forward
+            };
+            variants.push(Variant::new(name, group, *role, durations.clone()));
+        }
+    }
+    let machine = Machine::detect();
+    let note = "Each duration is one call with the readings of the clock around it; subtract the \
+                floor for the call alone. For instructions, which other load does not change: \
+                i2ris bench instructions.";
+    Ok(BenchOutcome {
         bench: "inverse",
-        about: "One call of a model: desired angles to counts (inverse), counts to angles with covariance (forward)",
-        weather: watch.stop(),
+        about: "One call of a model: desired angles to counts (inverse), counts to angles with \
+                covariance (forward)",
+        load: monitor.stop(),
         scheduling: vec![scheduling.replace("receiving thread", "calling thread")],
+        notes: [note.to_owned()]
+            .into_iter()
+            .chain(machine.notes())
+            .collect(),
         machine,
-        ways,
+        variants,
         quantities: Vec::new(),
-        notes,
     })
 }
 
-impl Sized {
-    fn round(&mut self) {
+/// The duration of nothing: the floor of all durations of a call.
+pub(crate) fn two_clock_readings() -> Nanos {
+    let begin = clock::now();
+    clock::now().since(begin)
+}
+
+impl MeasuredModel {
+    fn new(components: usize, plays: usize) -> Result<Self, ModelError> {
+        let model = model(components, plays)?;
+        Ok(Self {
+            ticks: workload(&model),
+            model,
+            inverse: Durations::new(WARM_UP),
+            forward: Durations::new(WARM_UP),
+        })
+    }
+
+    fn call_all(&mut self) {
         for tick in &self.ticks {
             let begin = clock::now();
             black_box(

@@ -1,28 +1,30 @@
 //! Benchmarks of i2ris.
 //!
-//! | what | how |
+//! | measurement | command |
 //! |---|---|
-//! | latencies: shared memory, loop, inverse, serial line, all of them together | `i2ris bench`, on [`ipc`], [`ticks`], [`inverse`], [`wire`], [`e2e`] |
-//! | time of a call | `cargo bench -p i2ris-bench` |
-//! | instructions, which no other load on the machine changes; takes valgrind | `i2ris bench instructions` |
+//! | latencies: shared memory, loop, inverse, serial line, end to end | `i2ris bench` |
+//! | instructions per call, independent of other load; needs valgrind | `i2ris bench instructions` |
 //! | scikit-learn and the Python package `gmr` in the same run | `python3 tools/bench/peers.py` |
+//! | faults injected into emulated drives | example `fault_campaign` |
 //!
-//! A latency means little without what the machine itself needs for it. So every measurement is an
-//! [`Outcome`]: ways of doing a thing, among them a floor, measured in the same run and in turns
-//! with the others, and what everybody has as peers.
+//! A latency has little meaning without the least latency that the machine allows. Every
+//! measurement is a [`BenchOutcome`] with several variants. One of them is a floor. All variants run
+//! in turns in the same run. Common alternatives are peers.
 //!
-//! | module | holds |
+//! | module | contains |
 //! |---|---|
-//! | [`spans`] | many spans, and the few numbers that tell of them |
-//! | [`outcome`] | ways, quantities, ratios |
-//! | [`seat`] | where threads run, and what they were granted |
-//! | [`machine`] | what was measured on, what else it did meanwhile, and what that lets nobody conclude |
-//! | [`ipc`], [`ticks`], [`inverse`], [`wire`], [`e2e`] | the measurements |
-//! | [`bare`] | a drive asked by nothing but a loop: the floor of everything that ends on a line |
-//! | [`show`] | outcomes as JSON, as HDR histogram log, as figure, as page |
-//! | [`model`], [`way`] | models of any size, and what the control loop asks of them |
+//! | [`durations`] | a histogram of durations and its percentiles |
+//! | [`outcome`] | variants, quantities, ratios |
+//! | [`placement`] | scheduling and processors of threads |
+//! | [`machine`] | properties and load of the machine |
+//! | [`ipc`], [`control_loop`], [`inverse`], [`wire`], [`e2e`] | the measurements |
+//! | [`bare_loop`] | a loop that only talks to a drive: the floor of the serial line |
+//! | [`output`] | outcomes as JSON, HDR histogram log, figure and page |
+//! | [`model`], [`workload`] | models of any size, and the queries of the control loop |
 
-pub mod bare;
+pub mod bare_loop;
+pub mod control_loop;
+pub mod durations;
 pub mod e2e;
 mod error;
 pub mod inverse;
@@ -30,20 +32,12 @@ pub mod ipc;
 pub mod machine;
 pub mod model;
 pub mod outcome;
-pub mod seat;
-pub mod show;
-pub mod spans;
-pub mod ticks;
-pub mod way;
+pub mod output;
+pub mod placement;
 pub mod wire;
+pub mod workload;
 
+pub use durations::{DurationPercentiles, Durations};
 pub use error::BenchError;
-pub use outcome::{Outcome, Quantity, Role, Way};
-pub use seat::Seats;
-pub use spans::{Spans, Summary};
-
-/// Components of the mixtures that are measured.
-pub const COMPONENTS: [usize; 3] = [3, 10, 20];
-
-/// Plays per motor beside that of threshold 0.
-pub const PLAYS: [usize; 4] = [0, 4, 8, 12];
+pub use outcome::{BenchOutcome, Quantity, Role, Variant};
+pub use placement::ThreadPlacement;

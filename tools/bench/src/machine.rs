@@ -1,65 +1,31 @@
-//! What was measured on, and what else it did meanwhile.
+//! The machine of a measurement, and its load.
 
 use std::fs;
 use std::path::Path;
 
 use serde::Serialize;
 
-/// A machine, as it says itself.
+/// Properties of a machine.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Machine {
     /// Model of the processor.
     pub processor: String,
-    /// How many there are.
+    /// Number of processors.
     pub processors: usize,
     /// Release of the kernel.
     pub kernel: String,
-    /// How the kernel was built: PREEMPT_DYNAMIC, PREEMPT_RT, ...
+    /// Preemption model of the kernel: PREEMPT_DYNAMIC, PREEMPT_RT, ...
     pub preemption: String,
-    /// What the kernel takes time from.
+    /// Clock source of the kernel.
     pub clock: String,
-    /// Governor of the first processor's frequency; empty: nobody governs it.
+    /// Frequency governor of the first processor; empty: none.
     pub governor: String,
-    /// Processors that the scheduler leaves alone; empty: none.
+    /// Processors that are isolated from the scheduler; empty: none.
     pub isolated: String,
-    /// Share of every second that real-time threads may have, percent; `None`: all of it.
+    /// Limit for real-time threads, percent of the time; `None`: no limit.
     pub real_time_share: Option<f64>,
-    /// It runs on another one: maxima are not its own.
+    /// It is a virtual machine.
     pub is_virtual: bool,
-}
-
-/// Looks.
-#[must_use]
-pub fn look() -> Machine {
-    let cpu = read("/proc/cpuinfo");
-    let line = |name: &str| {
-        cpu.lines()
-            .find(|line| line.starts_with(name))
-            .and_then(|line| line.split(": ").nth(1))
-    };
-    Machine {
-        processor: line("model name").unwrap_or("unknown").to_owned(),
-        // Not those that this thread may use: it may be pinned.
-        processors: cpu
-            .lines()
-            .filter(|line| line.starts_with("processor"))
-            .count()
-            .max(1),
-        kernel: read("/proc/sys/kernel/osrelease"),
-        preemption: preemption(
-            &read("/proc/sys/kernel/version"),
-            Path::new("/sys/kernel/realtime").exists(),
-        ),
-        clock: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
-        governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
-        isolated: read("/sys/devices/system/cpu/isolated"),
-        real_time_share: real_time_share(
-            &read("/proc/sys/kernel/sched_rt_runtime_us"),
-            &read("/proc/sys/kernel/sched_rt_period_us"),
-        ),
-        is_virtual: line("flags")
-            .is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
-    }
 }
 
 fn read(path: &str) -> String {
@@ -69,7 +35,7 @@ fn read(path: &str) -> String {
         .to_owned()
 }
 
-/// The word of the kernel's version that tells of preemption.
+/// The preemption model in the version of the kernel.
 fn preemption(version: &str, real_time: bool) -> String {
     if real_time {
         return "PREEMPT_RT".to_owned();
@@ -88,87 +54,117 @@ fn real_time_share(runtime: &str, period: &str) -> Option<f64> {
 }
 
 impl Machine {
-    /// One sentence.
+    /// Reads the properties of this machine from /proc and /sys.
     #[must_use]
-    pub fn words(&self) -> String {
-        let Self {
-            processor,
-            processors,
-            kernel,
-            preemption,
-            clock,
-            ..
-        } = self;
+    pub fn detect() -> Self {
+        let cpu = read("/proc/cpuinfo");
+        let value = |name: &str| {
+            let line = cpu.lines().find(|line| line.starts_with(name));
+            line.and_then(|line| line.split(": ").nth(1))
+        };
+        // All processors, not only those that this thread may use.
+        let processors = cpu
+            .lines()
+            .filter(|line| line.starts_with("processor"))
+            .count();
+        let is_realtime = Path::new("/sys/kernel/realtime").exists();
+        Self {
+            processor: value("model name").unwrap_or("unknown").to_owned(),
+            processors: processors.max(1),
+            kernel: read("/proc/sys/kernel/osrelease"),
+            preemption: preemption(&read("/proc/sys/kernel/version"), is_realtime),
+            clock: read("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
+            governor: read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"),
+            isolated: read("/sys/devices/system/cpu/isolated"),
+            real_time_share: real_time_share(
+                &read("/proc/sys/kernel/sched_rt_runtime_us"),
+                &read("/proc/sys/kernel/sched_rt_period_us"),
+            ),
+            is_virtual: value("flags")
+                .is_some_and(|flags| flags.split(' ').any(|flag| flag == "hypervisor")),
+        }
+    }
+
+    /// The machine in one sentence.
+    #[must_use]
+    pub fn description(&self) -> String {
         let kind = if self.is_virtual {
             "virtual machine"
         } else {
             "no virtual machine"
         };
-        let governor = if self.governor.is_empty() {
-            String::new()
-        } else {
-            format!(", frequency governor {}", self.governor)
-        };
-        let isolated = if self.isolated.is_empty() {
-            String::new()
-        } else {
-            format!(", processors {} isolated", self.isolated)
-        };
-        format!(
-            "{processor}, {processors} processors, {kind}; Linux {kernel}, {preemption}, clock {clock}{governor}{isolated}"
-        )
+        let mut text = format!(
+            "{}, {} processors, {kind}; Linux {}, {}, clock {}",
+            self.processor, self.processors, self.kernel, self.preemption, self.clock
+        );
+        if !self.governor.is_empty() {
+            text += &format!(", frequency governor {}", self.governor);
+        }
+        if !self.isolated.is_empty() {
+            text += &format!(", processors {} isolated", self.isolated);
+        }
+        text
     }
 
-    /// What numbers of such a machine show, and what they do not.
+    /// What measurements on this machine show, and what they do not show.
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = if self.is_virtual {
-            of_a_virtual_one()
+        let debug = cfg!(debug_assertions).then_some(DEBUG_NOTE);
+        let notes = if self.is_virtual {
+            VIRTUAL_NOTES
         } else {
-            of_a_real_one()
+            REAL_NOTES
         };
-        if cfg!(debug_assertions) {
-            notes.insert(
-                0,
-                "This is a debug build: build with --release for figures that mean something."
-                    .to_owned(),
-            );
-        }
-        notes
+        debug
+            .iter()
+            .chain(notes)
+            .map(|note| (*note).to_owned())
+            .collect()
     }
 }
 
-fn of_a_real_one() -> Vec<String> {
-    vec!["Everything runs on this one computer; maxima are of this run, and no bound for the next one.".to_owned()]
-}
+const DEBUG_NOTE: &str = "This is a debug build: measure with a build with --release.";
 
-fn of_a_virtual_one() -> Vec<String> {
-    [
-        "Carries over to other machines: ratios to the floor of the same run, and what medians and 99th percentiles \
-         consist of.",
-        "Belongs to this virtual machine: absolute microseconds. Waking a thread here takes an exit to the host, tens of \
-         microseconds that a real machine does not need.",
-        "Cannot be shown here: maxima, most of the 99.9th percentiles, and any deadline below about 0.1 s. The host takes \
-         the processor away for milliseconds, from real-time threads as well.",
-        "Not in it: USB adapters and their latency timers, cables, the drive's own time. Lines are pseudo-terminals whose \
-         bytes a worker of the kernel passes on at normal priority; the emulator paces them at the baud rate.",
-    ]
-    .map(str::to_owned)
-    .into()
-}
+const REAL_NOTES: &[&str] = &[
+    "Everything runs on this one computer. Maxima are of this run, and no bound for the next run.",
+];
 
-/// What else a machine did during a measurement.
+const VIRTUAL_NOTES: &[&str] = &[
+    "Valid on other machines: ratios to the floor of the same run, and the parts of medians and \
+     99th percentiles.",
+    "Valid on this virtual machine only: absolute microseconds. Waking a thread here takes an exit \
+     to the host, tens of microseconds that a real machine does not need.",
+    "Cannot be shown here: maxima, most of the 99.9th percentiles, and any deadline below about \
+     0.1 s. The host takes the processor away for milliseconds, from real-time threads as well.",
+    "Not included: USB adapters and their latency timers, cables, the drive's own time. Lines are \
+     pseudo-terminals whose bytes a kernel worker passes on at normal priority; the emulator paces \
+     them at the baud rate.",
+];
+
+/// The load of a machine during a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Weather {
-    /// Share of all processors that was in use, by whomever, percent.
+pub struct SystemLoad {
+    /// Use of all processors by all processes, percent.
     pub busy_percent: f64,
-    /// Share that the host gave to others although it was wanted here, percent.
+    /// Time that the host gave to others although it was needed here, percent.
     pub stolen_percent: f64,
 }
 
-/// Looks at the clock of the processors when a measurement begins.
+impl SystemLoad {
+    /// The load in one sentence.
+    #[must_use]
+    pub fn description(&self) -> String {
+        let Self {
+            busy_percent: busy,
+            stolen_percent: stolen,
+        } = self;
+        format!("{busy:.0} % of all processors in use, {stolen:.1} % stolen by the host")
+    }
+}
+
+/// Measures the load from its start on.
 #[derive(Debug, Clone, Copy)]
-pub struct Watch(Times);
+pub struct LoadMonitor(Times);
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Times {
@@ -177,38 +173,33 @@ struct Times {
     total: u64,
 }
 
-impl Watch {
-    /// Now.
+impl LoadMonitor {
+    /// Starts.
     #[must_use]
     pub fn start() -> Self {
         Self(times(&read("/proc/stat")))
     }
 
-    /// What there was since then.
+    /// The load since the start.
     #[must_use]
-    pub fn stop(self) -> Weather {
+    pub fn stop(self) -> SystemLoad {
         let (before, after) = (self.0, times(&read("/proc/stat")));
         let total = after.total.saturating_sub(before.total).max(1) as f64;
         let share = |before: u64, after: u64| 100.0 * after.saturating_sub(before) as f64 / total;
         let stolen_percent = share(before.stolen, after.stolen);
         let busy = 100.0 - share(before.idle, after.idle) - stolen_percent;
-        Weather {
+        SystemLoad {
             busy_percent: busy.clamp(0.0, 100.0),
             stolen_percent,
         }
     }
 }
 
-/// Ticks of all processors since the start, of `/proc/stat`: user, nice, system, idle, waiting for
-/// disks, interrupts, soft interrupts, stolen.
+/// The first line of `/proc/stat` (proc(5)): user, nice, system, idle, iowait, irq, softirq, steal.
 fn times(stat: &str) -> Times {
     let first = stat.lines().next().unwrap_or_default();
-    let fields: Vec<u64> = first
-        .split_whitespace()
-        .skip(1)
-        .take(8)
-        .map(|field| field.parse().unwrap_or(0))
-        .collect();
+    let fields = first.split_whitespace().skip(1).take(8);
+    let fields: Vec<u64> = fields.map(|field| field.parse().unwrap_or(0)).collect();
     let field = |index: usize| fields.get(index).copied().unwrap_or(0);
     Times {
         idle: field(3) + field(4),
@@ -222,7 +213,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_kernel_says_is_read() {
+    fn the_files_of_the_kernel_are_read() {
         let Times {
             idle,
             stolen,
@@ -240,10 +231,10 @@ mod tests {
     }
 
     #[test]
-    fn a_virtual_machine_is_told_what_it_cannot_show() {
+    fn the_notes_of_a_virtual_machine_name_its_limits() {
         let machine = Machine {
             is_virtual: true,
-            ..look()
+            ..Machine::detect()
         };
         assert!(
             machine
@@ -251,6 +242,6 @@ mod tests {
                 .iter()
                 .any(|note| note.contains("Cannot be shown here"))
         );
-        assert!(machine.words().contains("virtual machine"));
+        assert!(machine.description().contains("virtual machine"));
     }
 }

@@ -1,4 +1,5 @@
-//! Models of any size, made of numbers: two motors that bend two planes, about 40 degrees each way.
+//! Synthetic models of any size: two motors that bend two planes by about 40 degrees in both
+//! directions.
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
@@ -17,12 +18,12 @@ const GAIN_DEG: f64 = 0.022;
 /// The largest threshold of a play, counts.
 const WIDEST: f64 = 120.0;
 
-/// A model with a mixture of `components`, and `plays` per motor beside that of threshold 0;
-/// without any it is `gmr`.
+/// A model with a mixture of `components`, and `plays` per motor beside the one of threshold 0;
+/// without plays it is `gmr`.
 ///
 /// # Errors
 ///
-/// When the model is refused.
+/// [`ModelError`]: the model is invalid.
 pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     let mixture = mixture(components);
     let hull = HullParameters {
@@ -48,8 +49,8 @@ fn reach(corner: [f64; 2]) -> Vec<f64> {
     corner.map(|c| c * REACH).to_vec()
 }
 
-/// What the mixture follows: angles, deg, and their slope at counts. The planes lie at 45 degrees
-/// to the motors, and the slope changes along the way.
+/// The map that the mixture approximates: angles, deg, and their slope at counts. The planes lie at 45 degrees
+/// to the motors, and the slope changes with the counts.
 fn map(counts: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
     let s = REACH / 2.0;
     let curve = |c: f64| (c + 0.25 * s * (c / s).sin(), 1.0 + 0.25 * (c / s).cos());
@@ -68,16 +69,16 @@ fn map(counts: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
 fn mixture(components: usize) -> MixtureParameters {
     const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
     let width = 1.1 * REACH / (components as f64).sqrt();
-    let at = |k: usize| {
+    let center = |k: usize| {
         let (radius, angle) = (
             REACH * ((k as f64 + 0.5) / components as f64).sqrt(),
             GOLDEN_ANGLE * k as f64,
         );
         [radius * angle.cos(), radius * angle.sin()]
     };
-    let mean = |k: usize| at(k).into_iter().chain(map(at(k)).0).collect();
+    let mean = |k: usize| center(k).into_iter().chain(map(center(k)).0).collect();
     let covariance = |k: usize| {
-        let slope = map(at(k)).1;
+        let slope = map(center(k)).1;
         let rows = [[1.0, 0.0], [0.0, 1.0], slope[0], slope[1]];
         let noise = |i: usize, j: usize| if i == j && i >= 2 { 0.04 } else { 0.0 };
         let entry = |i: usize, j: usize| {
@@ -108,7 +109,7 @@ fn play_parameters(plays: usize) -> PlayParameters {
     }
 }
 
-/// Of the size that a fit finds; small enough not to matter otherwise.
+/// A residual with as many coefficients as a fit finds. It is small.
 fn residual(lags: usize) -> ResidualParameters {
     let (shape_degree, lag_degree) = (5, 2);
     let features = count::<2>(shape_degree, lag_degree, lags);

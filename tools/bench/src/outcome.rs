@@ -1,44 +1,67 @@
-//! What a measurement says.
+//! The outcome of a measurement.
 
 use serde::Serialize;
 
-use crate::machine::{Machine, Weather};
-use crate::spans::Spans;
+use crate::durations::Durations;
+use crate::machine::{Machine, SystemLoad};
 
-/// What a way is there for.
+/// The purpose of a variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Role {
     /// The least that this machine needs.
     Floor,
-    /// What we made.
+    /// Software of this repository.
     Ours,
-    /// What everybody has.
+    /// A common alternative.
     Peer,
 }
 
-/// One way of doing a thing.
+/// One implementation of the measured task.
 #[derive(Debug, Clone)]
-pub struct Way {
-    /// What it is called.
+pub struct Variant {
+    /// Its name.
     pub name: String,
-    /// Ways of one group are compared with the floor of the group, its first way with
-    /// [`Role::Floor`].
+    /// Variants of one group are compared with the first floor of the group.
     pub group: &'static str,
-    /// What it is there for.
+    /// Its purpose.
     pub role: Role,
-    /// How long it took, again and again.
-    pub spans: Spans,
+    /// Its durations.
+    pub durations: Durations,
 }
 
-/// Something that is a number and no distribution.
+impl Variant {
+    /// A variant with its durations.
+    #[must_use]
+    pub fn new(name: &str, group: &'static str, role: Role, durations: Durations) -> Self {
+        Self {
+            name: name.to_owned(),
+            group,
+            role,
+            durations,
+        }
+    }
+
+    /// Its name, with a remark if it is the floor.
+    #[must_use]
+    pub fn display_name(&self) -> String {
+        let remark = if self.role == Role::Floor {
+            " (floor)"
+        } else {
+            ""
+        };
+        format!("{}{remark}", self.name)
+    }
+}
+
+/// A number that is not a distribution.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Quantity {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Its value.
     pub value: f64,
-    /// In which unit.
+    /// Its unit.
     pub unit: &'static str,
 }
 
@@ -54,28 +77,28 @@ impl Quantity {
     }
 }
 
-/// Everything that one measurement says.
+/// The outcome of one measurement.
 #[derive(Debug, Clone)]
-pub struct Outcome {
-    /// Which measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`.
+pub struct BenchOutcome {
+    /// The measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`.
     pub bench: &'static str,
-    /// What it is about, in a sentence.
+    /// Its description.
     pub about: &'static str,
-    /// What it ran on.
+    /// The machine.
     pub machine: Machine,
-    /// What else the machine did meanwhile.
-    pub weather: Weather,
-    /// Where the threads ran.
+    /// The load of the machine during the measurement.
+    pub load: SystemLoad,
+    /// Scheduling and processors of the threads.
     pub scheduling: Vec<String>,
-    /// The ways, floors first within their group.
-    pub ways: Vec<Way>,
-    /// Beside them.
+    /// The variants, floors first within their group.
+    pub variants: Vec<Variant>,
+    /// Further numbers.
     pub quantities: Vec<Quantity>,
-    /// What these numbers show, and what they do not.
+    /// What these numbers show, and what they do not show.
     pub notes: Vec<String>,
 }
 
-/// Percentiles of a way as multiples of those of its floor.
+/// Percentiles of a variant as multiples of those of its floor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Ratio {
     /// Of the medians.
@@ -84,31 +107,33 @@ pub struct Ratio {
     pub p99: f64,
 }
 
-impl Outcome {
-    /// Groups in the order of their first way.
+impl BenchOutcome {
+    /// The groups with their variants, in the order of their first variant.
     #[must_use]
-    pub fn groups(&self) -> Vec<&'static str> {
-        let mut groups = Vec::new();
-        for way in &self.ways {
-            if !groups.contains(&way.group) {
-                groups.push(way.group);
+    pub fn groups(&self) -> Vec<(&'static str, Vec<&Variant>)> {
+        let mut groups: Vec<(&'static str, Vec<&Variant>)> = Vec::new();
+        for variant in &self.variants {
+            match groups.iter_mut().find(|(name, _)| *name == variant.group) {
+                Some((_, variants)) => variants.push(variant),
+                None => groups.push((variant.group, vec![variant])),
             }
         }
         groups
     }
 
-    /// How a way compares with the floor of its group; `None` for the floor itself, and where there
-    /// is none.
+    /// The ratio of a variant to the floor of its group; `None` for a floor and without a floor.
     #[must_use]
-    pub fn ratio(&self, way: &Way) -> Option<Ratio> {
-        let floor = self
-            .ways
-            .iter()
-            .find(|other| other.group == way.group && other.role == Role::Floor)?;
-        if way.role == Role::Floor || floor.spans.is_empty() || way.spans.is_empty() {
+    pub fn ratio(&self, variant: &Variant) -> Option<Ratio> {
+        let is_floor = |other: &&Variant| other.group == variant.group && other.role == Role::Floor;
+        let floor = self.variants.iter().find(is_floor)?;
+        let is_empty = floor.durations.is_empty() || variant.durations.is_empty();
+        if variant.role == Role::Floor || is_empty {
             return None;
         }
-        let (own, least) = (way.spans.summary(), floor.spans.summary());
+        let (own, least) = (
+            variant.durations.percentiles(),
+            floor.durations.percentiles(),
+        );
         let ratio = |own: u64, least: u64| own as f64 / least.max(1) as f64;
         Some(Ratio {
             p50: ratio(own.p50, least.p50),
@@ -122,46 +147,51 @@ pub(crate) mod tests {
     use i2ris::units::Nanos;
 
     use super::*;
-    use crate::machine;
+    use crate::machine::LoadMonitor;
 
-    pub(crate) fn way(name: &str, group: &'static str, role: Role, ns: u64) -> Way {
-        let mut spans = Spans::new(0);
-        (0..1000).for_each(|step| spans.push(Nanos(ns + step)));
-        Way {
-            name: name.to_owned(),
-            group,
-            role,
-            spans,
+    pub(crate) fn variant(name: &str, group: &'static str, role: Role, ns: u64) -> Variant {
+        let mut durations = Durations::new(0);
+        for step in 0..1000 {
+            durations.push(Nanos(ns + step));
         }
+        Variant::new(name, group, role, durations)
     }
 
-    pub(crate) fn outcome(ways: Vec<Way>) -> Outcome {
-        Outcome {
+    pub(crate) fn outcome(variants: Vec<Variant>) -> BenchOutcome {
+        BenchOutcome {
             bench: "ipc",
             about: "a test",
-            machine: machine::look(),
-            weather: machine::Watch::start().stop(),
+            machine: Machine::detect(),
+            load: LoadMonitor::start().stop(),
             scheduling: vec!["sender: normal scheduling".to_owned()],
-            ways,
+            variants,
             quantities: vec![Quantity::new("exchanges", 470.0, "1/s")],
             notes: vec!["<nothing>".to_owned()],
         }
     }
 
     #[test]
-    fn a_way_is_compared_with_the_floor_of_its_own_group() {
-        let ways = vec![
-            way("least", "polled", Role::Floor, 10_000),
-            way("ours", "polled", Role::Ours, 30_000),
-            way("wait", "waiting", Role::Floor, 100_000),
-            way("socket", "waiting", Role::Peer, 200_000),
-            way("alone", "other", Role::Ours, 5),
-        ];
-        let outcome = outcome(ways);
-        let p50 = |index: usize| outcome.ratio(&outcome.ways[index]).map(|ratio| ratio.p50);
+    fn a_variant_is_compared_with_the_floor_of_its_own_group() {
+        let outcome = outcome(vec![
+            variant("least", "polled", Role::Floor, 10_000),
+            variant("ours", "polled", Role::Ours, 30_000),
+            variant("wait", "waiting", Role::Floor, 100_000),
+            variant("socket", "waiting", Role::Peer, 200_000),
+            variant("alone", "other", Role::Ours, 5),
+        ]);
+        let p50 = |index: usize| {
+            outcome
+                .ratio(&outcome.variants[index])
+                .map(|ratio| ratio.p50)
+        };
         assert_eq!((p50(0), p50(2), p50(4)), (None, None, None));
         assert!((p50(1).unwrap() - 30_500.0 / 10_500.0).abs() < 0.01);
         assert!((p50(3).unwrap() - 200_500.0 / 100_500.0).abs() < 0.01);
-        assert_eq!(outcome.groups(), ["polled", "waiting", "other"]);
+        let groups = outcome.groups();
+        let names: Vec<_> = groups
+            .iter()
+            .map(|(name, variants)| (*name, variants.len()))
+            .collect();
+        assert_eq!(names, [("polled", 2), ("waiting", 2), ("other", 1)]);
     }
 }

@@ -1,10 +1,9 @@
-//! How much of the wire the driver uses: exchanges and set-points per second against the limit of
-//! the line.
+//! Use of the serial lines by the driver: exchanges and set-points per second against the limit of
+//! a line.
 //!
 //! Two emulated drives on two ports, without processing delay. A request and its reply are 24 bytes
-//! of ten bits each without stuffing, so 115200 baud allow 480 exchanges a second on a line: 240
-//! set-points with the position read back. The floor is a loop that does nothing else, on the same
-//! two ports, in the same run.
+//! of ten bits each without stuffing, so 115200 baud allow 480 exchanges per second on a line: 240
+//! set-points with a position. The floor is a bare loop on the same two ports, in the same run.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -12,18 +11,18 @@ use std::thread;
 use i2ris::clock;
 use i2ris::config::{Polling, PortConfig};
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, LinkCounters, Port, PortRunner};
-use i2ris::realtime::{self, Wanted};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::log::{Event, EventKind};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 use tempfile::TempDir;
 
-use crate::bare::{self, Shared};
+use crate::bare_loop::{self, SharedState};
+use crate::durations::Durations;
 use crate::error::BenchError;
-use crate::machine::{self, Watch};
-use crate::outcome::{Outcome, Quantity, Role, Way};
-use crate::spans::Spans;
+use crate::machine::{LoadMonitor, Machine};
+use crate::outcome::{BenchOutcome, Quantity, Role, Variant};
+use crate::placement::request_priority;
 
 /// Bytes of a request and its reply, without stuffing.
 const EXCHANGE_BYTES: f64 = 24.0;
@@ -32,33 +31,33 @@ const BAUD: f64 = 115_200.0;
 /// Exchanges per second that one line allows.
 const LIMIT: f64 = BAUD / BITS_PER_BYTE / EXCHANGE_BYTES;
 
-/// How often the stand-in of the control loop writes a target.
+/// Time between two set-points.
 const TICK: Nanos = Nanos::from_millis(1);
-/// Set-points move so far, counts.
+/// Amplitude of the set-points, counts.
 const AMPLITUDE: f64 = 200.0;
-/// Drives are up and enabled after this time, or never.
-const PATIENCE: Nanos = Nanos::from_millis(20_000);
-/// From one set-point to the next, both on the wire.
+/// Limit for the time until the drives are enabled.
+const TIMEOUT: Nanos = Nanos::from_millis(20_000);
+/// From one set-point on the wire to the next.
 const GROUP: &str = "set-point to set-point";
 
 const SNAKE: &str = include_str!("../../../config/snakes/steel.toml");
 
-/// An emulator in a folder of its own.
-pub(crate) struct Rig {
+/// An emulator with a temporary folder.
+pub(crate) struct DriveRig {
     pub emulator: Emulator,
     pub serial_numbers: [u32; 2],
     pub folder: TempDir,
 }
 
-impl Rig {
-    /// Two drives that answer at once, or after their usual time.
+impl DriveRig {
+    /// Starts two drives with a processing time; `None`: the normal time.
     pub(crate) fn start(processing_us: Option<u64>) -> Result<Self, BenchError> {
         let folder = tempfile::tempdir().map_err(BenchError::system("make a temporary folder"))?;
         let snake = folder.path().join("snake.toml");
         std::fs::write(&snake, SNAKE)
             .map_err(BenchError::system("write to the temporary folder"))?;
-        let snake = SnakeConfig::load(&snake).map_err(|_| BenchError::Nothing {
-            what: "a snake to bend",
+        let snake = SnakeConfig::load(&snake).map_err(|_| BenchError::Timeout {
+            what: "the emulated snake cannot be loaded",
         })?;
         let mut config = EmulatorConfig::new(snake, &folder.path().join("ports"));
         config.line.processing_us = processing_us.unwrap_or(config.line.processing_us);
@@ -71,28 +70,28 @@ impl Rig {
     }
 
     pub(crate) fn port(&self, motor: usize) -> PortConfig {
-        bare::port(&self.emulator, motor, self.serial_numbers[motor])
+        bare_loop::port(&self.emulator, motor, self.serial_numbers[motor])
     }
 }
 
-/// What happened on one line in a stretch of time.
-struct Stretch {
+/// Exchanges on both lines in an interval.
+struct LineUsage {
     begin: Nanos,
     end: Nanos,
     exchanges: [u64; 2],
     timeouts: u64,
 }
 
-impl Stretch {
+impl LineUsage {
     fn exchanges_per_s(&self) -> f64 {
         (self.exchanges[0] + self.exchanges[1]) as f64
             / 2.0
             / self.end.since(self.begin).as_seconds()
     }
 
-    /// From each set-point of an axis to the next, as the drives saw them.
-    fn spans(&self, log: &[Event]) -> Spans {
-        let mut spans = Spans::new(0);
+    /// From each set-point of an axis to the next, by the stamps of the drives.
+    fn durations(&self, log: &[Event]) -> Durations {
+        let mut durations = Durations::new(0);
         for axis in 0..2 {
             let within = |event: &&Event| {
                 event.axis == axis
@@ -100,16 +99,15 @@ impl Stretch {
                     && matches!(event.kind, EventKind::Setpoint(_))
             };
             let stamps: Vec<Nanos> = log.iter().filter(within).map(|event| event.stamp).collect();
-            stamps
-                .windows(2)
-                .for_each(|pair| spans.push(pair[1].since(pair[0])));
+            for pair in stamps.windows(2) {
+                durations.push(pair[1].since(pair[0]));
+            }
         }
-        spans
+        durations
     }
 }
 
-/// Measures a bare loop and the driver for so many seconds each, `priority` being that of the
-/// threads that own a port.
+/// Measures a bare loop and the driver for some seconds each. `priority` is that of the port threads.
 ///
 /// # Errors
 ///
@@ -117,35 +115,30 @@ impl Stretch {
 pub fn run(
     seconds: f64,
     priority: u8,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Outcome, BenchError> {
-    let watch = Watch::start();
-    let rig = Rig::start(Some(0))?;
-    let bare = bare_loop(&rig, seconds, priority, interrupted)?;
-    let driver = driver(&rig, seconds, priority, interrupted)?;
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<BenchOutcome, BenchError> {
+    let monitor = LoadMonitor::start();
+    let rig = DriveRig::start(Some(0))?;
+    let bare = bare_loop(&rig, seconds, priority, is_interrupted)?;
+    let driver = driver(&rig, seconds, priority, is_interrupted)?;
     let log = rig.emulator.log();
-    let machine = machine::look();
-    let way = |name: &str, role, spans| Way {
-        name: name.to_owned(),
-        group: GROUP,
-        role,
-        spans,
-    };
-    let share = |stretch: &Stretch| 100.0 * stretch.exchanges_per_s() / LIMIT;
-    Ok(Outcome {
+    let machine = Machine::detect();
+    let share = |stretch: &LineUsage| 100.0 * stretch.exchanges_per_s() / LIMIT;
+    Ok(BenchOutcome {
         bench: "wire",
-        about: "How much of a line at 115200 baud is used: a request and its reply are 24 bytes of ten bits",
-        weather: watch.stop(),
+        about: "Use of a line at 115200 baud: a request and its reply are 24 bytes of ten bits",
+        load: monitor.stop(),
         scheduling: vec![format!(
-            "threads that own a port: SCHED_FIFO {priority} wished for (0: none)"
+            "threads that own a port: SCHED_FIFO {priority} requested (0: none)"
         )],
-        ways: vec![
-            way(
+        variants: vec![
+            Variant::new(
                 "a loop that does nothing else",
+                GROUP,
                 Role::Floor,
-                bare.spans(&log),
+                bare.durations(&log),
             ),
-            way("the driver", Role::Ours, driver.spans(&log)),
+            Variant::new("the driver", GROUP, Role::Ours, driver.durations(&log)),
         ],
         quantities: vec![
             Quantity::new("the wire allows, a line", LIMIT, "exchanges/s"),
@@ -180,36 +173,34 @@ pub fn run(
 }
 
 fn bare_loop(
-    rig: &Rig,
+    rig: &DriveRig,
     seconds: f64,
     priority: u8,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Stretch, BenchError> {
-    let shared = [Shared::default(), Shared::default()];
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<LineUsage, BenchError> {
+    let shared = [SharedState::default(), SharedState::default()];
     let ports = [rig.port(0), rig.port(1)];
     thread::scope(|scope| {
         let serving: Vec<_> = ports
             .iter()
             .zip(&shared)
-            .map(|(port, shared)| scope.spawn(move || bare::serve(port, priority, shared)))
+            .map(|(port, shared)| scope.spawn(move || bare_loop::serve(port, priority, shared)))
             .collect();
         let counted = || [0, 1].map(|motor: usize| shared[motor].exchanges.load(Ordering::Relaxed));
         let (begin, before) = (clock::now(), counted());
-        let moved = moving(begin, seconds, interrupted, |counts| {
-            shared
-                .iter()
-                .for_each(|shared| shared.target.store(counts, Ordering::Release));
+        let moved = move_sine(begin, seconds, is_interrupted, |counts| {
+            for shared in &shared {
+                shared.target.store(counts, Ordering::Release);
+            }
         });
         let (end, after) = (clock::now(), counted());
-        shared
-            .iter()
-            .for_each(|shared| shared.stop.store(true, Ordering::Release));
-        for thread in serving {
-            thread.join().map_err(|_| BenchError::Nothing {
-                what: "a port thread ended without a word",
-            })??;
+        for shared in &shared {
+            shared.stop.store(true, Ordering::Release);
         }
-        moved.map(|()| Stretch {
+        for thread in serving {
+            thread.join().map_err(BenchError::panicked)??;
+        }
+        moved.map(|()| LineUsage {
             begin,
             end,
             exchanges: [0, 1].map(|motor| after[motor] - before[motor]),
@@ -218,11 +209,11 @@ fn bare_loop(
     })
 }
 
-/// Calls `set` with the counts of a motion, tick by tick.
-fn moving(
+/// Calls `set` with the counts of a sine in every tick.
+fn move_sine(
     begin: Nanos,
     seconds: f64,
-    interrupted: &dyn Fn() -> bool,
+    is_interrupted: &dyn Fn() -> bool,
     mut set: impl FnMut(i32),
 ) -> Result<(), BenchError> {
     loop {
@@ -230,7 +221,7 @@ fn moving(
         if t >= seconds {
             return Ok(());
         }
-        if interrupted() {
+        if is_interrupted() {
             return Err(BenchError::Interrupted);
         }
         set((AMPLITUDE * (std::f64::consts::TAU * 0.5 * t).sin()) as i32);
@@ -239,16 +230,16 @@ fn moving(
 }
 
 fn driver(
-    rig: &Rig,
+    rig: &DriveRig,
     seconds: f64,
     priority: u8,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Stretch, BenchError> {
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<LineUsage, BenchError> {
     let (mut links, mut runners) = (Vec::new(), Vec::new());
     for motor in 0..2 {
-        // Nothing but set-points and positions, as far as it may be.
+        // As few other objects as allowed.
         let port = PortConfig {
-            polling: Polling {
+            pattern: Pattern {
                 status_every_rounds: 50,
                 slow_every_rounds: 1000,
             },
@@ -260,35 +251,35 @@ fn driver(
     }
     let stop = &AtomicBool::new(false);
     thread::scope(|scope| {
-        runners
-            .into_iter()
-            .for_each(|runner| drop(scope.spawn(move || serve(runner, priority, stop))));
-        let stretch = stretch(&mut links, seconds, interrupted);
+        for runner in runners {
+            scope.spawn(move || serve(runner, priority, stop));
+        }
+        let usage = measure_driver(&mut links, seconds, is_interrupted);
         stop.store(true, Ordering::Release);
-        stretch
+        usage
     })
 }
 
-fn stretch(
+fn measure_driver(
     links: &mut [AxisLink],
     seconds: f64,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Stretch, BenchError> {
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<LineUsage, BenchError> {
     let mut requests = [AxisRequest::default(); 2];
-    until(links, &mut requests, AxisPhase::Disabled)?;
-    requests
-        .iter_mut()
-        .for_each(|request| request.demand = Demand::Enabled);
-    until(links, &mut requests, AxisPhase::Enabled)?;
+    wait_for_phase(links, &mut requests, AxisPhase::Disabled)?;
+    for request in &mut requests {
+        request.demand = Demand::Enabled;
+    }
+    wait_for_phase(links, &mut requests, AxisPhase::Enabled)?;
     let (before, begin) = (counters(links), clock::now());
-    moving(begin, seconds, interrupted, |counts| {
+    move_sine(begin, seconds, is_interrupted, |counts| {
         for (link, request) in links.iter_mut().zip(&mut requests) {
             request.target = Counts(counts);
             write(link, request);
         }
     })?;
     let (end, after) = (clock::now(), counters(links));
-    Ok(Stretch {
+    Ok(LineUsage {
         begin,
         end,
         exchanges: [0, 1].map(|motor: usize| after[motor].exchanges - before[motor].exchanges),
@@ -301,32 +292,28 @@ fn stretch(
 }
 
 fn serve(runner: PortRunner, priority: u8, stop: &AtomicBool) {
-    let _ = realtime::request(Wanted {
-        priority,
-        ..Wanted::default()
-    });
+    request_priority(priority);
     runner.run(stop, |_| {});
 }
 
-fn until(
+fn wait_for_phase(
     links: &mut [AxisLink],
     requests: &mut [AxisRequest],
     phase: AxisPhase,
 ) -> Result<(), BenchError> {
     let start = clock::now();
-    while !links
+    while links
         .iter_mut()
-        .all(|link| link.feedback.read().phase == phase)
+        .any(|link| link.feedback.read().phase != phase)
     {
-        if clock::now().since(start) > PATIENCE {
-            return Err(BenchError::Nothing {
+        if clock::now().since(start) > TIMEOUT {
+            return Err(BenchError::Timeout {
                 what: "the emulated drives were not enabled",
             });
         }
-        links
-            .iter_mut()
-            .zip(&mut *requests)
-            .for_each(|(link, request)| write(link, request));
+        for (link, request) in links.iter_mut().zip(&mut *requests) {
+            write(link, request);
+        }
         clock::sleep(TICK);
     }
     Ok(())

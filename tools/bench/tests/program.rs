@@ -11,7 +11,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Runs a benchmark as JSON, without wishes that other tests would feel.
+/// Runs a benchmark as JSON, with normal scheduling, because other tests run at the same time.
 fn bench(arguments: &[&str]) -> serde_json::Value {
     let output = program::output(
         &[
@@ -25,20 +25,22 @@ fn bench(arguments: &[&str]) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// Every way was measured and is in order; those of ours stand beside a floor.
-fn judge(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
-    let ways = outcome["ways"].as_array().unwrap();
-    for way in ways {
-        let spans = &way["spans_ns"];
-        assert!(spans["count"].as_u64().unwrap() > 0, "{way}");
+/// Checks that every variant was measured and is compared with a floor.
+fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
+    let variants = outcome["ways"].as_array().unwrap();
+    for variant in variants {
+        let durations = &variant["spans_ns"];
+        assert!(durations["count"].as_u64().unwrap() > 0, "{variant}");
         assert!(
-            spans["p50"].as_u64() <= spans["p99"].as_u64()
-                && spans["p99"].as_u64() <= spans["max"].as_u64(),
-            "{way}"
+            durations["p50"].as_u64() <= durations["p99"].as_u64()
+                && durations["p99"].as_u64() <= durations["max"].as_u64(),
+            "{variant}"
         );
-        let compared =
-            way["role"] != "floor" && groups_with_floor.iter().any(|group| way["group"] == *group);
-        assert_eq!(way["x_floor"]["p50"].is_f64(), compared, "{way}");
+        let compared = variant["role"] != "floor"
+            && groups_with_floor
+                .iter()
+                .any(|group| variant["group"] == *group);
+        assert_eq!(variant["x_floor"]["p50"].is_f64(), compared, "{variant}");
     }
     assert!(
         outcome["machine"]["kernel"]
@@ -53,20 +55,20 @@ fn judge(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
 }
 
 #[test]
-fn latencies_are_measured_on_every_way_beside_their_floors() {
+fn every_variant_is_measured_and_compared_with_its_floor() {
     let outcome = bench(&["ipc", "--messages", "2000"]);
-    judge(&outcome, &["polled", "waiting"]);
+    check_outcome(&outcome, &["polled", "waiting"]);
     assert_eq!(outcome["ways"].as_array().unwrap().len(), 11);
     let outcome = bench(&["loop", "--duration-s", "1"]);
-    judge(&outcome, &["lateness", "compute"]);
-    judge(
+    check_outcome(&outcome, &["lateness", "compute"]);
+    check_outcome(
         &bench(&["inverse", "--rounds", "1"]),
         &["inverse", "forward"],
     );
 }
 
 #[test]
-fn the_driver_and_a_bare_loop_share_the_wire_and_the_outcome_becomes_a_page() {
+fn the_use_of_the_wire_is_measured_and_written_as_a_page() {
     let folder = tempfile::tempdir().unwrap();
     let outcome = bench(&[
         "wire",
@@ -75,7 +77,7 @@ fn the_driver_and_a_bare_loop_share_the_wire_and_the_outcome_becomes_a_page() {
         "--output",
         folder.path().to_str().unwrap(),
     ]);
-    judge(&outcome, &["set-point to set-point"]);
+    check_outcome(&outcome, &["set-point to set-point"]);
     let quantity = |name: &str| {
         let all = outcome["quantities"].as_array().unwrap();
         all.iter()
@@ -84,8 +86,7 @@ fn the_driver_and_a_bare_loop_share_the_wire_and_the_outcome_becomes_a_page() {
             .as_f64()
             .unwrap()
     };
-    // The emulator paces bytes: nobody can be faster than the wire, and something must come
-    // through.
+    // The emulator paces bytes: the wire is the upper limit.
     for name in ["a bare loop uses", "the driver uses"] {
         assert!(
             (1.0..103.0).contains(&quantity(name)),
@@ -103,7 +104,7 @@ fn the_driver_and_a_bare_loop_share_the_wire_and_the_outcome_becomes_a_page() {
 }
 
 #[test]
-fn without_a_controller_there_is_no_way_from_end_to_end_and_that_is_said() {
+fn without_a_controller_e2e_fails_with_a_reason() {
     let output = program::output(&[
         "bench",
         "e2e",
@@ -121,10 +122,9 @@ fn without_a_controller_there_is_no_way_from_end_to_end_and_that_is_said() {
     );
 }
 
-/// The controller is a program of another package, which is there after a build of the whole
-/// workspace.
+/// The controller is a program of another package: it exists after a build of the workspace.
 #[test]
-fn a_command_is_followed_to_the_wire_and_back() {
+fn a_command_is_measured_to_the_wire_and_back() {
     let controller = Path::new(env!("CARGO_BIN_EXE_i2ris-bench")).with_file_name("i2ris-control");
     if !controller.exists() {
         eprintln!("skipped: there is no {}", controller.display());
@@ -139,14 +139,14 @@ fn a_command_is_followed_to_the_wire_and_back() {
     ]);
     let arrived = "command to last byte of the set-point";
     let seen = "command to encoder position at the client";
-    judge(&outcome, &[arrived, seen]);
+    check_outcome(&outcome, &[arrived, seen]);
     let p50 = |group: &str| {
-        let ways = outcome["ways"].as_array().unwrap();
-        let way = ways
+        let variants = outcome["ways"].as_array().unwrap();
+        let variant = variants
             .iter()
-            .find(|way| way["group"] == group && way["role"] == "ours")
+            .find(|variant| variant["group"] == group && variant["role"] == "ours")
             .unwrap();
-        way["spans_ns"]["p50"].as_u64().unwrap()
+        variant["spans_ns"]["p50"].as_u64().unwrap()
     };
     // Causes come before effects, whatever the machine does.
     assert!(

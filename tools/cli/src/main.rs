@@ -12,7 +12,6 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use i2ris_plot::series;
 use i2ris_terminal::Failure;
 use i2ris_terminal::program::{end_with_reader, finish};
 

@@ -15,8 +15,8 @@ use i2ris::model::Model;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-use i2ris_terminal::Failure;
 use csv_table::CsvTable;
+use i2ris_terminal::Failure;
 
 /// What `i2ris model` can do.
 #[derive(Debug, clap::Subcommand)]

@@ -1,23 +1,22 @@
-//! Axes: what they show, and which range.
+//! Axes of a panel.
 
 use crate::scale::{Scale, Spacing};
 use crate::ticks::{Tick, ticks};
 
-/// Part of the range of the data that is left free at either end.
+/// Free part of the range of the data at either end.
 const MARGIN: f64 = 0.04;
 
-/// An axis.
+/// An axis of numbers or names.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What it shows, with its unit.
-    label: String,
+    pub(crate) label: String,
     kind: Kind,
-    /// As asked for; otherwise as the data need it.
+    /// The range that was set; otherwise the data decide.
     range: Option<(f64, f64)>,
-    /// A value that is always in sight.
-    includes: Option<f64>,
-    /// Where it is marked, with what is written there; empty: at round numbers.
-    marks: Vec<(f64, String)>,
+    /// A value that is always in the range.
+    included: Option<f64>,
+    /// Ticks that were set; empty: round numbers.
+    ticks: Vec<(f64, String)>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -28,40 +27,36 @@ enum Kind {
 }
 
 impl Axis {
-    /// Numbers at equal distances. The label says what, and in which unit: `angle (deg)`.
-    #[must_use]
-    pub fn linear(label: impl Into<String>) -> Self {
+    fn new(label: impl Into<String>, kind: Kind) -> Self {
         Self {
             label: label.into(),
-            kind: Kind::Numbers(Spacing::Linear),
+            kind,
             range: None,
-            includes: None,
-            marks: Vec::new(),
+            included: None,
+            ticks: Vec::new(),
         }
     }
 
-    /// Numbers above 0, by their logarithm.
+    /// A linear axis. The label has the quantity and its unit: `angle (deg)`.
+    #[must_use]
+    pub fn linear(label: impl Into<String>) -> Self {
+        Self::new(label, Kind::Numbers(Spacing::Linear))
+    }
+
+    /// A logarithmic axis, for values above 0.
     #[must_use]
     pub fn log(label: impl Into<String>) -> Self {
-        Self {
-            kind: Kind::Numbers(Spacing::Log),
-            ..Self::linear(label)
-        }
+        Self::new(label, Kind::Numbers(Spacing::Log))
     }
 
-    /// Names, from top to bottom on an upright axis, from right to left on a level one; the first
-    /// one stands at 0.
+    /// A vertical axis of names at 0, 1, 2, ... from top to bottom.
     #[must_use]
     pub fn names(label: impl Into<String>, names: Vec<String>) -> Self {
-        let range = Some((names.len() as f64 - 0.5, -0.5));
-        Self {
-            kind: Kind::Names(names),
-            range,
-            ..Self::linear(label)
-        }
+        let range = (names.len() as f64 - 0.5, -0.5);
+        Self::new(label, Kind::Names(names)).range(range.0, range.1)
     }
 
-    /// With a range of its own, whatever the data.
+    /// Sets the range, whatever the data.
     #[must_use]
     pub fn range(self, low: f64, high: f64) -> Self {
         Self {
@@ -70,79 +65,63 @@ impl Axis {
         }
     }
 
-    /// With a value that must be in sight.
+    /// Extends the range to a value.
     #[must_use]
     pub fn including(self, value: f64) -> Self {
         Self {
-            includes: Some(value),
+            included: Some(value),
             ..self
         }
     }
 
-    /// With marks of its own instead of those at round numbers. Of marks outside the range nothing
-    /// is seen.
+    /// Sets the ticks and their labels. Ticks outside the range are not drawn.
     #[must_use]
-    pub fn marks(self, marks: Vec<(f64, String)>) -> Self {
-        Self { marks, ..self }
+    pub fn marks(self, ticks: Vec<(f64, String)>) -> Self {
+        Self { ticks, ..self }
     }
 
-    /// What it shows.
-    #[must_use]
-    pub fn label(&self) -> &str {
-        &self.label
-    }
-
-    /// Lowest and highest value for data between the given ones.
-    pub(crate) fn reach(&self, data: Option<(f64, f64)>) -> (f64, f64) {
+    /// The range for data from `low` to `high`.
+    pub(crate) fn range_for(&self, (mut low, mut high): (f64, f64)) -> (f64, f64) {
         if let Some(range) = self.range {
             return range;
         }
-        let (mut low, mut high) = data.unwrap_or((f64::NAN, f64::NAN));
-        if let Some(value) = self.includes {
+        if let Some(value) = self.included {
             (low, high) = (low.min(value), high.max(value));
         }
-        match &self.kind {
-            Kind::Numbers(Spacing::Log) => (low / 1.15, high * 1.15),
-            _ => {
-                let margin = MARGIN * (high - low);
-                // No margin below a floor such as 0 that nothing undercuts.
-                let floor = self.includes == Some(low);
-                (if floor { low } else { low - margin }, high + margin)
-            }
+        if self.kind == Kind::Numbers(Spacing::Log) {
+            return (low / 1.15, high * 1.15);
         }
+        let margin = MARGIN * (high - low);
+        // No margin below a floor such as 0 if no value is below it.
+        let is_floor = self.included == Some(low);
+        (if is_floor { low } else { low - margin }, high + margin)
     }
 
     pub(crate) fn scale(&self, (low, high): (f64, f64), from: f64, to: f64) -> Scale {
         match &self.kind {
-            Kind::Numbers(spacing) => Scale::new(*spacing, low, high, from, to),
-            Kind::Names(_) => Scale::new(Spacing::Linear, high, low, to, from),
+            Kind::Numbers(spacing) => Scale::new(*spacing, (low, high), from, to),
+            Kind::Names(_) => Scale::new(Spacing::Linear, (high, low), to, from),
         }
     }
 
     pub(crate) fn ticks(&self, scale: &Scale, count: usize) -> Vec<Tick> {
-        match &self.kind {
-            Kind::Numbers(_) if !self.marks.is_empty() => self.own_ticks(scale),
-            Kind::Numbers(_) => ticks(scale, count),
-            Kind::Names(names) => {
-                let tick = |(index, name): (usize, &String)| Tick {
-                    value: index as f64,
-                    label: Some(name.clone()),
-                };
-                names.iter().enumerate().map(tick).collect()
-            }
-        }
-    }
-
-    fn own_ticks(&self, scale: &Scale) -> Vec<Tick> {
-        let slack = 1e-6 * (scale.high() - scale.low());
-        let within = |(value, _): &&(f64, String)| {
-            (scale.low() - slack..=scale.high() + slack).contains(value)
-        };
-        let tick = |(value, label): &(f64, String)| Tick {
-            value: *value,
+        let tick = |(value, label): (f64, &String)| Tick {
+            value,
             label: Some(label.clone()),
         };
-        self.marks.iter().filter(within).map(tick).collect()
+        let slack = 1e-6 * (scale.high - scale.low);
+        let range = scale.low - slack..=scale.high + slack;
+        match &self.kind {
+            Kind::Names(names) => (0..).map(f64::from).zip(names).map(tick).collect(),
+            Kind::Numbers(_) if self.ticks.is_empty() => ticks(scale, count),
+            Kind::Numbers(_) => {
+                let ticks = self.ticks.iter().map(|(value, label)| (*value, label));
+                ticks
+                    .filter(|(value, _)| range.contains(value))
+                    .map(tick)
+                    .collect()
+            }
+        }
     }
 
     pub(crate) fn has_numbers(&self) -> bool {

@@ -1,30 +1,29 @@
-//! Panels in rows, with one legend: a figure.
+//! Figures: panels in rows with one legend.
 
 use std::fmt::{self, Display, Formatter};
 
 use crate::legend::Legend;
-use crate::panel::{Area, Panel};
-use crate::style::Ink;
-use crate::text;
-use crate::xml::Element;
+use crate::markup::Element;
+use crate::panel::{Panel, Rectangle};
+use crate::style::Color;
+use crate::text_width::FONT_SIZE;
 
-/// Width of a figure. Across the text of an A4 page (170 mm), one unit is 0.67 pt, and the text
-/// about 8 pt.
-pub const WIDTH: f64 = 720.0;
-
-/// Free space at the right of every panel: half of the last number of its axis stands there.
-const RIGHT: f64 = 16.0;
-/// Free space around everything.
+/// Width of a figure. Across the text of an A4 page (170 mm) one unit is 0.67 pt, and text about
+/// 8 pt.
+const WIDTH: f64 = 720.0;
+/// Free space to the right of every panel, for half of the last number of its axis.
+const RIGHT_MARGIN: f64 = 16.0;
+/// Free space around the figure.
 const EDGE: f64 = 3.0;
-/// The legend begins so far to the right, unless the first frame does before.
+/// The left end of the legend, unless the first frame is further left.
 const LEGEND_INDENT: f64 = 30.0;
 /// Between the legend and the first row.
-const BELOW_LEGEND: f64 = 4.0;
+const LEGEND_GAP: f64 = 4.0;
 
-/// What a figure is written with: fonts that every viewer has.
+/// Fonts that every viewer has.
 const FONT: &str = "Helvetica, Arial, Liberation Sans, DejaVu Sans, sans-serif";
 
-/// Panels in rows. Displays as an SVG document.
+/// Panels in rows. Its `Display` is an SVG document.
 #[derive(Debug)]
 pub struct Figure {
     id: String,
@@ -34,22 +33,20 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// An empty figure. `title` and `description` are what a screen reader says; `id` must differ
-    /// from those of other figures on the same page, and becomes part of identifiers in the file,
-    /// so all but ASCII letters and digits is replaced.
+    /// An empty figure. `title` and `description` are for screen readers. `id` must differ from
+    /// those of other figures on the same page; all but ASCII letters and digits is replaced.
     #[must_use]
     pub fn new(id: &str, title: impl Into<String>, description: impl Into<String>) -> Self {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-        let id = format!("f-{}", id.chars().map(plain).collect::<String>());
         Self {
-            id,
+            id: format!("f-{}", id.chars().map(plain).collect::<String>()),
             title: title.into(),
             description: description.into(),
             rows: Vec::new(),
         }
     }
 
-    /// With a row of panels of a height, numbers and words of the axes included.
+    /// Adds a row of panels. The height includes the axes.
     #[must_use]
     pub fn row(mut self, height: f64, panels: Vec<Panel>) -> Self {
         if !panels.is_empty() {
@@ -58,97 +55,79 @@ impl Figure {
         self
     }
 
-    /// What a screen reader calls it.
-    #[must_use]
-    pub fn title(&self) -> &str {
-        &self.title
-    }
-
-    /// What a screen reader says of it.
-    #[must_use]
-    pub fn description(&self) -> &str {
-        &self.description
-    }
-
     /// The element `svg`.
-    #[must_use]
-    pub fn element(&self) -> Element {
-        let indent = EDGE + LEGEND_INDENT.min(self.first_margin());
-        let keys = self
-            .rows
-            .iter()
-            .flat_map(|(_, row)| row)
-            .flat_map(Panel::keys);
-        let legend = Legend::new(keys, WIDTH - indent - EDGE);
+    pub(crate) fn element(&self) -> Element {
+        let panels = || {
+            self.rows
+                .iter()
+                .flat_map(|(height, row)| row.iter().zip([*height].repeat(row.len())))
+        };
+        let first = panels().next();
+        let first_margin = first.map_or(0.0, |(panel, height)| panel.left_margin(height));
+        let indent = EDGE + LEGEND_INDENT.min(first_margin);
+        let entries = panels().flat_map(|(panel, _)| panel.legend());
+        let legend = Legend::new(entries, WIDTH - indent - EDGE);
         let gap = if legend.height() > 0.0 {
-            BELOW_LEGEND
+            LEGEND_GAP
         } else {
             0.0
         };
         let top = EDGE + legend.height() + gap;
         let height = top + self.rows.iter().map(|(height, _)| height).sum::<f64>() + EDGE;
-        let (title, description) = (format!("{}-t", self.id), format!("{}-d", self.id));
-        let paper = Element::new("rect")
-            .at("width", WIDTH)
-            .at("height", height)
-            .with("fill", Ink::WHITE.code());
+        let size = [("width", WIDTH), ("height", height)];
+        let [title, description] = ["t", "d"].map(|suffix| format!("{}-{suffix}", self.id));
+        let background = Element::new("rect")
+            .lengths(size)
+            .with("fill", Color::WHITE.0);
         Element::new("svg")
             .with("xmlns", "http://www.w3.org/2000/svg")
-            .at("width", WIDTH)
-            .at("height", height)
+            .lengths(size)
             .with("viewBox", format!("0 0 {WIDTH} {height:.0}"))
             .with("role", "img")
             .with("aria-labelledby", format!("{title} {description}"))
             .with("font-family", FONT)
-            .at("font-size", text::SIZE)
-            .with("fill", Ink::DARK.code())
+            .lengths([("font-size", FONT_SIZE)])
+            .with("fill", Color::DARK.0)
             .child(Element::new("title").with("id", title).text(&*self.title))
             .child(
                 Element::new("desc")
                     .with("id", description)
                     .text(&*self.description),
             )
-            .child(paper)
+            .child(background)
             .child(legend.draw(indent, EDGE))
-            .children(self.panels(top))
+            .children(self.draw_panels(top))
     }
 
-    fn first_margin(&self) -> f64 {
-        self.rows
-            .first()
-            .and_then(|(height, row)| Some(row.first()?.left_margin(*height)))
-            .unwrap_or(0.0)
-    }
-
-    fn panels(&self, top: f64) -> Vec<Element> {
-        let lettered = self.rows.iter().map(|(_, row)| row.len()).sum::<usize>() > 1;
-        let mut letters = 'a'..='z';
+    fn draw_panels(&self, mut top: f64) -> Vec<Element> {
+        let has_letters = self.rows.iter().map(|(_, row)| row.len()).sum::<usize>() > 1;
+        let mut letters = ('a'..='z').filter(|_| has_letters);
         let mut elements = Vec::new();
-        let mut row_top = top;
         for (index, (height, row)) in self.rows.iter().enumerate() {
             let width = (WIDTH - 2.0 * EDGE) / row.len() as f64;
             for (column, panel) in row.iter().enumerate() {
-                let margins = (panel.top_margin(lettered), panel.bottom_margin());
-                let inner = (height - margins.0 - margins.1).max(10.0);
+                let top_margin = panel.top_margin(has_letters);
+                let inner = (height - top_margin - panel.bottom_margin()).max(10.0);
                 let left = self.column_margin(row.len(), column, inner);
-                let area = Area {
+                let frame = Rectangle {
                     left: EDGE + column as f64 * width + left,
-                    top: row_top + margins.0,
-                    width: (width - left - RIGHT).max(10.0),
+                    top: top + top_margin,
+                    width: (width - left - RIGHT_MARGIN).max(10.0),
                     height: inner,
                 };
-                let letter = if lettered { letters.next() } else { None };
-                elements.push(panel.draw(area, &format!("{}-c{index}-{column}", self.id), letter));
+                let clip = format!("{}-c{index}-{column}", self.id);
+                elements.push(panel.draw(frame, &clip, letters.next()));
             }
-            row_top += height;
+            top += height;
         }
         elements
     }
 
-    /// Panels above each other begin at the same place.
+    /// The left margin of a column: panels above each other are aligned.
     fn column_margin(&self, columns: usize, column: usize, height: f64) -> f64 {
-        let same = self.rows.iter().filter(|(_, row)| row.len() == columns);
-        same.filter_map(|(_, row)| row.get(column))
+        let rows = self.rows.iter().filter(|(_, row)| row.len() == columns);
+        let panels = rows.filter_map(|(_, row)| row.get(column));
+        panels
             .map(|panel| panel.left_margin(height))
             .fold(0.0, f64::max)
     }

@@ -1,113 +1,113 @@
-//! The legend of a figure: one for all its panels, above them, so that it never hides data.
+//! The legend of a figure: one for all panels, above them, so that it never hides data.
 
-use crate::mark::{Key, Sample};
-use crate::panel::written;
+use crate::mark::{LegendEntry, Symbol};
+use crate::markup::Element;
+use crate::panel::text_element;
 use crate::path::Path;
 use crate::style::{Marker, Stroke};
-use crate::text;
-use crate::xml::Element;
+use crate::text_width::text_width;
 
 /// Height of a row.
-pub(crate) const ROW: f64 = 18.0;
-/// Length of the piece of line before a word.
-const SAMPLE: f64 = 26.0;
-/// Between sample and word, and between one entry and the next.
-const GAPS: [f64; 2] = [6.0, 18.0];
+const ROW: f64 = 18.0;
+/// Width of a symbol.
+const SYMBOL: f64 = 26.0;
+/// Between symbol and text.
+const TEXT_GAP: f64 = 6.0;
+/// Between two entries.
+const ENTRY_GAP: f64 = 18.0;
 
-/// Entries in rows.
+/// Entries in rows, with their left ends.
 #[derive(Debug)]
-pub(crate) struct Legend {
-    rows: Vec<Vec<(f64, Key)>>,
+pub struct Legend {
+    rows: Vec<Vec<(f64, LegendEntry)>>,
 }
 
 impl Legend {
-    /// Lays entries out in rows no wider than `width`. An entry that is there already is left out.
-    pub(crate) fn new(keys: impl Iterator<Item = Key>, width: f64) -> Self {
-        let mut rows: Vec<Vec<(f64, Key)>> = Vec::new();
+    /// Arranges entries in rows not wider than `width`. Each different entry appears once.
+    pub fn new(entries: impl Iterator<Item = LegendEntry>, width: f64) -> Self {
+        let mut rows: Vec<Vec<(f64, LegendEntry)>> = Vec::new();
         let mut right = f64::INFINITY;
-        for key in keys {
-            if rows.iter().flatten().any(|(_, there)| *there == key) {
+        for entry in entries {
+            if rows.iter().flatten().any(|(_, known)| *known == entry) {
                 continue;
             }
-            let wide = SAMPLE + GAPS[0] + text::width(&key.label) + GAPS[1];
-            if right + wide - GAPS[1] > width {
+            let entry_width = SYMBOL + TEXT_GAP + text_width(&entry.label) + ENTRY_GAP;
+            if right + entry_width - ENTRY_GAP > width {
                 rows.push(Vec::new());
                 right = 0.0;
             }
             if let Some(row) = rows.last_mut() {
-                row.push((right, key));
+                row.push((right, entry));
             }
-            right += wide;
+            right += entry_width;
         }
         Self { rows }
     }
 
-    pub(crate) fn height(&self) -> f64 {
+    pub fn height(&self) -> f64 {
         self.rows.len() as f64 * ROW
     }
 
-    pub(crate) fn draw(&self, left: f64, top: f64) -> Element {
-        let entries = self.rows.iter().enumerate().flat_map(|(index, row)| {
+    pub fn draw(&self, left: f64, top: f64) -> Element {
+        let mut group = Element::new("g");
+        for (index, row) in self.rows.iter().enumerate() {
             let middle = top + (index as f64 + 0.5) * ROW;
-            row.iter()
-                .map(move |(x, key)| entry([left + x, middle], key))
-        });
-        Element::new("g").children(entries)
+            for (x, LegendEntry { label, symbol }) in row {
+                let x = left + x;
+                let text = text_element([x + SYMBOL + TEXT_GAP, middle + 4.0], "start", label);
+                let symbol = draw_symbol([x, middle], symbol);
+                group = group.child(Element::new("g").child(symbol).child(text));
+            }
+        }
+        group
     }
 }
 
-fn entry([left, middle]: [f64; 2], key: &Key) -> Element {
-    Element::new("g")
-        .child(sample([left, middle], &key.sample))
-        .child(written(
-            [left + SAMPLE + GAPS[0], middle + 4.0],
-            "start",
-            &key.label,
-        ))
-}
-
-fn sample([left, middle]: [f64; 2], sample: &Sample) -> Element {
-    let centre = [left + SAMPLE / 2.0, middle];
-    match sample {
-        Sample::Line(stroke, marker) => {
-            let mut line = Path::default();
-            line.move_to([left, middle]);
-            line.line_to([left + SAMPLE, middle]);
-            let line = stroke.on(Element::new("path")).with("d", line.into_text());
-            let marker = marker.map(|marker| shape(Stroke::new(stroke.ink, 1.0), marker, centre));
-            Element::new("g").child(line).children(marker)
+fn draw_symbol([left, middle]: [f64; 2], symbol: &Symbol) -> Element {
+    let center = [left + SYMBOL / 2.0, middle];
+    let draw_marker = |stroke: Stroke, marker| {
+        let mut path = Path::default();
+        path.marker(marker, center);
+        stroke.draw(path)
+    };
+    match *symbol {
+        Symbol::Line(stroke, marker) => {
+            let mut path = Path::default();
+            path.polyline([[left, middle], [left + SYMBOL, middle]]);
+            let marker = marker.map(|marker| draw_marker(Stroke::new(stroke.color, 1.0), marker));
+            Element::new("g").child(stroke.draw(path)).children(marker)
         }
-        Sample::Point(ink, Marker::Dot) => {
-            let circle = Element::new("circle")
-                .at("cx", centre[0])
-                .at("cy", centre[1])
-                .at("r", 2.5);
-            circle.with("fill", ink.code())
-        }
-        Sample::Point(ink, marker) => shape(Stroke::new(*ink, 1.1), *marker, centre),
-        Sample::Patch {
+        Symbol::Point(color, Marker::Dot) => Element::new("circle")
+            .lengths([("cx", center[0]), ("cy", center[1]), ("r", 2.5)])
+            .with("fill", color.0),
+        Symbol::Point(color, marker) => draw_marker(Stroke::new(color, 1.1), marker),
+        Symbol::Patch {
             fill,
             opacity,
             border,
-        } => {
-            let rect = Element::new("rect")
-                .at("x", left + 4.0)
-                .at("y", middle - 5.5)
-                .at("width", SAMPLE - 8.0);
-            let rect = rect
-                .at("height", 11.0)
-                .with("fill", fill.code())
-                .at("fill-opacity", *opacity);
-            match border {
-                Some(border) => rect.with("stroke", border.code()).at("stroke-width", 0.6),
-                None => rect,
-            }
-        }
+        } => Element::rect([left + 4.0, middle - 5.5], [SYMBOL - 8.0, 11.0])
+            .with("fill", fill.0)
+            .lengths([("fill-opacity", opacity)])
+            .with("stroke", border.0)
+            .lengths([("stroke-width", 0.6)]),
     }
 }
 
-fn shape(stroke: Stroke, marker: Marker, centre: [f64; 2]) -> Element {
-    let mut path = Path::default();
-    path.marker(marker, centre);
-    stroke.on(Element::new("path")).with("d", path.into_text())
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::style::Color;
+
+    #[test]
+    fn every_row_fits_into_the_width() {
+        let entries = (0..12).map(|i| LegendEntry {
+            label: format!("entry {i} {}", "m".repeat(i)),
+            symbol: Symbol::Point(Color::BLACK, Marker::Dot),
+        });
+        let legend = Legend::new(entries, 400.0);
+        assert_eq!(legend.rows.iter().flatten().count(), 12);
+        for (x, entry) in legend.rows.iter().flatten() {
+            assert!(x + SYMBOL + TEXT_GAP + text_width(&entry.label) <= 400.0);
+        }
+    }
 }

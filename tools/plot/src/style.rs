@@ -1,23 +1,24 @@
-//! Inks, dashes and markers that stay apart on a grey print.
+//! Colors, dashes and markers that can be distinguished on a grey print.
 //!
-//! The inks are those of Okabe and Ito ("Color universal design", 2008), which people who do not
-//! see all colours can tell apart, and greys. In grey print some come close to each other, so lines
-//! that must be told apart take different dashes or markers as well.
+//! The colors are those of Okabe and Ito ("Color universal design", 2008), which people with color
+//! blindness can distinguish, and greys. In grey print some are close to each other: lines that
+//! must be distinguished have different dashes or markers as well.
 
-use crate::xml::Element;
+use crate::markup::Element;
+use crate::path::Path;
 
-/// A colour, as SVG writes it.
+/// A color in the notation of SVG.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Ink(&'static str);
+pub struct Color(pub(crate) &'static str);
 
-impl Ink {
+impl Color {
     /// Black.
     pub const BLACK: Self = Self("#000000");
     /// Text and frames.
     pub const DARK: Self = Self("#222222");
     /// Lines of second rank.
     pub const GREY: Self = Self("#707070");
-    /// Clouds of dots behind lines.
+    /// Point clouds behind lines.
     pub const PALE: Self = Self("#b4b4b4");
     /// Grids.
     pub const FAINT: Self = Self("#e2e2e2");
@@ -34,95 +35,83 @@ impl Ink {
     /// White.
     pub const WHITE: Self = Self("#ffffff");
 
-    /// A scale of one hue from light to dark: it keeps its order in grey.
-    pub const STEPS: [Self; 5] = [
+    /// A sequential scale of one hue from light to dark. It keeps its order in grey.
+    pub(crate) const SEQUENTIAL: [Self; 5] = [
         Self("#e8eef4"),
         Self("#b9cfe2"),
         Self("#7fa6c9"),
         Self("#41719f"),
         Self("#123b63"),
     ];
-
-    /// As SVG writes it.
-    #[must_use]
-    pub const fn code(self) -> &'static str {
-        self.0
-    }
 }
 
-/// How a line is broken.
+/// The dash pattern of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Dash {
-    /// Not at all.
+    /// No gaps.
     #[default]
     Solid,
     /// Long strokes.
     Dashed,
-    /// Points.
+    /// Dots.
     Dotted,
-    /// Strokes and points in turn.
+    /// Strokes and dots in turn.
     DashDot,
 }
 
-impl Dash {
-    const fn pattern(self) -> Option<&'static str> {
-        match self {
-            Self::Solid => None,
-            Self::Dashed => Some("6 3"),
-            Self::Dotted => Some("1.5 2.5"),
-            Self::DashDot => Some("7 2.5 1.5 2.5"),
-        }
-    }
-}
-
-/// How a line is drawn.
+/// Color, width and dash pattern of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stroke {
-    /// Colour.
-    pub ink: Ink,
-    /// Width, in the units of the figure: 1 is about 0.7 pt in print.
+    /// Color.
+    pub color: Color,
+    /// Width in units of the figure: 1 is about 0.7 pt in print.
     pub width: f64,
-    /// How it is broken.
+    /// Dash pattern.
     pub dash: Dash,
 }
 
 impl Stroke {
     /// A solid line.
     #[must_use]
-    pub const fn new(ink: Ink, width: f64) -> Self {
+    pub const fn new(color: Color, width: f64) -> Self {
         Self {
-            ink,
+            color,
             width,
             dash: Dash::Solid,
         }
     }
 
-    /// Broken.
+    /// With a dash pattern.
     #[must_use]
     pub const fn dash(self, dash: Dash) -> Self {
         Self { dash, ..self }
     }
 
-    /// Puts it on an element.
-    #[must_use]
-    pub fn on(&self, element: Element) -> Element {
+    /// Sets the attributes of an element.
+    pub(crate) fn apply(&self, element: Element) -> Element {
         let element = element
             .with("fill", "none")
-            .with("stroke", self.ink.code())
-            .at("stroke-width", self.width);
-        match self.dash.pattern() {
-            Some(pattern) => element.with("stroke-dasharray", pattern),
-            None => element.with("stroke-linejoin", "round"),
+            .with("stroke", self.color.0)
+            .lengths([("stroke-width", self.width)]);
+        match self.dash {
+            Dash::Solid => element.with("stroke-linejoin", "round"),
+            Dash::Dashed => element.with("stroke-dasharray", "6 3"),
+            Dash::Dotted => element.with("stroke-dasharray", "1.5 2.5"),
+            Dash::DashDot => element.with("stroke-dasharray", "7 2.5 1.5 2.5"),
         }
+    }
+
+    pub(crate) fn draw(&self, path: Path) -> Element {
+        self.apply(Element::new("path")).with("d", path.into_text())
     }
 }
 
-/// What stands at a point.
+/// The symbol at a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Marker {
     /// A filled disc.
     Dot,
-    /// An open ring.
+    /// An open circle.
     Circle,
     /// An open square.
     Square,

@@ -1,28 +1,28 @@
 //! Recordings of trials: every stream of the controller at full rate in an MCAP file.
 //!
-//! | file | holds |
+//! | file | contains |
 //! |---|---|
-//! | `layout` | the fields of every payload, in one table: for schemas, columns and other languages |
-//! | `cdr` | payloads as CDR, the bytes of ROS 2 messages, and back |
-//! | `schema` | message definitions in the language of ROS 2 |
-//! | `header` | the payloads as a C++ header |
-//! | `joint` | the standard message `sensor_msgs/JointState` |
-//! | `topic` | what a recording holds |
-//! | `recorder` | from messages to a file that survives its writer |
-//! | `read` | records of a file, whole or cut off |
-//! | `recover` | a whole file from one that was cut off |
+//! | `layout` | the fields of every payload in one table, for schemas, columns and other languages |
+//! | `cdr` | payloads as CDR, the encoding of ROS 2 messages, and back |
+//! | `schema` | message definitions of ROS 2 |
+//! | `cpp_header` | the payloads as a C++ header |
+//! | `joint_state` | the standard message `sensor_msgs/JointState` |
+//! | `topic` | streams and topics of a recording |
+//! | `recorder` | writes messages into a file that survives its writer |
+//! | `read` | records of a file, complete or cut off |
+//! | `recover` | makes a complete file of one that was cut off |
 //! | `export` | tables as CSV and Parquet |
-//! | `report` | what a trial shows: errors, loops, latencies, events; as numbers and as a page |
+//! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //!
-//! A topic `i2ris/NAME` holds the controller's own payloads, bit by bit; `NAME` beside it holds the
-//! same angles as the standard message that every tool knows. Stamps inside the payloads are of the
-//! monotonic clock; those of the file and of standard messages are Unix time, by one offset that
-//! was taken at the start and stands in the metadata.
+//! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` has the
+//! same angles as a standard ROS 2 message. Stamps in payloads are of the monotonic clock. Stamps of
+//! the file and of standard messages are Unix time; the offset between both clocks is measured at
+//! the start and written to the metadata.
 
 pub mod cdr;
+pub mod cpp_header;
 pub mod export;
-pub mod header;
-pub mod joint;
+pub mod joint_state;
 pub mod layout;
 pub mod read;
 pub mod recorder;

@@ -1,5 +1,5 @@
-//! Records of a file one after the other, with little memory, from whole files and from ones that
-//! were cut off.
+//! Reads the records of a file one after the other, of complete files and of files that were cut
+//! off.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -9,38 +9,39 @@ use mcap::McapError;
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-/// No record that we write is larger: models and configurations are the largest.
-const LARGEST_RECORD: usize = 1 << 28;
+/// The longest record, bytes. The largest that we write are models and configurations.
+const LONGEST_RECORD: usize = 1 << 28;
 
-/// Why a file cannot be read, or not further.
+/// Why a file cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// It cannot be opened or read.
     #[error("cannot read {path}: {source}")]
     Read {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
-    /// Its bytes are not what MCAP allows, or end too early.
+    /// Its content is not valid MCAP, or ends too early.
     #[error(
-        "{path}: {source}; if it was cut off, `i2ris record recover` makes a whole file of what is there"
+        "{path}: {source}; if it was cut off, `i2ris record recover` makes a complete file of what \
+         is there"
     )]
     Format {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: McapError,
     },
 }
 
-/// Records of a file. After an error there are no more.
+/// The records of a file. After an error there are no more.
 pub struct Records {
     path: PathBuf,
-    from: BufReader<File>,
+    file: BufReader<File>,
     reader: LinearReader,
-    ended: bool,
+    has_ended: bool,
 }
 
 impl Records {
@@ -56,41 +57,38 @@ impl Records {
         })?;
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LARGEST_RECORD);
-        let reader = LinearReader::new_with_options(options);
+            .with_record_length_limit(LONGEST_RECORD);
         Ok(Self {
             path: path.to_owned(),
-            from: BufReader::with_capacity(1 << 20, file),
-            reader,
-            ended: false,
+            file: BufReader::with_capacity(1 << 20, file),
+            reader: LinearReader::new_with_options(options),
+            has_ended: false,
         })
     }
 
-    fn step(&mut self) -> Result<Option<Record<'static>>, ReadError> {
-        loop {
-            let format = |source| ReadError::Format {
-                path: self.path.clone(),
-                source,
-            };
-            let wanted = match self.reader.next_event() {
-                None => return Ok(None),
-                Some(Err(source)) => return Err(format(source)),
-                Some(Ok(LinearReadEvent::Record { data, opcode })) => {
-                    return mcap::parse_record(opcode, data)
-                        .map(|record| Some(record.into_owned()))
-                        .map_err(format);
+    fn read_record(&mut self) -> Result<Option<Record<'static>>, ReadError> {
+        let path = || self.path.clone();
+        let format = |source| ReadError::Format {
+            path: path(),
+            source,
+        };
+        while let Some(event) = self.reader.next_event() {
+            match event.map_err(format)? {
+                LinearReadEvent::Record { data, opcode } => {
+                    let record = mcap::parse_record(opcode, data).map_err(format)?;
+                    return Ok(Some(record.into_owned()));
                 }
-                Some(Ok(LinearReadEvent::ReadRequest(wanted))) => wanted,
-            };
-            let got = self
-                .from
-                .read(self.reader.insert(wanted))
-                .map_err(|source| ReadError::Read {
-                    path: self.path.clone(),
-                    source,
-                })?;
-            self.reader.notify_read(got);
+                LinearReadEvent::ReadRequest(size) => {
+                    let read = self.file.read(self.reader.insert(size));
+                    self.reader
+                        .notify_read(read.map_err(|source| ReadError::Read {
+                            path: path(),
+                            source,
+                        })?);
+                }
+            }
         }
+        Ok(None)
     }
 }
 
@@ -98,11 +96,11 @@ impl Iterator for Records {
     type Item = Result<Record<'static>, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.ended {
+        if self.has_ended {
             return None;
         }
-        let step = self.step().transpose();
-        self.ended = !matches!(step, Some(Ok(_)));
-        step
+        let record = self.read_record().transpose();
+        self.has_ended = !matches!(record, Some(Ok(_)));
+        record
     }
 }

@@ -1,10 +1,10 @@
-//! From messages to a file that survives its writer.
+//! Writes messages into a file that survives its writer.
 //!
-//! Whoever listens to the robot hands messages over and never waits: a thread of its own writes
-//! them. It closes a chunk of the file every [`FLUSH`], so a program that is killed loses no more
-//! than that, and asks the disk to keep what it has every [`SYNC`], for the case that the power
-//! goes. A disk that stalls fills the queue; what does not fit any more is dropped and counted. A
-//! disk that is full ends the recording, and is reported.
+//! The caller passes messages on and never waits; a thread writes them. It completes a chunk of the
+//! file every [`FLUSH_PERIOD`]: a program that is killed loses no more than that. It synchronizes
+//! the disk every [`SYNC_PERIOD`], in case the power fails. If the disk is slow, the queue fills,
+//! and messages that do not fit are dropped and counted. If the disk is full, the recording ends
+//! with an error.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -23,79 +23,90 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
 use crate::cdr;
-use crate::joint;
-use crate::layout::Laid;
+use crate::joint_state;
+use crate::layout::Layout;
 use crate::topic::{Stream, Topic};
 
-/// What is lost at most when the program is killed.
-pub const FLUSH: Duration = Duration::from_millis(200);
-/// What is lost at most when the power goes.
-pub const SYNC: Duration = Duration::from_millis(1000);
-/// Messages that wait for a disk: ten seconds of everything.
-const QUEUE: usize = 1 << 16;
+/// The most that is lost when the program is killed.
+pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);
+/// The most that is lost when the power fails.
+pub const SYNC_PERIOD: Duration = Duration::from_millis(1000);
+/// Messages that can wait for the disk: ten seconds of all streams.
+const QUEUE_LENGTH: usize = 1 << 16;
 
-/// Name of the metadata that stand at the start.
+/// Name of the metadata at the start.
 pub const HEADER: &str = "i2ris.header";
-/// Name of the metadata that stand at the end of a recording that ended well.
+/// Name of the metadata at the end of a recording that ended without an error.
 pub const OUTCOME: &str = "i2ris.outcome";
 
 /// Why a recording cannot begin, or ended.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The file cannot be made.
+    /// The file cannot be created.
     #[error(
-        "cannot make {path}: {source}; name a file that does not exist yet, in a folder that you may write to"
+        "cannot make {path}: {source}; name a file that does not exist yet, in a folder that you \
+         may write to"
     )]
     Create {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
-    /// The file cannot be written any more.
+    /// The file cannot be written.
     #[error(
         "{path}: {source}; what was written until then can be read after `i2ris record recover`"
     )]
     Write {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: McapError,
     },
-    /// The writing thread is gone.
-    #[error("{path}: the thread that writes it ended without a word")]
+    /// The writing thread panicked.
+    #[error("{path}: the thread that writes it ended without an error message")]
     Thread {
-        /// Which.
+        /// The file.
         path: PathBuf,
     },
 }
 
-/// A file that goes into a recording: name, media type, bytes.
-pub type Attached = (String, &'static str, Vec<u8>);
+/// An attachment of a recording.
+#[derive(Debug, Clone)]
+pub struct AttachedFile {
+    /// Its name.
+    pub name: String,
+    /// Its media type.
+    pub media_type: &'static str,
+    /// Its content.
+    pub content: Vec<u8>,
+}
 
-/// What stands at the start of a file.
+/// The start of a recording.
 #[derive(Debug, Clone, Default)]
-pub struct Header {
-    /// Words about the recording: robot, software, model.
+pub struct RecordingHeader {
+    /// Facts about the recording: robot, software, model.
     pub about: BTreeMap<String, String>,
-    /// Files that go into it.
-    pub attachments: Vec<Attached>,
+    /// Attachments.
+    pub attachments: Vec<AttachedFile>,
     /// Unix time minus monotonic time, ns.
     pub unix_offset_ns: u64,
     /// Names of the joints.
     pub joints: Vec<String>,
 }
 
-/// What was written.
+/// Numbers of messages.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Written {
+pub struct MessageCounts {
     /// Messages of each stream.
     pub messages: BTreeMap<Stream, u64>,
-    /// Messages that found the queue full.
+    /// Messages that were dropped because the queue was full.
     pub dropped: u64,
 }
 
-struct Item {
+type McapFile = Writer<BufWriter<File>>;
+
+struct QueuedMessage {
     topic: Topic,
     sequence: u32,
     stamp: Nanos,
@@ -103,221 +114,210 @@ struct Item {
     bytes: Vec<u8>,
 }
 
-/// A recording under way.
+/// A recording in progress.
 #[derive(Debug)]
-pub struct Trial {
+pub struct TrialRecorder {
     path: PathBuf,
-    to: Option<SyncSender<Item>>,
-    thread: Option<JoinHandle<Result<Writer<BufWriter<File>>, McapError>>>,
-    failed: Arc<AtomicBool>,
+    queue: Option<SyncSender<QueuedMessage>>,
+    thread: Option<JoinHandle<Result<McapFile, McapError>>>,
+    has_failed: Arc<AtomicBool>,
     unix_offset_ns: u64,
     joints: Vec<String>,
-    written: Written,
+    counts: MessageCounts,
 }
 
-impl Trial {
-    /// Makes the file, which must not exist, and writes its header.
+impl TrialRecorder {
+    /// Creates the file, which must not exist, and writes its header.
     ///
     /// # Errors
     ///
     /// [`RecordError::Create`], [`RecordError::Write`].
-    pub fn start(path: &Path, header: Header) -> Result<Self, RecordError> {
+    pub fn start(path: &Path, header: RecordingHeader) -> Result<Self, RecordError> {
         let create = |source| RecordError::Create {
             path: path.to_owned(),
             source,
         };
         let file = File::create_new(path).map_err(create)?;
         let disk = file.try_clone().map_err(create)?;
-        let begun = begin(file, &header).map_err(|source| RecordError::Write {
+        let file = write_header(file, &header).map_err(|source| RecordError::Write {
             path: path.to_owned(),
             source,
         })?;
-        let (to, from) = sync_channel(QUEUE);
-        let failed = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&failed);
-        let offset = header.unix_offset_ns;
+        let (queue, messages) = sync_channel(QUEUE_LENGTH);
+        let has_failed = Arc::new(AtomicBool::new(false));
+        let failure = Arc::clone(&has_failed);
+        let unix_offset_ns = header.unix_offset_ns;
         let thread = thread::spawn(move || {
-            let outcome = write(begun, &disk, offset, &from);
-            flag.store(outcome.is_err(), Ordering::Release);
+            let outcome = write_messages(file, &disk, unix_offset_ns, &messages);
+            failure.store(outcome.is_err(), Ordering::Release);
             outcome
         });
         Ok(Self {
             path: path.to_owned(),
-            to: Some(to),
+            queue: Some(queue),
             thread: Some(thread),
-            failed,
-            unix_offset_ns: offset,
+            has_failed,
+            unix_offset_ns,
             joints: header.joints,
-            written: Written::default(),
+            counts: MessageCounts::default(),
         })
     }
 
-    /// Whether the disk has refused: time to call [`Trial::finish`], which says why.
+    /// Whether writing has failed: [`TrialRecorder::finish`] returns the reason.
     #[must_use]
     pub fn has_failed(&self) -> bool {
-        self.failed.load(Ordering::Acquire)
+        self.has_failed.load(Ordering::Acquire)
     }
 
-    /// What was handed over so far.
+    /// The messages so far.
     #[must_use]
-    pub fn written(&self) -> &Written {
-        &self.written
+    pub fn counts(&self) -> &MessageCounts {
+        &self.counts
     }
 
-    /// Hands over a message of a stream. Never waits.
-    pub fn take<T: Laid + Message>(&mut self, stream: Stream, message: &T, received: Nanos) {
-        let (sequence, stamp) = (message.sequence() as u32, message.stamp());
-        *self.written.messages.entry(stream).or_default() += 1;
-        self.put(Item {
-            topic: Topic::Own(stream),
-            sequence,
-            stamp,
-            received,
-            bytes: cdr::message(message),
-        });
-    }
-
-    /// Hands over angles, which become standard messages as well.
-    pub fn take_joints(&mut self, stream: Stream, message: &JointState, received: Nanos) {
-        self.take(stream, message, received);
-        let (sequence, stamp) = (message.sequence as u32, message.stamp());
-        if let Some(bytes) = joint::message(
+    /// Records a message of a stream. Does not wait.
+    pub fn record<T: Layout + Message>(&mut self, stream: Stream, message: &T, received: Nanos) {
+        *self.counts.messages.entry(stream).or_default() += 1;
+        self.push(
+            Topic::Payload(stream),
             message,
-            message.stamp_ns.wrapping_add(self.unix_offset_ns),
-            &self.joints,
-        ) {
-            self.put(Item {
-                topic: Topic::Joint(stream),
-                sequence,
-                stamp,
-                received,
-                bytes,
-            });
+            received,
+            cdr::encode(message),
+        );
+    }
+
+    /// Records angles, also as the standard message.
+    pub fn record_joints(&mut self, stream: Stream, message: &JointState, received: Nanos) {
+        self.record(stream, message, received);
+        let unix_ns = message.stamp_ns.wrapping_add(self.unix_offset_ns);
+        if let Some(bytes) = joint_state::encode(message, unix_ns, &self.joints) {
+            self.push(Topic::Joint(stream), message, received, bytes);
         }
     }
 
-    fn put(&mut self, item: Item) {
-        let taken = self.to.as_ref().is_some_and(|to| to.try_send(item).is_ok());
-        self.written.dropped += u64::from(!taken);
+    fn push(&mut self, topic: Topic, message: &impl Message, received: Nanos, bytes: Vec<u8>) {
+        let message = QueuedMessage {
+            topic,
+            sequence: message.sequence() as u32,
+            stamp: message.stamp(),
+            received,
+            bytes,
+        };
+        let queue = self.queue.as_ref();
+        let is_queued = queue.is_some_and(|queue| queue.try_send(message).is_ok());
+        self.counts.dropped += u64::from(!is_queued);
     }
 
-    /// Writes what waits, `outcome`, files that go to the end, and the end of the file.
+    /// Writes the messages in the queue, `outcome`, attachments, and the end of the file.
     ///
     /// # Errors
     ///
-    /// [`RecordError::Write`] with what ended the recording, [`RecordError::Thread`].
+    /// [`RecordError::Write`] with the reason why the recording ended, [`RecordError::Thread`].
     pub fn finish(
         mut self,
         outcome: BTreeMap<String, String>,
-        files: &[Attached],
-    ) -> Result<Written, RecordError> {
-        self.to = None;
+        attachments: &[AttachedFile],
+    ) -> Result<MessageCounts, RecordError> {
+        self.queue = None;
         let path = self.path.clone();
         let joined = self.thread.take().and_then(|thread| thread.join().ok());
-        let ended = joined.ok_or_else(|| RecordError::Thread { path: path.clone() })?;
-        let refused = |source| RecordError::Write { path, source };
-        let mut file = match ended {
-            Ok(file) => file,
-            Err(error) => return Err(refused(error)),
-        };
-        let end = |file: &mut Writer<BufWriter<File>>| {
-            attach(file, files, self.unix_offset_ns)?;
-            file.write_metadata(&Metadata {
-                name: OUTCOME.to_owned(),
-                metadata: outcome,
-            })?;
+        let written = joined.ok_or_else(|| RecordError::Thread { path: path.clone() })?;
+        let finish = |mut file: McapFile| {
+            attach(&mut file, attachments, self.unix_offset_ns)?;
+            write_metadata(&mut file, OUTCOME, outcome)?;
             file.finish().map(drop)
         };
-        end(&mut file).map_err(refused)?;
-        Ok(self.written.clone())
+        let finished = written.and_then(finish);
+        finished.map_err(|source| RecordError::Write { path, source })?;
+        Ok(self.counts)
     }
 }
 
-fn begin(file: File, header: &Header) -> Result<Writer<BufWriter<File>>, McapError> {
+fn write_header(file: File, header: &RecordingHeader) -> Result<McapFile, McapError> {
     let options = WriteOptions::new()
         .profile("ros2")
         .library(concat!("i2ris ", env!("CARGO_PKG_VERSION")))
         .compression(Some(Compression::Lz4))
-        // A chunk goes to the file whole or not at all.
+        // The file contains only complete chunks.
         .disable_seeking(true);
-    let mut writer = Writer::with_options(BufWriter::new(file), options)?;
+    let mut file = Writer::with_options(BufWriter::new(file), options)?;
     let mut about = header.about.clone();
-    about.insert(
-        "unix_minus_monotonic_ns".to_owned(),
-        header.unix_offset_ns.to_string(),
-    );
-    writer.write_metadata(&Metadata {
-        name: HEADER.to_owned(),
-        metadata: about,
-    })?;
-    attach(&mut writer, &header.attachments, header.unix_offset_ns)?;
+    let offset = header.unix_offset_ns.to_string();
+    about.insert("unix_minus_monotonic_ns".to_owned(), offset);
+    write_metadata(&mut file, HEADER, about)?;
+    attach(&mut file, &header.attachments, header.unix_offset_ns)?;
     for topic in Topic::all() {
-        topic.declare(&mut writer)?;
+        topic.declare(&mut file)?;
     }
-    writer.flush()?;
-    Ok(writer)
+    file.flush()?;
+    Ok(file)
 }
 
-fn attach(
-    to: &mut Writer<BufWriter<File>>,
-    files: &[Attached],
-    unix_offset_ns: u64,
+fn write_metadata(
+    file: &mut McapFile,
+    name: &str,
+    metadata: BTreeMap<String, String>,
 ) -> Result<(), McapError> {
-    let now = unix_offset_ns.wrapping_add(i2ris::clock::now().0);
-    files.iter().try_for_each(|(name, media_type, data)| {
-        to.attach(&Attachment {
-            log_time: now,
-            create_time: now,
-            name: name.clone(),
-            media_type: (*media_type).to_owned(),
-            data: data.as_slice().into(),
-        })
+    file.write_metadata(&Metadata {
+        name: name.to_owned(),
+        metadata,
     })
 }
 
-/// Writes what comes until nothing more can come.
-fn write(
-    mut file: Writer<BufWriter<File>>,
+fn attach(
+    file: &mut McapFile,
+    attachments: &[AttachedFile],
+    unix_offset_ns: u64,
+) -> Result<(), McapError> {
+    let now = unix_offset_ns.wrapping_add(i2ris::clock::now().0);
+    for attachment in attachments {
+        file.attach(&Attachment {
+            log_time: now,
+            create_time: now,
+            name: attachment.name.clone(),
+            media_type: attachment.media_type.to_owned(),
+            data: attachment.content.as_slice().into(),
+        })?;
+    }
+    Ok(())
+}
+
+/// Writes messages until the sender is gone.
+fn write_messages(
+    mut file: McapFile,
     disk: &File,
     unix_offset_ns: u64,
-    from: &Receiver<Item>,
-) -> Result<Writer<BufWriter<File>>, McapError> {
-    let channels: BTreeMap<Topic, u16> = Topic::all()
-        .map(|topic| Ok((topic, topic.declare(&mut file)?)))
-        .collect::<Result<_, McapError>>()?;
+    messages: &Receiver<QueuedMessage>,
+) -> Result<McapFile, McapError> {
+    let mut channels = BTreeMap::new();
+    for topic in Topic::all() {
+        channels.insert(topic, topic.declare(&mut file)?);
+    }
+    let unix = |Nanos(monotonic)| monotonic.wrapping_add(unix_offset_ns);
     let (mut flushed, mut synced) = (Instant::now(), Instant::now());
     loop {
-        match from.recv_timeout(FLUSH.saturating_sub(flushed.elapsed())) {
-            Ok(Item {
-                topic,
-                sequence,
-                stamp,
-                received,
-                bytes,
-            }) => {
-                let unix = |Nanos(monotonic)| monotonic.wrapping_add(unix_offset_ns);
-                let Some(channel_id) = channels.get(&topic).copied() else {
-                    continue;
-                };
-                let header = MessageHeader {
-                    channel_id,
-                    sequence,
-                    log_time: unix(received),
-                    publish_time: unix(stamp),
-                };
-                file.write_to_known_channel(&header, &bytes)?;
+        match messages.recv_timeout(FLUSH_PERIOD.saturating_sub(flushed.elapsed())) {
+            Ok(message) => {
+                if let Some(channel_id) = channels.get(&message.topic).copied() {
+                    let header = MessageHeader {
+                        channel_id,
+                        sequence: message.sequence,
+                        log_time: unix(message.received),
+                        publish_time: unix(message.stamp),
+                    };
+                    file.write_to_known_channel(&header, &message.bytes)?;
+                }
             }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return Ok(file),
         }
-        if flushed.elapsed() >= FLUSH {
+        if flushed.elapsed() >= FLUSH_PERIOD {
             file.flush()?;
             flushed = Instant::now();
         }
-        if synced.elapsed() >= SYNC {
+        if synced.elapsed() >= SYNC_PERIOD {
             synced = Instant::now();
-            // Some places cannot be asked to keep: pipes, some network disks. That is theirs to
-            // know.
+            // Pipes and some network disks cannot be synchronized: that is not an error.
             let _ = disk.sync_data();
         }
     }

@@ -1,4 +1,4 @@
-//! A whole file from one that was cut off: messages, and also metadata and attachments.
+//! Makes a complete file of one that was cut off: messages, metadata and attachments.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,13 +11,13 @@ use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 use crate::read::{ReadError, Records};
 use crate::recorder::RecordError;
 
-/// Why nothing was recovered.
+/// Why a file cannot be recovered.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
-    /// The old file.
+    /// The old file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The new file.
+    /// The new file cannot be written.
     #[error(transparent)]
     Write(#[from] RecordError),
 }
@@ -31,22 +31,22 @@ pub struct Recovered {
     pub metadata: u64,
     /// Attached files.
     pub attachments: u64,
-    /// Where the old file stops being readable; `None`: it is whole.
+    /// Why the old file cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
 
-/// Copies everything that can be read of `from` into a new file `to`.
+/// Copies everything readable of `from` into a new file `to`.
 ///
 /// # Errors
 ///
-/// When `from` cannot be opened, or `to` cannot be made or written.
+/// [`RecoverError`]: `from` cannot be opened, or `to` cannot be created or written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     let records = Records::open(from)?;
     let create = |source| RecordError::Create {
         path: to.to_owned(),
         source,
     };
-    let refused = |source| RecordError::Write {
+    let write = |source| RecordError::Write {
         path: to.to_owned(),
         source,
     };
@@ -54,37 +54,37 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     let options = WriteOptions::new()
         .profile("ros2")
         .compression(Some(Compression::Lz4));
-    let mut copy = Copy {
-        to: Writer::with_options(BufWriter::new(file), options).map_err(refused)?,
+    let mut copy = FileCopy {
+        to: Writer::with_options(BufWriter::new(file), options).map_err(write)?,
         channels: BTreeMap::new(),
         schemas: BTreeMap::new(),
         recovered: Recovered::default(),
     };
     for record in records {
         match record {
-            // What follows is the summary, which the new file gets of its own.
+            // The summary follows; the new file has its own.
             Ok(Record::DataEnd(_)) => break,
-            Ok(record) => copy.record(record).map_err(refused)?,
+            Ok(record) => copy.write(record).map_err(write)?,
             Err(error) => {
                 copy.recovered.stopped_by = Some(error);
                 break;
             }
         }
     }
-    copy.to.finish().map_err(refused)?;
+    copy.to.finish().map_err(write)?;
     Ok(copy.recovered)
 }
 
-struct Copy<W: Write + Seek> {
+struct FileCopy<W: Write + Seek> {
     to: Writer<W>,
-    /// From numbers of the old file to those of the new one.
+    /// Numbers of the new file for those of the old one.
     channels: BTreeMap<u16, u16>,
     schemas: BTreeMap<u16, u16>,
     recovered: Recovered,
 }
 
-impl<W: Write + Seek> Copy<W> {
-    fn record(&mut self, record: Record<'_>) -> Result<(), McapError> {
+impl<W: Write + Seek> FileCopy<W> {
+    fn write(&mut self, record: Record<'_>) -> Result<(), McapError> {
         match record {
             Record::Schema { header, data } => {
                 let new = self.to.add_schema(&header.name, &header.encoding, &data)?;
@@ -101,7 +101,7 @@ impl<W: Write + Seek> Copy<W> {
                 self.channels.insert(channel.id, new);
             }
             Record::Message { mut header, data } => {
-                // A message whose channel is not known cannot be told from any other.
+                // Without its channel a message has no meaning.
                 if let Some(channel) = self.channels.get(&header.channel_id) {
                     header.channel_id = *channel;
                     self.to.write_to_known_channel(&header, &data)?;
@@ -122,7 +122,7 @@ impl<W: Write + Seek> Copy<W> {
                 })?;
                 self.recovered.attachments += 1;
             }
-            // Headers and indices: the writer makes its own.
+            // Headers and indices: the writer writes its own.
             _ => {}
         }
         Ok(())

@@ -1,14 +1,16 @@
-//! What a recording holds.
+//! Streams of the controller and topics of a recording.
 
 use std::collections::BTreeMap;
+use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
     ServoActuator, ServoJp,
 };
 
-use crate::layout::{Laid, Payload};
-use crate::{cdr, schema};
+use crate::cdr;
+use crate::layout::{Layout, PayloadLayout};
+use crate::schema;
 
 /// A stream of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -34,7 +36,7 @@ pub enum Stream {
 }
 
 impl Stream {
-    /// All of them.
+    /// All streams.
     pub const ALL: [Self; 9] = [
         Self::Measured,
         Self::Setpoint,
@@ -47,7 +49,7 @@ impl Stream {
         Self::ServoActuators,
     ];
 
-    /// Its name, as in shared memory.
+    /// Its name in shared memory.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -63,74 +65,84 @@ impl Stream {
         }
     }
 
-    /// What its messages are.
+    /// The fields of its messages.
     #[must_use]
-    pub const fn payload(self) -> Payload {
+    pub const fn layout(self) -> PayloadLayout {
         match self {
-            Self::Measured | Self::Setpoint | Self::Goal => JointState::PAYLOAD,
-            Self::Actuators => ActuatorState::PAYLOAD,
-            Self::State => OperatingStateMsg::PAYLOAD,
-            Self::Statistics => PeriodStatistics::PAYLOAD,
-            Self::External => ExternalPosition::PAYLOAD,
-            Self::ServoJp => ServoJp::PAYLOAD,
-            Self::ServoActuators => ServoActuator::PAYLOAD,
+            Self::Measured | Self::Setpoint | Self::Goal => JointState::LAYOUT,
+            Self::Actuators => ActuatorState::LAYOUT,
+            Self::State => OperatingStateMsg::LAYOUT,
+            Self::Statistics => PeriodStatistics::LAYOUT,
+            Self::External => ExternalPosition::LAYOUT,
+            Self::ServoJp => ServoJp::LAYOUT,
+            Self::ServoActuators => ServoActuator::LAYOUT,
         }
     }
 
-    /// Whether it is recorded as the standard message, too.
+    /// Whether its messages are recorded as the standard message, too.
     #[must_use]
     pub const fn is_joint(self) -> bool {
         matches!(self, Self::Measured | Self::Setpoint | Self::Goal)
     }
+
+    /// Whether only the controller sends. Commands and camera angles can have several senders, so
+    /// their sequence numbers do not show missing messages.
+    #[must_use]
+    pub const fn has_one_sender(self) -> bool {
+        !matches!(self, Self::External | Self::ServoJp | Self::ServoActuators)
+    }
 }
 
-/// A channel of the file.
+/// A topic of the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Topic {
     /// `i2ris/NAME`: payloads, bit by bit.
-    Own(Stream),
+    Payload(Stream),
     /// `NAME`: the same angles as `sensor_msgs/JointState`.
     Joint(Stream),
 }
 
 impl Topic {
-    /// Every topic of a recording.
+    /// All topics of a recording.
     pub fn all() -> impl Iterator<Item = Self> {
-        let joints = Stream::ALL
+        let joints = Stream::ALL.into_iter().filter(|stream| stream.is_joint());
+        Stream::ALL
             .into_iter()
-            .filter(|stream| stream.is_joint())
-            .map(Self::Joint);
-        Stream::ALL.into_iter().map(Self::Own).chain(joints)
+            .map(Self::Payload)
+            .chain(joints.map(Self::Joint))
     }
 
     /// Its name in the file.
     #[must_use]
     pub fn name(self) -> String {
         match self {
-            Self::Own(stream) => format!("/i2ris/{}", stream.name()),
+            Self::Payload(stream) => format!("/i2ris/{}", stream.name()),
             Self::Joint(stream) => format!("/{}", stream.name()),
         }
     }
 
-    /// The topic of the controller's own payloads that has this name.
+    /// The stream whose payloads are in the topic of this name.
     #[must_use]
-    pub fn own(name: &str) -> Option<Stream> {
+    pub fn payload_stream(name: &str) -> Option<Stream> {
         Stream::ALL
             .into_iter()
-            .find(|stream| Self::Own(*stream).name() == name)
+            .find(|stream| Self::Payload(*stream).name() == name)
     }
 
-    /// Declares it in a file and returns its number there.
-    pub(crate) fn declare<W: std::io::Write + std::io::Seek>(
+    /// Declares the topic in a file and returns its channel number.
+    pub(crate) fn declare<W: Write + Seek>(
         self,
         file: &mut mcap::Writer<W>,
     ) -> mcap::McapResult<u16> {
         let (name, definition) = match self {
-            Self::Own(stream) => (
-                schema::name(&stream.payload()),
-                schema::definition(&stream.payload()),
+            Self::Joint(_) => (
+                schema::JOINT_STATE.to_owned(),
+                schema::joint_state_definition(),
             ),
-            Self::Joint(_) => (schema::JOINT_STATE.to_owned(), schema::joint_state()),
+            Self::Payload(stream) => {
+                let layout = stream.layout();
+                (schema::name(&layout), schema::definition(&layout))
+            }
         };
         let schema = file.add_schema(&name, schema::ENCODING, definition.as_bytes())?;
         file.add_channel(schema, &self.name(), cdr::ENCODING, &BTreeMap::new())

@@ -1,44 +1,40 @@
-//! Files: what is written is what is read, whatever happened to them in between, here and in
-//! Python.
+//! Recordings are read as they were written, complete or damaged, in Rust and in Python.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::mem::{offset_of, size_of};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use i2ris::ipc::payload::{ActuatorState, JointState, ModelReply, PeriodStatistics};
 use i2ris::units::Nanos;
-use i2ris_record::export::{Format, export};
-use i2ris_record::layout::{SPAN_MEMBERS, payloads};
-use i2ris_record::recorder::{Header, Trial};
+use i2ris_record::export::{TableFormat, export};
+use i2ris_record::layout::{Field, PayloadLayout, SPAN_MEMBERS, payload_layouts};
+use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
 use i2ris_record::recover::recover;
-use i2ris_record::report::Report;
+use i2ris_record::report::TrialReport;
 use i2ris_record::topic::Stream;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::RowAccessor;
+use tempfile::TempDir;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
 const MESSAGES: u64 = 2000;
 
-/// Two seconds of a trial.
-fn trial(path: &Path) {
-    let about = BTreeMap::from([("note".to_owned(), "a test".to_owned())]);
-    let attachments = vec![(
-        "robot.toml".to_owned(),
-        "application/toml",
-        b"robot_id = \"x\"".to_vec(),
-    )];
-    let joints = vec!["pitch".to_owned(), "yaw".to_owned()];
-    let mut trial = Trial::start(
-        path,
-        Header {
-            about,
-            attachments,
-            unix_offset_ns: UNIX,
-            joints,
-        },
-    )
-    .unwrap();
+/// Records two seconds.
+fn record(path: &Path) {
+    let header = RecordingHeader {
+        about: BTreeMap::from([("note".to_owned(), "a test".to_owned())]),
+        attachments: vec![AttachedFile {
+            name: "robot.toml".to_owned(),
+            media_type: "application/toml",
+            content: b"robot_id = \"x\"".to_vec(),
+        }],
+        unix_offset_ns: UNIX,
+        joints: vec!["pitch".to_owned(), "yaw".to_owned()],
+    };
+    let mut trial = TrialRecorder::start(path, header).unwrap();
     for number in 1..=MESSAGES {
         let stamp = Nanos::from_millis(number);
         let angle = number as f64 * 1e-4;
@@ -51,7 +47,7 @@ fn trial(path: &Path) {
             flags: JointState::VALID,
             ..JointState::default()
         };
-        trial.take_joints(Stream::Measured, &joints, stamp);
+        trial.record_joints(Stream::Measured, &joints, stamp);
         let counts = [number as i32, -(number as i32)];
         let motors = ActuatorState {
             sequence: number,
@@ -59,7 +55,7 @@ fn trial(path: &Path) {
             measured_counts: counts,
             ..Default::default()
         };
-        trial.take(Stream::Actuators, &motors, stamp);
+        trial.record(Stream::Actuators, &motors, stamp);
         if number % 1000 == 0 {
             let mut window = PeriodStatistics {
                 sequence: number / 1000,
@@ -67,27 +63,29 @@ fn trial(path: &Path) {
                 ..Default::default()
             };
             window.lateness.p99_ns = 4321;
-            trial.take(Stream::Statistics, &window, stamp);
+            trial.record(Stream::Statistics, &window, stamp);
         }
     }
-    let written = trial
-        .finish(
-            BTreeMap::from([("dropped".to_owned(), "0".to_owned())]),
-            &[],
-        )
-        .unwrap();
+    let outcome = BTreeMap::from([("dropped".to_owned(), "0".to_owned())]);
+    let counts = trial.finish(outcome, &[]).unwrap();
     assert_eq!(
-        (written.dropped, written.messages[&Stream::Measured]),
+        (counts.dropped, counts.messages[&Stream::Measured]),
         (0, MESSAGES)
     );
 }
 
-#[test]
-fn tables_hold_what_was_recorded() {
+/// A folder with the recording `a.mcap`.
+fn recording() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
-    trial(&file);
-    let exported = export(&file, &folder.path().join("tables"), Format::Csv).unwrap();
+    record(&file);
+    (folder, file)
+}
+
+#[test]
+fn csv_tables_have_every_row() {
+    let (folder, file) = recording();
+    let exported = export(&file, &folder.path().join("tables"), TableFormat::Csv).unwrap();
     assert!(exported.stopped_by.is_none());
     assert_eq!(exported.rows["measured_js.csv"], MESSAGES);
     let mut reader =
@@ -106,13 +104,10 @@ fn tables_hold_what_was_recorded() {
 }
 
 #[test]
-fn parquet_holds_the_same_with_types() {
-    use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::RowAccessor;
-    let folder = tempfile::tempdir().unwrap();
-    let (file, tables) = (folder.path().join("a.mcap"), folder.path().join("tables"));
-    trial(&file);
-    let exported = export(&file, &tables, Format::Parquet).unwrap();
+fn parquet_tables_have_every_row_with_types() {
+    let (folder, file) = recording();
+    let tables = folder.path().join("tables");
+    let exported = export(&file, &tables, TableFormat::Parquet).unwrap();
     assert_eq!(
         (
             exported.rows["measured_js.parquet"],
@@ -129,41 +124,26 @@ fn parquet_holds_the_same_with_types() {
             .columns()
             .iter()
             .position(|column| column.name() == name)
-            .unwrap()
     };
-    let (time, sequence, second) = (
-        column("t_s"),
-        column("sequence"),
-        column("measured_counts_1"),
-    );
-    let mut rows = 0;
-    for (number, row) in reader
-        .get_row_iter(None)
-        .unwrap()
-        .map(Result::unwrap)
-        .enumerate()
-    {
-        assert_eq!(
-            (
-                row.get_ulong(sequence).unwrap(),
-                row.get_int(second).unwrap()
-            ),
-            (number as u64 + 1, -(number as i32 + 1))
-        );
-        assert!((row.get_double(time).unwrap() - number as f64 * 1e-3).abs() < 1e-6);
-        rows += 1;
+    let [time, sequence, second] =
+        ["t_s", "sequence", "measured_counts_1"].map(|name| column(name).unwrap());
+    let mut number = 0;
+    for row in reader.get_row_iter(None).unwrap().map(Result::unwrap) {
+        assert!((row.get_double(time).unwrap() - f64::from(number) * 1e-3).abs() < 1e-6);
+        number += 1;
+        assert_eq!(row.get_ulong(sequence).unwrap(), number as u64);
+        assert_eq!(row.get_int(second).unwrap(), -number);
     }
-    assert_eq!(rows, MESSAGES);
+    assert_eq!(number as u64, MESSAGES);
     let reader = open("measured_js.parquet");
     let row = reader.get_row_iter(None).unwrap().next().unwrap().unwrap();
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let model = schema
         .columns()
         .iter()
-        .position(|column| column.name() == "model_id")
-        .unwrap();
-    assert_eq!(row.get_string(model).unwrap(), &"ab".repeat(32));
-    // Streams without messages are tables without rows, not missing files.
+        .position(|column| column.name() == "model_id");
+    assert_eq!(row.get_string(model.unwrap()).unwrap(), &"ab".repeat(32));
+    // The table of a stream without messages has no rows.
     assert_eq!(
         open("goal_js.parquet")
             .metadata()
@@ -174,11 +154,10 @@ fn parquet_holds_the_same_with_types() {
 }
 
 #[test]
-fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
-    let folder = tempfile::tempdir().unwrap();
-    let (whole, cut) = (folder.path().join("a.mcap"), folder.path().join("cut.mcap"));
-    trial(&whole);
-    let report = Report::of(&whole).unwrap();
+fn a_report_is_made_of_complete_and_of_damaged_files() {
+    let (folder, whole) = recording();
+    let cut = folder.path().join("cut.mcap");
+    let report = TrialReport::read(&whole).unwrap();
     let summary = report.summary();
     assert!(
         summary.cut_off.is_none() && (summary.length_s - 1.999).abs() < 1e-6,
@@ -204,7 +183,7 @@ fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
 
     let bytes = fs::read(&whole).unwrap();
     fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
-    let report = Report::of(&cut).unwrap();
+    let report = TrialReport::read(&cut).unwrap();
     assert!(report.summary().cut_off.is_some() && report.summary().length_s < 1.999);
     assert!(report.page().to_string().contains("cut off"));
     fs::write(
@@ -212,26 +191,21 @@ fn a_report_tells_what_there_is_also_of_a_file_that_is_cut_off() {
         "anything else, long enough to be taken for a file of some kind",
     )
     .unwrap();
-    assert!(Report::of(&cut).is_err());
+    assert!(TrialReport::read(&cut).is_err());
     for part in 0..40 {
         let mut damaged = bytes.clone();
         damaged[bytes.len() * part / 40] ^= 0xFF;
         fs::write(&cut, damaged).unwrap();
-        if let Ok(report) = Report::of(&cut) {
+        if let Ok(report) = TrialReport::read(&cut) {
             drop(report.page());
         }
     }
 }
 
 #[test]
-fn a_file_that_is_cut_off_anywhere_gives_what_it_has() {
-    let folder = tempfile::tempdir().unwrap();
-    let (whole, cut, out) = (
-        folder.path().join("a.mcap"),
-        folder.path().join("cut.mcap"),
-        folder.path().join("out.mcap"),
-    );
-    trial(&whole);
+fn a_file_cut_off_anywhere_is_recovered() {
+    let (folder, whole) = recording();
+    let [cut, out] = ["cut.mcap", "out.mcap"].map(|name| folder.path().join(name));
     let bytes = fs::read(&whole).unwrap();
     let mut most = 0;
     for part in 0..40 {
@@ -258,22 +232,21 @@ fn a_file_that_is_cut_off_anywhere_gives_what_it_has() {
                 .is_none()
         );
     }
-    // Standard messages stand beside the controller's own.
+    // There are two streams, one of them also as standard messages.
     assert_eq!(most, 3 * MESSAGES + 2);
 }
 
 #[test]
-fn damaged_bytes_are_an_end_and_no_panic() {
-    let folder = tempfile::tempdir().unwrap();
-    let (whole, bad) = (folder.path().join("a.mcap"), folder.path().join("bad.mcap"));
-    trial(&whole);
+fn damaged_bytes_cause_no_panic() {
+    let (folder, whole) = recording();
+    let bad = folder.path().join("bad.mcap");
     let bytes = fs::read(&whole).unwrap();
     for step in 0..60 {
         let mut damaged = bytes.clone();
         let place = bytes.len() * step / 60;
         damaged[place] ^= 0xFF;
         fs::write(&bad, damaged).unwrap();
-        let _ = export(&bad, &folder.path().join("tables"), Format::Csv);
+        let _ = export(&bad, &folder.path().join("tables"), TableFormat::Csv);
     }
 }
 
@@ -293,23 +266,23 @@ fn python(modules: &str) -> Option<Command> {
     Some(command)
 }
 
-fn succeeds(mut command: Command) {
-    let output = command.output().unwrap();
-    let (out, err) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
+/// Runs a script in Python with these modules; skips without them.
+fn run_python(modules: &str, script: &str, arguments: &[&str]) {
+    let Some(mut command) = python(modules) else {
+        return;
+    };
+    let output = command
+        .args(["-c", script])
+        .args(arguments)
+        .output()
+        .unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
     assert!(output.status.success(), "{out}{err}");
 }
 
 #[test]
 fn python_opens_it_with_named_fields() {
-    let Some(mut command) = python("mcap, mcap_ros2") else {
-        return;
-    };
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a.mcap");
-    trial(&file);
+    let (_folder, file) = recording();
     let script = "
 import sys
 from mcap.reader import make_reader
@@ -324,29 +297,25 @@ for schema, channel, message, decoded in reader.iter_decoded_messages():
     if channel.topic == '/measured_js':
         assert schema.name == 'sensor_msgs/msg/JointState'
         assert decoded.name == ['pitch', 'yaw'] and list(decoded.effort) == []
-        assert abs(decoded.position[0] - k * 1e-4) < 1e-12 and abs(decoded.position[1] + k * 1e-4) < 1e-12
-        assert decoded.header.stamp.sec * 1000 + decoded.header.stamp.nanosec // 1000000 == 1700000000000 + k
+        assert abs(decoded.position[0] - k * 1e-4) < 1e-12
+        assert abs(decoded.position[1] + k * 1e-4) < 1e-12
+        stamp = decoded.header.stamp
+        assert stamp.sec * 1000 + stamp.nanosec // 1000000 == 1700000000000 + k
     elif channel.topic == '/i2ris/actuators/measured_js':
         assert list(decoded.measured_counts) == [k, -k] and decoded.sequence == k
     elif channel.topic == '/i2ris/measured_js':
         assert bytes(decoded.model_id) == bytes([0xAB] * 32) and decoded.count == 2
     elif channel.topic == '/i2ris/period_statistics':
         assert decoded.lateness.p99_ns == 4321
-assert counts == {'/measured_js': 2000, '/i2ris/measured_js': 2000, '/i2ris/actuators/measured_js': 2000,
-                  '/i2ris/period_statistics': 2}, counts
+assert counts == {'/measured_js': 2000, '/i2ris/measured_js': 2000,
+                  '/i2ris/actuators/measured_js': 2000, '/i2ris/period_statistics': 2}, counts
 ";
-    command.args(["-c", script]).arg(&file);
-    succeeds(command);
+    run_python("mcap, mcap_ros2", script, &[file.to_str().unwrap()]);
 }
 
 #[test]
 fn rosbags_opens_it_with_named_fields() {
-    let Some(mut command) = python("rosbags") else {
-        return;
-    };
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("a.mcap");
-    trial(&file);
+    let (_folder, file) = recording();
     let script = "
 import sys
 from pathlib import Path
@@ -365,49 +334,41 @@ with AnyReader([Path(sys.argv[1])]) as reader:
             assert message.lateness.p99_ns == 4321
 assert counts['/measured_js'] == counts['/i2ris/actuators/measured_js'] == 2000, counts
 ";
-    command.args(["-c", script]).arg(&file);
-    succeeds(command);
+    run_python("rosbags", script, &[file.to_str().unwrap()]);
 }
 
 #[test]
 fn python_reads_the_parquet_tables() {
-    let Some(mut command) = python("pyarrow") else {
-        return;
-    };
-    let folder = tempfile::tempdir().unwrap();
-    let (file, tables) = (folder.path().join("a.mcap"), folder.path().join("tables"));
-    trial(&file);
-    export(&file, &tables, Format::Parquet).unwrap();
+    let (folder, file) = recording();
+    let tables = folder.path().join("tables");
+    export(&file, &tables, TableFormat::Parquet).unwrap();
     let script = "
 import sys, pyarrow.parquet
 table = pyarrow.parquet.read_table(sys.argv[1] + '/actuators_measured_js.parquet')
 columns = table.to_pydict()
-assert columns['measured_counts_0'] == list(range(1, 2001)) and columns['measured_counts_1'][9] == -10
+assert columns['measured_counts_0'] == list(range(1, 2001))
+assert columns['measured_counts_1'][9] == -10
 types = {field.name: str(field.type) for field in table.schema}
 assert (types['t_s'], types['sequence'], types['measured_counts_0'], types['statusword_0']) == \
     ('double', 'uint64', 'int32', 'uint16'), types
 ";
-    command.args(["-c", script]).arg(&tables);
-    succeeds(command);
+    run_python("pyarrow", script, &[tables.to_str().unwrap()]);
 }
 
-/// Every payload as JSON: name in iceoryx2, size, fields with offset, bytes and number of entries.
+/// The layouts of all payloads as JSON.
 fn table() -> serde_json::Value {
-    let payload = |(name, payload): (&'static str, i2ris_record::layout::Payload)| {
-        let field = |field: &i2ris_record::layout::Field| {
-            let count = if field.is_span {
-                field.count / SPAN_MEMBERS.len()
-            } else {
-                field.count
-            };
-            let bytes = field.kind.bytes() * field.count;
-            serde_json::json!({"name": field.name, "offset": field.offset, "bytes": bytes, "count": count,
-                               "kind": field.kind.ros()})
-        };
-        let fields: Vec<_> = payload.fields.iter().map(field).collect();
-        serde_json::json!({"type_name": name, "name": payload.name, "size": payload.size, "fields": fields})
+    let field = |field: &Field| {
+        let members = if field.is_span { SPAN_MEMBERS.len() } else { 1 };
+        let (bytes, count) = (field.kind.size() * field.count, field.count / members);
+        serde_json::json!({"name": field.name, "offset": field.offset, "bytes": bytes,
+                           "count": count, "kind": field.kind.ros_name()})
     };
-    payloads()
+    let payload = |(type_name, layout): (&str, PayloadLayout)| {
+        let fields: Vec<_> = layout.fields.iter().map(field).collect();
+        serde_json::json!({"type_name": type_name, "name": layout.name, "size": layout.size,
+                           "fields": fields})
+    };
+    payload_layouts()
         .into_iter()
         .map(payload)
         .collect::<Vec<_>>()
@@ -416,9 +377,6 @@ fn table() -> serde_json::Value {
 
 #[test]
 fn python_has_the_same_payloads() {
-    let Some(mut command) = python("ctypes") else {
-        return;
-    };
     let script = "
 import ctypes, json, sys, importlib.util
 spec = importlib.util.spec_from_file_location('payload', 'i2ris/payload.py')
@@ -430,19 +388,23 @@ for entry in table:
     kind = getattr(payload, entry['name'])
     assert kind.type_name() == entry['type_name'], entry['name']
     assert ctypes.sizeof(kind) == entry['size'], entry['name']
-    assert [name for name, _ in kind._fields_] == [field['name'] for field in entry['fields']], entry['name']
+    names = [field['name'] for field in entry['fields']]
+    assert [name for name, _ in kind._fields_] == names, entry['name']
     for field in entry['fields']:
         own = getattr(kind, field['name'])
-        assert (own.offset, own.size) == (field['offset'], field['bytes']), (entry['name'], field)
+        expected = field['offset'], field['bytes']
+        assert (own.offset, own.size) == expected, (entry['name'], field)
     seen.add(entry['name'])
 reply = json.loads(sys.argv[2])
 own = payload.ModelReply
-assert ctypes.sizeof(own) == reply['size'] and [getattr(own, name).offset for name, _ in own._fields_] == reply['offsets']
+assert ctypes.sizeof(own) == reply['size']
+assert [getattr(own, name).offset for name, _ in own._fields_] == reply['offsets']
 seen.add('ModelReply')
-classes = {name for name, kind in vars(payload).items() if isinstance(kind, type) and issubclass(kind, payload.Payload)}
+classes = {name for name, kind in vars(payload).items()
+           if isinstance(kind, type) and issubclass(kind, payload.Payload)}
 assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
 ";
-    // The one payload that is made of others.
+    // The only payload that contains others.
     let offsets = [
         offset_of!(ModelReply, refusal),
         offset_of!(ModelReply, reserved),
@@ -451,11 +413,11 @@ assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
         offset_of!(ModelReply, message),
     ];
     let reply = serde_json::json!({"size": size_of::<ModelReply>(), "offsets": offsets});
-    command
-        .args(["-c", script])
-        .arg(table().to_string())
-        .arg(reply.to_string());
-    succeeds(command);
+    run_python(
+        "ctypes",
+        script,
+        &[&table().to_string(), &reply.to_string()],
+    );
 }
 
 #[test]
@@ -463,19 +425,12 @@ fn the_header_for_cpp_is_current_and_compiles() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cpp/i2ris_payload.hpp");
     let written = fs::read_to_string(&path).unwrap();
     assert!(
-        written == i2ris_record::header::header(),
-        "write it anew: cargo run -p i2ris-record --example header"
+        written == i2ris_record::cpp_header::cpp_header(),
+        "run cargo run -p i2ris-record --example cpp_header > tools/cpp/i2ris_payload.hpp"
     );
     let mut compiler = Command::new("c++");
     compiler
-        .args([
-            "-std=c++17",
-            "-Wall",
-            "-Wextra",
-            "-Werror",
-            "-fsyntax-only",
-            "-include",
-        ])
+        .args("-std=c++17 -Wall -Wextra -Werror -fsyntax-only -include".split(' '))
         .arg(&path);
     let Ok(output) = compiler.args(["-x", "c++", "/dev/null"]).output() else {
         eprintln!("skipped: there is no C++ compiler");

@@ -1,5 +1,4 @@
-//! `i2ris record` against a controller without drives: what is in the file, and what is there after
-//! a bad end.
+//! `i2ris record` and `i2ris report` against a controller without drives.
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
@@ -10,9 +9,8 @@ use std::process::{Output, Stdio};
 use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
-use tempfile::TempDir;
-
 use i2ris_testing::{Controller, Program, program};
+use tempfile::TempDir;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
@@ -22,7 +20,7 @@ fn name(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-fn place() -> (TempDir, PathBuf) {
+fn trial_path() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("trial.mcap");
     (folder, file)
@@ -37,37 +35,40 @@ fn wait_for_size(file: &Path, bytes: u64) {
     }
 }
 
+/// Records into a file; success and standard error.
+fn record(controller: &Controller, file: &Path, options: &[&str]) -> (bool, String) {
+    let arguments = [&["record", "--output", name(file)], options].concat();
+    let (success, _, error) = Program::run(&controller.domain, &arguments);
+    (success, error)
+}
+
+/// Runs a program; success, standard output and standard error.
+fn run(arguments: &[&str]) -> (bool, String, String) {
+    let output = program::output(arguments);
+    (
+        output.status.success(),
+        text(&output.stdout),
+        text(&output.stderr),
+    )
+}
+
 #[test]
-fn a_recording_holds_every_stream_and_becomes_tables() {
+fn a_recording_has_every_stream_and_is_exported() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
+    let (folder, file) = trial_path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
-    let arguments = [
-        "record",
-        "--output",
-        name(&file),
-        "--duration-s",
-        "1.5",
-        "--config",
-        name(&config),
-        "--json",
-    ];
+    let options = ["--duration-s", "1.5", "--config", name(&config), "--json"];
+    let arguments = [&["record", "--output", name(&file)], options.as_slice()].concat();
     let (success, output, error) = Program::run(&controller.domain, &arguments);
     assert!(success, "{error}");
     let report: serde_json::Value = serde_json::from_str(&output).unwrap();
-    assert_eq!(
-        (report["dropped"].as_u64(), report["missed"].is_u64()),
-        (Some(0), true),
-        "{output}"
-    );
-    assert!(
-        report["messages"]["measured_js"].as_u64().unwrap() > 100,
-        "{output}"
-    );
+    assert_eq!(report["dropped"].as_u64(), Some(0), "{output}");
+    assert!(report["missed"].is_u64(), "{output}");
+    let messages = report["messages"]["measured_js"].as_u64().unwrap();
+    assert!(messages > 100, "{output}");
 
-    let output = program::output(&["record", "info", name(&file)]);
-    let info = text(&output.stdout);
-    assert!(output.status.success(), "{}", text(&output.stderr));
+    let (success, info, error) = run(&["record", "info", name(&file)]);
+    assert!(success, "{error}");
     for part in [
         "i2ris.header",
         "robot_id: i2ris-emulated",
@@ -79,57 +80,34 @@ fn a_recording_holds_every_stream_and_becomes_tables() {
         assert!(info.contains(part), "{part}\n{info}");
     }
     let tables = folder.path().join("tables");
-    assert!(
-        program::output(&["record", "export", name(&file), "--output", name(&tables)])
-            .status
-            .success()
-    );
-    let output = program::output(&[
-        "record",
-        "export",
-        name(&file),
-        "--output",
-        name(&tables),
-        "--format",
-        "parquet",
-    ]);
-    assert!(
-        output.status.success() && text(&output.stdout).contains("measured_js.parquet"),
-        "{}",
-        text(&output.stderr)
-    );
+    let export = ["record", "export", name(&file), "--output", name(&tables)];
+    assert!(run(&export).0);
+    let (success, output, error) = run(&[&export, ["--format", "parquet"].as_slice()].concat());
+    assert!(success && output.contains("measured_js.parquet"), "{error}");
     assert!(
         fs::read(tables.join("measured_js.parquet"))
             .unwrap()
             .starts_with(b"PAR1")
     );
     let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
-    let mut lines = table.lines();
-    assert!(
-        lines
-            .next()
-            .unwrap()
-            .starts_with("t_s,received_s,sequence,stamp_ns,boot_id,position_0,position_1")
-    );
-    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
-    assert_eq!(
-        rows.len() as u64,
-        report["messages"]["measured_js"].as_u64().unwrap()
-    );
-    assert!(
-        rows.iter()
-            .all(|row| (row[5].parse::<f64>().unwrap().to_degrees() - 1.0).abs() < 1e-9)
-    );
+    let header = "t_s,received_s,sequence,stamp_ns,boot_id,position_0,position_1";
+    assert!(table.starts_with(header), "{table}");
+    let rows = table.lines().skip(1).map(|line| line.split(',').collect());
+    let rows: Vec<Vec<&str>> = rows.collect();
+    assert_eq!(rows.len() as u64, messages);
+    let degrees = |row: &Vec<&str>| row[5].parse::<f64>().unwrap().to_degrees();
+    assert!(rows.iter().all(|row| (degrees(row) - 1.0).abs() < 1e-9));
+    let sequence = |row: &Vec<&str>| row[2].parse::<u64>().unwrap();
     assert!(
         rows.windows(2)
-            .all(|pair| pair[0][2].parse::<u64>().unwrap() < pair[1][2].parse::<u64>().unwrap())
+            .all(|pair| sequence(&pair[0]) < sequence(&pair[1]))
     );
 }
 
 #[test]
 fn what_was_written_before_kill_9_is_recovered() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
+    let (folder, file) = trial_path();
     let mut program = Program::start(
         &controller.domain,
         &["record", "--output", name(&file), "--note", "killed"],
@@ -138,30 +116,20 @@ fn what_was_written_before_kill_9_is_recovered() {
     program.child().kill().unwrap();
     program.end();
     assert!(
-        !program::output(&["record", "info", name(&file)])
-            .status
-            .success(),
-        "it is cut off, and that is said"
+        !run(&["record", "info", name(&file)]).0,
+        "a file that was cut off is an error"
     );
     let whole = folder.path().join("whole.mcap");
-    let output = program::output(&["record", "recover", name(&file), "--output", name(&whole)]);
-    assert!(
-        output.status.success() && text(&output.stdout).contains("1 metadata records"),
-        "{}",
-        text(&output.stdout)
-    );
-    let info = program::output(&["record", "info", name(&whole)]);
-    assert!(
-        info.status.success() && text(&info.stdout).contains("note: killed"),
-        "{}",
-        text(&info.stdout)
-    );
+    let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
+    assert!(success && output.contains("1 metadata records"), "{output}");
+    let (success, info, _) = run(&["record", "info", name(&whole)]);
+    assert!(success && info.contains("note: killed"), "{info}");
 }
 
 #[test]
 fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
+    let (folder, file) = trial_path();
     let arguments = [
         "record",
         "--output",
@@ -178,32 +146,28 @@ fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
         "{error}"
     );
     let whole = folder.path().join("whole.mcap");
-    let output = program::output(&["record", "recover", name(&file), "--output", name(&whole)]);
-    assert!(
-        output.status.success() && !text(&output.stdout).contains("recovered 0"),
-        "{}",
-        text(&output.stdout)
-    );
+    let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
+    assert!(success && !output.contains("recovered 0"), "{output}");
 }
 
 #[test]
 fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
+    let (folder, file) = trial_path();
     let arguments = |file| ["record", "--output", file, "--duration-s", "1"];
     let first = Program::start(&controller.domain, &arguments(name(&file)));
     wait_for_size(&file, 1);
-    let (success, _, error) = Program::run(&controller.domain, &arguments(name(&file)));
+    let (success, error) = record(&controller, &file, &["--duration-s", "1"]);
     assert!(!success && error.contains("does not exist yet"), "{error}");
     let other = folder.path().join("other.mcap");
-    let (success, _, error) = Program::run(&controller.domain, &arguments(name(&other)));
+    let (success, error) = record(&controller, &other, &["--duration-s", "1"]);
     assert!(success, "{error}");
     assert!(first.end().0);
-    assert!([&file, &other].iter().all(|file| {
-        program::output(&["record", "info", name(file)])
-            .status
-            .success()
-    }));
+    assert!(
+        [&file, &other]
+            .iter()
+            .all(|file| run(&["record", "info", name(file)]).0)
+    );
 }
 
 /// Runs the command line with a limit on the size of files: a write is refused as by a full disk.
@@ -227,37 +191,28 @@ fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
 }
 
 #[test]
-fn a_report_is_made_of_a_trial_whole_or_cut_off() {
+fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
-    let arguments = [
-        "record",
-        "--output",
-        name(&file),
-        "--duration-s",
-        "1",
-        "--note",
-        "a <short> one",
-    ];
-    let (success, _, error) = Program::run(&controller.domain, &arguments);
+    let (folder, file) = trial_path();
+    let options = ["--duration-s", "1", "--note", "a <short> one"];
+    let (success, error) = record(&controller, &file, &options);
     assert!(success, "{error}");
-    let output = program::output(&["report", name(&file)]);
-    assert!(output.status.success(), "{}", text(&output.stderr));
+    let (success, _, error) = run(&["report", name(&file)]);
+    assert!(success, "{error}");
     let page = fs::read_to_string(folder.path().join("trial.html")).unwrap();
     assert!(
-        page.contains("a &lt;short&gt; one") && page.contains("<svg") && !page.contains("<script"),
+        page.contains("a &lt;short&gt; one") && page.contains("<svg"),
         "{page}"
     );
-    let output = program::output(&["report", name(&file), "--json"]);
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(!page.contains("<script"), "{page}");
+    let (_, output, _) = run(&["report", name(&file), "--json"]);
+    let summary: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(
         summary["estimate"]["samples"].as_u64().unwrap() > 50,
         "{summary}"
     );
-    assert!(
-        summary["estimate"]["length_rms_deg"].as_f64().unwrap() < 1e-9,
-        "it follows at once"
-    );
+    let rms = summary["estimate"]["length_rms_deg"].as_f64().unwrap();
+    assert!(rms < 1e-9, "this robot follows at once: {rms}");
     assert!(
         summary["events"][0]["what"]
             .as_str()
@@ -269,121 +224,84 @@ fn a_report_is_made_of_a_trial_whole_or_cut_off() {
     let cut = folder.path().join("cut.mcap");
     let bytes = fs::read(&file).unwrap();
     fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let output = program::output(&["report", name(&cut)]);
-    assert!(
-        output.status.success() && text(&output.stderr).contains("not whole"),
-        "{}",
-        text(&output.stderr)
-    );
+    let (success, _, error) = run(&["report", name(&cut)]);
+    assert!(success && error.contains("not complete"), "{error}");
     fs::write(&cut, "no recording at all, whatever its name says").unwrap();
-    let output = program::output(&["report", name(&cut)]);
-    assert!(
-        !output.status.success() && text(&output.stderr).contains("cut.mcap"),
-        "{}",
-        text(&output.stderr)
-    );
+    let (success, _, error) = run(&["report", name(&cut)]);
+    assert!(!success && error.contains("cut.mcap"), "{error}");
 }
 
 #[test]
-fn pages_and_tables_on_a_full_disk_end_with_a_reason() {
+fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
-    let (success, _, error) = Program::run(
-        &controller.domain,
-        &["record", "--output", name(&file), "--duration-s", "1"],
-    );
+    let (folder, file) = trial_path();
+    let (success, error) = record(&controller, &file, &["--duration-s", "1"]);
     assert!(success, "{error}");
     let tables = folder.path().join("tables");
     for format in ["csv", "parquet"] {
-        let arguments = [
-            "record",
-            "export",
-            name(&file),
-            "--output",
-            name(&tables),
-            "--format",
-            format,
-        ];
-        let output = with_full_disk(&arguments, 5000);
+        let export = ["record", "export", name(&file), "--output", name(&tables)];
+        let output = with_full_disk(&[&export, ["--format", format].as_slice()].concat(), 5000);
         let error = text(&output.stderr);
         assert!(
-            !output.status.success() && error.contains("cannot write") && error.contains(format),
+            !output.status.success() && error.contains("cannot write"),
             "{error}"
         );
+        assert!(error.contains(format), "{error}");
     }
     let output = with_full_disk(&["report", name(&file)], 5000);
+    let error = text(&output.stderr);
     assert!(
-        !output.status.success() && text(&output.stderr).contains("trial.html"),
-        "{}",
-        text(&output.stderr)
+        !output.status.success() && error.contains("trial.html"),
+        "{error}"
     );
     assert!(
         !folder.path().join("trial.html").exists(),
-        "half a page is none"
+        "there must be no incomplete page"
     );
 }
 
-/// What the controller wrote down of a run goes into the recording of it, and nothing of other
-/// runs.
 #[test]
-fn the_log_of_the_run_goes_into_the_recording() {
+fn the_run_log_of_this_run_is_attached_to_the_recording() {
     let controller = Controller::enabled();
-    let (folder, file) = place();
+    let (folder, file) = trial_path();
     let config = folder.path().join("robot.toml");
     let emulator = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
-    let unpadded_text = fs::read_to_string(emulator)
+    let content = fs::read_to_string(emulator)
         .unwrap()
         .replace("../target/records", "records");
-    fs::write(&config, unpadded_text).unwrap();
+    fs::write(&config, content).unwrap();
     let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
-    let run = format!("{:016x}", client.version().unwrap().boot_id);
+    let run_id = format!("{:016x}", client.version().unwrap().boot_id);
     fs::create_dir(folder.path().join("records")).unwrap();
     let log = format!(
-        "{{\"run\":\"{run}\",\"event\":\"begin\",\"software\":\"x\"}}\n{{\"run\":\"0123\",\"event\":\"begin\"}}\n"
+        "{{\"run\":\"{run_id}\",\"event\":\"begin\",\"software\":\"x\"}}\n\
+         {{\"run\":\"0123\",\"event\":\"begin\"}}\n"
     );
     fs::write(folder.path().join("records/runs.jsonl"), log).unwrap();
-    let arguments = [
-        "record",
-        "--output",
-        name(&file),
-        "--duration-s",
-        "0.5",
-        "--config",
-        name(&config),
-    ];
-    let (success, _, error) = Program::run(&controller.domain, &arguments);
+    let options = ["--duration-s", "0.5", "--config", name(&config)];
+    let (success, error) = record(&controller, &file, &options);
     assert!(success, "{error}");
-    let info = text(&program::output(&["record", "info", name(&file)]).stdout);
-    assert!(
-        info.contains("attached audit-begin.jsonl") && info.contains("attached audit.jsonl"),
-        "{info}"
-    );
+    let (_, info, _) = run(&["record", "info", name(&file)]);
+    assert!(info.contains("attached audit-begin.jsonl"), "{info}");
+    assert!(info.contains("attached audit.jsonl"), "{info}");
     let bytes = fs::read(&file).unwrap();
-    let found = |word: &str| {
+    let contains = |word: &str| {
         bytes
             .windows(word.len())
             .any(|window| window == word.as_bytes())
     };
-    assert!(found("\"software\":\"x\"") && !found("\"run\":\"0123\""));
+    assert!(contains("\"software\":\"x\"") && !contains("\"run\":\"0123\""));
 }
 
 #[test]
-fn places_that_cannot_be_written_are_refused_before_anything_else() {
+fn files_that_cannot_be_created_are_refused_first() {
     let controller = Controller::enabled();
-    let missing = Path::new("/nonexistent/folder/trial.mcap");
-    let (success, _, error) =
-        Program::run(&controller.domain, &["record", "--output", name(missing)]);
-    assert!(
-        !success && error.contains("cannot make /nonexistent/folder/trial.mcap"),
-        "{error}"
-    );
-    // Read-only for everyone, root included.
-    let (success, _, error) = Program::run(
-        &controller.domain,
-        &["record", "--output", "/proc/trial.mcap"],
-    );
-    assert!(
-        !success && error.contains("cannot make /proc/trial.mcap"),
-        "{error}"
-    );
+    // /proc is read-only for everyone, root included.
+    for path in ["/nonexistent/folder/trial.mcap", "/proc/trial.mcap"] {
+        let (success, error) = record(&controller, Path::new(path), &[]);
+        assert!(
+            !success && error.contains(&format!("cannot make {path}")),
+            "{error}"
+        );
+    }
 }

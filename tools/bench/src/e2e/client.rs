@@ -1,28 +1,26 @@
-//! Commands out at random instants, encoder positions in, each with its stamp.
+//! A client that publishes commands at random instants and records encoder positions.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Commander, Subscription};
 use i2ris::ipc::payload::ActuatorState;
-use i2ris::realtime::{Wanted, request};
 use i2ris::units::Nanos;
 
-use super::join::{Reading, Watched, Written};
-use super::{EndToEnd, LOOK, PAUSE_MS};
+use super::matching::{Observations, Written};
+use super::{EndToEndBenchmark, PAUSE_MS, READ_PERIOD};
 use crate::error::BenchError;
-use crate::seat::apart;
+use crate::placement::{request_priority, run_in_thread};
 
-/// Commands stay good for so long: a machine that stalls is not what this is about.
+/// Deadline of a command. It is long because a stall of the machine must not stop the robot.
 const DEADLINE: Nanos = Nanos::from_millis(500);
 
-/// Commands go on a circle of this radius, degrees, by this angle each time: about 20 counts, well
-/// within all limits.
+/// Commands are on a circle of this radius. A step is about 20 counts, far within all limits.
 const RADIUS_DEG: f64 = 1.5;
 const STEP_RAD: f64 = 0.3;
 
-/// Instants that look random and are the same for the same seed (splitmix64, G. L. Steele and
-/// others, 2014).
+/// Random pauses, the same for the same seed (splitmix64, G. L. Steele et al., "Fast splittable
+/// pseudorandom number generators", 2014).
 #[derive(Debug)]
 pub struct Pauses(u64);
 
@@ -42,77 +40,73 @@ impl Pauses {
     }
 }
 
-/// Commands, and looks at what comes back.
+/// Publishes all commands and records set-points and encoder positions.
 pub fn run(
     client: &mut Client,
-    of: &EndToEnd,
-    interrupted: &dyn Fn() -> bool,
-) -> Result<Watched, BenchError> {
+    benchmark: &EndToEndBenchmark,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<Observations, BenchError> {
     let (commander, actuators) = (
         client.commander().with_deadline(DEADLINE),
         client.watcher().actuators(),
     );
-    apart(interrupted, |stop| {
-        let _ = request(Wanted {
-            priority: of.priority.saturating_sub(20),
-            ..Wanted::default()
-        });
-        Loop {
+    run_in_thread(is_interrupted, |stop| {
+        request_priority(benchmark.priority.saturating_sub(20));
+        CommandLoop {
             commander,
             actuators,
-            watched: Watched::default(),
+            observations: Observations::default(),
             last: [0; 2],
         }
-        .run(of, stop)
+        .run(benchmark, stop)
     })
 }
 
-struct Loop {
+struct CommandLoop {
     commander: Commander,
     actuators: Subscription<ActuatorState>,
-    watched: Watched,
-    /// Sequence of the command that each motor carried out last.
+    observations: Observations,
+    /// Sequence number of the last command of each motor.
     last: [u64; 2],
 }
 
-impl Loop {
-    fn run(mut self, of: &EndToEnd, stop: &AtomicBool) -> Result<Watched, BenchError> {
-        let mut pauses = Pauses::new(of.seed);
-        for number in 0..of.commands {
+impl CommandLoop {
+    fn run(
+        mut self,
+        benchmark: &EndToEndBenchmark,
+        stop: &AtomicBool,
+    ) -> Result<Observations, BenchError> {
+        let mut pauses = Pauses::new(benchmark.seed);
+        for number in 0..benchmark.commands {
             if stop.load(Ordering::Relaxed) {
                 return Err(BenchError::Interrupted);
             }
             let next = clock::now() + pauses.next();
             let angle = STEP_RAD * number as f64;
-            // From where the robot is: the circle grows from nothing.
+            // The circle grows from the position of the robot.
             let radius = RADIUS_DEG.to_radians() * (number as f64 / 20.0).min(1.0);
             self.commander
                 .servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
-            self.watched.sent += 1;
+            self.observations.sent += 1;
             while clock::now() < next {
-                self.look()?;
-                clock::sleep(LOOK);
+                self.read_states()?;
+                clock::sleep(READ_PERIOD);
             }
         }
-        Ok(self.watched)
+        Ok(self.observations)
     }
 
-    fn look(&mut self) -> Result<(), BenchError> {
-        let (watched, last) = (&mut self.watched, &mut self.last);
+    fn read_states(&mut self) -> Result<(), BenchError> {
+        let (observations, last) = (&mut self.observations, &mut self.last);
         self.actuators.drain(|state| {
             let seen = clock::now();
             for (motor, last) in last.iter_mut().enumerate() {
                 let measured = Nanos(state.measured_stamp_ns[motor]);
-                if watched.readings[motor]
-                    .last()
-                    .is_none_or(|reading| reading.measured < measured)
-                {
-                    watched.readings[motor].push(Reading { measured, seen });
-                }
+                observations.add_reading(motor, measured, seen);
                 let sequence = state.command_sequence[motor];
                 if state.command_stamp_ns[motor] != 0 && sequence != *last {
                     *last = sequence;
-                    watched.written[motor].push(Written {
+                    observations.written[motor].push(Written {
                         command: Nanos(state.command_stamp_ns[motor]),
                         written: Nanos(state.written_stamp_ns[motor]),
                         counts: state.written_counts[motor],
@@ -129,15 +123,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_fill_their_range_and_never_leave_it() {
+    fn pauses_fill_their_range() {
         let mut pauses = Pauses::new(7);
         let all: Vec<f64> = (0..1000)
             .map(|_| pauses.next().as_seconds() * 1e3)
             .collect();
-        assert!(
-            all.iter()
-                .all(|ms| (PAUSE_MS[0] - 1e-6..=PAUSE_MS[1] + 1e-6).contains(ms))
-        );
+        let range = PAUSE_MS[0] - 1e-6..=PAUSE_MS[1] + 1e-6;
+        assert!(all.iter().all(|ms| range.contains(ms)));
         let mean = all.iter().sum::<f64>() / 1000.0;
         assert!((mean - 17.0).abs() < 0.5, "{mean}");
     }

@@ -1,79 +1,69 @@
-//! The same through a bare loop: a set-point in memory, a loop that hands it to the line, the
-//! position back in memory.
+//! The floor: a bare loop that passes set-points from memory to the line, and positions back.
 
 use std::sync::atomic::Ordering;
 use std::thread;
 
 use i2ris::clock;
-use i2ris::realtime::{Wanted, request};
 use i2ris::units::Nanos;
 
 use super::client::Pauses;
-use super::join::{Joined, Reading, Watched, Written, joined};
-use super::{EndToEnd, LOOK};
-use crate::bare::{self, Shared};
+use super::matching::{CommandLatencies, Observations, Written, match_commands};
+use super::{EndToEndBenchmark, READ_PERIOD};
+use crate::bare_loop::{self, SharedState};
 use crate::error::BenchError;
-use crate::wire::Rig;
+use crate::placement::request_priority;
+use crate::wire::DriveRig;
 
-/// Commands a bare loop on the first port.
-pub fn run(rig: &Rig, of: &EndToEnd, interrupted: &dyn Fn() -> bool) -> Result<Joined, BenchError> {
-    let (shared, port) = (Shared::default(), rig.port(0));
-    let watched = thread::scope(|scope| {
-        let serving = scope.spawn(|| bare::serve(&port, of.priority.saturating_sub(10), &shared));
+/// Sends commands to a bare loop on the first port.
+pub fn run(
+    rig: &DriveRig,
+    benchmark: &EndToEndBenchmark,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<CommandLatencies, BenchError> {
+    let (shared, port) = (SharedState::default(), rig.port(0));
+    let observations = thread::scope(|scope| {
+        let serving =
+            scope.spawn(|| bare_loop::serve(&port, benchmark.priority.saturating_sub(10), &shared));
         let commanding = scope.spawn(|| {
-            let _ = request(Wanted {
-                priority: of.priority.saturating_sub(20),
-                ..Wanted::default()
-            });
-            command(&shared, of)
+            request_priority(benchmark.priority.saturating_sub(20));
+            command(&shared, benchmark)
         });
-        while !commanding.is_finished() && !serving.is_finished() && !interrupted() {
+        while !commanding.is_finished() && !serving.is_finished() && !is_interrupted() {
             clock::sleep(Nanos::from_millis(10));
         }
         shared.stop.store(true, Ordering::Release);
-        let died = |_| BenchError::Nothing {
-            what: "a thread of the bare loop ended without a word",
-        };
-        let watched = commanding.join().map_err(died)?;
-        serving.join().map_err(died)??;
-        Ok::<_, BenchError>(watched)
+        let observations = commanding.join().map_err(BenchError::panicked)?;
+        serving.join().map_err(BenchError::panicked)??;
+        Ok::<_, BenchError>(observations)
     })?;
-    if interrupted() {
+    if is_interrupted() {
         return Err(BenchError::Interrupted);
     }
-    Ok(joined(&watched, &rig.emulator.log()))
+    Ok(match_commands(&observations, &rig.emulator.log()))
 }
 
-fn command(shared: &Shared, of: &EndToEnd) -> Watched {
-    let (mut watched, mut pauses) = (Watched::default(), Pauses::new(of.seed));
-    for number in 0..of.commands {
+fn command(shared: &SharedState, benchmark: &EndToEndBenchmark) -> Observations {
+    let (mut observations, mut pauses) = (Observations::default(), Pauses::new(benchmark.seed));
+    for number in 0..benchmark.commands {
         let now = clock::now();
         let next = now + pauses.next();
-        // Every set-point differs from the one before, so that it is known again.
+        // Every set-point differs from the one before, so that it can be matched.
         let counts = (number % 200) as i32;
         shared.target.store(counts, Ordering::Release);
-        watched.written[0].push(Written {
+        observations.written[0].push(Written {
             command: now,
             written: Nanos::ZERO,
             counts,
         });
-        watched.sent += 1;
+        observations.sent += 1;
         while clock::now() < next {
             if shared.stop.load(Ordering::Acquire) {
-                return watched;
+                return observations;
             }
             let measured = Nanos(shared.measured_ns.load(Ordering::Acquire));
-            if watched.readings[0]
-                .last()
-                .is_none_or(|reading| reading.measured < measured)
-            {
-                watched.readings[0].push(Reading {
-                    measured,
-                    seen: clock::now(),
-                });
-            }
-            clock::sleep(LOOK);
+            observations.add_reading(0, measured, clock::now());
+            clock::sleep(READ_PERIOD);
         }
     }
-    watched
+    observations
 }

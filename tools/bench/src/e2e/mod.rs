@@ -1,25 +1,25 @@
-//! All of it together: a client publishes a command, the drive receives the last byte of the
-//! set-point that came of it, and the client sees an encoder position that was read after that.
+//! End to end: a client publishes a command, the drive receives the last byte of its set-point, and
+//! the client reads an encoder position that was measured after that.
 //!
 //! ```text
-//! client --servo_jp--> controller process --set-point on the line--> emulated drive (its log has the stamp)
+//! client --servo_jp--> controller process --set-point on the line--> emulated drive with a log
 //!        <--actuators/measured_js--       <--encoder position------
 //! ```
 //!
-//! Commands come at random instants, so that they meet loop and lines in every phase. The floor is
-//! a loop that hands the newest set-point to the same line without anything between
-//! ([`crate::bare`]): what it needs is the wait for the line to be free and the time on the wire.
+//! Commands come at random instants, at all phases of loop and lines. The floor is a loop that
+//! passes the newest set-point to the same line ([`crate::bare_loop`]). It needs the waiting time
+//! for the line and the time on the wire.
 //!
-//! | file | holds |
+//! | file | contains |
 //! |---|---|
 //! | `process` | the controller as a process |
-//! | `client` | commands out, encoder positions in, with stamps |
-//! | `floor` | the same through a bare loop |
-//! | `join` | from stamps to spans; pure |
+//! | `client` | commands and encoder positions with stamps |
+//! | `floor` | the same with a bare loop |
+//! | `matching` | matches commands with set-points and encoder positions |
 
 mod client;
 mod floor;
-mod join;
+mod matching;
 mod process;
 
 use std::path::{Path, PathBuf};
@@ -28,32 +28,31 @@ use i2ris::ipc::{Domain, DomainLock};
 use i2ris::units::Nanos;
 
 use crate::error::BenchError;
-use crate::machine::{self, Watch};
-use crate::outcome::{Outcome, Quantity, Role, Way};
-use crate::seat::words;
-use crate::spans::Spans;
-use crate::wire::Rig;
-use join::Joined;
+use crate::machine::{LoadMonitor, Machine};
+use crate::outcome::{BenchOutcome, Quantity, Role, Variant};
+use crate::placement::describe;
+use crate::wire::DriveRig;
+use matching::CommandLatencies;
 
-/// Commands come after a time between these, ms: never in step with loop or line.
+/// Range of the pause before a command, ms: not synchronous with loop or line.
 pub(crate) const PAUSE_MS: [f64; 2] = [11.0, 23.0];
 
-/// How often the client looks for what is new.
-pub(crate) const LOOK: Nanos = Nanos::from_micros(50);
+/// Time between two reads of the client.
+pub(crate) const READ_PERIOD: Nanos = Nanos::from_micros(50);
 
-/// What to measure.
+/// Settings of the measurement.
 #[derive(Debug, Clone)]
-pub struct EndToEnd {
-    /// Commands.
+pub struct EndToEndBenchmark {
+    /// Number of commands.
     pub commands: u64,
     /// The program `i2ris-control`.
     pub controller: PathBuf,
     /// SCHED_FIFO priority of the control loop; port threads and the client get less; 0: normal
     /// scheduling.
     pub priority: u8,
-    /// The loop on the last processor, if there are two.
+    /// The control loop runs on the last processor, if there are two.
     pub pinned: bool,
-    /// For the instants of commands.
+    /// Seed of the random pauses.
     pub seed: u64,
 }
 
@@ -67,98 +66,95 @@ const SEEN: &str = "command to encoder position at the client";
 /// # Errors
 ///
 /// [`BenchError`].
-pub fn run(of: &EndToEnd, interrupted: &dyn Fn() -> bool) -> Result<Outcome, BenchError> {
-    let watch = Watch::start();
-    // Drives answer after their usual time.
-    let rig = Rig::start(None)?;
-    let floor = floor::run(&rig, of, interrupted)?;
+pub fn run(
+    benchmark: &EndToEndBenchmark,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<BenchOutcome, BenchError> {
+    let monitor = LoadMonitor::start();
+    // Drives answer after their normal processing time.
+    let rig = DriveRig::start(None)?;
+    let floor = floor::run(&rig, benchmark, is_interrupted)?;
     let domain = Domain::new(&format!("bench-{:08x}", i2ris::ipc::random_id() as u32))?;
-    let _sweep = Sweep(domain.clone());
-    let (controller, mut client) = process::Controller::start(&rig, of, &domain)?;
-    let watched = client::run(&mut client, of, interrupted);
+    let _cleanup = Cleanup(domain.clone());
+    let (controller, mut client) = process::Controller::start(&rig, benchmark, &domain)?;
+    let observations = client::run(&mut client, benchmark, is_interrupted);
     let granted = process::granted(&client);
     drop(client);
     controller.end()?;
-    let ours = join::joined(&watched?, &rig.emulator.log());
-    outcome(watch, granted, floor, ours)
+    let ours = matching::match_commands(&observations?, &rig.emulator.log());
+    outcome(monitor, granted, floor, ours)
 }
 
-/// Removes the shared memory of the run, whatever happened to the controller.
-struct Sweep(Domain);
+/// Removes the shared memory of the run, also after a failure of the controller.
+struct Cleanup(Domain);
 
-impl Drop for Sweep {
+impl Drop for Cleanup {
     fn drop(&mut self) {
         drop(DomainLock::acquire(&self.0));
     }
 }
 
 fn outcome(
-    watch: Watch,
+    monitor: LoadMonitor,
     granted: Option<i2ris::realtime::Granted>,
-    floor: Joined,
-    ours: Joined,
-) -> Result<Outcome, BenchError> {
+    floor: CommandLatencies,
+    ours: CommandLatencies,
+) -> Result<BenchOutcome, BenchError> {
     if ours.arrived.is_empty() || floor.arrived.is_empty() {
-        return Err(BenchError::Nothing {
-            what: "no set-point came of the commands",
+        return Err(BenchError::Timeout {
+            what: "no command led to a set-point",
         });
     }
-    let machine = machine::look();
-    let way = |name: &str, group, role, spans: Spans| Way {
-        name: name.to_owned(),
-        group,
-        role,
-        spans,
-    };
+    let machine = Machine::detect();
     let (bare, controller) = ("a bare loop on the same line", "the controller");
-    let mut notes = vec![
-        "`last byte`: as the emulated drive stamps it, at the instant at which a wire of 115200 baud has delivered it. \
-         `encoder position`: the first one that was read from the drive after that."
-            .to_owned(),
-        format!(
-            "Between command and line lie: the wait for the relay before the next tick (up to 1 ms), the tick, and the wait \
-             until the exchange under way on the line has ended. The client looks every {} us.",
-            LOOK.0 / 1000
-        ),
-    ];
-    notes.extend(machine.notes());
-    let told = granted.map_or_else(|| "not told".to_owned(), |granted| words(&granted));
-    Ok(Outcome {
+    let last_byte = "`last byte`: the stamp of the emulated drive, at the instant at which a wire of \
+                     115200 baud has delivered it. `encoder position`: the first one that was read \
+                     from the drive after that.";
+    let parts = format!(
+        "Between command and line are: the wait for the IPC thread before the next tick (up to \
+         1 ms), the tick, and the wait for the end of the exchange on the line. The client reads \
+         every {} us.",
+        READ_PERIOD.0 / 1000
+    );
+    let notes = [last_byte.to_owned(), parts]
+        .into_iter()
+        .chain(machine.notes())
+        .collect();
+    let granted = granted.map_or_else(|| "not known".to_owned(), |granted| describe(&granted));
+    let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
+    Ok(BenchOutcome {
         bench: "e2e",
-        about: "From publishing a command to the set-point on the wire and back to an encoder position at the client",
-        weather: watch.stop(),
-        scheduling: vec![format!("control loop: {told}")],
+        about: "From publishing a command to the set-point on the wire and back to an encoder \
+                position at the client",
+        load: monitor.stop(),
+        scheduling: vec![format!("control loop: {granted}")],
         machine,
         quantities: vec![
             Quantity::new(
-                "commands that a set-point came of, of both motors",
+                "commands with a set-point, of both motors",
                 ours.commands as f64,
                 "",
             ),
             Quantity::new(
-                "commands that were overtaken by the next one",
+                "commands replaced by the next one",
                 ours.overtaken as f64,
                 "",
             ),
-            Quantity::new(
-                "a set-point on the wire (14 bytes)",
-                14.0 * 10.0 / 115_200.0 * 1e6,
-                "us",
-            ),
+            Quantity::new("a set-point on the wire (14 bytes)", on_the_wire_us, "us"),
         ],
-        ways: vec![
-            way(bare, ARRIVED, Role::Floor, floor.arrived),
-            way(controller, ARRIVED, Role::Ours, ours.arrived),
-            way(bare, SEEN, Role::Floor, floor.seen),
-            way(controller, SEEN, Role::Ours, ours.seen),
-            way(controller, WRITTEN, Role::Ours, ours.written),
-            way(controller, WIRE, Role::Ours, ours.wire),
+        variants: vec![
+            Variant::new(bare, ARRIVED, Role::Floor, floor.arrived),
+            Variant::new(controller, ARRIVED, Role::Ours, ours.arrived),
+            Variant::new(bare, SEEN, Role::Floor, floor.seen),
+            Variant::new(controller, SEEN, Role::Ours, ours.seen),
+            Variant::new(controller, WRITTEN, Role::Ours, ours.written),
+            Variant::new(controller, WIRE, Role::Ours, ours.wire),
         ],
         notes,
     })
 }
 
-/// The end of a text file, for messages.
+/// The last lines of a text file, for error messages.
 pub(crate) fn tail(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap_or_default();
     let lines: Vec<&str> = text.lines().collect();

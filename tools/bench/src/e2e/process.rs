@@ -1,4 +1,4 @@
-//! The controller as a process of its own, as it is when it drives a robot.
+//! The controller as a process, as with a real robot.
 
 use std::fs::{self, File};
 use std::os::unix::process::CommandExt;
@@ -16,21 +16,21 @@ use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use super::{EndToEnd, tail};
+use super::{EndToEndBenchmark, tail};
 use crate::error::BenchError;
 use crate::model::model;
-use crate::wire::Rig;
+use crate::wire::DriveRig;
 
-/// The configuration that the controller runs with, but for ports and domain.
+/// The configuration of the controller, without ports and domain.
 const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 
-/// Anything that takes well under a second on a quiet machine.
-const PATIENCE: Nanos = Nanos::from_millis(20_000);
+/// Limit for operations that take much less than a second on an idle machine.
+const TIMEOUT: Nanos = Nanos::from_millis(20_000);
 
-/// How late an emulated drive may answer: a stall of the machine is not what this is about.
-const PATIENT_MS: u64 = 1000;
+/// Reply timeout of a drive. It is long because a stall of the machine must not be a fault.
+const REPLY_TIMEOUT_MS: u64 = 1000;
 
-/// A running controller; ended when dropped.
+/// A running controller. It ends when it is dropped.
 pub struct Controller {
     child: Child,
     program: PathBuf,
@@ -38,13 +38,17 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Starts it on the drives of a rig, homes and enables.
-    pub fn start(rig: &Rig, of: &EndToEnd, domain: &Domain) -> Result<(Self, Client), BenchError> {
-        let file = configure(rig, of, domain)?;
+    /// Starts the controller with the drives of a rig, homes and enables.
+    pub fn start(
+        rig: &DriveRig,
+        benchmark: &EndToEndBenchmark,
+        domain: &Domain,
+    ) -> Result<(Self, Client), BenchError> {
+        let file = configure(rig, benchmark, domain)?;
         let log = rig.folder.path().join("controller.log");
         let system = BenchError::system;
         let output = File::create(&log).map_err(system("write to the temporary folder"))?;
-        let mut command = Command::new(&of.controller);
+        let mut command = Command::new(&benchmark.controller);
         command
             .arg("--config")
             .arg(&file)
@@ -58,7 +62,7 @@ impl Controller {
         ))?;
         let mut controller = Self {
             child,
-            program: of.controller.clone(),
+            program: benchmark.controller.clone(),
             log,
         };
         let mut client = controller.connect(domain)?;
@@ -72,32 +76,32 @@ impl Controller {
             if self
                 .child
                 .try_wait()
-                .map_err(BenchError::system("look after the controller"))?
+                .map_err(BenchError::system("wait for the controller"))?
                 .is_some()
             {
                 return Err(self.failure("ended early"));
             }
             match Client::connect(domain, Nanos::from_millis(100)) {
-                Err(error) if error.is_absent() && clock::now().since(start) < PATIENCE => {}
+                Err(error) if error.is_absent() && clock::now().since(start) < TIMEOUT => {}
                 outcome => return Ok(outcome?),
             }
         }
     }
 
-    /// Ends it in order.
+    /// Ends the controller.
     pub fn end(mut self) -> Result<(), BenchError> {
         match self.wait() {
             Some(true) => Ok(()),
             Some(false) => Err(self.failure("failed")),
-            None => Err(self.failure("did not end when it was asked to")),
+            None => Err(self.failure("did not end after SIGTERM")),
         }
     }
 
-    /// Asks it to end and says whether it ended well; `None`: it did not.
+    /// Sends SIGTERM and waits: whether the controller ended with success; `None`: it did not end.
     fn wait(&mut self) -> Option<bool> {
         let _ = kill(Pid::from_raw(self.child.id() as i32), Signal::SIGTERM);
         let start = clock::now();
-        while clock::now().since(start) < PATIENCE {
+        while clock::now().since(start) < TIMEOUT {
             if let Ok(Some(status)) = self.child.try_wait() {
                 return Some(status.success());
             }
@@ -110,7 +114,7 @@ impl Controller {
         BenchError::Controller {
             program: self.program.clone(),
             what,
-            said: tail(&self.log),
+            log: tail(&self.log),
         }
     }
 }
@@ -124,47 +128,51 @@ impl Drop for Controller {
     }
 }
 
-fn configure(rig: &Rig, of: &EndToEnd, domain: &Domain) -> Result<PathBuf, BenchError> {
+fn configure(
+    rig: &DriveRig,
+    benchmark: &EndToEndBenchmark,
+    domain: &Domain,
+) -> Result<PathBuf, BenchError> {
     let folder = rig.folder.path();
     let model = model(10, 8)?;
     model.file().write(&folder.join("model.json"))?;
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     config.robot_id.clone_from(&model.file().robot_id);
     config.control.model = Some("model.json".into());
-    config.control.priority = of.priority;
-    config.control.lock_memory = of.priority > 0;
+    config.control.priority = benchmark.priority;
+    config.control.lock_memory = benchmark.priority > 0;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    config.control.cpu = (of.pinned && processors >= 2).then(|| processors - 1);
+    config.control.cpu = (benchmark.pinned && processors >= 2).then(|| processors - 1);
     config.ipc.domain = domain.name().to_owned();
     config.record.folder = folder.join("records");
-    config.limits.feedback_stale_ms = PATIENT_MS;
-    config.limits.feedback_lost_ms = 5 * PATIENT_MS;
+    config.limits.feedback_stale_ms = REPLY_TIMEOUT_MS;
+    config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
     for (motor, port) in config.ports.iter_mut().enumerate() {
         let PortConfig { device, .. } = rig.port(motor);
-        (port.device, port.reply_timeout_ms) = (device, PATIENT_MS);
+        (port.device, port.reply_timeout_ms) = (device, REPLY_TIMEOUT_MS);
     }
     let file = folder.join("bench.toml");
-    let text = toml::to_string(&config).map_err(|_| BenchError::Nothing {
-        what: "a configuration as text",
+    let text = toml::to_string(&config).map_err(|_| BenchError::Timeout {
+        what: "the configuration cannot be written",
     })?;
     fs::write(&file, text).map_err(BenchError::system("write to the temporary folder"))?;
     Ok(file)
 }
 
 fn enable(client: &mut Client) -> Result<(), BenchError> {
-    let at_rest = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
-    client.wait_for(PATIENCE, at_rest)?;
+    let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
+    client.wait_for(TIMEOUT, is_idle)?;
     client.state_command(StateCommand::Home)?;
-    client.wait_for(PATIENCE, |state| {
-        at_rest(state) && state.flags & OperatingStateMsg::HOMED != 0
+    client.wait_for(TIMEOUT, |state| {
+        is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0
     })?;
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
-    client.wait_for(PATIENCE, |state| at_rest(state) && state.state == enabled)?;
+    client.wait_for(TIMEOUT, |state| is_idle(state) && state.state == enabled)?;
     Ok(())
 }
 
-/// What the loop was granted, as it tells once a second.
+/// The scheduling of the control loop, which it reports once a second.
 pub fn granted(client: &Client) -> Option<Granted> {
     let (mut statistics, start) = (client.watcher().period_statistics(), clock::now());
     while clock::now().since(start) < Nanos::from_millis(2500) {

@@ -1,4 +1,4 @@
-//! One thread that sends on a grid, another one that receives.
+//! A thread that sends at equal intervals, and a thread that receives.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, TryRecvError};
@@ -7,49 +7,56 @@ use std::thread;
 use i2ris::clock;
 use i2ris::units::Nanos;
 
-use super::{PERIOD, WARM_UP};
+use crate::durations::Durations;
 use crate::error::BenchError;
-use crate::seat::{Seats, Who};
-use crate::spans::Spans;
+use crate::placement::{ThreadPlacement, ThreadRole};
 
-/// A receiver that is not there after this time never will be.
-const PATIENCE: Nanos = Nanos::from_millis(10_000);
+/// Time between two messages: a fifth of a tick of the controller.
+pub const PERIOD: Nanos = Nanos::from_micros(200);
 
-/// One turn of one way.
+/// Bytes of a message: those of a servo command.
+pub const BYTES: usize = 64;
+
+/// The most messages of a turn that do not count.
+const WARM_UP: u64 = 300;
+
+/// Waiting time for the receiver.
+const TIMEOUT: Nanos = Nanos::from_millis(10_000);
+
+/// One turn of one variant.
 #[derive(Debug, Clone, Copy)]
-pub struct Run {
-    /// How many count.
+pub struct Turn {
+    /// Messages that count.
     pub messages: u64,
-    /// Where the threads run.
-    pub seats: Seats,
+    /// Scheduling of the threads.
+    pub placement: ThreadPlacement,
 }
 
-impl Run {
-    /// Messages that do not count: few of a short run, in which a receiver on a busy machine misses
-    /// some as well.
+impl Turn {
+    /// Messages that do not count: fewer in a short turn, in which a receiver on a busy machine also
+    /// misses some.
     fn warm_up(self) -> u64 {
         WARM_UP.min(self.messages / 2)
     }
 }
 
-/// What the two threads are granted.
-pub fn seats(seats: Seats) -> Vec<String> {
-    [Who::Sender, Who::Receiver]
+/// The scheduling that the two threads were granted.
+pub fn scheduling(placement: ThreadPlacement) -> Vec<String> {
+    [ThreadRole::Sender, ThreadRole::Receiver]
         .into_iter()
-        .filter_map(|who| thread::spawn(move || seats.take(who)).join().ok())
+        .filter_map(|role| thread::spawn(move || placement.apply(role)).join().ok())
         .collect()
 }
 
-/// Makes a sender and a receiver, each in its own thread, sends on the grid and tells how long
-/// messages took.
+/// Creates a sender and a receiver, each in its own thread, and measures how long messages take.
 ///
-/// What `sender` makes sends the present instant; what `receiver` makes returns the instant that it
-/// got, or `None` if there is nothing (when it polls) or was nothing for a while (when it waits).
+/// The function from `sender` sends the given instant. The function from `receiver` returns the
+/// instant that it received, or `None` if there is no message (polling) or the wait timed out.
 pub fn measure<S, R>(
-    run: Run,
+    turn: Turn,
     sender: impl FnOnce() -> Result<S, BenchError> + Send,
     receiver: impl FnOnce() -> Result<R, BenchError> + Send,
-) -> Result<Spans, BenchError>
+) -> Result<Durations, BenchError>
 where
     S: FnMut(Nanos) -> Result<(), BenchError>,
     R: FnMut() -> Result<Option<Nanos>, BenchError>,
@@ -58,44 +65,45 @@ where
     let (ready, is_ready) = mpsc::channel();
     thread::scope(|scope| {
         let receiving = scope.spawn(move || {
-            let _ = run.seats.take(Who::Receiver);
+            let _ = turn.placement.apply(ThreadRole::Receiver);
             let mut receive = receiver()?;
             let _ = ready.send(());
-            let mut spans = Spans::new(run.warm_up());
+            let mut durations = Durations::new(turn.warm_up());
             while !stop.load(Ordering::Relaxed) {
                 match receive() {
-                    Ok(Some(sent)) => spans.push(clock::now().since(sent)),
+                    Ok(Some(sent)) => durations.push(clock::now().since(sent)),
                     Ok(None) => {}
-                    // The other end has gone because all is sent.
+                    // The sender is gone because it has sent everything.
                     Err(_) if stop.load(Ordering::Relaxed) => {}
                     Err(error) => return Err(error),
                 }
             }
-            Ok(spans)
+            Ok(durations)
         });
-        // A thread of its own: the caller keeps its processor and its priority.
+        // In its own thread: the caller keeps its processor and its priority.
         let sending = scope.spawn(move || {
-            let _ = run.seats.take(Who::Sender);
+            let _ = turn.placement.apply(ThreadRole::Sender);
             let sent = sender().and_then(|mut send| {
                 let sent = until_ready(&is_ready, &mut send)
-                    .and_then(|()| paced(run.messages + run.warm_up(), &mut send));
-                // Before this end goes, which the receiver would take for a failure.
+                    .and_then(|()| paced(turn.messages + turn.warm_up(), &mut send));
+                // Before the sender is dropped, which would be a failure for the receiver.
                 stop.store(true, Ordering::Relaxed);
                 sent
             });
             stop.store(true, Ordering::Relaxed);
             sent
         });
-        let sent = sending.join().map_err(died)?;
-        let received: Result<Spans, BenchError> = receiving.join().map_err(died)?;
-        // If the receiver failed, the sender could only follow: its reason is the one to tell.
-        let spans = received?;
-        sent.map(|()| spans)
+        let sent = sending.join().map_err(BenchError::panicked)?;
+        let received: Result<Durations, BenchError> =
+            receiving.join().map_err(BenchError::panicked)?;
+        // The error of the receiver comes first: it also makes the sender fail.
+        let durations = received?;
+        sent.map(|()| durations)
     })
 }
 
-/// What is sent before the receiver is there belongs to the warm-up: some senders have to keep a
-/// connection alive.
+/// Sends until the receiver is ready: some senders must keep a connection alive. These messages
+/// belong to the warm-up.
 fn until_ready(
     is_ready: &mpsc::Receiver<()>,
     send: &mut impl FnMut(Nanos) -> Result<(), BenchError>,
@@ -104,10 +112,10 @@ fn until_ready(
     loop {
         match is_ready.try_recv() {
             Ok(()) => return Ok(()),
-            Err(TryRecvError::Empty) if clock::now().since(start) < PATIENCE => {}
+            Err(TryRecvError::Empty) if clock::now().since(start) < TIMEOUT => {}
             Err(_) => {
-                return Err(BenchError::Nothing {
-                    what: "the receiving thread did not come",
+                return Err(BenchError::Timeout {
+                    what: "the receiving thread did not start",
                 });
             }
         }
@@ -116,7 +124,7 @@ fn until_ready(
     }
 }
 
-/// Sends on the grid.
+/// Sends at equal intervals.
 fn paced(
     messages: u64,
     send: &mut impl FnMut(Nanos) -> Result<(), BenchError>,
@@ -127,10 +135,4 @@ fn paced(
         send(clock::now())?;
     }
     Ok(())
-}
-
-fn died<T>(_: T) -> BenchError {
-    BenchError::Nothing {
-        what: "a thread ended without a word",
-    }
 }

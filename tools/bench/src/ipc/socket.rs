@@ -1,4 +1,4 @@
-//! The peers: what programs use that know nothing of shared memory.
+//! The peers: sockets, which programs without shared memory use.
 
 use std::io::{self, ErrorKind};
 use std::net::UdpSocket;
@@ -7,70 +7,62 @@ use std::time::Duration;
 
 use i2ris::units::Nanos;
 
-use super::BYTES;
-use super::pair::{Run, measure};
+use super::pair::{BYTES, Turn, measure};
+use crate::durations::Durations;
 use crate::error::BenchError;
-use crate::spans::Spans;
 
-/// How long a receiver sleeps at most.
-const NAP: Duration = Duration::from_millis(20);
+/// The longest wait of a receiver.
+const WAIT_TIMEOUT: Duration = Duration::from_millis(20);
 
-pub fn unix_polled(run: Run) -> Result<Spans, BenchError> {
-    let (from, to) = UnixDatagram::pair().map_err(opening)?;
-    to.set_nonblocking(true).map_err(opening)?;
-    both(
-        run,
-        move |bytes| from.send(bytes),
-        move |bytes| to.recv(bytes),
-    )
+/// Measures a pair of connected sockets, either polled or waiting.
+macro_rules! measure_pair {
+    ($turn:expr, $polls:expr, $pair:expr) => {{
+        let (from, to) = $pair.map_err(opening)?;
+        if $polls {
+            to.set_nonblocking(true).map_err(opening)?;
+        } else {
+            to.set_read_timeout(Some(WAIT_TIMEOUT)).map_err(opening)?;
+        }
+        measure_socket(
+            $turn,
+            move |bytes| from.send(bytes),
+            move |bytes| to.recv(bytes),
+        )
+    }};
 }
 
-pub fn unix_waiting(run: Run) -> Result<Spans, BenchError> {
-    let (from, to) = UnixDatagram::pair().map_err(opening)?;
-    to.set_read_timeout(Some(NAP)).map_err(opening)?;
-    both(
-        run,
-        move |bytes| from.send(bytes),
-        move |bytes| to.recv(bytes),
-    )
+pub fn unix_polled(turn: Turn) -> Result<Durations, BenchError> {
+    measure_pair!(turn, true, UnixDatagram::pair())
 }
 
-pub fn udp_polled(run: Run) -> Result<Spans, BenchError> {
-    let (from, to) = udp().map_err(opening)?;
-    to.set_nonblocking(true).map_err(opening)?;
-    both(
-        run,
-        move |bytes| from.send(bytes),
-        move |bytes| to.recv(bytes),
-    )
+pub fn unix_waiting(turn: Turn) -> Result<Durations, BenchError> {
+    measure_pair!(turn, false, UnixDatagram::pair())
 }
 
-pub fn udp_waiting(run: Run) -> Result<Spans, BenchError> {
-    let (from, to) = udp().map_err(opening)?;
-    to.set_read_timeout(Some(NAP)).map_err(opening)?;
-    both(
-        run,
-        move |bytes| from.send(bytes),
-        move |bytes| to.recv(bytes),
-    )
+pub fn udp_polled(turn: Turn) -> Result<Durations, BenchError> {
+    measure_pair!(turn, true, udp_pair())
+}
+
+pub fn udp_waiting(turn: Turn) -> Result<Durations, BenchError> {
+    measure_pair!(turn, false, udp_pair())
 }
 
 fn opening(source: io::Error) -> BenchError {
     BenchError::system("open a socket")(source)
 }
 
-fn udp() -> io::Result<(UdpSocket, UdpSocket)> {
+fn udp_pair() -> io::Result<(UdpSocket, UdpSocket)> {
     let to = UdpSocket::bind(("127.0.0.1", 0))?;
     let from = UdpSocket::bind(("127.0.0.1", 0))?;
     from.connect(to.local_addr()?)?;
     Ok((from, to))
 }
 
-fn both(
-    run: Run,
+fn measure_socket(
+    turn: Turn,
     send: impl Fn(&[u8]) -> io::Result<usize> + Send,
     receive: impl Fn(&mut [u8]) -> io::Result<usize> + Send,
-) -> Result<Spans, BenchError> {
+) -> Result<Durations, BenchError> {
     let sender = move || {
         Ok(move |now: Nanos| {
             let mut bytes = [0; BYTES];
@@ -84,7 +76,7 @@ fn both(
         let mut bytes = [0; BYTES];
         Ok(move || match receive(&mut bytes) {
             Ok(_) => Ok(bytes
-                .first_chunk::<8>()
+                .first_chunk()
                 .map(|stamp| Nanos(u64::from_le_bytes(*stamp)))),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 Ok(None)
@@ -92,5 +84,5 @@ fn both(
             Err(error) => Err(BenchError::system("receive from a socket")(error)),
         })
     };
-    measure(run, sender, receiver)
+    measure(turn, sender, receiver)
 }

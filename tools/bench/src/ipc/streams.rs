@@ -1,4 +1,4 @@
-//! The controller's streams, with its own server and its own client library.
+//! The controller's streams, with its server and its client library.
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Subscription};
@@ -6,23 +6,23 @@ use i2ris::ipc::payload::JointState;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
-use super::pair::{Run, measure};
-use super::sample::{domain, listener, node, notifier, refused, wait};
+use super::iceoryx::{domain, failed, listener, node, notifier, wait};
+use super::pair::{Turn, measure};
+use crate::durations::Durations;
 use crate::error::BenchError;
-use crate::spans::Spans;
 
-/// How long a client waits for the server.
+/// Waiting time of a client for the server.
 const CONNECT: Nanos = Nanos::from_millis(5000);
-/// How often a controller looks after its services.
+/// Time between two maintenance calls of a controller.
 const MAINTENANCE: Nanos = Nanos::from_millis(10);
 
-/// A server with what a controller does beside.
-struct Served {
+/// A server with its maintenance, as in the controller.
+struct MaintainedServer {
     server: Server,
     next: Nanos,
 }
 
-impl Served {
+impl MaintainedServer {
     fn start(domain: &Domain) -> Result<Self, BenchError> {
         Ok(Self {
             server: Server::create(DomainLock::acquire(domain)?)?,
@@ -46,7 +46,7 @@ impl Served {
     }
 }
 
-pub fn to_controller(run: Run) -> Result<Spans, BenchError> {
+pub fn to_controller(turn: Turn) -> Result<Durations, BenchError> {
     let domain = domain()?;
     let sender = || {
         let mut commander = Client::connect(&domain, CONNECT)?.commander();
@@ -58,14 +58,14 @@ pub fn to_controller(run: Run) -> Result<Spans, BenchError> {
         })
     };
     let receiver = || {
-        let mut served = Served::start(&domain)?;
+        let mut served = MaintainedServer::start(&domain)?;
         Ok(move || {
             let command = served.server.poll_servo(0);
             served.maintain();
             Ok(command.map(|command| Nanos(command.stamp_ns)))
         })
     };
-    measure(run, sender, receiver)
+    measure(turn, sender, receiver)
 }
 
 fn subscribe(domain: &Domain) -> Result<Subscription<JointState>, BenchError> {
@@ -74,10 +74,10 @@ fn subscribe(domain: &Domain) -> Result<Subscription<JointState>, BenchError> {
     Ok(joints)
 }
 
-pub fn to_client(run: Run) -> Result<Spans, BenchError> {
+pub fn to_client(turn: Turn) -> Result<Durations, BenchError> {
     let domain = domain()?;
     let sender = || {
-        let mut served = Served::start(&domain)?;
+        let mut served = MaintainedServer::start(&domain)?;
         Ok(move |now: Nanos| {
             served.publish(now);
             served.maintain();
@@ -88,37 +88,37 @@ pub fn to_client(run: Run) -> Result<Spans, BenchError> {
         let mut joints = subscribe(&domain)?;
         Ok(move || Ok(joints.read()?.map(|state| Nanos(state.stamp_ns))))
     };
-    measure(run, sender, receiver)
+    measure(turn, sender, receiver)
 }
 
-/// What an event service beside the stream would give a client that wants to sleep. The controller
-/// offers none: it would have to notify every sleeper at every tick.
-pub fn to_client_woken(run: Run) -> Result<Spans, BenchError> {
-    let (streams, bells) = (domain()?, domain()?);
-    let _guard = DomainLock::acquire(&bells)?;
+/// A stream with an event service for clients that wait. The controller has none: it would have to
+/// notify every waiting client at every tick.
+pub fn to_client_woken(turn: Turn) -> Result<Durations, BenchError> {
+    let (streams, events) = (domain()?, domain()?);
+    let _guard = DomainLock::acquire(&events)?;
     let sender = || {
-        let mut served = Served::start(&streams)?;
-        let node = node(&bells)?;
-        let bell = notifier(&node)?;
+        let mut served = MaintainedServer::start(&streams)?;
+        let node = node(&events)?;
+        let notifier = notifier(&node)?;
         Ok(move |now: Nanos| {
             let _ = &node;
             served.publish(now);
-            bell.notify().map_err(refused("notify"))?;
+            notifier.notify().map_err(failed("notify"))?;
             served.maintain();
             Ok(())
         })
     };
     let receiver = || {
         let mut joints = subscribe(&streams)?;
-        let node = node(&bells)?;
-        let ear = listener(&node)?;
+        let node = node(&events)?;
+        let listener = listener(&node)?;
         Ok(move || {
             let _ = &node;
             if let Some(state) = joints.read()? {
                 return Ok(Some(Nanos(state.stamp_ns)));
             }
-            wait(&ear).map(|()| None)
+            wait(&listener).map(|()| None)
         })
     };
-    measure(run, sender, receiver)
+    measure(turn, sender, receiver)
 }

@@ -1,79 +1,84 @@
-//! Arguments of every measurement, and running it.
+//! Arguments of the measurements; runs a measurement.
 
 use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::time::Duration;
 
 use i2ris::units::Nanos;
-use i2ris_bench::{Outcome, Seats, e2e, inverse, ipc, ticks, wire};
+use i2ris_bench::{BenchOutcome, ThreadPlacement, control_loop, e2e, inverse, ipc, wire};
 use indicatif::ProgressBar;
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::Interrupt;
+use i2ris_terminal::{Failure, Interrupt};
 
 /// A measurement.
 #[derive(Debug, clap::Subcommand)]
 pub enum Measurement {
-    /// Publish to receive, polled and woken: the controller's streams, iceoryx2, a bare word in
+    /// Publish to receive, polled and woken: the controller's streams, iceoryx2, 64 bytes in
     /// shared memory, sockets
-    Ipc(Ipc),
+    Ipc(IpcArguments),
     /// A periodic loop: lateness of the controller's ticker beside a bare timer, and what a tick
     /// computes
-    Loop(Loop),
+    Loop(LoopArguments),
     /// One call of a model: desired angles to counts, and back
-    Inverse(Inverse),
+    Inverse(InverseArguments),
     /// Exchanges with two emulated drives against what the wire allows
-    Wire(Wire),
+    Wire(WireArguments),
     /// Command published, set-point on the wire, encoder position back at the client; with emulated
     /// drives
-    E2e(EndToEnd),
+    E2e(EndToEndArguments),
     /// All of them with their defaults, one after the other; takes about two minutes
-    All(All),
+    All(AllArguments),
 }
 
 /// Arguments of `i2ris bench ipc`.
 #[derive(Debug, clap::Args)]
-pub struct Ipc {
-    /// Messages per way
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(400..))]
+pub struct IpcArguments {
+    /// Messages per variant
+    #[arg(long, value_name = "N", default_value_t = 20_000,
+          value_parser = clap::value_parser!(u64).range(400..))]
     messages: u64,
 }
 
 /// Arguments of `i2ris bench loop`.
 #[derive(Debug, clap::Args)]
-pub struct Loop {
+pub struct LoopArguments {
     /// Ticks per second
-    #[arg(long, value_name = "HZ", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=4000))]
+    #[arg(long, value_name = "HZ", default_value_t = 1000,
+          value_parser = clap::value_parser!(u32).range(100..=4000))]
     rate_hz: u32,
-    /// The ticker wakes so long before each tick and reads the clock until it is due
+    /// The ticker wakes this long before each tick and reads the clock until then
     #[arg(long, value_name = "US", default_value_t = 100)]
     spin_us: u64,
-    /// How long each way is measured
-    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=3600))]
+    /// Duration of the measurement of each variant
+    #[arg(long, value_name = "S", default_value_t = 10,
+          value_parser = clap::value_parser!(u32).range(1..=3600))]
     duration_s: u32,
 }
 
 /// Arguments of `i2ris bench inverse`.
 #[derive(Debug, clap::Args)]
-pub struct Inverse {
-    /// Times that the motion of 2000 poses is repeated
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+pub struct InverseArguments {
+    /// Repetitions of the motion of 2000 poses
+    #[arg(long, value_name = "N", default_value_t = 50,
+          value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
 }
 
 /// Arguments of `i2ris bench wire`.
 #[derive(Debug, clap::Args)]
-pub struct Wire {
-    /// How long a bare loop and the driver are measured, each
-    #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=3600))]
+pub struct WireArguments {
+    /// Duration of the measurement of the bare loop and of the driver, each
+    #[arg(long, value_name = "S", default_value_t = 10,
+          value_parser = clap::value_parser!(u32).range(1..=3600))]
     duration_s: u32,
 }
 
 /// Arguments of `i2ris bench e2e`.
 #[derive(Debug, clap::Args)]
-pub struct EndToEnd {
+pub struct EndToEndArguments {
     /// Commands, about 60 a second
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(50..))]
+    #[arg(long, value_name = "N", default_value_t = 1000,
+          value_parser = clap::value_parser!(u64).range(50..))]
     commands: u64,
     /// Seed of the instants of commands
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -85,43 +90,43 @@ pub struct EndToEnd {
 
 /// Arguments of `i2ris bench all`.
 #[derive(Debug, clap::Args)]
-pub struct All {
+pub struct AllArguments {
     /// The controller [default: i2ris-control beside this program]
     #[arg(long, value_name = "PROGRAM")]
     controller: Option<PathBuf>,
 }
 
-/// Measurement all measurements share.
-pub struct Run<'a> {
-    pub seats: Seats,
+/// What all measurements share.
+pub struct Runner<'a> {
+    pub placement: ThreadPlacement,
     pub interrupt: &'a Interrupt,
-    /// No progress is shown.
+    /// Shows no progress.
     pub quiet: bool,
 }
 
-impl Run<'_> {
-    /// Measures.
-    pub fn measure(&self, measurement: &Measurement) -> Result<Vec<Outcome>, Failure> {
-        if let Measurement::All(All { controller }) = measurement {
-            return self.all(controller.clone());
+impl Runner<'_> {
+    /// Runs a measurement, or all.
+    pub fn measure(&self, measurement: &Measurement) -> Result<Vec<BenchOutcome>, Failure> {
+        if let Measurement::All(AllArguments { controller }) = measurement {
+            return self.measure_all(controller.clone());
         }
-        let bar = self.bar(measurement.name());
-        let outcome = self.one(measurement);
+        let bar = self.progress_bar(measurement.name());
+        let outcome = self.measure_one(measurement);
         bar.finish_and_clear();
         Ok(vec![outcome?])
     }
 
-    fn all(&self, controller: Option<PathBuf>) -> Result<Vec<Outcome>, Failure> {
+    fn measure_all(&self, controller: Option<PathBuf>) -> Result<Vec<BenchOutcome>, Failure> {
         let all = [
-            Measurement::Ipc(Ipc { messages: 20_000 }),
-            Measurement::Loop(Loop {
+            Measurement::Ipc(IpcArguments { messages: 20_000 }),
+            Measurement::Loop(LoopArguments {
                 rate_hz: 1000,
                 spin_us: 100,
                 duration_s: 10,
             }),
-            Measurement::Inverse(Inverse { rounds: 50 }),
-            Measurement::Wire(Wire { duration_s: 10 }),
-            Measurement::E2e(EndToEnd {
+            Measurement::Inverse(InverseArguments { rounds: 50 }),
+            Measurement::Wire(WireArguments { duration_s: 10 }),
+            Measurement::E2e(EndToEndArguments {
                 commands: 1000,
                 seed: 1,
                 controller,
@@ -134,33 +139,35 @@ impl Run<'_> {
         Ok(outcomes)
     }
 
-    fn one(&self, measurement: &Measurement) -> Result<Outcome, Failure> {
-        let interrupted = || self.interrupt.came();
-        let priority = self.seats.priority;
+    fn measure_one(&self, measurement: &Measurement) -> Result<BenchOutcome, Failure> {
+        let is_interrupted = || self.interrupt.came();
+        let priority = self.placement.priority;
         let port_priority = priority.saturating_sub(10);
         Ok(match measurement {
-            Measurement::Ipc(Ipc { messages }) => ipc::run(*messages, self.seats, &interrupted)?,
-            Measurement::Loop(Loop {
+            Measurement::Ipc(IpcArguments { messages }) => {
+                ipc::run(*messages, self.placement, &is_interrupted)?
+            }
+            Measurement::Loop(LoopArguments {
                 rate_hz,
                 spin_us,
                 duration_s,
             }) => {
                 let period = Nanos(1_000_000_000 / u64::from(*rate_hz));
-                let of = ticks::Loop {
+                let benchmark = control_loop::LoopBenchmark {
                     period,
                     spin: Nanos::from_micros(*spin_us),
                     turns: *duration_s,
-                    seats: self.seats,
+                    placement: self.placement,
                 };
-                ticks::run(of, &interrupted)?
+                control_loop::run(benchmark, &is_interrupted)?
             }
-            Measurement::Inverse(Inverse { rounds }) => {
-                inverse::run(*rounds, self.seats, &interrupted)?
+            Measurement::Inverse(InverseArguments { rounds }) => {
+                inverse::run(*rounds, self.placement, &is_interrupted)?
             }
-            Measurement::Wire(Wire { duration_s }) => {
-                wire::run(f64::from(*duration_s), port_priority, &interrupted)?
+            Measurement::Wire(WireArguments { duration_s }) => {
+                wire::run(f64::from(*duration_s), port_priority, &is_interrupted)?
             }
-            Measurement::E2e(EndToEnd {
+            Measurement::E2e(EndToEndArguments {
                 commands,
                 seed,
                 controller,
@@ -169,23 +176,23 @@ impl Run<'_> {
                     Some(program) => program.clone(),
                     None => std::env::current_exe()?.with_file_name("i2ris-control"),
                 };
-                let pinned = self.seats.pinned;
+                let pinned = self.placement.pinned;
                 e2e::run(
-                    &e2e::EndToEnd {
+                    &e2e::EndToEndBenchmark {
                         commands: *commands,
                         controller,
                         priority,
                         pinned,
                         seed: *seed,
                     },
-                    &interrupted,
+                    &is_interrupted,
                 )?
             }
             Measurement::All(_) => return Err("`all` is not one measurement".into()),
         })
     }
 
-    fn bar(&self, name: &str) -> ProgressBar {
+    fn progress_bar(&self, name: &str) -> ProgressBar {
         if self.quiet || !stderr().is_terminal() {
             return ProgressBar::hidden();
         }

@@ -1,21 +1,26 @@
-//! Instructions per call: this program runs itself under valgrind, once with one round of calls and
-//! once with three, and takes the difference.
+//! Instructions per call: the program runs itself under valgrind, with one round of calls and with
+//! three, and subtracts.
 
 use std::env;
 use std::hint::black_box;
 use std::process::Command;
 
 use i2ris_bench::model::model;
-use i2ris_bench::way::{TICKS, way};
-use i2ris_bench::{COMPONENTS, PLAYS};
+use i2ris_bench::workload::{TICKS, workload};
 use i2ris_terminal::Failure;
+
+/// Components of the mixtures.
+const COMPONENTS: [usize; 3] = [3, 10, 20];
+
+/// Plays per motor beside the one of threshold 0.
+const PLAYS: [usize; 4] = [0, 4, 8, 12];
 
 const CALLS: [&str; 4] = ["inverse", "forward", "advance", "correction"];
 
 /// Calls a model at every tick, `rounds` times.
 pub fn repeat(call: &str, components: usize, plays: usize, rounds: usize) -> Result<(), Failure> {
     let model = model(components, plays)?;
-    let ticks = way(&model);
+    let ticks = workload(&model);
     for tick in (0..rounds).flat_map(|_| &ticks) {
         let tick = black_box(tick);
         match call {

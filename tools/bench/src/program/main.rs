@@ -1,9 +1,8 @@
-//! `i2ris bench`: how fast it is on this machine. Each figure is beside what the machine itself
-//! needs, in the same run.
+//! `i2ris bench`: latencies on this machine, compared with the floor of the same run.
 //!
-//! | file | holds |
+//! | file | contains |
 //! |---|---|
-//! | `arguments` | arguments of every measurement, and running it |
+//! | `arguments` | arguments of the measurements; runs a measurement |
 //! | `print` | the table of an outcome |
 //! | `instructions` | instructions per call, counted under valgrind |
 //! | `peers` | the Rust side of `peers.py` |
@@ -22,10 +21,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use i2ris_bench::{Outcome, Seats, show};
+use i2ris_bench::{BenchOutcome, ThreadPlacement, output};
 use i2ris_terminal::{Failure, Interrupt};
 
-use arguments::{Measurement, Run};
+use arguments::{Measurement, Runner};
 
 /// Measure latencies of this machine and of the controller
 #[derive(Debug, Parser)]
@@ -42,10 +41,12 @@ use arguments::{Measurement, Run};
   i2ris bench all --output latencies
   i2ris bench instructions
 
-`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON, HDR histogram logs (.hlog).
+`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON,
+HDR histogram logs (.hlog).
 
-Run it on an idle machine, built with --release. Threads ask for SCHED_FIFO and for a processor of their own; without
-permission they go on without and say so. On a virtual machine ratios and medians mean something, maxima belong to the host.")]
+Run it on an idle machine, built with --release. Threads request SCHED_FIFO and a processor of their
+own; without permission they run without and report it. On a virtual machine ratios and medians are
+meaningful, maxima are those of the host.")]
 struct Arguments {
     #[command(subcommand)]
     task: Task,
@@ -55,7 +56,7 @@ struct Arguments {
     /// Write page, figures, numbers and histograms into this folder
     #[arg(long, value_name = "DIR", global = true)]
     output: Option<PathBuf>,
-    /// SCHED_FIFO priority to ask for; 0: stay as it is
+    /// SCHED_FIFO priority to request; 0: normal scheduling
     #[arg(long, value_name = "PRIORITY", default_value_t = 80, global = true,
           value_parser = clap::value_parser!(u8).range(0..=98))]
     priority: u8,
@@ -68,9 +69,9 @@ struct Arguments {
 enum Task {
     #[command(flatten)]
     Measure(Measurement),
-    /// Count the instructions of every call of a model, which no other load changes; needs valgrind
+    /// Count the instructions of every call of a model, independent of other load; needs valgrind
     Instructions,
-    /// Call a model again and again; `instructions` counts this
+    /// Call a model many times; `instructions` counts this
     #[command(hide = true)]
     Repeat {
         call: String,
@@ -78,7 +79,7 @@ enum Task {
         plays: usize,
         rounds: usize,
     },
-    /// Fit and predict what `peers.py` hands over, and print the result as JSON
+    /// Fit and predict the data of `peers.py`, and print the result as JSON
     #[command(hide = true)]
     Peers { file: String },
 }
@@ -103,16 +104,16 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
 
 fn measure(arguments: &Arguments, measurement: &Measurement) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
-    let seats = Seats {
+    let placement = ThreadPlacement {
         priority: arguments.priority,
         pinned: !arguments.unpinned,
     };
-    let run = Run {
-        seats,
+    let runner = Runner {
+        placement,
         interrupt: &interrupt,
         quiet: arguments.json,
     };
-    let outcomes = run.measure(measurement)?;
+    let outcomes = runner.measure(measurement)?;
     if arguments.json {
         println!("{:#}", as_json(&outcomes));
     } else {
@@ -121,7 +122,7 @@ fn measure(arguments: &Arguments, measurement: &Measurement) -> Result<(), Failu
         }
     }
     if let Some(folder) = &arguments.output {
-        let written = show::write(folder, &outcomes)?;
+        let written = output::write(folder, &outcomes)?;
         if !arguments.json {
             println!(
                 "\nwritten: {} and {} more",
@@ -134,10 +135,10 @@ fn measure(arguments: &Arguments, measurement: &Measurement) -> Result<(), Failu
 }
 
 /// One object, or an array of all.
-fn as_json(outcomes: &[Outcome]) -> serde_json::Value {
+fn as_json(outcomes: &[BenchOutcome]) -> serde_json::Value {
     match outcomes {
-        [one] => show::json(one),
-        all => all.iter().map(show::json).collect::<Vec<_>>().into(),
+        [one] => output::json(one),
+        all => all.iter().map(output::json).collect::<Vec<_>>().into(),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Our side of `peers.py`: the same rows, the same starts, the same places.
+//! The Rust side of `peers.py`: the same rows, the same starts, the same inputs.
 
 use std::fs;
 use std::hint::black_box;
@@ -11,10 +11,10 @@ use i2ris_calibration::table::DataTable;
 use i2ris_terminal::Failure;
 use serde::{Deserialize, Serialize};
 
-/// Predictions are timed over so many rounds.
+/// Rounds of predictions.
 const ROUNDS: usize = 20;
 
-/// What the script asks.
+/// The input of the script.
 #[derive(Deserialize)]
 struct Question {
     /// Rows of four numbers: two counts, two angles.
@@ -23,11 +23,11 @@ struct Question {
     tolerance: f64,
     max_iterations: usize,
     regularisation: f64,
-    /// To predict from: a mixture that another program fitted.
+    /// The mixture for predictions, fitted by another program.
     mixture: MixtureParameters,
 }
 
-/// What it is told.
+/// The output for the script.
 #[derive(Serialize)]
 struct Answer {
     fit_s: f64,
@@ -62,7 +62,9 @@ pub fn answer(file: &str) -> Result<(), Failure> {
             .collect()
     };
     let begin = Instant::now();
-    (0..ROUNDS).for_each(|_| drop(black_box(predict())));
+    for _ in 0..ROUNDS {
+        drop(black_box(predict()));
+    }
     let prediction_s = begin.elapsed().as_secs_f64() / ROUNDS as f64;
     let (log_likelihood, iterations) = (fit.log_likelihood, fit.iterations);
     let answer = Answer {

@@ -1,31 +1,25 @@
-//! What is printed.
+//! Prints outcomes as tables.
 
 use i2ris_bench::outcome::Ratio;
-use i2ris_bench::{Outcome, Role, Summary, Way};
+use i2ris_bench::{BenchOutcome, Variant};
 
-/// An outcome as a table.
-pub fn print(outcome: &Outcome) {
+/// Prints an outcome as a table.
+pub fn print(outcome: &BenchOutcome) {
     println!("\n{}: {}", outcome.bench, outcome.about);
-    println!("  {}", outcome.machine.words());
-    outcome
-        .scheduling
-        .iter()
-        .for_each(|line| println!("  {line}"));
-    println!(
-        "  meanwhile {:.0} % of all processors in use, {:.1} % stolen by the host",
-        outcome.weather.busy_percent, outcome.weather.stolen_percent
-    );
+    println!("  {}", outcome.machine.description());
+    for line in &outcome.scheduling {
+        println!("  {line}");
+    }
+    println!("  load: {}", outcome.load.description());
     println!(
         "\n{:<48} {:>8} {:>9} {:>9} {:>9} {:>9} {:>10} {:>11}",
         "microseconds", "count", "p50", "p90", "p99", "p99.9", "max", "p50 / floor"
     );
-    for group in outcome.groups() {
-        println!("{group}");
-        outcome
-            .ways
-            .iter()
-            .filter(|way| way.group == group)
-            .for_each(|way| line(way, outcome.ratio(way)));
+    for (name, variants) in outcome.groups() {
+        println!("{name}");
+        for variant in variants {
+            print_variant(variant, outcome.ratio(variant));
+        }
     }
     if !outcome.quantities.is_empty() {
         println!();
@@ -37,34 +31,17 @@ pub fn print(outcome: &Outcome) {
         );
     }
     println!();
-    outcome
-        .notes
-        .iter()
-        .for_each(|note| println!("  note: {note}"));
+    for note in &outcome.notes {
+        println!("  note: {note}");
+    }
 }
 
-fn line(way: &Way, ratio: Option<Ratio>) {
-    let Summary {
-        count,
-        p50,
-        p90,
-        p99,
-        p999,
-        max,
-    } = way.spans.summary();
+fn print_variant(variant: &Variant, ratio: Option<Ratio>) {
+    let found = variant.durations.percentiles();
     let us = |ns: u64| format!("{:.2}", ns as f64 / 1e3);
-    let role = match way.role {
-        Role::Floor => " (floor)",
-        Role::Ours | Role::Peer => "",
-    };
+    let [p50, p90, p99, p999, max] =
+        [found.p50, found.p90, found.p99, found.p999, found.max].map(us);
     let ratio = ratio.map_or_else(|| "-".to_owned(), |ratio| format!("{:.2}", ratio.p50));
-    println!(
-        "  {:<46} {count:>8} {:>9} {:>9} {:>9} {:>9} {:>10} {ratio:>11}",
-        format!("{}{role}", way.name),
-        us(p50),
-        us(p90),
-        us(p99),
-        us(p999),
-        us(max)
-    );
+    let (name, count) = (variant.display_name(), found.count);
+    println!("  {name:<46} {count:>8} {p50:>9} {p90:>9} {p99:>9} {p999:>9} {max:>10} {ratio:>11}");
 }

@@ -1,6 +1,6 @@
 //! The error of every family in one figure.
 
-use i2ris_plot::{Axis, Dots, Figure, Ink, Marker, Page, Panel, Rule};
+use i2ris_plot::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scatter};
 
 use super::data::ReportData;
 use super::labels::{NOISE, unit};
@@ -28,14 +28,15 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
     };
     let (training, held_out) = (dots(|score| &score.training), dots(|score| &score.held_out));
     let mut panel = Panel::new("", x, y)
-        .with(Dots::markers(training, Ink::GREY, Marker::Circle).label("training"));
+        .with(Scatter::markers(training, Color::GREY, Marker::Circle).label("training"));
     if !held_out.is_empty() {
-        panel = panel.with(Dots::markers(held_out, Ink::BLUE, Marker::Diamond).label("held out"));
+        panel =
+            panel.with(Scatter::markers(held_out, Color::BLUE, Marker::Diamond).label("held out"));
     }
     let noise: Option<Vec<f64>> = data.outputs.iter().map(|output| output.noise).collect();
     let noise = noise.map(|noise| noise.iter().map(|noise| noise * noise).sum::<f64>().sqrt());
     if let Some(noise) = noise {
-        panel = panel.with(Rule::upright(noise, NOISE));
+        panel = panel.with(ReferenceLine::vertical(noise, NOISE));
     }
     let height = HEIGHTS[0] * data.families.len() as f64 + HEIGHTS[1];
     let figure = Figure::new(

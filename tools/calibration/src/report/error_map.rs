@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use i2ris_plot::number::fixed;
-use i2ris_plot::{Axis, Cells, Dots, Figure, Ink, Page, Panel};
+use i2ris_plot::{Axis, Color, Figure, Heatmap, Page, Panel, Scatter};
 
 use super::data::{FamilyResult, ReportData};
 use super::labels::{chosen, unit, with_unit};
@@ -43,10 +43,10 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         .collect();
     let held_out: Vec<_> = data.track.held_out().filter_map(point).collect();
     let mut visited = Panel::new("visited", x1, y1)
-        .with(Dots::new(training, Ink::PALE, 1.8).label("training"))
+        .with(Scatter::new(training, Color::PALE, 1.8).label("training"))
         .equal();
     if !held_out.is_empty() {
-        visited = visited.with(Dots::new(held_out, Ink::BLUE, 1.8).label("held out"));
+        visited = visited.with(Scatter::new(held_out, Color::BLUE, 1.8).label("held out"));
     }
     let title = format!("error of {} ({})", family.name, unit(data));
     let errors = Panel::new(title, x2, y2).with(cells(data, family)).equal();
@@ -67,7 +67,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     page.figure(&figure, &caption);
 }
 
-fn cells(data: &ReportData, family: &FamilyResult) -> Cells {
+fn cells(data: &ReportData, family: &FamilyResult) -> Heatmap {
     let measured = &data.track.measured;
     let range = |output: usize| min_max(measured.iter().map(|measured| measured[output]));
     let (x, y) = (range(0), range(1));
@@ -89,7 +89,7 @@ fn cells(data: &ReportData, family: &FamilyResult) -> Cells {
     };
     let cells: Vec<_> = errors.into_iter().filter_map(mean).collect();
     let (bounds, labels) = classes(cells.iter().map(|(_, error)| *error).fold(0.0, f64::max));
-    Cells::new(cells, [side, side], bounds, labels)
+    Heatmap::new(cells, [side, side], bounds, labels)
 }
 
 /// Five classes of equal width from 0 to at least the largest error, with round ends.

@@ -1,6 +1,8 @@
 //! Counts against angle: the loop that was measured, and the branches that the models make of it.
 
-use i2ris_plot::{Axis, Dash, Dots, Figure, Ink, Line, Marker, Page, Panel, Rule, Stroke};
+use i2ris_plot::{
+    Axis, Color, Dash, Figure, Line, Marker, Page, Panel, ReferenceLine, Scatter, Stroke,
+};
 
 use super::data::{Branches, FamilyResult, OutputFacts, ReportData};
 use super::labels::{ZERO, along, chosen, reference};
@@ -9,11 +11,11 @@ use super::labels::{ZERO, along, chosen, reference};
 const HEIGHTS: [f64; 2] = [250.0, 220.0];
 
 /// The falling branch of the chosen model.
-const FALLING: Stroke = Stroke::new(Ink::VERMILION, 1.6).dash(Dash::Dashed);
+const FALLING: Stroke = Stroke::new(Color::VERMILION, 1.6).dash(Dash::Dashed);
 /// The rising branch of the chosen model.
-const RISING: Stroke = Stroke::new(Ink::BLUE, 1.6);
+const RISING: Stroke = Stroke::new(Color::BLUE, 1.6);
 /// Both branches of the reference model.
-const OTHER: Stroke = Stroke::new(Ink::BLACK, 1.2).dash(Dash::Dotted);
+const OTHER: Stroke = Stroke::new(Color::BLACK, 1.2).dash(Dash::Dotted);
 
 pub(super) fn write(page: &mut Page, data: &ReportData) {
     let outputs = || data.outputs.iter().enumerate();
@@ -58,13 +60,13 @@ fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool)
     } else {
         output.name.clone()
     };
-    let mut panel = Panel::new(title, x, y).with(Rule::level(0.0, ZERO));
+    let mut panel = Panel::new(title, x, y).with(ReferenceLine::horizontal(0.0, ZERO));
     for (rising, ink, label) in [
-        (true, Ink::PALE, "measured, rising"),
-        (false, Ink::GREY, "measured, falling"),
+        (true, Color::PALE, "measured, rising"),
+        (false, Color::GREY, "measured, falling"),
     ] {
         panel = panel.with(
-            Dots::new(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
+            Scatter::new(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
         );
     }
     if let Some((family, branches)) =

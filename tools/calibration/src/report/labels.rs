@@ -2,7 +2,7 @@
 
 use i2ris::units::MotorVec;
 use i2ris_plot::number::{MINUS, fixed, significant};
-use i2ris_plot::{Dash, Ink, Stroke};
+use i2ris_plot::{Color, Dash, Stroke};
 
 use super::data::{FamilyResult, OutputFacts, ReportData};
 use super::score::BASELINE;
@@ -14,11 +14,11 @@ const MEMORYLESS: &str = "gmr";
 const NEGLIGIBLE: f64 = 0.05;
 
 /// The chosen model.
-pub(super) const CHOSEN: Stroke = Stroke::new(Ink::BLUE, 1.6);
+pub(super) const CHOSEN: Stroke = Stroke::new(Color::BLUE, 1.6);
 /// Lines at 0.
-pub(super) const ZERO: Stroke = Stroke::new(Ink::DARK, 0.6);
+pub(super) const ZERO: Stroke = Stroke::new(Color::DARK, 0.6);
 /// Levels of noise.
-pub(super) const NOISE: Stroke = Stroke::new(Ink::DARK, 0.8).dash(Dash::Dotted);
+pub(super) const NOISE: Stroke = Stroke::new(Color::DARK, 0.8).dash(Dash::Dotted);
 
 /// A length of an error, to three digits.
 pub(super) fn error(value: f64) -> String {

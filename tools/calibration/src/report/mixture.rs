@@ -1,6 +1,8 @@
 //! The mixture of the chosen model: its components, its regression, and how sure it is.
 
-use i2ris_plot::{Axis, Band, Dots, Ellipse, Figure, Ink, Line, Page, Panel, Rule, Stroke};
+use i2ris_plot::{
+    Axis, Band, Color, Ellipse, Figure, Line, Page, Panel, ReferenceLine, Scatter, Stroke,
+};
 
 use super::data::{OutputFacts, ProjectedComponent, ReadOutView, ReportData, SectionPoint};
 use super::labels::{CHOSEN, ZERO, chosen};
@@ -36,12 +38,12 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     .row(HEIGHTS[1], tilted);
     let family = chosen(data).map_or("the model", |family| family.name.as_str());
     let caption = format!(
-        "The mixture of {family} along each output. Dots: what the mixture has to explain at the \
+        "The mixture of {family} along each output. Scatter: what the mixture has to explain at the \
          rows used for training, which is what was measured less what a residual takes. Ellipses: \
          components at two standard deviations, projected on this plane; the heavier the line, the \
          larger the share. Line and band: the regression on the path through the middle of the \
          region that was visited, with two standard deviations (law of total covariance). Bottom: \
-         the same without the straight line through the dots. Dots beside the band are off that \
+         the same without the straight line through the dots. Scatter beside the band are off that \
          path."
     );
     page.figure(&figure, &caption);
@@ -72,7 +74,7 @@ fn panel(output: &OutputFacts, view: &ReadOutView, levelled: bool) -> Panel {
                 component.mean,
                 component.covariance,
                 DEVIATIONS,
-                Stroke::new(Ink::VERMILION, width),
+                Stroke::new(Color::VERMILION, width),
             );
             if index == 0 {
                 ellipse.label("component, 2σ")
@@ -91,9 +93,9 @@ fn panel(output: &OutputFacts, view: &ReadOutView, levelled: bool) -> Panel {
         ),
     };
     Panel::new(title, Axis::linear(&*view.input), Axis::linear(label))
-        .with(Rule::level(0.0, ZERO))
-        .with(Dots::new(view.points.clone(), Ink::PALE, 1.5).label("measured"))
-        .with(Band::new(band.collect(), Ink::SKY).label("regression ± 2σ"))
+        .with(ReferenceLine::horizontal(0.0, ZERO))
+        .with(Scatter::new(view.points.clone(), Color::PALE, 1.5).label("measured"))
+        .with(Band::new(band.collect(), Color::SKY).label("regression ± 2σ"))
         .with_all(ellipses)
         .with(Line::new(mean, CHOSEN).label("regression"))
 }

@@ -1,8 +1,8 @@
 //! Residuals by the direction of the motion. A model that averages the two branches of a loop has
 //! two peaks here, one for each direction, where a good model has one.
 
-use i2ris_plot::mark::Five;
-use i2ris_plot::{Axis, Boxes, Dash, Figure, Ink, Line, Page, Panel, Rule, Stroke};
+use i2ris_plot::mark::FiveNumbers;
+use i2ris_plot::{Axis, BoxPlot, Color, Dash, Figure, Line, Page, Panel, ReferenceLine, Stroke};
 
 use super::data::{FamilyResult, OutputFacts, ReportData};
 use super::labels::{ZERO, chosen, reference};
@@ -80,12 +80,12 @@ fn histogram(data: &ReportData, rows: &[usize], index: usize, output: &OutputFac
         .collect();
     let x = Axis::linear(format!("residual ({})", output.unit)).range(-reach, reach);
     let panel = Panel::new(&*output.name, x, Axis::linear("rows (%)").including(0.0))
-        .with(Rule::upright(0.0, ZERO));
+        .with(ReferenceLine::vertical(0.0, ZERO));
     families().fold(panel, |panel, family| {
         let inks = if family.chosen {
-            [Ink::BLUE, Ink::VERMILION]
+            [Color::BLUE, Color::VERMILION]
         } else {
-            [Ink::GREY, Ink::GREY]
+            [Color::GREY, Color::GREY]
         };
         let width = if family.chosen { 1.5 } else { 1.0 };
         let dashes = [
@@ -124,11 +124,11 @@ fn boxes(data: &ReportData, rows: &[usize], index: usize, output: &OutputFacts) 
         .map(|family| family.name.clone())
         .collect();
     let x = Axis::linear(format!("residual ({})", output.unit)).including(0.0);
-    let panel =
-        Panel::new("all families", x, Axis::names("", names)).with(Rule::upright(0.0, ZERO));
+    let panel = Panel::new("all families", x, Axis::names("", names))
+        .with(ReferenceLine::vertical(0.0, ZERO));
     let directions = [
-        (true, -BOX[1], Ink::WHITE, "box: rising"),
-        (false, BOX[1], Ink::PALE, "box: falling"),
+        (true, -BOX[1], Color::WHITE, "box: rising"),
+        (false, BOX[1], Color::PALE, "box: falling"),
     ];
     panel.with_all(directions.map(|(rising, offset, fill, label)| {
         let families = data.families.iter().enumerate();
@@ -138,14 +138,14 @@ fn boxes(data: &ReportData, rows: &[usize], index: usize, output: &OutputFacts) 
                 five(&mut residuals(data, rows, family, index, rising))?,
             ))
         };
-        Boxes::new(families.filter_map(five).collect(), fill, BOX[0]).label(label)
+        BoxPlot::new(families.filter_map(five).collect(), fill, BOX[0]).label(label)
     }))
 }
 
-fn five(values: &mut [f64]) -> Option<Five> {
+fn five(values: &mut [f64]) -> Option<FiveNumbers> {
     sort(values);
     let quantile = |share| quantile(values, share);
-    Some(Five {
+    Some(FiveNumbers {
         whiskers: [quantile(0.01)?, quantile(0.99)?],
         quartiles: [quantile(0.25)?, quantile(0.75)?],
         median: quantile(0.5)?,

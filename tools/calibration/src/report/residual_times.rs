@@ -1,6 +1,8 @@
 //! Residuals over time.
 
-use i2ris_plot::{Axis, Dash, Figure, Ink, Line, Page, Panel, Rule, Shade, Stroke};
+use i2ris_plot::{
+    Axis, Color, Dash, Figure, Line, Page, Panel, ReferenceLine, ShadedInterval, Stroke,
+};
 
 use super::data::{FamilyResult, OutputFacts, ReportData};
 use super::labels::{CHOSEN, NOISE, ZERO, chosen, reference};
@@ -58,11 +60,11 @@ fn panel(
         Axis::linear(format!("residual ({})", output.unit)),
     );
     if let Some(from) = track.held_out().next().and_then(|row| track.time.get(row)) {
-        panel = panel.with(Shade::new(*from, ends.1, Ink::FAINT).label("held out"));
+        panel = panel.with(ShadedInterval::new(*from, ends.1, Color::FAINT).label("held out"));
     }
     if let Some(family) = compared {
-        panel =
-            panel.with(line(data, family, index, Stroke::new(Ink::PALE, 0.8)).label(&*family.name));
+        panel = panel
+            .with(line(data, family, index, Stroke::new(Color::PALE, 0.8)).label(&*family.name));
     }
     if let Some(family) = chosen(data) {
         panel = panel.with(
@@ -78,10 +80,11 @@ fn panel(
             .label(&*family.name),
         );
     }
-    panel = panel.with(Rule::level(0.0, ZERO));
+    panel = panel.with(ReferenceLine::horizontal(0.0, ZERO));
     match output.noise {
         Some(noise) => panel.with_all(
-            [-2.0, 2.0].map(|factor| Rule::level(factor * noise, NOISE.dash(Dash::Dotted))),
+            [-2.0, 2.0]
+                .map(|factor| ReferenceLine::horizontal(factor * noise, NOISE.dash(Dash::Dotted))),
         ),
         None => panel,
     }

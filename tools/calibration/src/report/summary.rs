@@ -16,7 +16,7 @@ const AT_THE_NOISE: f64 = 1.25;
 
 pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
     if let Some((family, score)) = scores.chosen(data) {
-        page.lead(verdict(data, scores, family, score));
+        page.main_result(verdict(data, scores, family, score));
     }
     page.paragraph(what_was_read(data));
     let warnings: Vec<String> = data

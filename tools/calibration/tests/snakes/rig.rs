@@ -5,7 +5,7 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use i2ris::core::velocity_limit::{VelocityLimiter, MotorLimits, MotorTarget};
+use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, ModelFile, OutputMetrics, OutputSpec, OutputUnit,
     SCHEMA_VERSION, TrainingRecord,

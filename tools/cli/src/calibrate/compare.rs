@@ -8,7 +8,7 @@ use i2ris_calibration::fit::metrics::{metrics, predictions};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use serde::Serialize;
 
-use crate::series::percentile;
+use i2ris_statistics::quantile;
 use i2ris_terminal::Failure;
 use i2ris_terminal::while_working;
 
@@ -101,7 +101,7 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
             rmsd: found.rmsd,
             nrmsd: found.nrmsd,
             mae: found.mae,
-            p99: percentile(&errors, 0.99),
+            p99: quantile(&errors, 0.99).unwrap_or(f64::NAN),
             max: found.max,
         });
     }

@@ -9,7 +9,7 @@ use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
 use i2ris_terminal::pose_table::Pose;
 
 use super::collect::GAP_NS;
-use crate::series::Series;
+use i2ris_statistics::TimeSeries;
 use i2ris_terminal::Failure;
 use i2ris_terminal::files::replace;
 use i2ris_terminal::pose_table as table;
@@ -75,7 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Positions and pictures in the order of time, and how many pictures have no counts.
 fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Row>, usize) {
-    let mut counts = Series::<2>::default();
+    let mut counts = TimeSeries::<2>::default();
     let mut rows = Vec::new();
     for position in recording.path() {
         let Some(time_s) = position.time_s else {
@@ -94,7 +94,7 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
     for (stamp, pose) in seen {
         let time_s = stamp.as_seconds() + shift_s;
         // A cast of a negative number gives 0, which is before the recording.
-        match counts.at((time_s * 1e9).round() as u64, GAP_NS) {
+        match counts.value_at((time_s * 1e9).round() as u64, GAP_NS) {
             Some(counts) => {
                 let outputs = [
                     pose.pitch_rad.to_degrees(),

@@ -4,7 +4,7 @@ use i2ris::ipc::payload::PeriodStatistics;
 
 use super::tracking::{MotionRun, length_percentile_deg, rms_deg};
 use super::unseen_motion::Motion;
-use crate::series::percentile;
+use i2ris_statistics::quantile;
 
 /// One model and its run.
 pub struct Followed {
@@ -83,7 +83,7 @@ fn statistics(windows: &[PeriodStatistics]) {
     let typical = |pick: fn(&PeriodStatistics) -> u64| {
         let mut all: Vec<f64> = windows.iter().map(|window| us(pick(window))).collect();
         all.sort_by(f64::total_cmp);
-        percentile(&all, 0.5)
+        quantile(&all, 0.5).unwrap_or(f64::NAN)
     };
     let ticks: u64 = windows.iter().map(|window| window.ticks).sum();
     let missed: u64 = windows.iter().map(|window| window.missed).sum();
@@ -132,7 +132,7 @@ fn granted(statistics: &PeriodStatistics) -> String {
 }
 
 fn latency(sorted_us: &[f64]) {
-    let ms = |share| percentile(sorted_us, share) / 1e3;
+    let ms = |share| quantile(sorted_us, share).unwrap_or(f64::NAN) / 1e3;
     println!(
         "\nCommand published by another process -> its set-point handed to the serial line, {} \
          commands",

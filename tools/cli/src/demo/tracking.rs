@@ -12,7 +12,7 @@ use super::process::Process;
 use super::progress::check_children;
 use super::setup::{DemoSetup, text};
 use super::unseen_motion::RATE_HZ;
-use crate::series::{Series, percentile};
+use i2ris_statistics::{TimeSeries, quantile};
 use i2ris_terminal::Failure;
 
 /// Longest gap between two samples, ns. The controller publishes the goal every millisecond.
@@ -50,7 +50,7 @@ pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
 pub fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
     let mut lengths: Vec<f64> = errors_deg.iter().map(|e| e[0].hypot(e[1])).collect();
     lengths.sort_by(f64::total_cmp);
-    percentile(&lengths, share)
+    quantile(&lengths, share).unwrap_or(f64::NAN)
 }
 
 /// Writes a motion as a CSV of desired angles.
@@ -91,8 +91,8 @@ struct Recorder {
     actuators: i2ris::ipc::client::Subscription<ActuatorState>,
     camera: i2ris::ipc::client::Subscription<i2ris::ipc::payload::ExternalPosition>,
     statistics: i2ris::ipc::client::Subscription<PeriodStatistics>,
-    goals: Series<2>,
-    frames: Series<2>,
+    goals: TimeSeries<2>,
+    frames: TimeSeries<2>,
     /// Sequence of the command that each motor carried out last.
     carried_out: [u64; 2],
     run: MotionRun,
@@ -106,8 +106,8 @@ impl Recorder {
             actuators: watcher.actuators(),
             camera: watcher.external(),
             statistics: watcher.period_statistics(),
-            goals: Series::default(),
-            frames: Series::default(),
+            goals: TimeSeries::default(),
+            frames: TimeSeries::default(),
             carried_out: [0; 2],
             run: MotionRun::default(),
         }
@@ -147,7 +147,7 @@ impl Recorder {
             .find(|(_, goal)| near(goal))
             .map_or(u64::MAX, |(stamp, _)| *stamp);
         let error = |&(stamp, seen): &(u64, [f64; 2])| {
-            let goal = self.goals.at(stamp, GAP_NS)?;
+            let goal = self.goals.value_at(stamp, GAP_NS)?;
             Some([seen[0] - goal[0], seen[1] - goal[1]])
         };
         self.run.errors_deg = self

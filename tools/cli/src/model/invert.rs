@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use i2ris::config::{
     AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, MoveConfig, PlausibilityConfig, PortConfig,
-    RecordConfig, ModelSwapConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
+    PortConfig, RecordConfig,
 };
 use i2ris::core::ServoGoal;
 use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};

@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use super::{Bounds, Frame, Key, Mark, Sample};
+use super::{Extent, LegendEntry, Mark, PlotArea, Symbol};
+use crate::markup::Element;
 use crate::path::Path;
 use crate::style::Stroke;
-use crate::xml::Element;
 
 /// Corners of the outline.
 const CORNERS: u32 = 72;
@@ -21,9 +21,10 @@ pub struct Ellipse {
     label: Option<String>,
 }
 
+labelled!(Ellipse);
+
 impl Ellipse {
-    /// An ellipse. A covariance that is none, because rounding made it so, gives the nearest line
-    /// or point.
+    /// An ellipse. If rounding made the covariance indefinite, it is the nearest line or point.
     #[must_use]
     pub const fn new(
         mean: [f64; 2],
@@ -37,15 +38,6 @@ impl Ellipse {
             deviations,
             stroke,
             label: None,
-        }
-    }
-
-    /// With a word in the legend.
-    #[must_use]
-    pub fn label(self, label: impl Into<String>) -> Self {
-        Self {
-            label: Some(label.into()),
-            ..self
         }
     }
 
@@ -63,29 +55,19 @@ impl Ellipse {
 }
 
 impl Mark for Ellipse {
-    fn bounds(&self) -> Bounds {
-        Bounds::of(self.outline())
+    fn extent(&self) -> Extent {
+        Extent::of(self.outline())
     }
 
-    fn draw(&self, frame: &Frame) -> Element {
-        let places: Option<Vec<_>> = self.outline().map(|point| frame.place(point)).collect();
+    fn draw(&self, area: &PlotArea) -> Element {
+        let positions: Option<Vec<_>> = self.outline().map(|point| area.position(point)).collect();
         let mut path = Path::default();
-        if let Some((first, rest)) = places.as_deref().and_then(<[_]>::split_first) {
-            path.move_to(*first);
-            rest.iter().for_each(|point| path.line_to(*point));
-            path.close();
-        }
-        self.stroke
-            .on(Element::new("path"))
-            .with("d", path.into_text())
+        path.polygon(positions.unwrap_or_default());
+        self.stroke.draw(path)
     }
 
-    fn keys(&self) -> Vec<Key> {
-        let key = |label: &String| Key {
-            label: label.clone(),
-            sample: Sample::Line(self.stroke, None),
-        };
-        self.label.iter().map(key).collect()
+    fn legend(&self) -> Vec<LegendEntry> {
+        LegendEntry::of(&self.label, Symbol::Line(self.stroke, None))
     }
 }
 
@@ -94,21 +76,21 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::style::Ink;
+    use crate::style::Color;
 
     proptest! {
-        /// Every point of the outline is as far from the mean as asked, by the distance that the
-        /// covariance defines.
         #[test]
-        fn the_outline_has_one_distance(a in 0.1..5.0_f64, b in -3.0..3.0_f64, c in 0.1..5.0_f64, n in 0.5..3.0_f64) {
-            let covariance = [[a * a, a * b], [a * b, b * b + c * c]];
-            let ellipse = Ellipse::new([1.0, -2.0], covariance, n, Stroke::new(Ink::BLACK, 1.0));
-            let determinant = covariance[0][0] * covariance[1][1] - covariance[0][1] * covariance[1][0];
+        fn the_outline_has_one_mahalanobis_distance(
+            a in 0.1..5.0_f64, b in -3.0..3.0_f64, c in 0.1..5.0_f64, n in 0.5..3.0_f64
+        ) {
+            let [xx, xy, yy] = [a * a, a * b, b * b + c * c];
+            let stroke = Stroke::new(Color::BLACK, 1.0);
+            let ellipse = Ellipse::new([1.0, -2.0], [[xx, xy], [xy, yy]], n, stroke);
             for [x, y] in ellipse.outline() {
                 let (dx, dy) = (x - 1.0, y + 2.0);
-                let squared = (covariance[1][1] * dx * dx - 2.0 * covariance[0][1] * dx * dy
-                    + covariance[0][0] * dy * dy) / determinant;
-                prop_assert!((squared.sqrt() - n).abs() < 1e-6, "{squared}");
+                let form = yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy;
+                let distance = (form / (xx * yy - xy * xy)).sqrt();
+                prop_assert!((distance - n).abs() < 1e-6, "{distance}");
             }
         }
     }

@@ -1,15 +1,15 @@
-//! Lines, and rules across the whole panel.
+//! Lines, and reference lines across the whole panel.
 
-use super::{Bounds, Frame, Key, Mark, Sample, runs};
+use super::{Extent, LegendEntry, Mark, PlotArea, Symbol};
+use crate::decimate;
+use crate::markup::Element;
 use crate::path::Path;
 use crate::style::{Marker, Stroke};
-use crate::thin;
-use crate::xml::Element;
 
 /// Distance between markers along a line.
-const BETWEEN_MARKERS: f64 = 55.0;
+const MARKER_DISTANCE: f64 = 55.0;
 
-/// A line through points, in their order. Points without a place are gaps.
+/// A line through points in their order. A point that is not finite is a gap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
     points: Vec<[f64; 2]>,
@@ -17,6 +17,8 @@ pub struct Line {
     marker: Option<Marker>,
     label: Option<String>,
 }
+
+labelled!(Line);
 
 impl Line {
     /// A line.
@@ -30,35 +32,19 @@ impl Line {
         }
     }
 
-    /// The outline of a histogram: heights between edges, one edge more than heights. It begins and
-    /// ends at 0.
+    /// The outline of a histogram, from 0 to 0. There is one edge more than heights.
     #[must_use]
     pub fn steps(edges: &[f64], heights: &[f64], stroke: Stroke) -> Self {
-        let tops = edges
-            .windows(2)
-            .zip(heights)
-            .flat_map(|(edge, height)| [[edge[0], *height], [edge[1], *height]]);
         let foot = |edge: Option<&f64>| edge.map(|edge| [*edge, 0.0]);
-        Self::new(
-            foot(edges.first())
-                .into_iter()
-                .chain(tops)
-                .chain(foot(edges.last()))
-                .collect(),
-            stroke,
-        )
-    }
-
-    /// With a word in the legend.
-    #[must_use]
-    pub fn label(self, label: impl Into<String>) -> Self {
-        Self {
-            label: Some(label.into()),
-            ..self
+        let mut points = Vec::from_iter(foot(edges.first()));
+        for (edge, height) in edges.windows(2).zip(heights) {
+            points.extend([[edge[0], *height], [edge[1], *height]]);
         }
+        points.extend(foot(edges.last()));
+        Self::new(points, stroke)
     }
 
-    /// With markers along it, at even distances on paper.
+    /// With markers at equal distances in the figure.
     #[must_use]
     pub fn marker(self, marker: Marker) -> Self {
         Self {
@@ -67,124 +53,89 @@ impl Line {
         }
     }
 
-    fn markers(&self, runs: &[Vec<[f64; 2]>], marker: Marker) -> Element {
+    fn draw_markers(&self, runs: &[Vec<[f64; 2]>], marker: Marker) -> Element {
         let mut path = Path::default();
         for run in runs {
-            // Half a distance at the start: the markers of two lines that begin together do not
-            // hide each other.
-            let mut left = BETWEEN_MARKERS / 2.0;
+            // Half a distance at the start: no marker is on the frame.
+            let mut next = MARKER_DISTANCE / 2.0;
             for pair in run.windows(2) {
                 let length = (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
                 let mut done = 0.0;
-                while length - done >= left {
-                    done += left;
-                    left = BETWEEN_MARKERS;
-                    path.marker(
-                        marker,
-                        [0, 1].map(|i| pair[0][i] + done / length * (pair[1][i] - pair[0][i])),
-                    );
+                while length - done >= next {
+                    done += next;
+                    next = MARKER_DISTANCE;
+                    let along = |i: usize| pair[0][i] + done / length * (pair[1][i] - pair[0][i]);
+                    path.marker(marker, [0, 1].map(along));
                 }
-                left -= length - done;
+                next -= length - done;
             }
         }
-        Stroke::new(self.stroke.ink, 1.0)
-            .on(Element::new("path"))
-            .with("d", path.into_text())
+        Stroke::new(self.stroke.color, 1.0).draw(path)
     }
 }
 
 impl Mark for Line {
-    fn bounds(&self) -> Bounds {
-        Bounds::of(self.points.iter().copied())
+    fn extent(&self) -> Extent {
+        Extent::of(self.points.iter().copied())
     }
 
-    fn draw(&self, frame: &Frame) -> Element {
-        let runs: Vec<_> = runs(frame, &self.points)
-            .iter()
-            .map(|run| thin::line(run))
-            .collect();
+    fn draw(&self, area: &PlotArea) -> Element {
+        let mut runs = area.runs(self.points.iter().copied());
         let mut path = Path::default();
-        for run in &runs {
-            let Some((first, rest)) = run.split_first() else {
-                continue;
-            };
-            path.move_to(*first);
-            rest.iter().for_each(|point| path.line_to(*point));
+        for run in &mut runs {
+            *run = decimate::line(run);
+            path.polyline(run.iter().copied());
         }
-        let line = self
-            .stroke
-            .on(Element::new("path"))
-            .with("d", path.into_text());
-        let markers = self.marker.map(|marker| self.markers(&runs, marker));
-        Element::new("g").child(line).children(markers)
+        let markers = self.marker.map(|marker| self.draw_markers(&runs, marker));
+        Element::new("g")
+            .child(self.stroke.draw(path))
+            .children(markers)
     }
 
-    fn keys(&self) -> Vec<Key> {
-        let key = |label: &String| Key {
-            label: label.clone(),
-            sample: Sample::Line(self.stroke, self.marker),
-        };
-        self.label.iter().map(key).collect()
+    fn legend(&self) -> Vec<LegendEntry> {
+        LegendEntry::of(&self.label, Symbol::Line(self.stroke, self.marker))
     }
 }
 
-/// A straight line across the whole panel, at a value of one axis.
+/// A straight line across the whole panel at a value of one axis. It does not widen an axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rule {
+pub struct ReferenceLine {
     value: f64,
-    upright: bool,
+    is_vertical: bool,
     stroke: Stroke,
 }
 
-impl Rule {
-    /// Level, at a value of y.
+impl ReferenceLine {
+    /// A horizontal line at a value of y.
     #[must_use]
-    pub const fn level(value: f64, stroke: Stroke) -> Self {
+    pub const fn horizontal(value: f64, stroke: Stroke) -> Self {
         Self {
             value,
-            upright: false,
+            is_vertical: false,
             stroke,
         }
     }
 
-    /// Upright, at a value of x.
+    /// A vertical line at a value of x.
     #[must_use]
-    pub const fn upright(value: f64, stroke: Stroke) -> Self {
+    pub const fn vertical(value: f64, stroke: Stroke) -> Self {
         Self {
             value,
-            upright: true,
+            is_vertical: true,
             stroke,
         }
     }
 }
 
-impl Mark for Rule {
-    /// A rule never widens an axis.
-    fn bounds(&self) -> Bounds {
-        Bounds::default()
-    }
-
-    fn draw(&self, frame: &Frame) -> Element {
-        let (low, high) = if self.upright {
-            (frame.y.low(), frame.y.high())
+impl Mark for ReferenceLine {
+    fn draw(&self, area: &PlotArea) -> Element {
+        let ends = if self.is_vertical {
+            [area.y.low, area.y.high].map(|y| [self.value, y])
         } else {
-            (frame.x.low(), frame.x.high())
+            [area.x.low, area.x.high].map(|x| [x, self.value])
         };
-        let ends = [low, high].map(|end| {
-            if self.upright {
-                [self.value, end]
-            } else {
-                [end, self.value]
-            }
-        });
-        match (frame.place(ends[0]), frame.place(ends[1])) {
-            (Some([x1, y1]), Some([x2, y2])) => self
-                .stroke
-                .on(Element::new("line"))
-                .at("x1", x1)
-                .at("y1", y1)
-                .at("x2", x2)
-                .at("y2", y2),
+        match ends.map(|end| area.position(end)) {
+            [Some(from), Some(to)] => self.stroke.apply(Element::line(from, to)),
             _ => Element::new("g"),
         }
     }

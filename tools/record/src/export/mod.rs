@@ -1,18 +1,17 @@
-//! Tables, for MATLAB, pandas and spreadsheets: one file for each topic of the controller's own
-//! payloads, as CSV or Parquet.
+//! Tables for MATLAB, pandas and spreadsheets: one CSV or Parquet file for each topic of payloads.
 //!
-//! Columns are the fields of the payload, arrays as `NAME_0`, `NAME_1`, ..., members of spans as
-//! `NAME_p50_ns`, bytes of hashes as one hexadecimal word. In front stand `t_s`, seconds since the
-//! first message of the file, and `received_s`, the same for its arrival at the recorder.
+//! Columns are the fields of the payload: arrays as `NAME_0`, `NAME_1`, ..., members of spans as
+//! `NAME_p50_ns`, hashes as hexadecimal digits. The first columns are `t_s`, seconds since the first
+//! message of the file, and `received_s`, the same for the arrival at the recorder.
 //!
-//! | file | holds |
+//! | file | contains |
 //! |---|---|
 //! | `columns` | the columns of a payload, and the cells of a message |
-//! | `comma` | tables as CSV |
-//! | `parquet` | tables as Parquet: columns with their types, a tenth of the size |
+//! | `csv` | tables as CSV |
+//! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
 
 mod columns;
-mod comma;
+mod csv;
 mod parquet;
 
 use std::collections::BTreeMap;
@@ -20,117 +19,95 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use mcap::records::Record;
+use mcap::records::{MessageHeader, Record};
 
-use crate::layout::Payload;
+use crate::layout::PayloadLayout;
 use crate::read::{ReadError, Records};
-use crate::topic::Topic;
-use columns::Cell;
+use crate::topic::{Stream, Topic};
+use columns::TableWriter;
 
-/// How tables are written.
+/// The file format of tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Format {
+pub enum TableFormat {
     /// Comma-separated text.
     #[default]
     Csv,
-    /// Apache Parquet, compressed with Snappy: what pandas, MATLAB, DuckDB and Julia read with
-    /// types.
+    /// Apache Parquet, compressed with Snappy. pandas, MATLAB, DuckDB and Julia read it with types.
     Parquet,
 }
 
-impl Format {
-    const fn extension(self) -> &'static str {
-        match self {
-            Self::Csv => "csv",
-            Self::Parquet => "parquet",
-        }
-    }
-}
-
-/// Why there is no table.
+/// Why tables cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The recording.
+    /// The recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// A table.
-    #[error("cannot write {path}: {reason}; what stands there is not a whole table")]
+    /// A table cannot be written.
+    #[error("cannot write {path}: {reason}; the file there is not a complete table")]
     Write {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The folder.
+    /// The folder cannot be created.
     #[error("cannot make the folder {path}: {source}")]
     Folder {
-        /// Which.
+        /// The folder.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: io::Error,
     },
 }
 
 /// What was exported.
 #[derive(Debug, Default)]
-pub struct Exported {
+pub struct ExportedTables {
     /// Rows of every table, by file name.
     pub rows: BTreeMap<String, u64>,
-    /// Where the recording stops being readable; `None`: it is whole.
+    /// Why the recording cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
 
-/// Something that takes rows.
-trait Sink {
-    /// Takes a row: a cell for every column.
-    fn row(&mut self, cells: Vec<Cell>) -> Result<(), String>;
-    /// Writes what is left.
-    fn finish(self: Box<Self>) -> Result<(), String>;
-}
-
-struct Table {
+struct OpenTable {
     name: String,
     path: PathBuf,
-    payload: Payload,
-    sink: Box<dyn Sink>,
+    layout: PayloadLayout,
+    writer: Box<dyn TableWriter>,
 }
 
-/// Writes tables into a folder, which is made if need be. A recording that was cut off gives what
-/// it has.
+/// Writes tables into a folder, which is created if necessary. A recording that was cut off gives
+/// the rows that it has.
 ///
 /// # Errors
 ///
 /// [`ExportError`].
-pub fn export(recording: &Path, folder: &Path, format: Format) -> Result<Exported, ExportError> {
+pub fn export(
+    recording: &Path,
+    folder: &Path,
+    format: TableFormat,
+) -> Result<ExportedTables, ExportError> {
     let records = Records::open(recording)?;
     fs::create_dir_all(folder).map_err(|source| ExportError::Folder {
         path: folder.to_owned(),
         source,
     })?;
-    let mut tables: BTreeMap<u16, Table> = BTreeMap::new();
-    let mut exported = Exported::default();
+    let mut tables: BTreeMap<u16, OpenTable> = BTreeMap::new();
+    let mut exported = ExportedTables::default();
     let mut start = None;
     for record in records {
         match record {
-            Ok(Record::Channel(channel)) => {
-                if let Some(stream) = Topic::own(&channel.topic)
-                    && !tables.contains_key(&channel.id)
-                {
-                    let name =
-                        format!("{}.{}", stream.name().replace('/', "_"), format.extension());
-                    tables.insert(
-                        channel.id,
-                        Table::make(folder, name, stream.payload(), format)?,
-                    );
+            Ok(Record::Channel(channel)) if !tables.contains_key(&channel.id) => {
+                if let Some(stream) = Topic::payload_stream(&channel.topic) {
+                    tables.insert(channel.id, OpenTable::create(folder, stream, format)?);
                 }
             }
             Ok(Record::Message { header, data }) => {
-                let Some(table) = tables.get_mut(&header.channel_id) else {
-                    continue;
-                };
-                let start = *start.get_or_insert(header.publish_time.min(header.log_time));
-                if table.row(start, header.publish_time, header.log_time, &data)? {
-                    *exported.rows.entry(table.name.clone()).or_default() += 1;
+                if let Some(table) = tables.get_mut(&header.channel_id) {
+                    let start = *start.get_or_insert(header.publish_time.min(header.log_time));
+                    if table.write_message(start, &header, &data)? {
+                        *exported.rows.entry(table.name.clone()).or_default() += 1;
+                    }
                 }
             }
             Ok(Record::DataEnd(_)) => break,
@@ -141,57 +118,58 @@ pub fn export(recording: &Path, folder: &Path, format: Format) -> Result<Exporte
             }
         }
     }
-    for table in tables.into_values() {
-        let Table { path, sink, .. } = table;
-        sink.finish()
+    for OpenTable { path, writer, .. } in tables.into_values() {
+        writer
+            .finish()
             .map_err(|reason| ExportError::Write { path, reason })?;
     }
     Ok(exported)
 }
 
-impl Table {
-    fn make(
-        folder: &Path,
-        name: String,
-        payload: Payload,
-        format: Format,
-    ) -> Result<Self, ExportError> {
+impl OpenTable {
+    fn create(folder: &Path, stream: Stream, format: TableFormat) -> Result<Self, ExportError> {
+        let extension = match format {
+            TableFormat::Csv => "csv",
+            TableFormat::Parquet => "parquet",
+        };
+        let name = format!("{}.{extension}", stream.name().replace('/', "_"));
         let path = folder.join(&name);
-        let columns = columns::columns(&payload);
-        let sink =
-            match format {
-                Format::Csv => comma::Sheet::make(&path, &columns)
-                    .map(|sheet| Box::new(sheet) as Box<dyn Sink>),
-                Format::Parquet => parquet::Sheet::make(&path, columns)
-                    .map(|sheet| Box::new(sheet) as Box<dyn Sink>),
-            };
-        let sink = sink.map_err(|reason| ExportError::Write {
-            path: path.clone(),
-            reason,
-        })?;
-        Ok(Self {
-            name,
-            path,
-            payload,
-            sink,
-        })
+        let layout = stream.layout();
+        let columns = columns::columns(&layout);
+        let writer: Result<Box<dyn TableWriter>, String> = match format {
+            TableFormat::Csv => csv::CsvTable::create(&path, &columns)
+                .map(|table| Box::new(table) as Box<dyn TableWriter>),
+            TableFormat::Parquet => parquet::ParquetTable::create(&path, &columns)
+                .map(|table| Box::new(table) as Box<dyn TableWriter>),
+        };
+        match writer {
+            Ok(writer) => Ok(Self {
+                name,
+                path,
+                layout,
+                writer,
+            }),
+            Err(reason) => Err(ExportError::Write { path, reason }),
+        }
     }
 
-    /// `false`: the message is not what the topic holds.
-    fn row(
+    /// Writes a row; `false` if the message has another layout.
+    fn write_message(
         &mut self,
         start: u64,
-        stamp: u64,
-        received: u64,
+        header: &MessageHeader,
         data: &[u8],
     ) -> Result<bool, ExportError> {
-        let Some(cells) = columns::cells(&self.payload, start, stamp, received, data) else {
+        let (stamp, received) = (header.publish_time, header.log_time);
+        let Some(cells) = columns::cells(&self.layout, start, stamp, received, data) else {
             return Ok(false);
         };
-        let outcome = self.sink.row(cells);
-        outcome.map(|()| true).map_err(|reason| ExportError::Write {
-            path: self.path.clone(),
+        let path = || self.path.clone();
+        let written = self.writer.write_row(cells);
+        written.map_err(|reason| ExportError::Write {
+            path: path(),
             reason,
-        })
+        })?;
+        Ok(true)
     }
 }

@@ -1,4 +1,4 @@
-//! `i2ris report`: a recorded trial as a page, or as numbers.
+//! `i2ris report`: the report of a recorded trial as a page or as numbers.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
@@ -6,14 +6,11 @@
 )]
 
 use std::path::PathBuf;
-
-use i2ris_record::report::{Report, Spread, Tracked};
+use std::process::ExitCode;
 
 use clap::Parser;
-use i2ris_terminal::Failure;
-use i2ris_terminal::files;
-use i2ris_terminal::while_working;
-use std::process::ExitCode;
+use i2ris_record::report::{Percentiles, TrackingError, TrialReport};
+use i2ris_terminal::{Failure, files, while_working};
 
 /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
 #[derive(Debug, Parser)]
@@ -30,9 +27,9 @@ use std::process::ExitCode;
 
 The page needs nothing but itself: no network, no scripts. It prints on A4.")]
 struct Arguments {
-    /// The recording, whole or cut off
+    /// The recording, complete or cut off
     recording: PathBuf,
-    /// Where to write the page [default: beside the recording, .html]
+    /// HTML file to write [default: beside the recording]
     #[arg(long, short, value_name = "FILE.html")]
     output: Option<PathBuf>,
     /// Print the numbers as JSON; a page is written only with --output
@@ -45,7 +42,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
-    let report = while_working("reading", || Report::of(&arguments.recording))?;
+    let report = while_working("reading", || TrialReport::read(&arguments.recording))?;
     let output = match (&arguments.output, arguments.json) {
         (Some(output), _) => Some(output.clone()),
         (None, false) => Some(arguments.recording.with_extension("html")),
@@ -67,54 +64,48 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print(report: &Report) {
+fn print(report: &TrialReport) {
     let summary = report.summary();
     println!("{}: {:.1} s", summary.file, summary.length_s);
-    tracked("goal against camera", summary.camera.as_ref());
-    tracked("goal against estimate", summary.estimate.as_ref());
-    for own in &summary.hysteresis {
-        let width = own.width_deg.map_or_else(
-            || "cannot be told".to_owned(),
-            |deg| format!("{deg:.2} deg"),
-        );
-        println!("  loop of {:<6} ({}): {width} wide", own.output, own.from);
+    print_tracking("goal against camera", summary.camera.as_ref());
+    print_tracking("goal against estimate", summary.estimate.as_ref());
+    for found in &summary.hysteresis {
+        let width = found.width_deg.map(|width| format!("{width:.2} deg wide"));
+        let width = width.unwrap_or_else(|| "width not known".to_owned());
+        println!("  loop of {:<6} ({}): {width}", found.output, found.from);
     }
-    let spread = |name: &str, spread: Option<&Spread>, unit: &str| {
-        if let Some(Spread { p50, p99, max, .. }) = spread {
+    let late = summary
+        .control_loop
+        .as_ref()
+        .map(|timing| timing.lateness_us);
+    for (name, percentiles, unit) in [
+        ("command to line", summary.command_to_line_ms, "ms"),
+        ("loop late", late, "us"),
+    ] {
+        if let Some(Percentiles { p50, p99, max, .. }) = percentiles {
             println!("  {name:<24} p50 {p50:.3} {unit}, p99 {p99:.3} {unit}, max {max:.3} {unit}");
         }
-    };
-    spread("command to line", summary.command_to_line_ms.as_ref(), "ms");
-    spread(
-        "loop late",
-        summary.control_loop.as_ref().map(|own| &own.lateness_us),
-        "us",
-    );
+    }
     let troubles = summary
         .events
         .iter()
         .filter(|event| event.is_trouble)
         .count();
     println!(
-        "  {} events, {troubles} of them not meant to happen",
+        "  {} events, {troubles} of them unintended",
         summary.events.len()
     );
-    if let Some(why) = &summary.cut_off {
-        eprintln!("warning: the recording is not whole: {why}");
+    if let Some(reason) = &summary.cut_off {
+        eprintln!("warning: the recording is not complete: {reason}");
     }
 }
 
-fn tracked(name: &str, tracked: Option<&Tracked>) {
-    if let Some(Tracked {
-        length_rms_deg,
-        length,
-        samples,
-        ..
-    }) = tracked
-    {
+fn print_tracking(name: &str, tracking: Option<&TrackingError>) {
+    if let Some(tracking) = tracking {
+        let Percentiles { p99, max, .. } = tracking.length;
+        let (rms, samples) = (tracking.length_rms_deg, tracking.samples);
         println!(
-            "  {name:<24} RMS {length_rms_deg:.3} deg, p99 {:.3} deg, max {:.3} deg ({samples} samples)",
-            length.p99, length.max
+            "  {name:<24} RMS {rms:.3} deg, p99 {p99:.3} deg, max {max:.3} deg ({samples} samples)"
         );
     }
 }

@@ -1,5 +1,4 @@
-//! What happened, in words: from the streams, and from the controller's log of runs where it is
-//! attached.
+//! Events in words, from the streams and from the run log if it is attached.
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
@@ -8,18 +7,21 @@ use serde_json::Value;
 
 use super::trial::Trial;
 
-/// Something that happened.
+/// An event of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Happening {
+pub struct TrialEvent {
     /// Seconds since the start of the recording.
     pub t_s: f64,
-    /// What.
+    /// Description.
     pub what: String,
-    /// It was not meant to: a fault, a stop.
+    /// It was not intended: a fault, a stop, a refusal.
     pub is_trouble: bool,
 }
 
-/// Flags that are told when they come and go.
+/// A description, and whether the event was not intended.
+type Description = (String, bool);
+
+/// Descriptions of flags that are set and cleared.
 const FLAGS: [(u32, &str, &str); 5] = [
     (OperatingStateMsg::HOMED, "homed", "no longer homed"),
     (
@@ -44,137 +46,110 @@ const FLAGS: [(u32, &str, &str); 5] = [
     ),
 ];
 
-/// Everything in the order of time.
-pub fn happenings(trial: &Trial) -> Vec<Happening> {
-    let mut all = Vec::new();
-    for (before, now) in std::iter::once(None)
-        .chain(trial.states.iter().map(Some))
-        .zip(&trial.states)
-    {
-        changes(before, now, &mut |what, is_trouble| {
-            all.push(Happening {
-                t_s: trial.seconds(now.stamp_ns),
-                what,
-                is_trouble,
-            });
-        });
+/// All events in the order of time.
+pub fn trial_events(trial: &Trial) -> Vec<TrialEvent> {
+    let event = |stamp, (what, is_trouble): Description| TrialEvent {
+        t_s: trial.seconds(stamp),
+        what,
+        is_trouble,
+    };
+    let mut events = Vec::new();
+    if let Some(first) = trial.states.first() {
+        let what = format!("{} when the recording begins", state_text(first.state));
+        events.push(event(first.stamp_ns, (what, false)));
+    }
+    for pair in trial.states.windows(2) {
+        let changes = state_changes(&pair[0], &pair[1]).into_iter();
+        events.extend(changes.map(|change| event(pair[1].stamp_ns, change)));
     }
     for (stamp, id) in trial.models.iter().skip(1) {
         let name: String = id[..4].iter().map(|byte| format!("{byte:02x}")).collect();
-        all.push(Happening {
-            t_s: trial.seconds(*stamp),
-            what: format!("model {name}… takes over"),
-            is_trouble: false,
-        });
+        events.push(event(*stamp, (format!("model {name}… takes over"), false)));
     }
-    all.extend(trial.audit.lines().filter_map(|line| logged(trial, line)));
-    all.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
-    all
+    for line in trial.run_log.lines() {
+        let logged = logged_event(line);
+        let logged = logged.filter(|(stamp, _)| (trial.start_ns..=trial.end_ns).contains(stamp));
+        events.extend(logged.map(|(stamp, description)| event(stamp, description)));
+    }
+    events.sort_by(|a, b| a.t_s.total_cmp(&b.t_s));
+    events
 }
 
-fn changes(
-    before: Option<&OperatingStateMsg>,
-    now: &OperatingStateMsg,
-    say: &mut impl FnMut(String, bool),
-) {
-    let state =
-        |number| OperatingState::from_number(number).map_or("unknown state", OperatingState::text);
-    let Some(before) = before else {
-        say(
-            format!("{} when the recording begins", state(now.state)),
-            false,
-        );
-        return;
-    };
+fn state_text(number: u32) -> &'static str {
+    OperatingState::from_number(number).map_or("unknown state", OperatingState::text)
+}
+
+fn state_changes(before: &OperatingStateMsg, now: &OperatingStateMsg) -> Vec<Description> {
+    let mut changes = Vec::new();
     if before.boot_id != now.boot_id {
-        say("the controller was started anew".to_owned(), true);
+        changes.push(("the controller was started anew".to_owned(), true));
     }
     if before.state != now.state {
-        let fault = now.state == OperatingState::Fault.number();
-        let cause = Fault::from_number(now.fault)
-            .filter(|_| fault)
-            .map_or(String::new(), |f| format!(": {}", f.text()));
-        say(
-            format!("{} → {}{cause}", state(before.state), state(now.state)),
-            fault,
-        );
+        let is_fault = now.state == OperatingState::Fault.number();
+        let cause = Fault::from_number(now.fault).filter(|_| is_fault);
+        let cause = cause.map_or(String::new(), |fault| format!(": {}", fault.text()));
+        let [from, to] = [before.state, now.state].map(state_text);
+        changes.push((format!("{from} → {to}{cause}"), is_fault));
     }
-    for (flag, comes, goes) in FLAGS {
+    for (flag, set, cleared) in FLAGS {
         match (before.flags & flag != 0, now.flags & flag != 0) {
-            (false, true) => say(comes.to_owned(), false),
-            (true, false) => say(goes.to_owned(), false),
+            (false, true) => changes.push((set.to_owned(), false)),
+            (true, false) => changes.push((cleared.to_owned(), false)),
             _ => {}
         }
     }
     if before.stale_stops != now.stale_stops {
-        say("the commander fell silent: stop".to_owned(), true);
+        changes.push(("commands stopped arriving: stop".to_owned(), true));
     }
     if before.lease_client_id != now.lease_client_id {
-        let who = now.lease_client_id;
-        say(
-            if who == 0 {
-                "nobody commands".to_owned()
-            } else {
-                format!("client {who:016x} commands")
-            },
-            false,
-        );
+        let what = match now.lease_client_id {
+            0 => "no client commands".to_owned(),
+            client => format!("client {client:016x} commands"),
+        };
+        changes.push((what, false));
     }
     let refused = now.refused.saturating_sub(before.refused);
     if refused > 0 {
-        let why = Refusal::from_number(now.last_refusal).map_or("unknown reason", Refusal::text);
-        say(
-            format!("{refused} command(s) refused, the last one: {why}"),
+        let reason = Refusal::from_number(now.last_refusal).map_or("unknown reason", Refusal::text);
+        changes.push((
+            format!("{refused} command(s) refused, the last one: {reason}"),
             true,
-        );
+        ));
     }
+    changes
 }
 
-/// What the log of runs tells and the streams do not: causes, callers, drives. Lines from before
-/// the recording are left out.
-fn logged(trial: &Trial, line: &str) -> Option<Happening> {
+/// The stamp and the description of a line of the run log that has more than the streams: causes,
+/// callers, drives.
+fn logged_event(line: &str) -> Option<(u64, Description)> {
     let entry: Value = serde_json::from_str(line).ok()?;
-    let stamp = entry["monotonic_ns"]
-        .as_u64()
-        .filter(|stamp| (trial.start_ns..=trial.end_ns).contains(stamp))?;
     let text = |name: &str| entry[name].as_str().unwrap_or_default().to_owned();
     let (what, is_trouble) = match entry["event"].as_str()? {
-        "state" if entry["command"].is_string() => (
-            format!(
-                "log: `{}` brought {} to {}",
-                text("command"),
-                text("from"),
-                text("to")
-            ),
-            false,
-        ),
-        "lease" if entry["caller"].is_string() => {
-            (format!("log: {} takes the lease", text("caller")), false)
+        "state" if entry["command"].is_string() => {
+            let [command, from, to] = ["command", "from", "to"].map(text);
+            (format!("`{command}` brought {from} to {to}"), false)
         }
-        "stop" => (
-            format!(
-                "log: stop after {:.0} ms of silence",
-                entry["silent_ms"].as_f64().unwrap_or(0.0)
-            ),
-            true,
-        ),
-        "drive" => {
-            let (motor, phase) = (entry["motor"].as_u64().unwrap_or(0), text("phase"));
+        "lease" if entry["caller"].is_string() => {
+            (format!("{} takes the lease", text("caller")), false)
+        }
+        "stop" => {
+            let silent_ms = entry["silent_ms"].as_f64().unwrap_or(0.0);
             (
-                format!(
-                    "log: drive {motor}, {phase}, error 0x{}",
-                    text("error_code")
-                ),
+                format!("stop after {silent_ms:.0} ms without commands"),
                 true,
             )
         }
+        "drive" => {
+            let motor = entry["motor"].as_u64().unwrap_or(0);
+            let [phase, code] = ["phase", "error_code"].map(text);
+            (format!("drive {motor}, {phase}, error 0x{code}"), true)
+        }
         _ => return None,
     };
-    Some(Happening {
-        t_s: trial.seconds(stamp),
-        what,
-        is_trouble,
-    })
+    Some((
+        entry["monotonic_ns"].as_u64()?,
+        (format!("log: {what}"), is_trouble),
+    ))
 }
 
 #[cfg(test)]
@@ -191,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn changes_are_told_once_with_their_cause() {
+    fn every_change_is_one_event_with_its_cause() {
         let holding = OperatingStateMsg::HOLDING;
         let fault = OperatingStateMsg {
             fault: Fault::Link.number(),
@@ -199,8 +174,9 @@ mod tests {
             last_refusal: Refusal::NotEnabled.number(),
             ..state(300, OperatingState::Fault, 0)
         };
-        let audit = "{\"monotonic_ns\":250000000,\"event\":\"state\",\"from\":\"DISABLED\",\"to\":\"ENABLED\",\"command\":\"enable\"}\n\
-                     {\"monotonic_ns\":900000000,\"event\":\"stop\",\"silent_ms\":51.0}\nnonsense\n";
+        let command = serde_json::json!({"monotonic_ns": 250_000_000, "event": "state",
+            "from": "DISABLED", "to": "ENABLED", "command": "enable"});
+        let later = serde_json::json!({"monotonic_ns": 900_000_000, "event": "stop"});
         let trial = Trial {
             states: vec![
                 state(100, OperatingState::Disabled, holding),
@@ -210,25 +186,24 @@ mod tests {
             ],
             start_ns: 100_000_000,
             end_ns: 400_000_000,
-            audit: audit.to_owned(),
+            run_log: format!("{command}\n{later}\nnonsense\n"),
             ..Trial::default()
         };
-        let all = happenings(&trial);
-        let told: Vec<(f64, &str)> = all
+        let events = trial_events(&trial);
+        let ms = |event: &TrialEvent| (event.t_s * 1e3).round();
+        let found: Vec<_> = events
             .iter()
-            .map(|own| ((own.t_s * 1e3).round(), own.what.as_str()))
+            .map(|event| (ms(event), event.what.as_str()))
             .collect();
-        assert_eq!(
-            told,
-            [
-                (0.0, "DISABLED when the recording begins"),
-                (100.0, "DISABLED → ENABLED"),
-                (150.0, "follows commands"),
-                (150.0, "log: `enable` brought DISABLED to ENABLED"),
-                (200.0, "ENABLED → FAULT: a drive does not answer"),
-                (200.0, "3 command(s) refused, the last one: not enabled"),
-            ]
-        );
-        assert!(all[4].is_trouble && !all[2].is_trouble);
+        let expected = [
+            (0.0, "DISABLED when the recording begins"),
+            (100.0, "DISABLED → ENABLED"),
+            (150.0, "follows commands"),
+            (150.0, "log: `enable` brought DISABLED to ENABLED"),
+            (200.0, "ENABLED → FAULT: a drive does not answer"),
+            (200.0, "3 command(s) refused, the last one: not enabled"),
+        ];
+        assert_eq!(found, expected);
+        assert!(events[4].is_trouble && !events[2].is_trouble);
     }
 }

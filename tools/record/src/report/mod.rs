@@ -1,23 +1,26 @@
-//! What a trial shows: tracking error, hysteresis, latencies, events; as numbers and as a page.
+//! The report of a trial: tracking error, hysteresis, latencies and events, as numbers and as a
+//! page.
 //!
-//! | file | holds |
+//! | file | contains |
 //! |---|---|
-//! | `trial` | everything of a recording that a report needs, read once |
-//! | `phase` | when the robot followed commands |
-//! | `tracking` | goal against estimate and camera |
-//! | `hysteresis` | counts against angle, and how wide the loop is |
-//! | `latency` | from command to line, age of readings, the loop's own statistics |
-//! | `events` | what happened, in words |
-//! | `summary` | all of it as numbers |
-//! | `page` | all of it as a page of HTML |
+//! | `trial` | the data of a recording, read once |
+//! | `following` | when the robot followed commands |
+//! | `tracking` | tracking error by the model's estimate and by the camera |
+//! | `hysteresis` | counts against angle, width of the loop |
+//! | `latency` | from command to serial line, age of encoder positions |
+//! | `events` | events in words |
+//! | `percentiles` | percentiles of a quantity |
+//! | `summary` | all results as numbers |
+//! | `page` | all results as an HTML page |
 //!
-//! Angles are degrees here; instants are seconds since the first message of the controller.
+//! Angles are in degrees; instants are seconds since the first message of the controller.
 
 mod events;
+mod following;
 mod hysteresis;
 mod latency;
 mod page;
-mod phase;
+mod percentiles;
 mod summary;
 mod tracking;
 mod trial;
@@ -26,40 +29,42 @@ use std::path::Path;
 
 use i2ris_plot::Page;
 
-pub use events::Happening;
-pub use hysteresis::Loop;
-pub use summary::{LoopTimes, Spread, StreamCount, Summary, Tracked};
+pub use events::TrialEvent;
+pub use hysteresis::HysteresisLoop;
+pub use percentiles::Percentiles;
+pub use summary::{LoopTiming, StreamCount, TrialSummary};
+pub use tracking::TrackingError;
 
 use crate::read::ReadError;
-use events::happenings;
+use events::trial_events;
 use trial::Trial;
 
-/// A report.
+/// The report of a trial.
 #[derive(Debug)]
-pub struct Report {
+pub struct TrialReport {
     trial: Trial,
-    summary: Summary,
+    summary: TrialSummary,
 }
 
-impl Report {
-    /// Reads a recording, whole or cut off, and works everything out.
+impl TrialReport {
+    /// Reads a recording, complete or cut off, and evaluates it.
     ///
     /// # Errors
     ///
-    /// When the file cannot be opened, or its beginning is no recording.
-    pub fn of(path: &Path) -> Result<Self, ReadError> {
+    /// [`ReadError`]: the file cannot be opened, or its beginning is not a recording.
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
         let trial = Trial::read(path)?;
-        let summary = Summary::of(&trial, happenings(&trial));
+        let summary = TrialSummary::new(&trial, trial_events(&trial));
         Ok(Self { trial, summary })
     }
 
-    /// The numbers.
+    /// The results as numbers.
     #[must_use]
-    pub fn summary(&self) -> &Summary {
+    pub fn summary(&self) -> &TrialSummary {
         &self.summary
     }
 
-    /// The page.
+    /// The results as a page.
     #[must_use]
     pub fn page(&self) -> Page {
         page::page(&self.trial, &self.summary)

@@ -1,51 +1,56 @@
-//! Goal against estimate and camera, while the robot followed commands.
+//! How far the robot was from the goal while it followed commands.
 
-use super::summary::{Spread, Tracked};
+use i2ris_statistics::{TimeSeries, root_mean_square};
+use serde::Serialize;
+
+use super::percentiles::Percentiles;
 use super::trial::Trial;
-use i2ris_plot::series::{Series, percentile};
 
-/// Goals further apart than this are not brought together: the controller tells one every tick.
+/// Goals further apart than this are not interpolated, ns: the controller publishes one every tick.
 const GAP_NS: u64 = 60_000_000;
 
-/// An error: when, s, and in pitch and yaw, degrees.
-pub type Error = (f64, [f64; 2]);
+/// Seconds, and the error in pitch and yaw, degrees.
+pub type TimedError = (f64, [f64; 2]);
 
-/// What was seen minus what was asked, at every instant at which something was seen.
-pub fn errors(trial: &Trial, seen: &Series<2>) -> Vec<Error> {
-    seen.iter()
-        .filter(|(stamp, _)| trial.followed_at(*stamp))
-        .filter_map(|(stamp, seen)| {
-            let goal = trial.goal.at(*stamp, GAP_NS)?;
-            Some((
-                trial.seconds(*stamp),
-                [seen[0] - goal[0], seen[1] - goal[1]],
-            ))
-        })
-        .collect()
+/// Statistics of a tracking error, degrees.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TrackingError {
+    /// Number of samples.
+    pub samples: u64,
+    /// Root mean square in pitch.
+    pub pitch_rms_deg: f64,
+    /// Root mean square in yaw.
+    pub yaw_rms_deg: f64,
+    /// Root mean square of the length of the two-dimensional error.
+    pub length_rms_deg: f64,
+    /// Percentiles of that length.
+    pub length: Percentiles,
 }
 
-/// The numbers of errors; `None` without any.
-pub fn tracked(errors: &[Error]) -> Option<Tracked> {
-    let count = errors.len();
-    let rms = |square: &dyn Fn(&[f64; 2]) -> f64| {
-        (errors.iter().map(|(_, error)| square(error)).sum::<f64>() / count as f64).sqrt()
-    };
-    let mut lengths: Vec<f64> = errors
+/// Observed angles minus the goal, at every instant with observed angles.
+pub fn tracking_errors(trial: &Trial, observed: &TimeSeries<2>) -> Vec<TimedError> {
+    let following = observed
         .iter()
-        .map(|(_, error)| error[0].hypot(error[1]))
-        .collect();
-    lengths.sort_by(f64::total_cmp);
-    (count > 0).then(|| Tracked {
-        samples: count as u64,
-        pitch_rms_deg: rms(&|error| error[0] * error[0]),
-        yaw_rms_deg: rms(&|error| error[1] * error[1]),
-        length_rms_deg: rms(&|error| error[0] * error[0] + error[1] * error[1]),
-        length: Spread {
-            p50: percentile(&lengths, 0.5),
-            p90: percentile(&lengths, 0.9),
-            p99: percentile(&lengths, 0.99),
-            max: percentile(&lengths, 1.0),
-        },
+        .filter(|(stamp, _)| trial.was_following(*stamp));
+    let error = |(stamp, angles): &(u64, [f64; 2])| {
+        let goal = trial.goal.value_at(*stamp, GAP_NS)?;
+        Some((
+            trial.seconds(*stamp),
+            [angles[0] - goal[0], angles[1] - goal[1]],
+        ))
+    };
+    following.filter_map(error).collect()
+}
+
+/// The statistics of errors; `None` for no errors.
+pub fn tracking_statistics(errors: &[TimedError]) -> Option<TrackingError> {
+    let lengths = || errors.iter().map(|(_, error)| error[0].hypot(error[1]));
+    Some(TrackingError {
+        samples: errors.len() as u64,
+        pitch_rms_deg: root_mean_square(errors.iter().map(|(_, error)| error[0]))?,
+        yaw_rms_deg: root_mean_square(errors.iter().map(|(_, error)| error[1]))?,
+        length_rms_deg: root_mean_square(lengths())?,
+        length: Percentiles::of(lengths().collect())?,
     })
 }
 
@@ -54,24 +59,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_was_followed_counts_and_a_delay_is_an_error() {
+    fn only_following_counts_and_a_delay_is_an_error() {
         let mut trial = Trial::default();
         for ms in 0..2000u64 {
-            let t = ms as f64 * 1e-3;
-            trial.goal.push(ms * 1_000_000, [10.0 * t, 0.0]);
+            trial
+                .goal
+                .push(ms * 1_000_000, [10.0 * ms as f64 * 1e-3, 0.0]);
         }
-        let mut seen = Series::default();
-        (100..1900u64)
-            .for_each(|ms| seen.push(ms * 1_000_000, [10.0 * (ms as f64 * 1e-3 - 0.02), 0.1]));
-        let all = tracked(&errors(&trial, &seen)).unwrap();
-        assert_eq!(all.samples, 1800);
-        assert!((all.pitch_rms_deg - 0.2).abs() < 1e-9 && (all.yaw_rms_deg - 0.1).abs() < 1e-9);
-        assert!(
-            (all.length_rms_deg - 0.05_f64.sqrt()).abs() < 1e-9
-                && (all.length.p99 - 0.05_f64.sqrt()).abs() < 1e-9
-        );
-        // Disabled from the start: nothing was followed.
+        let mut observed = TimeSeries::default();
+        for ms in 100..1900u64 {
+            observed.push(ms * 1_000_000, [10.0 * (ms as f64 * 1e-3 - 0.02), 0.1]);
+        }
+        let found = tracking_statistics(&tracking_errors(&trial, &observed)).unwrap();
+        assert_eq!(found.samples, 1800);
+        for (found, expected) in [
+            (found.pitch_rms_deg, 0.2),
+            (found.yaw_rms_deg, 0.1),
+            (found.length_rms_deg, 0.05_f64.sqrt()),
+            (found.length.p99, 0.05_f64.sqrt()),
+        ] {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
+        // Disabled from the start: the robot followed nothing.
         trial.states.push(Default::default());
-        assert!(tracked(&errors(&trial, &seen)).is_none());
+        assert!(tracking_statistics(&tracking_errors(&trial, &observed)).is_none());
     }
 }

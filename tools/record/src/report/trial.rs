@@ -1,4 +1,4 @@
-//! Everything of a recording that a report needs, read once.
+//! The data of a recording that a report needs, read once.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,6 +6,7 @@ use std::path::Path;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
 };
+use i2ris_statistics::TimeSeries;
 use mcap::records::Record;
 
 use super::latency::Latencies;
@@ -13,59 +14,59 @@ use crate::cdr;
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME};
 use crate::topic::{Stream, Topic};
-use i2ris_plot::series::Series;
 
-/// Models of the tip position have three outputs, in metres; the others have angles.
+/// Outputs of models of angles. Models of the tip position have three outputs, in metres.
 const ANGLES: u32 = 2;
 
-/// See the head of this file.
+/// The data of a recording.
 #[derive(Debug, Default)]
 pub struct Trial {
     pub file: String,
     /// Metadata from the start of the file.
     pub about: BTreeMap<String, String>,
-    /// Metadata from its end; empty: it was cut off.
+    /// Metadata from its end; empty if the file was cut off.
     pub outcome: BTreeMap<String, String>,
-    /// Attached files with their sizes.
-    pub attached: Vec<(String, usize)>,
-    /// The lines of the controller's log of runs, if they are attached; the fuller of two.
-    pub audit: String,
-    pub streams: BTreeMap<Stream, Count>,
+    /// Attached files with their sizes, bytes.
+    pub attached: BTreeMap<String, usize>,
+    /// The run log of the controller, if it is attached; the longer one of two.
+    pub run_log: String,
+    pub streams: BTreeMap<Stream, StreamStatistics>,
     /// First stamp of the controller, ns of the monotonic clock.
     pub start_ns: u64,
+    /// Last stamp of the controller.
     pub end_ns: u64,
-    /// What was asked, degrees.
-    pub goal: Series<2>,
+    /// The goal, degrees.
+    pub goal: TimeSeries<2>,
     /// The model's estimate, degrees.
-    pub measured: Series<2>,
-    /// What a camera saw, degrees.
-    pub camera: Series<2>,
+    pub measured: TimeSeries<2>,
+    /// Angles by the camera, degrees.
+    pub camera: TimeSeries<2>,
     /// Encoder positions.
-    pub counts: Series<2>,
-    /// Changes of what is estimated by which model: stamp and id.
+    pub counts: TimeSeries<2>,
+    /// Stamp and id of every model from which estimates came.
     pub models: Vec<(u64, [u8; 32])>,
-    /// Operating states, each one that differs from the one before in more than its stamp.
+    /// Operating states without repetitions.
     pub states: Vec<OperatingStateMsg>,
     pub windows: Vec<PeriodStatistics>,
     pub latencies: Latencies,
-    /// Outputs are positions of the tip, not angles: nothing of them is in the series.
+    /// Outputs are positions of the tip, not angles: the series do not contain them.
     pub is_tip: bool,
-    /// Where the recording stops being readable.
+    /// Why the recording cannot be read to its end.
     pub stopped_by: Option<String>,
 }
 
-/// Messages of one stream.
+/// Statistics of one stream.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Count {
+pub struct StreamStatistics {
     pub messages: u64,
-    pub first_ns: u64,
-    pub last_ns: u64,
-    /// By the numbers of the messages, so many between the first and the last are not there.
+    /// Missing messages between the first and the last, by their sequence numbers.
     pub missing: u64,
+    first_ns: u64,
+    last_ns: u64,
     last_sequence: u32,
 }
 
-impl Count {
+impl StreamStatistics {
     /// Messages per second.
     pub fn rate_hz(&self) -> f64 {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
@@ -76,16 +77,13 @@ impl Count {
         }
     }
 
-    fn note(&mut self, stamp_ns: u64, sequence: u32, has_one_sender: bool) {
+    fn add(&mut self, stamp_ns: u64, sequence: u32, has_one_sender: bool) {
         if self.messages == 0 {
             self.first_ns = stamp_ns;
         } else if has_one_sender {
             // A new start of the controller counts from the beginning: no gap.
-            self.missing += u64::from(
-                sequence
-                    .checked_sub(self.last_sequence)
-                    .map_or(0, |step| step.saturating_sub(1)),
-            );
+            let step = sequence.checked_sub(self.last_sequence).unwrap_or(1);
+            self.missing += u64::from(step.saturating_sub(1));
         }
         (self.last_ns, self.last_sequence) = (stamp_ns, sequence);
         self.messages += 1;
@@ -93,7 +91,7 @@ impl Count {
 }
 
 impl Trial {
-    /// Reads a recording. One that is cut off gives what it has.
+    /// Reads a recording. A recording that was cut off gives what it has.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let mut trial = Self {
             file: path
@@ -109,33 +107,30 @@ impl Trial {
         for record in Records::open(path)? {
             match record {
                 Ok(Record::Channel(channel)) => {
-                    channels.extend(Topic::own(&channel.topic).map(|stream| (channel.id, stream)));
+                    let stream = Topic::payload_stream(&channel.topic);
+                    channels.extend(stream.map(|stream| (channel.id, stream)));
                 }
                 Ok(Record::Message { header, data }) => {
                     if let Some(stream) = channels.get(&header.channel_id) {
-                        trial.streams.entry(*stream).or_default().note(
-                            header.publish_time,
-                            header.sequence,
-                            has_one_sender(*stream),
-                        );
-                        trial.take(*stream, &data);
+                        let statistics = trial.streams.entry(*stream).or_default();
+                        let has_one_sender = stream.has_one_sender();
+                        statistics.add(header.publish_time, header.sequence, has_one_sender);
+                        let _ = trial.add(*stream, &data);
                     }
                 }
-                Ok(Record::Metadata(metadata)) if metadata.name == HEADER => {
-                    trial.about = metadata.metadata
-                }
-                Ok(Record::Metadata(metadata)) if metadata.name == OUTCOME => {
-                    trial.outcome = metadata.metadata
+                Ok(Record::Metadata(found)) if found.name == HEADER => trial.about = found.metadata,
+                Ok(Record::Metadata(found)) if found.name == OUTCOME => {
+                    trial.outcome = found.metadata;
                 }
                 Ok(Record::Attachment { header, data, .. }) => {
-                    trial.attached.push((header.name.clone(), data.len()));
-                    if header.name.ends_with(".jsonl") && data.len() > trial.audit.len() {
-                        trial.audit = String::from_utf8_lossy(&data).into_owned();
+                    if header.name.ends_with(".jsonl") && data.len() > trial.run_log.len() {
+                        trial.run_log = String::from_utf8_lossy(&data).into_owned();
                     }
+                    trial.attached.insert(header.name, data.len());
                 }
                 Ok(Record::DataEnd(_)) => break,
                 Ok(_) => {}
-                // Not even a beginning: it is something else.
+                // The file has not even a beginning: it is not a recording.
                 Err(error) if !is_recording => return Err(error),
                 Err(error) => {
                     trial.stopped_by = Some(error.to_string());
@@ -144,11 +139,9 @@ impl Trial {
             }
             is_recording = true;
         }
-        trial.start_ns = if trial.start_ns == u64::MAX {
-            0
-        } else {
-            trial.start_ns
-        };
+        if trial.start_ns == u64::MAX {
+            trial.start_ns = 0;
+        }
         Ok(trial)
     }
 
@@ -157,103 +150,80 @@ impl Trial {
         (i128::from(stamp_ns) - i128::from(self.start_ns)) as f64 * 1e-9
     }
 
-    /// How long it lasted.
+    /// The length of the recording.
     pub fn length_s(&self) -> f64 {
         self.end_ns.saturating_sub(self.start_ns) as f64 * 1e-9
     }
 
-    fn take(&mut self, stream: Stream, data: &[u8]) {
+    /// Adds a message; `None` if it cannot be decoded.
+    fn add(&mut self, stream: Stream, data: &[u8]) -> Option<()> {
         match stream {
             Stream::Measured => {
-                let Some(state) = cdr::payload::<JointState>(data) else {
-                    return;
-                };
-                self.span(state.stamp_ns);
-                if state.flags & JointState::VALID != 0
-                    && self
-                        .models
-                        .last()
-                        .is_none_or(|(_, id)| *id != state.model_id)
-                {
+                let state: JointState = cdr::decode(data)?;
+                let is_valid = state.flags & JointState::VALID != 0;
+                let model = self.models.last().map(|(_, id)| *id);
+                if is_valid && model != Some(state.model_id) {
                     self.models.push((state.stamp_ns, state.model_id));
                 }
-                self.angles(&state, |trial| &mut trial.measured);
+                self.add_angles(&state, |trial| &mut trial.measured);
             }
-            Stream::Goal => {
-                let Some(state) = cdr::payload::<JointState>(data) else {
-                    return;
-                };
-                self.span(state.stamp_ns);
-                self.angles(&state, |trial| &mut trial.goal);
-            }
+            Stream::Goal => self.add_angles(&cdr::decode(data)?, |trial| &mut trial.goal),
             Stream::Actuators => {
-                let Some(state) = cdr::payload::<ActuatorState>(data) else {
-                    return;
-                };
-                self.span(state.stamp_ns);
+                let state: ActuatorState = cdr::decode(data)?;
+                self.extend_to(state.stamp_ns);
                 self.counts
                     .push(state.stamp_ns, state.measured_counts.map(f64::from));
-                self.latencies.note(&state);
+                self.latencies.add(&state);
             }
             Stream::State => {
-                let changed = cdr::payload(data).filter(|state| self.is_new(state));
-                self.states.extend(changed);
+                let state = cdr::decode(data)?;
+                if self.states.last().is_none_or(|last| differs(last, &state)) {
+                    self.states.push(state);
+                }
             }
-            Stream::Statistics => self.windows.extend(cdr::payload::<PeriodStatistics>(data)),
+            Stream::Statistics => self.windows.push(cdr::decode(data)?),
             Stream::External => {
-                let Some(seen) = cdr::payload::<ExternalPosition>(data) else {
-                    return;
-                };
+                let seen: ExternalPosition = cdr::decode(data)?;
                 if seen.flags & ExternalPosition::VALID != 0 && seen.count == ANGLES {
                     self.camera.push(seen.stamp_ns, degrees(seen.position));
                 }
             }
             Stream::Setpoint | Stream::ServoJp | Stream::ServoActuators => {}
         }
+        Some(())
     }
 
-    fn span(&mut self, stamp_ns: u64) {
+    fn extend_to(&mut self, stamp_ns: u64) {
         self.start_ns = self.start_ns.min(stamp_ns);
         self.end_ns = self.end_ns.max(stamp_ns);
     }
 
-    fn angles(&mut self, state: &JointState, to: fn(&mut Self) -> &mut Series<2>) {
+    fn add_angles(&mut self, state: &JointState, series: fn(&mut Self) -> &mut TimeSeries<2>) {
+        self.extend_to(state.stamp_ns);
         if state.flags & JointState::VALID == 0 {
             return;
         }
         if state.count == ANGLES {
-            to(self).push(state.stamp_ns, degrees(state.position));
+            series(self).push(state.stamp_ns, degrees(state.position));
         } else {
             self.is_tip = true;
         }
     }
+}
 
-    fn is_new(&self, state: &OperatingStateMsg) -> bool {
-        let what = |state: &OperatingStateMsg| {
-            (
-                state.state,
-                state.fault,
-                state.flags,
-                state.lease_client_id,
-                state.refused,
-                state.stale_stops,
-                state.boot_id,
-            )
-        };
-        self.states
-            .last()
-            .is_none_or(|last| what(last) != what(state))
-    }
+/// Whether two states differ in more than stamps and counters.
+fn differs(a: &OperatingStateMsg, b: &OperatingStateMsg) -> bool {
+    let content = |state: &OperatingStateMsg| OperatingStateMsg {
+        sequence: 0,
+        stamp_ns: 0,
+        since_ns: 0,
+        accepted: 0,
+        last_refusal: 0,
+        ..*state
+    };
+    content(a) != content(b)
 }
 
 fn degrees(position: [f64; 3]) -> [f64; 2] {
     [position[0].to_degrees(), position[1].to_degrees()]
-}
-
-/// Commands and pictures may come from several senders, whose numbers do not tell.
-const fn has_one_sender(stream: Stream) -> bool {
-    !matches!(
-        stream,
-        Stream::External | Stream::ServoJp | Stream::ServoActuators
-    )
 }

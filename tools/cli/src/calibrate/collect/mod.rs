@@ -39,8 +39,8 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use i2ris_terminal::Failure;
 use crate::command::prepare::prepare;
+use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 use protocol::{MotionRequest, Protocol, Region};
 use recorder::{RecordedRows, Recorder};

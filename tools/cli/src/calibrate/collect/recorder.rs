@@ -14,7 +14,7 @@ use i2ris_calibration::recording::{RecordingWriter, Row};
 
 use super::frame_queue::{CameraFrame, FrameQueue, JudgedFrame};
 use super::recording_flag::{Flag, FlagKind};
-use crate::series::Series;
+use i2ris_statistics::TimeSeries;
 
 /// Positions come every 4 to 10 ms; motors may have turned back in a gap of this length, ns.
 pub const GAP_NS: u64 = 60_000_000;
@@ -28,7 +28,7 @@ pub struct Recorder<W: Write> {
     start: Nanos,
     motors: usize,
     outputs: usize,
-    encoders: [Series<1>; MAX_MOTORS],
+    encoders: [TimeSeries<1>; MAX_MOTORS],
     frames: FrameQueue,
     /// Number of the position of motor 0 that is to be written next.
     next: usize,
@@ -204,7 +204,7 @@ impl<W: Write> Recorder<W> {
     fn counts(&self, stamp: Nanos, gap_ns: u64) -> Option<MotorVec> {
         let mut counts = MotorVec::default();
         for (counts, series) in counts.iter_mut().zip(&self.encoders).take(self.motors) {
-            [*counts] = series.at(stamp.0, gap_ns)?;
+            [*counts] = series.value_at(stamp.0, gap_ns)?;
         }
         Some(counts)
     }

@@ -12,8 +12,8 @@ use indicatif::ProgressBar;
 
 use super::paced_motion::{Motion, Playback};
 use super::recorder::Recorder;
-use i2ris_terminal::Failure;
 use crate::command::stream_monitor::{StreamMonitor, enabled};
+use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
 /// Commands per second: well below the deadline of a controller, and four times as fast as feedback

@@ -13,8 +13,8 @@ use i2ris::units::Nanos;
 use crate::command::stream_monitor::StreamMonitor;
 use crate::demo::process::Process;
 use crate::demo::progress::check_children;
-use crate::series::Series;
 use crate::trajectory_time::LONGEST_STEP_S;
+use i2ris_statistics::TimeSeries;
 use i2ris_terminal::Failure;
 
 /// Rest at the beginning of a motion, s.
@@ -66,7 +66,7 @@ impl SingleAxisMotion {
     ) -> Result<(), Failure> {
         let mut camera = client.watcher().external();
         let mut commander = client.commander();
-        let mut seen = Series::<2>::default();
+        let mut seen = TimeSeries::<2>::default();
         let start = clock::now();
         camera.drain(|_| {})?;
         let mut monitor = StreamMonitor::new(
@@ -96,7 +96,7 @@ impl SingleAxisMotion {
 
 fn receive(
     camera: &mut i2ris::ipc::client::Subscription<ExternalPosition>,
-    seen: &mut Series<2>,
+    seen: &mut TimeSeries<2>,
 ) -> Result<(), Failure> {
     camera.drain(|frame| {
         if frame.flags & ExternalPosition::VALID != 0 {
@@ -107,7 +107,7 @@ fn receive(
     Ok(())
 }
 
-fn write(file: &Path, seen: &Series<2>, start: Nanos) -> Result<(), Failure> {
+fn write(file: &Path, seen: &TimeSeries<2>, start: Nanos) -> Result<(), Failure> {
     let mut writer = csv::Writer::from_path(file)?;
     writer.write_record(["t_s", "pitch_deg", "yaw_deg"])?;
     for (stamp, [pitch, yaw]) in seen.iter().filter(|(stamp, _)| *stamp >= start.0) {

@@ -1,18 +1,19 @@
-//! `i2ris record`: trials as MCAP files, and what can be done with them afterwards.
+//! `i2ris record`: records trials as MCAP files, exports and recovers them.
 #![allow(
     clippy::print_stdout,
     clippy::print_stderr,
     reason = "a command-line program prints"
 )]
 
-mod after;
-mod audit;
-mod ears;
-mod trial;
+mod existing;
+mod recording;
+mod run_log;
+mod subscriptions;
+
+use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris_terminal::Failure;
-use std::process::ExitCode;
 
 /// Record trials, and make tables of recordings
 #[derive(Debug, Parser)]
@@ -30,23 +31,24 @@ use std::process::ExitCode;
   i2ris record export trial.mcap --output tables --format parquet
   i2ris record recover killed.mcap --output whole.mcap
 
-Ctrl-C ends a recording. The file opens in Lichtblick, Foxglove, PlotJuggler, rosbags and the Python package mcap: topics
-/measured_js, /setpoint_js and /goal_js as sensor_msgs/JointState, topics /i2ris/... with every field of every stream.")]
+Ctrl-C ends a recording. The file opens in Lichtblick, Foxglove, PlotJuggler, rosbags and
+the Python package mcap: topics /measured_js, /setpoint_js and /goal_js as sensor_msgs/JointState,
+topics /i2ris/... with every field of every stream.")]
 struct Arguments {
     #[command(subcommand)]
     task: Option<Task>,
     #[command(flatten)]
-    trial: trial::Arguments,
+    trial: recording::Arguments,
 }
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    /// Make a whole file of one that was cut off: messages, metadata, attachments
-    Recover(after::RecoverArguments),
+    /// Make a complete file of one that was cut off: messages, metadata, attachments
+    Recover(existing::RecoverArguments),
     /// Write every topic as a table: CSV or Parquet
-    Export(after::ExportArguments),
-    /// Tell what a recording holds
-    Info(after::InfoArguments),
+    Export(existing::ExportArguments),
+    /// Print the content of a recording
+    Info(existing::InfoArguments),
 }
 
 fn main() -> ExitCode {
@@ -55,10 +57,10 @@ fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.task {
-        None => trial::run(&arguments.trial),
-        Some(Task::Recover(arguments)) => after::recover(&arguments),
-        Some(Task::Export(arguments)) => after::export(&arguments),
-        Some(Task::Info(arguments)) => after::info(&arguments),
+        None => recording::run(&arguments.trial),
+        Some(Task::Recover(arguments)) => existing::recover(&arguments),
+        Some(Task::Export(arguments)) => existing::export(&arguments),
+        Some(Task::Info(arguments)) => existing::info(&arguments),
     }
 }
 

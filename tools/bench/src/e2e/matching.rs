@@ -1,0 +1,194 @@
+//! Matches commands with set-points and encoder positions.
+
+use i2ris::units::Nanos;
+use i2ris_emulator::log::{Event, EventKind};
+
+use crate::durations::Durations;
+
+/// Commands at the start that do not count: caches and connections warm up.
+const WARM_UP: usize = 10;
+
+/// The set-point of a command, as reported by the controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Written {
+    /// When the command was published.
+    pub command: Nanos,
+    /// When the set-point was passed to the operating system; zero: not reported.
+    pub written: Nanos,
+    /// The set-point.
+    pub counts: i32,
+}
+
+/// An encoder position at the client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reading {
+    /// When the reply of the drive arrived at the computer.
+    pub measured: Nanos,
+    /// When the client read it.
+    pub seen: Nanos,
+}
+
+/// Set-points and encoder positions of each motor, in the order of time.
+#[derive(Debug, Default)]
+pub struct Observations {
+    /// Set-points, the first one of each command.
+    pub written: [Vec<Written>; 2],
+    /// Encoder positions.
+    pub readings: [Vec<Reading>; 2],
+    /// Number of published commands.
+    pub sent: u64,
+}
+
+impl Observations {
+    /// Adds an encoder position if it is newer than the last one.
+    pub fn add_reading(&mut self, motor: usize, measured: Nanos, seen: Nanos) {
+        let readings = &mut self.readings[motor];
+        if readings.last().is_none_or(|last| last.measured < measured) {
+            readings.push(Reading { measured, seen });
+        }
+    }
+}
+
+/// Durations from commands on.
+#[derive(Debug)]
+pub struct CommandLatencies {
+    /// From the command to the operating system.
+    pub written: Durations,
+    /// From the command to the last byte at the drive.
+    pub arrived: Durations,
+    /// From the operating system to the last byte at the drive.
+    pub wire: Durations,
+    /// From the command to an encoder position at the client that was measured after the set-point
+    /// arrived.
+    pub seen: Durations,
+    /// Commands with a set-point, of both motors.
+    pub commands: u64,
+    /// Commands without one.
+    pub overtaken: u64,
+}
+
+/// Matches every command with the first arrival of its counts at the drive after it was written,
+/// and with the first encoder position that was measured after that.
+#[must_use]
+pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLatencies {
+    let [written, arrived, wire, seen] = [0; 4].map(Durations::new);
+    let mut joined = CommandLatencies {
+        written,
+        arrived,
+        wire,
+        seen,
+        commands: 0,
+        overtaken: 0,
+    };
+    for motor in 0..2 {
+        let arrivals: Vec<(Nanos, i32)> = log
+            .iter()
+            .filter_map(|event| setpoint(event, motor))
+            .collect();
+        for own in observations.written[motor].iter().skip(WARM_UP) {
+            let first =
+                arrivals.partition_point(|(stamp, _)| *stamp <= own.written.max(own.command));
+            let Some((arrival, _)) = arrivals[first..]
+                .iter()
+                .find(|(_, counts)| *counts == own.counts)
+            else {
+                continue;
+            };
+            joined.commands += 1;
+            if own.written > Nanos::ZERO {
+                joined.written.push(own.written.since(own.command));
+                joined.wire.push(arrival.since(own.written));
+            }
+            joined.arrived.push(arrival.since(own.command));
+            let readings = &observations.readings[motor];
+            let after = readings.partition_point(|reading| reading.measured <= *arrival);
+            if let Some(reading) = readings.get(after) {
+                joined.seen.push(reading.seen.since(own.command));
+            }
+        }
+        let had: u64 = observations.written[motor].len() as u64;
+        joined.overtaken += if had > 0 {
+            observations.sent.saturating_sub(had)
+        } else {
+            0
+        };
+    }
+    joined
+}
+
+fn setpoint(event: &Event, motor: usize) -> Option<(Nanos, i32)> {
+    match event.kind {
+        EventKind::Setpoint(counts) if event.axis == motor => Some((event.stamp, counts)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn us(us: u64) -> Nanos {
+        Nanos::from_micros(us)
+    }
+
+    #[test]
+    fn a_command_is_matched_with_its_own_set_point_and_position() {
+        let mut observations = Observations {
+            sent: 15,
+            ..Observations::default()
+        };
+        let mut log = Vec::new();
+        for number in 0..12u64 {
+            let start = 10_000 * (number + 1);
+            let counts = number as i32;
+            observations.written[0].push(Written {
+                command: us(start),
+                written: us(start + 900),
+                counts,
+            });
+            // The old set-point again, the one of the other motor, the new one.
+            for (at, axis, counts) in [
+                (start + 500, 0, counts - 1),
+                (start + 1500, 1, counts),
+                (start + 2000, 0, counts),
+            ] {
+                log.push(Event {
+                    stamp: us(at),
+                    axis,
+                    kind: EventKind::Setpoint(counts),
+                });
+            }
+            for (measured, seen) in [(start + 1900, start + 2100), (start + 4000, start + 4500)] {
+                observations.readings[0].push(Reading {
+                    measured: us(measured),
+                    seen: us(seen),
+                });
+            }
+        }
+        let joined = match_commands(&observations, &log);
+        assert_eq!(
+            (joined.commands, joined.overtaken),
+            (2, 3),
+            "ten commands are the warm-up"
+        );
+        let near = |durations: &Durations, us: u64| {
+            durations.percentiles().p50.abs_diff(1000 * us) < 2 * us
+        };
+        assert!(
+            near(&joined.written, 900) && near(&joined.wire, 1100),
+            "{:?}",
+            joined.wire.percentiles()
+        );
+        assert!(
+            near(&joined.arrived, 2000) && near(&joined.seen, 4500),
+            "{:?}",
+            joined.seen.percentiles()
+        );
+    }
+
+    #[test]
+    fn nothing_comes_of_nothing() {
+        let joined = match_commands(&Observations::default(), &[]);
+        assert!(joined.arrived.is_empty() && joined.seen.is_empty() && joined.overtaken == 0);
+    }
+}

@@ -1,0 +1,66 @@
+//! The payloads as a C++ header, for clients that use the C++ package of iceoryx2.
+
+use std::fmt::Write as _;
+
+use crate::layout::{Field, FieldType, PayloadLayout, SPAN_MEMBERS, payload_layouts};
+
+/// The complete header. It asserts sizes and offsets, so a compiler with another layout refuses it.
+#[must_use]
+pub fn cpp_header() -> String {
+    let mut text = String::from(
+        "// The messages of i2ris in shared memory, byte for byte as in src/ipc/payload, where \
+         fields are explained.\n\
+         // Written by `cargo run -p i2ris-record --example cpp_header`; a test compares and \
+         compiles it.\n\
+         #pragma once\n\n#include <cstddef>\n#include <cstdint>\n\nnamespace i2ris {\n\n",
+    );
+    let members = SPAN_MEMBERS.map(|member| format!("    std::uint64_t {member};\n"));
+    // Writing to a string cannot fail.
+    let _ = write!(text, "struct SpanSummary {{\n{}}};\n\n", members.concat());
+    for (type_name, payload) in payload_layouts() {
+        write_struct(&mut text, type_name, &payload);
+    }
+    text.push_str("} // namespace i2ris\n");
+    text
+}
+
+fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
+    let PayloadLayout { name, size, fields } = payload;
+    let _ = writeln!(text, "struct {name} {{");
+    let _ = writeln!(
+        text,
+        "    static constexpr const char* IOX2_TYPE_NAME = \"{type_name}\";"
+    );
+    for field in *fields {
+        let entries = match field.count {
+            count if count > 1 && !field.is_span => format!("[{count}]"),
+            _ => String::new(),
+        };
+        let _ = writeln!(text, "    {} {}{entries};", cpp_type(field), field.name);
+    }
+    let _ = writeln!(text, "}};\nstatic_assert(sizeof({name}) == {size});");
+    for Field {
+        name: field,
+        offset,
+        ..
+    } in *fields
+    {
+        let _ = writeln!(
+            text,
+            "static_assert(offsetof({name}, {field}) == {offset});"
+        );
+    }
+    text.push('\n');
+}
+
+const fn cpp_type(field: &Field) -> &'static str {
+    match field.kind {
+        _ if field.is_span => "SpanSummary",
+        FieldType::U8 => "std::uint8_t",
+        FieldType::U16 => "std::uint16_t",
+        FieldType::U32 => "std::uint32_t",
+        FieldType::I32 => "std::int32_t",
+        FieldType::U64 => "std::uint64_t",
+        FieldType::F64 => "double",
+    }
+}

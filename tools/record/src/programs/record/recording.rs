@@ -1,0 +1,269 @@
+//! `i2ris record`: records a trial.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use i2ris::clock;
+use i2ris::config::Config;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::Version;
+use i2ris::model::file::ModelFile;
+use i2ris::units::Nanos;
+use i2ris_record::joint_state::DEFAULT_NAMES;
+use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
+use i2ris_record::topic::Stream;
+use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen};
+
+use super::run_log::lines_of_run;
+use super::subscriptions::Subscriptions;
+
+/// Waiting time for a controller that is starting.
+const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
+/// Time between two reads. Buffers hold an eighth of a second.
+const READ_PERIOD: Nanos = Nanos::from_millis(4);
+const JSON_LINES: &str = "application/jsonl";
+/// Time between two updates of the terminal.
+const DRAW_PERIOD: Nanos = Nanos::from_millis(500);
+
+/// Arguments of `i2ris record`.
+#[derive(Debug, clap::Args)]
+#[group(id = "trial")]
+pub struct Arguments {
+    /// MCAP file to write, which must not exist yet
+    #[arg(long, short, value_name = "FILE.mcap", required = true)]
+    output: Option<PathBuf>,
+    /// Put this configuration, and the model that it names, into the file
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Text that goes into the file
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    note: String,
+    /// End after this time instead of with Ctrl-C
+    #[arg(long, value_name = "S", value_parser = above_zero)]
+    duration_s: Option<f64>,
+    #[command(flatten)]
+    domain: DomainOption,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "must be a number above 0".to_owned())
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let output = arguments
+        .output
+        .as_deref()
+        .ok_or("give --output FILE.mcap")?;
+    let interrupt = Interrupt::catch()?;
+    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT_TIMEOUT)?;
+    let version = client.version()?;
+    let config = arguments.config.as_deref().map(Config::load).transpose()?;
+    let header = header(arguments, &version, config.as_ref())?;
+    let mut trial = TrialRecorder::start(output, header)?;
+    let mut subscriptions = Subscriptions::new(&client.watcher());
+    let start = clock::now();
+    let absent = record(arguments, &interrupt, &mut subscriptions, &mut trial, start);
+    let length_s = clock::now().since(start).as_seconds();
+    let missed = subscriptions.missed();
+    let mut outcome: BTreeMap<String, String> = missed
+        .iter()
+        .map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string()))
+        .collect();
+    outcome.insert("dropped".to_owned(), trial.counts().dropped.to_string());
+    outcome.insert("length_s".to_owned(), length_s.to_string());
+    // The run log has causes and callers, which the streams do not have.
+    let run_log = config.and_then(|config| run_log(&config, "audit.jsonl", version.boot_id));
+    let counts = trial.finish(outcome, run_log.as_slice())?;
+    print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
+}
+
+/// The run log as an attachment, if it has lines of this run.
+fn run_log(config: &Config, name: &str, boot_id: u64) -> Option<AttachedFile> {
+    let lines = lines_of_run(&config.record.folder, boot_id);
+    lines.map(|content| attachment(name.to_owned(), JSON_LINES, content))
+}
+
+fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> AttachedFile {
+    AttachedFile {
+        name,
+        media_type,
+        content,
+    }
+}
+
+/// Records to the end. Returns how long there was no controller.
+fn record(
+    arguments: &Arguments,
+    interrupt: &Interrupt,
+    subscriptions: &mut Subscriptions,
+    trial: &mut TrialRecorder,
+    start: Nanos,
+) -> Result<Nanos, Failure> {
+    let end = arguments
+        .duration_s
+        .map(|seconds| start + Nanos((seconds * 1e9) as u64));
+    let mut screen = Screen::stdout();
+    let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
+    loop {
+        let now = clock::now();
+        match subscriptions.record(trial, now) {
+            Ok(()) => {}
+            // The recording continues if the controller starts again.
+            Err(error) if error.is_absent() => absent = absent + now.since(before),
+            Err(error) => return Err(error.into()),
+        }
+        if trial.has_failed() || interrupt.came() || end.is_some_and(|end| now >= end) {
+            return Ok(absent);
+        }
+        if screen.is_terminal() && !arguments.json && now >= next_draw {
+            next_draw = now + DRAW_PERIOD;
+            let messages: u64 = trial.counts().messages.values().sum();
+            let dropped = trial.counts().dropped;
+            let seconds = now.since(start).as_seconds();
+            screen.draw(&[format!(
+                "recording {seconds:.1} s, {messages} messages, {dropped} dropped; Ctrl-C ends"
+            )])?;
+        }
+        before = now;
+        clock::sleep(READ_PERIOD);
+    }
+}
+
+fn header(
+    arguments: &Arguments,
+    version: &Version,
+    config: Option<&Config>,
+) -> Result<RecordingHeader, Failure> {
+    let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
+    let [major, minor, patch] = version.software;
+    let model = version.model_id.map(|byte| format!("{byte:02x}")).concat();
+    let model = if version.model_id == [0; 32] {
+        "none".to_owned()
+    } else {
+        model
+    };
+    let mut about: BTreeMap<String, String> = [
+        ("recorder", format!("i2ris {}", env!("CARGO_PKG_VERSION"))),
+        (
+            "controller",
+            format!("i2ris-control {major}.{minor}.{patch}"),
+        ),
+        ("boot_id", format!("{:016x}", version.boot_id)),
+        ("model_id", model),
+        ("note", arguments.note.clone()),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into();
+    let mut attachments = Vec::new();
+    if let (Some(path), Some(config)) = (&arguments.config, config) {
+        about.insert("robot_id".to_owned(), config.robot_id.clone());
+        attachments.push(attachment(name(path), "application/toml", read(path)?));
+        if let Some(file) = &config.control.model {
+            attachments.push(attachment(name(file), "application/json", read(file)?));
+            about.insert("model_file".to_owned(), model_file(file, version));
+        }
+        attachments.extend(run_log(config, "audit-begin.jsonl", version.boot_id));
+    }
+    let unix_offset_ns = unix.wrapping_sub(clock::now().0);
+    Ok(RecordingHeader {
+        about,
+        attachments,
+        unix_offset_ns,
+        joints: joints(version),
+    })
+}
+
+/// Whether the model of the configuration, which is attached, is the one in use.
+fn model_file(file: &Path, version: &Version) -> String {
+    match ModelFile::read(file).and_then(|model| model.id()) {
+        Ok(id) if id.0 == version.model_id => format!("{}: the model in use", name(file)),
+        Ok(_) => {
+            eprintln!(
+                "warning: {} is attached, but another model is in use",
+                file.display()
+            );
+            format!("{}: not the model in use", name(file))
+        }
+        Err(_) => format!("{}: cannot be read", name(file)),
+    }
+}
+
+fn name(path: &Path) -> String {
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()).into())
+}
+
+fn joints(version: &Version) -> Vec<String> {
+    let named = version.output_names.iter().map(|bytes| {
+        let end = bytes
+            .iter()
+            .position(|byte| *byte == 0)
+            .unwrap_or(bytes.len());
+        String::from_utf8_lossy(&bytes[..end]).into_owned()
+    });
+    let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
+    if named.is_empty() {
+        DEFAULT_NAMES.map(str::to_owned).to_vec()
+    } else {
+        named
+    }
+}
+
+fn print_outcome(
+    json: bool,
+    output: &Path,
+    counts: &MessageCounts,
+    missed: &BTreeMap<Stream, u64>,
+    length_s: f64,
+    absent: Nanos,
+) -> Result<(), Failure> {
+    let lost: u64 = missed.values().sum();
+    let by_stream = || {
+        Stream::ALL
+            .into_iter()
+            .map(|stream| (stream, counts.messages.get(&stream).copied().unwrap_or(0)))
+    };
+    if json {
+        let messages: serde_json::Map<_, _> = by_stream()
+            .map(|(stream, count)| (stream.name().into(), count.into()))
+            .collect();
+        let report = serde_json::json!({
+            "file": output, "length_s": length_s, "messages": messages, "missed": lost,
+            "dropped": counts.dropped, "without_controller_s": absent.as_seconds(),
+        });
+        println!("{report}");
+        return Ok(());
+    }
+    println!(
+        "recorded {length_s:.1} s to {}; {lost} messages missed, {} dropped",
+        output.display(),
+        counts.dropped
+    );
+    for (stream, count) in by_stream() {
+        println!(
+            "  {:<24} {count:>9}  {:>7.1} Hz",
+            stream.name(),
+            count as f64 / length_s
+        );
+    }
+    if absent > Nanos::ZERO {
+        println!("  there was no controller for {:.1} s", absent.as_seconds());
+    }
+    Ok(())
+}
