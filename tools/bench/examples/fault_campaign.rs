@@ -1,14 +1,14 @@
-//! The fault campaign: seeded injections of every kind at random moments while two motors move, and
-//! what became of them.
+//! The fault campaign: seeded fault injections of every kind at random instants while two motors
+//! move.
 //!
 //! ```text
 //! cargo run --release -p i2ris-bench --example fault_campaign [INJECTIONS] [SEED] [RIGS]
 //! ```
 //!
-//! Every rig is two emulated drives on two ports and the drive layer with its port threads.
-//! Something like the control loop sends set-points of a slow sine, acknowledges faults, homes and
-//! enables again. Counted are set-points that a drive accepted outside its limits, positions that
-//! were believed and were none, states without an event that explains them, and hangs.
+//! Every rig has two emulated drives on two ports and the drive layer with its port threads. A
+//! simple control loop sends set-points of a slow sine, acknowledges faults, homes and enables
+//! again. The campaign counts set-points outside the limits that a drive accepted, wrong positions
+//! that were accepted, states without an event with their cause, and hangs.
 #![allow(clippy::print_stdout, reason = "it prints what it counted")]
 
 use std::collections::{BTreeMap, VecDeque};
@@ -33,43 +33,41 @@ use i2ris_emulator::{Emulator, EmulatorConfig, Injection};
 /// Position limits of both axes, counts.
 const LIMIT: i32 = 1500;
 
-/// Amplitude of the motion, counts, and its frequency.
+/// Amplitude and frequency of the motion, counts and Hz.
 const AMPLITUDE: f64 = 300.0;
 const HERTZ: f64 = 0.5;
 
 const TICK: Nanos = Nanos::from_millis(2);
 
-/// An axis that has not come back to motion after this long hangs.
-const HANG: Nanos = Nanos::from_millis(30_000);
+/// An axis that does not move again within this time hangs.
+const HANG_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 
-/// Why an axis fell is known once the drive has been asked for it.
-const EXPLANATION: Nanos = Nanos::from_millis(500);
+/// Time until the cause of a disabled axis is known: the drive must be read.
+const CAUSE_TIMEOUT: Nanos = Nanos::from_millis(500);
 
-/// How far back the truth about positions is kept.
-const MEMORY: Nanos = Nanos::from_millis(4000);
+/// Length of the history of true positions.
+const HISTORY: Nanos = Nanos::from_millis(4000);
 
-/// A position may be as old as the exchange that brought it: a reply time-out and its retry, at
-/// most.
-const OLDEST: Nanos = Nanos::from_millis(1500);
+/// The largest age of a position: a reply timeout and its retry.
+const LARGEST_AGE: Nanos = Nanos::from_millis(1500);
 
-/// What the plant moves between two samples of the truth, counts.
+/// Motion between two samples of the true position, counts.
 const TOLERANCE: i32 = 12;
 
-/// What is counted.
+/// The counts.
 #[derive(Debug, Default)]
-struct Tally {
+struct CampaignCounts {
     injections: usize,
     outside: Vec<String>,
-    /// Of those, the ones that a drive without power was given.
+    /// Set-points outside the limits for a drive without power, which are allowed.
     preloads: usize,
     wrong: Vec<String>,
     unexplained: Vec<String>,
     hangs: Vec<String>,
     host_bugs: u64,
-    /// By kind: the time until the axis is known to be safe, and how often it moved on without
-    /// leaving enabled.
+    /// By kind: the time until the axis is known to be safe, and how often it stayed enabled.
     safe: BTreeMap<&'static str, Vec<Nanos>>,
-    rode_through: BTreeMap<&'static str, usize>,
+    stayed_enabled: BTreeMap<&'static str, usize>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -85,13 +83,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map(|rig| {
             let share = injections / rigs + u64::from(rig < injections % rigs);
             thread::spawn(move || {
-                Rig::start(seed * 1000 + rig)
+                CampaignRig::start(seed * 1000 + rig)
                     .map(|rig| rig.run(share as usize))
                     .map_err(|e| e.to_string())
             })
         })
         .collect();
-    let mut total = Tally::default();
+    let mut total = CampaignCounts::default();
     for thread in threads {
         total.add(thread.join().map_err(|_| "a rig panicked")??);
     }
@@ -107,7 +105,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Splitmix64, by Vigna.
+/// Splitmix64 (G. L. Steele et al., 2014).
 struct Random(u64);
 
 impl Random {
@@ -123,7 +121,7 @@ impl Random {
         low + self.next() % (high - low)
     }
 
-    /// Any kind, the ones that end in a reset or a fault more rarely: they cost seconds each.
+    /// A random kind. Kinds that end in a reset or a fault are rare: they cost seconds each.
     fn injection(&mut self) -> Injection {
         let place = self.between(0, 64) as usize;
         let bit = self.between(0, 192) as usize;
@@ -169,33 +167,33 @@ impl Random {
     }
 }
 
-/// One axis as its stand-in of the control loop sees it.
-struct Side {
+/// One axis with its simple control loop.
+struct CampaignAxis {
     link: AxisLink,
     request: AxisRequest,
     events: Receiver<PortEvent>,
-    explained: bool,
-    /// When the axis fell without a reason so far, and how.
-    fell: Option<(Nanos, String)>,
+    is_explained: bool,
+    /// When the axis was disabled without a known cause, and its status.
+    disabled: Option<(Nanos, String)>,
     last: AxisFeedback,
-    /// Position of the encoder as the drive would tell it, over time.
+    /// True position of the encoder over time.
     truth: VecDeque<(Nanos, i32)>,
-    /// Where the sine is around, and its start.
+    /// Center and start of the sine.
     origin: i32,
     begin: Nanos,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-struct Rig {
+struct CampaignRig {
     emulator: Emulator,
-    sides: Vec<Side>,
+    axes: Vec<CampaignAxis>,
     random: Random,
-    tally: Tally,
+    counts: CampaignCounts,
     _folder: tempfile::TempDir,
 }
 
-impl Rig {
+impl CampaignRig {
     fn start(seed: u64) -> Result<Self, Box<dyn Error>> {
         let folder = tempfile::tempdir()?;
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml");
@@ -204,29 +202,29 @@ impl Rig {
         config.seed = seed;
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
         let emulator = Emulator::start(config)?;
-        let mut sides = Vec::new();
+        let mut axes = Vec::new();
         for (motor, serial_number) in serial_numbers.into_iter().enumerate() {
             let axis = AxisConfig::new(motor, serial_number, [Counts(-LIMIT), Counts(LIMIT)]);
             let port = PortConfig {
                 reply_timeout_ms: 60,
                 ..PortConfig::new(emulator.device(motor).to_owned(), vec![axis])
             };
-            sides.push(Side::start(&port)?);
+            axes.push(CampaignAxis::start(&port)?);
         }
         Ok(Self {
             emulator,
-            sides,
+            axes,
             random: Random(seed),
-            tally: Tally::default(),
+            counts: CampaignCounts::default(),
             _folder: folder,
         })
     }
 
-    fn run(mut self, injections: usize) -> Tally {
+    fn run(mut self, injections: usize) -> CampaignCounts {
         for count in 0..injections {
             let (axis, what) = (self.random.between(0, 2) as usize, self.random.injection());
             if !self.wait_for_motion() {
-                self.tally
+                self.counts
                     .hangs
                     .push(format!("before injection {count} ({})", what.name()));
                 break;
@@ -239,7 +237,10 @@ impl Rig {
         }
         self.wait_for_motion();
         let log = self.emulator.log();
-        let outside = |kind| matches!(kind, EventKind::Setpoint(counts) if !(-LIMIT..=LIMIT).contains(&counts));
+        let outside = |kind| match kind {
+            EventKind::Setpoint(counts) => !(-LIMIT..=LIMIT).contains(&counts),
+            _ => false,
+        };
         for (place, event) in log
             .iter()
             .enumerate()
@@ -259,35 +260,37 @@ impl Rig {
                     None
                 }
             });
-            // An axis that lost its zero stands anywhere. Before it is homed, its target is put to
-            // where it stands.
+            // An axis that lost its zero can be at any position. Before homing, its target is set
+            // to its position.
             if state.is_some_and(|state| state != State::OperationEnabled) {
-                self.tally.preloads += 1;
+                self.counts.preloads += 1;
             } else {
-                self.tally.outside.push(format!(
+                self.counts.outside.push(format!(
                     "{:?} after, the latest first, {:?}",
                     event.kind,
                     before().take(6).collect::<Vec<_>>()
                 ));
             }
         }
-        self.tally.host_bugs = self.emulator.host_bugs();
-        self.sides.iter_mut().for_each(Side::end);
-        self.tally
+        self.counts.host_bugs = self.emulator.host_bugs();
+        for axis in &mut self.axes {
+            axis.end();
+        }
+        self.counts
     }
 
-    /// Injects, and waits until the axis is known to be safe.
+    /// Injects a fault and waits until the axis is known to be safe.
     fn inject(&mut self, axis: usize, what: Injection) {
-        self.sides[axis].explained = false;
+        self.axes[axis].is_explained = false;
         let begin = clock::now();
         self.emulator.inject(axis, what);
-        self.tally.injections += 1;
-        let mut left = false;
+        self.counts.injections += 1;
+        let mut was_disabled = false;
         loop {
             self.tick();
-            let feedback = self.sides[axis].last;
-            left |= feedback.phase != AxisPhase::Enabled;
-            // Followed and watched; or off; or powered and holding still, and known to be so.
+            let feedback = self.axes[axis].last;
+            was_disabled |= feedback.phase != AxisPhase::Enabled;
+            // Safe: enabled with fresh feedback, or without power.
             let fresh = feedback.stamp > begin + Nanos::from_millis(10);
             let drive = self.emulator.snapshot().axes[axis].drive.state;
             let off = matches!(
@@ -296,29 +299,29 @@ impl Rig {
             );
             let safe = (feedback.phase == AxisPhase::Enabled && fresh)
                 || (feedback.phase != AxisPhase::Enabled && off);
-            if safe || clock::now() - begin > HANG {
+            if safe || clock::now() - begin > HANG_TIMEOUT {
                 break;
             }
         }
         let span = clock::now() - begin;
-        if span > HANG {
-            self.tally
+        if span > HANG_TIMEOUT {
+            self.counts
                 .hangs
-                .push(format!("{}: {:?}", what.name(), self.sides[axis].last));
+                .push(format!("{}: {:?}", what.name(), self.axes[axis].last));
         }
-        self.tally.safe.entry(what.name()).or_default().push(span);
-        *self.tally.rode_through.entry(what.name()).or_default() += usize::from(!left);
+        self.counts.safe.entry(what.name()).or_default().push(span);
+        *self.counts.stayed_enabled.entry(what.name()).or_default() += usize::from(!was_disabled);
     }
 
-    /// Lets both axes move again.
+    /// Waits until both axes move again.
     fn wait_for_motion(&mut self) -> bool {
         let begin = clock::now();
         while !self
-            .sides
+            .axes
             .iter()
             .all(|side| side.last.phase == AxisPhase::Enabled)
         {
-            if clock::now() - begin > HANG {
+            if clock::now() - begin > HANG_TIMEOUT {
                 return false;
             }
             self.tick();
@@ -328,16 +331,16 @@ impl Rig {
 
     fn tick(&mut self) {
         let seen = self.emulator.snapshot();
-        for (axis, side) in self.sides.iter_mut().enumerate() {
-            side.remember(seen.stamp, seen.axes[axis].drive.position);
-            side.listen(&mut self.tally);
-            side.command();
+        for (index, axis) in self.axes.iter_mut().enumerate() {
+            axis.add_true_position(seen.stamp, seen.axes[index].drive.position);
+            axis.check(&mut self.counts);
+            axis.command();
         }
         clock::sleep(TICK);
     }
 }
 
-impl Side {
+impl CampaignAxis {
     fn start(port: &PortConfig) -> Result<Self, Box<dyn Error>> {
         let (runner, links) = Port::open(port)?.bring_up()?.split();
         let (sender, events) = channel();
@@ -352,8 +355,8 @@ impl Side {
             link: links.into_iter().next().ok_or("no axis")?,
             request: AxisRequest::default(),
             events,
-            explained: true,
-            fell: None,
+            is_explained: true,
+            disabled: None,
             last: AxisFeedback::default(),
             truth: VecDeque::new(),
             origin: 0,
@@ -363,25 +366,25 @@ impl Side {
         })
     }
 
-    fn remember(&mut self, stamp: Nanos, position: i32) {
+    fn add_true_position(&mut self, stamp: Nanos, position: i32) {
         self.truth.push_back((stamp, position));
         while self
             .truth
             .front()
-            .is_some_and(|(old, _)| *old + MEMORY < stamp)
+            .is_some_and(|(old, _)| *old + HISTORY < stamp)
         {
             self.truth.pop_front();
         }
     }
 
-    /// Takes what the port thread tells, and judges it.
-    fn listen(&mut self, tally: &mut Tally) {
+    /// Reads events and feedback of the port thread and checks them.
+    fn check(&mut self, counts: &mut CampaignCounts) {
         for event in self.events.try_iter() {
-            self.explained |= !matches!(event.kind, PortEventKind::Phase { .. });
+            self.is_explained |= !matches!(event.kind, PortEventKind::Phase { .. });
         }
         let feedback = *self.link.feedback.read();
-        if feedback.sequence != self.last.sequence && !self.is_true(&feedback) {
-            tally.wrong.push(format!(
+        if feedback.sequence != self.last.sequence && !self.was_at(&feedback) {
+            counts.wrong.push(format!(
                 "position {} at {:?}",
                 feedback.position, feedback.stamp
             ));
@@ -397,22 +400,25 @@ impl Side {
                 error_code,
                 ..
             } = feedback;
-            self.fell = Some((
+            self.disabled = Some((
                 now,
                 format!("{phase:?}, statusword {statusword:04X}, error code {error_code:04X}"),
             ));
         }
-        if self.explained {
-            self.fell = None;
-        } else if let Some((_, how)) = self.fell.take_if(|(since, _)| now - *since > EXPLANATION) {
-            tally.unexplained.push(how);
+        if self.is_explained {
+            self.disabled = None;
+        } else if let Some((_, how)) = self
+            .disabled
+            .take_if(|(since, _)| now - *since > CAUSE_TIMEOUT)
+        {
+            counts.unexplained.push(how);
         }
         self.last = feedback;
     }
 
-    /// Whether the encoder was at a position while it may have been asked for it.
-    fn is_true(&self, feedback: &AxisFeedback) -> bool {
-        let (from, to) = (feedback.stamp - OLDEST, feedback.stamp + TICK + TICK);
+    /// Whether the encoder was at this position when it could have been read.
+    fn was_at(&self, feedback: &AxisFeedback) -> bool {
+        let (from, to) = (feedback.stamp - LARGEST_AGE, feedback.stamp + TICK + TICK);
         let span = self
             .truth
             .iter()
@@ -424,7 +430,7 @@ impl Side {
         low > high || (low - TOLERANCE..=high + TOLERANCE).contains(&feedback.position.0)
     }
 
-    /// What an operator and the loop would ask for now.
+    /// Requests what an operator and the control loop would request now.
     fn command(&mut self) {
         let feedback = self.last;
         let request = &mut self.request;
@@ -432,7 +438,7 @@ impl Side {
         match feedback.phase {
             AxisPhase::Enabled if request.demand == Demand::Enabled => {
                 let time = (clock::now() - self.begin).as_seconds();
-                // From where it stands, and never outside the limits.
+                // Around the start position, never outside the limits.
                 let sine = AMPLITUDE * (std::f64::consts::TAU * HERTZ * time).sin();
                 request.target = Counts((self.origin + sine as i32).clamp(-LIMIT, LIMIT));
             }
@@ -445,8 +451,7 @@ impl Side {
             AxisPhase::Disabled if request.demand == Demand::Enabled => {
                 request.demand = Demand::Disabled
             }
-            // Where its encoder slips to is as good a zero as any; an axis outside its limits is
-            // not enabled.
+            // An axis outside its limits is not enabled: homing sets a new zero.
             AxisPhase::Disabled
                 if !feedback.homed || feedback.position.0.abs() > LIMIT - AMPLITUDE as i32 =>
             {
@@ -475,7 +480,7 @@ impl Side {
     }
 }
 
-impl Tally {
+impl CampaignCounts {
     fn add(&mut self, other: Self) {
         self.injections += other.injections;
         self.outside.extend(other.outside);
@@ -487,26 +492,26 @@ impl Tally {
         for (kind, spans) in other.safe {
             self.safe.entry(kind).or_default().extend(spans);
         }
-        for (kind, count) in other.rode_through {
-            *self.rode_through.entry(kind).or_default() += count;
+        for (kind, count) in other.stayed_enabled {
+            *self.stayed_enabled.entry(kind).or_default() += count;
         }
     }
 
     fn print(&mut self, seconds: f64) {
         println!("{} injections in {seconds:.0} s", self.injections);
         println!(
-            "set-points accepted outside the limits by a drive with power: {}",
+            "set-points outside the limits accepted by a drive with power: {}",
             self.outside.len()
         );
         println!(
-            "targets put to where an axis without a zero stood, power off: {}",
+            "targets set to the position of an axis without a zero, power off: {}",
             self.preloads
         );
-        println!("wrong values believed: {}", self.wrong.len());
+        println!("wrong positions accepted: {}", self.wrong.len());
         println!("hangs: {}", self.hangs.len());
         println!("unexplained states: {}", self.unexplained.len());
         println!(
-            "rules broken by the host: {} (a reply that comes late looks like it)",
+            "protocol errors of the host: {} (a late reply looks like one)",
             self.host_bugs
         );
         for line in self
@@ -520,14 +525,15 @@ impl Tally {
             println!("  {line}");
         }
         println!(
-            "| kind | number | rode through | ms to safe: median | p90 | max |\n|---|---|---|---|---|---|"
+            "| kind | number | stayed enabled | ms to safe: median | p90 | max |\n\
+             |---|---|---|---|---|---|"
         );
         for (kind, spans) in &mut self.safe {
             spans.sort_unstable();
             let ms = |quantile: f64| {
                 spans[((spans.len() - 1) as f64 * quantile) as usize].as_seconds() * 1e3
             };
-            let through = self.rode_through.get(kind).copied().unwrap_or(0);
+            let through = self.stayed_enabled.get(kind).copied().unwrap_or(0);
             println!(
                 "| {kind} | {} | {through} | {:.0} | {:.0} | {:.0} |",
                 spans.len(),

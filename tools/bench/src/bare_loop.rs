@@ -1,7 +1,7 @@
 //! A loop that only talks to a drive: it writes the newest set-point and reads the position.
 //!
-//! It has no states, no limits, no model and does not wait for another thread. So it is the floor of
-//! everything that ends on a serial line. It uses frames and exchanges of the driver.
+//! It has no states, no limits, no model and does not wait for another thread. So it is the floor
+//! of everything that ends on a serial line. It uses frames and exchanges of the driver.
 
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
 

@@ -3,13 +3,13 @@
 //! | measurement | command |
 //! |---|---|
 //! | latencies: shared memory, loop, inverse, serial line, end to end | `i2ris bench` |
-//! | instructions per call, independent of other load; needs valgrind | `i2ris bench instructions` |
+//! | instructions per call; needs valgrind | `i2ris bench instructions` |
 //! | scikit-learn and the Python package `gmr` in the same run | `python3 tools/bench/peers.py` |
 //! | faults injected into emulated drives | example `fault_campaign` |
 //!
 //! A latency has little meaning without the least latency that the machine allows. Every
-//! measurement is a [`BenchOutcome`] with several variants. One of them is a floor. All variants run
-//! in turns in the same run. Common alternatives are peers.
+//! measurement is a [`BenchOutcome`] with several variants. One of them is a floor. All variants
+//! run in turns in the same run. Common alternatives are peers.
 //!
 //! | module | contains |
 //! |---|---|

@@ -49,8 +49,8 @@ fn reach(corner: [f64; 2]) -> Vec<f64> {
     corner.map(|c| c * REACH).to_vec()
 }
 
-/// The map that the mixture approximates: angles, deg, and their slope at counts. The planes lie at 45 degrees
-/// to the motors, and the slope changes with the counts.
+/// The map that the mixture approximates: angles, deg, and their slope at counts. The planes lie at
+/// 45 degrees to the motors, and the slope changes with the counts.
 fn map(counts: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
     let s = REACH / 2.0;
     let curve = |c: f64| (c + 0.25 * s * (c / s).sin(), 1.0 + 0.25 * (c / s).cos());

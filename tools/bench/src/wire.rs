@@ -107,7 +107,8 @@ impl LineUsage {
     }
 }
 
-/// Measures a bare loop and the driver for some seconds each. `priority` is that of the port threads.
+/// Measures a bare loop and the driver for some seconds each. `priority` is that of the port
+/// threads.
 ///
 /// # Errors
 ///

@@ -68,14 +68,14 @@ fn draw_symbol([left, middle]: [f64; 2], symbol: &Symbol) -> Element {
     let draw_marker = |stroke: Stroke, marker| {
         let mut path = Path::default();
         path.marker(marker, center);
-        stroke.draw(path)
+        path.draw(stroke)
     };
     match *symbol {
         Symbol::Line(stroke, marker) => {
             let mut path = Path::default();
             path.polyline([[left, middle], [left + SYMBOL, middle]]);
             let marker = marker.map(|marker| draw_marker(Stroke::new(stroke.color, 1.0), marker));
-            Element::new("g").child(stroke.draw(path)).children(marker)
+            Element::new("g").child(path.draw(stroke)).children(marker)
         }
         Symbol::Point(color, Marker::Dot) => Element::new("circle")
             .lengths([("cx", center[0]), ("cy", center[1]), ("r", 2.5)])

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use crate::style::Marker;
+use crate::markup::Element;
+use crate::style::{Marker, Stroke};
 
 /// Radius of a marker.
 const RADIUS: f64 = 3.0;
@@ -61,6 +62,11 @@ impl Path {
             }
         };
         self.polyline(corners.iter().chain(corners.first()).map(place));
+    }
+
+    /// The element `path` with a stroke.
+    pub fn draw(self, stroke: Stroke) -> Element {
+        stroke.apply(Element::new("path")).with("d", self.text)
     }
 
     /// The value of the attribute `d`.

@@ -5,7 +5,6 @@
 //! must be distinguished have different dashes or markers as well.
 
 use crate::markup::Element;
-use crate::path::Path;
 
 /// A color in the notation of SVG.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,10 +98,6 @@ impl Stroke {
             Dash::Dotted => element.with("stroke-dasharray", "1.5 2.5"),
             Dash::DashDot => element.with("stroke-dasharray", "7 2.5 1.5 2.5"),
         }
-    }
-
-    pub(crate) fn draw(&self, path: Path) -> Element {
-        self.apply(Element::new("path")).with("d", path.into_text())
     }
 }
 

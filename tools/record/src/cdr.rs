@@ -100,7 +100,8 @@ impl std::fmt::Display for Number {
     }
 }
 
-/// Decodes every number of a payload in the order of its fields; `None` if it is not such a message.
+/// Decodes every number of a payload in the order of its fields; `None` if it is not such a
+/// message.
 #[must_use]
 pub fn numbers(layout: &PayloadLayout, message: &[u8]) -> Option<Vec<Number>> {
     let body = message.strip_prefix(&ENCAPSULATION)?.get(..layout.size)?;

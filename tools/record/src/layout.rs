@@ -212,7 +212,8 @@ macro_rules! layouts {
         /// The layouts of all payloads with their type names in iceoryx2.
         #[must_use]
         pub fn payload_layouts() -> Vec<(&'static str, PayloadLayout)> {
-            // SAFETY: the name is a constant of the type; implementing it is unsafe, reading is not.
+            // SAFETY: the name is a constant of the type; implementing it is unsafe, reading is
+            // not.
             vec![$((unsafe { <$type as ZeroCopySend>::type_name() }, $type::LAYOUT)),*]
         }
     };
@@ -224,7 +225,8 @@ layouts! {
         count: u32, flags: u32,
     }
     ServoActuator {
-        sequence: u64, stamp_ns: u64, client_id: u64, deadline_ns: u64, position_counts: [i32; 2], count: u32, flags: u32,
+        sequence: u64, stamp_ns: u64, client_id: u64, deadline_ns: u64, position_counts: [i32; 2],
+        count: u32, flags: u32,
     }
     JointState {
         sequence: u64, stamp_ns: u64, boot_id: u64, position: [f64; 3], velocity: [f64; 3],
@@ -234,17 +236,18 @@ layouts! {
         sequence: u64, stamp_ns: u64, boot_id: u64, measured_stamp_ns: [u64; 2],
         written_stamp_ns: [u64; 2], command_stamp_ns: [u64; 2], command_sequence: [u64; 2],
         exchanges: [u64; 2], measured_counts: [i32; 2], setpoint_counts: [i32; 2],
-        written_counts: [i32; 2], current_ma: [i32; 2], statusword: [u16; 2], error_code: [u16; 2], phase: [u8; 2], reserved: [u8; 2], count: u32,
+        written_counts: [i32; 2], current_ma: [i32; 2], statusword: [u16; 2], error_code: [u16; 2],
+        phase: [u8; 2], reserved: [u8; 2], count: u32,
     }
     OperatingStateMsg {
         sequence: u64, stamp_ns: u64, boot_id: u64, since_ns: u64, lease_client_id: u64,
-        accepted: u64, refused: u64, stale_stops: u64, state: u32, fault: u32, last_refusal:
-        u32, flags: u32,
+        accepted: u64, refused: u64, stale_stops: u64, state: u32, fault: u32, last_refusal: u32,
+        flags: u32,
     }
     PeriodStatistics {
         sequence: u64, stamp_ns: u64, boot_id: u64, window_ns: u64, period_ns: u64, ticks: u64,
-        missed: u64, total_ticks: u64, total_missed: u64, period: SpanSummary, lateness:
-        SpanSummary, compute: SpanSummary, priority: u32, cpu: u32, memory_locked: u32,
+        missed: u64, total_ticks: u64, total_missed: u64, period: SpanSummary,
+        lateness: SpanSummary, compute: SpanSummary, priority: u32, cpu: u32, memory_locked: u32,
         reserved: u32,
     }
     ExternalPosition {
@@ -266,8 +269,8 @@ layouts! {
     StateCommandReply { refusal: u32, state: u32 }
     VersionRequest { reserved: u64 }
     Version {
-        boot_id: u64, pid: u32, interface: u32, software: [u16; 3], shape: [u8; 2], model_id:
-        [u8; 32], output_names: [[u8; 16]; 3],
+        boot_id: u64, pid: u32, interface: u32, software: [u16; 3], shape: [u8; 2],
+        model_id: [u8; 32], output_names: [[u8; 16]; 3],
     }
 }
 

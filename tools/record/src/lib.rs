@@ -2,7 +2,7 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `layout` | the fields of every payload in one table, for schemas, columns and other languages |
+//! | `layout` | the fields of every payload, for schemas, tables and other languages |
 //! | `cdr` | payloads as CDR, the encoding of ROS 2 messages, and back |
 //! | `schema` | message definitions of ROS 2 |
 //! | `cpp_header` | the payloads as a C++ header |
@@ -15,9 +15,9 @@
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //!
 //! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` has the
-//! same angles as a standard ROS 2 message. Stamps in payloads are of the monotonic clock. Stamps of
-//! the file and of standard messages are Unix time; the offset between both clocks is measured at
-//! the start and written to the metadata.
+//! same angles as a standard ROS 2 message. Stamps in payloads are of the monotonic clock. Stamps
+//! of the file and of standard messages are Unix time; the offset between both clocks is measured
+//! at the start and written to the metadata.
 
 pub mod cdr;
 pub mod cpp_header;

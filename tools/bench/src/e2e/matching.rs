@@ -72,7 +72,7 @@ pub struct CommandLatencies {
 #[must_use]
 pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLatencies {
     let [written, arrived, wire, seen] = [0; 4].map(Durations::new);
-    let mut joined = CommandLatencies {
+    let mut matched = CommandLatencies {
         written,
         arrived,
         wire,
@@ -94,26 +94,26 @@ pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLate
             else {
                 continue;
             };
-            joined.commands += 1;
+            matched.commands += 1;
             if own.written > Nanos::ZERO {
-                joined.written.push(own.written.since(own.command));
-                joined.wire.push(arrival.since(own.written));
+                matched.written.push(own.written.since(own.command));
+                matched.wire.push(arrival.since(own.written));
             }
-            joined.arrived.push(arrival.since(own.command));
+            matched.arrived.push(arrival.since(own.command));
             let readings = &observations.readings[motor];
             let after = readings.partition_point(|reading| reading.measured <= *arrival);
             if let Some(reading) = readings.get(after) {
-                joined.seen.push(reading.seen.since(own.command));
+                matched.seen.push(reading.seen.since(own.command));
             }
         }
         let had: u64 = observations.written[motor].len() as u64;
-        joined.overtaken += if had > 0 {
+        matched.overtaken += if had > 0 {
             observations.sent.saturating_sub(had)
         } else {
             0
         };
     }
-    joined
+    matched
 }
 
 fn setpoint(event: &Event, motor: usize) -> Option<(Nanos, i32)> {
@@ -165,30 +165,26 @@ mod tests {
                 });
             }
         }
-        let joined = match_commands(&observations, &log);
+        let matched = match_commands(&observations, &log);
         assert_eq!(
-            (joined.commands, joined.overtaken),
+            (matched.commands, matched.overtaken),
             (2, 3),
             "ten commands are the warm-up"
         );
-        let near = |durations: &Durations, us: u64| {
-            durations.percentiles().p50.abs_diff(1000 * us) < 2 * us
-        };
-        assert!(
-            near(&joined.written, 900) && near(&joined.wire, 1100),
-            "{:?}",
-            joined.wire.percentiles()
-        );
-        assert!(
-            near(&joined.arrived, 2000) && near(&joined.seen, 4500),
-            "{:?}",
-            joined.seen.percentiles()
-        );
+        for (durations, us) in [
+            (&matched.written, 900),
+            (&matched.wire, 1100),
+            (&matched.arrived, 2000),
+            (&matched.seen, 4500),
+        ] {
+            let p50 = durations.percentiles().p50;
+            assert!(p50.abs_diff(1000 * us) < 2 * us, "{p50} {us}");
+        }
     }
 
     #[test]
-    fn nothing_comes_of_nothing() {
-        let joined = match_commands(&Observations::default(), &[]);
-        assert!(joined.arrived.is_empty() && joined.seen.is_empty() && joined.overtaken == 0);
+    fn no_commands_have_no_durations() {
+        let matched = match_commands(&Observations::default(), &[]);
+        assert!(matched.arrived.is_empty() && matched.seen.is_empty() && matched.overtaken == 0);
     }
 }

@@ -107,9 +107,9 @@ fn outcome(
     }
     let machine = Machine::detect();
     let (bare, controller) = ("a bare loop on the same line", "the controller");
-    let last_byte = "`last byte`: the stamp of the emulated drive, at the instant at which a wire of \
-                     115200 baud has delivered it. `encoder position`: the first one that was read \
-                     from the drive after that.";
+    let last_byte = "`last byte`: the stamp of the emulated drive, when a wire of 115200 baud has \
+                     delivered it. `encoder position`: the first one that was read from the drive \
+                     after that.";
     let parts = format!(
         "Between command and line are: the wait for the IPC thread before the next tick (up to \
          1 ms), the tick, and the wait for the end of the exchange on the line. The client reads \

@@ -1,9 +1,9 @@
 //! From one thread to another through shared memory: publish to receive.
 //!
-//! One thread sends 64 bytes, the size of a servo command, with the instant of sending every 0.2 ms.
-//! Another thread receives them and reads the clock. Either it *polls* without a pause, or it
-//! *waits* in the kernel until it is woken. Each has its own floor: a seqlock in shared memory, and a
-//! futex on it.
+//! One thread sends 64 bytes, the size of a servo command, with the instant of sending every 0.2
+//! ms. Another thread receives them and reads the clock. Either it *polls* without a pause, or it
+//! *waits* in the kernel until it is woken. Each has its own floor: a seqlock in shared memory, and
+//! a futex on it.
 //!
 //! | file | contains |
 //! |---|---|

@@ -33,8 +33,8 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// Messages that do not count: fewer in a short turn, in which a receiver on a busy machine also
-    /// misses some.
+    /// Messages that do not count: fewer in a short turn, in which a receiver on a busy machine
+    /// also misses some.
     fn warm_up(self) -> u64 {
         WARM_UP.min(self.messages / 2)
     }

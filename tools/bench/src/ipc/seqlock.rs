@@ -91,8 +91,8 @@ impl MappedSeqlock {
     fn new() -> Result<Arc<Self>, BenchError> {
         let length = NonZeroUsize::new(size_of::<Seqlock>()).unwrap_or(NonZeroUsize::MIN);
         let protection = ProtFlags::PROT_READ | ProtFlags::PROT_WRITE;
-        // SAFETY: a new mapping at an address that the kernel chooses; it is zeroed, which is a valid
-        // seqlock, and aligned to a page.
+        // SAFETY: a new mapping at an address that the kernel chooses; it is zeroed, which is a
+        // valid seqlock, and aligned to a page.
         let mapped = unsafe { mmap_anonymous(None, length, protection, MapFlags::MAP_SHARED) };
         let mapped = mapped
             .map_err(io::Error::from)

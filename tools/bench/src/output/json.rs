@@ -4,9 +4,9 @@ use serde_json::{Value, json};
 
 use crate::outcome::BenchOutcome;
 
-/// An object with `bench`, `about`, `machine`, `weather` (load of the machine), `scheduling`, `ways`
-/// (variants: percentiles in ns, and as multiples of the floor of their group), `quantities`,
-/// `notes`.
+/// An object with `bench`, `about`, `machine`, `weather` (load of the machine), `scheduling`,
+/// `ways` (variants: percentiles in ns, and as multiples of the floor of their group),
+/// `quantities`, `notes`.
 #[must_use]
 pub fn json(outcome: &BenchOutcome) -> Value {
     let variants = outcome.variants.iter().map(|variant| {

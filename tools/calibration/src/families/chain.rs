@@ -232,7 +232,7 @@ fn mean_square(errors: &DMatrix<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use i2ris::model::hysteresis::Operator;
-    use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+    use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
     use nalgebra::SVector;
 
     use super::super::operator_trace::{UnknownMemory, trace_plays};

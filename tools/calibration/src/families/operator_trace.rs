@@ -1,7 +1,7 @@
 //! Hysteresis operators along the path of a series. Callers do not depend on the number of motors.
 
 use i2ris::model::ModelError;
-use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use i2ris::model::hysteresis::residual::{count, features};
 use i2ris::model::hysteresis::stop::{StopParameters, Stops};
 use i2ris::model::hysteresis::{Lags, Operator};

@@ -3,7 +3,7 @@
 use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use nalgebra::SVector;
 
 use super::all_families::fit;

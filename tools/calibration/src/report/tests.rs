@@ -1,7 +1,7 @@
 //! Properties of every report.
 
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Hull, Model};
 
 use super::data::{ProjectedComponent, ReportData, Straight};

@@ -63,7 +63,7 @@ impl Mark for Ellipse {
         let positions: Option<Vec<_>> = self.outline().map(|point| area.position(point)).collect();
         let mut path = Path::default();
         path.polygon(positions.unwrap_or_default());
-        self.stroke.draw(path)
+        path.draw(self.stroke)
     }
 
     fn legend(&self) -> Vec<LegendEntry> {

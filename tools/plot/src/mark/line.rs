@@ -70,7 +70,7 @@ impl Line {
                 next -= length - done;
             }
         }
-        Stroke::new(self.stroke.color, 1.0).draw(path)
+        path.draw(Stroke::new(self.stroke.color, 1.0))
     }
 }
 
@@ -88,7 +88,7 @@ impl Mark for Line {
         }
         let markers = self.marker.map(|marker| self.draw_markers(&runs, marker));
         Element::new("g")
-            .child(self.stroke.draw(path))
+            .child(path.draw(self.stroke))
             .children(markers)
     }
 

@@ -57,8 +57,8 @@ impl Mark for Scatter {
             }
         }
         match self.marker {
-            Marker::Dot => self.stroke.draw(path).with("stroke-linecap", "round"),
-            _ => self.stroke.draw(path),
+            Marker::Dot => path.draw(self.stroke).with("stroke-linecap", "round"),
+            _ => path.draw(self.stroke),
         }
     }
 

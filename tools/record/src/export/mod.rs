@@ -1,8 +1,8 @@
 //! Tables for MATLAB, pandas and spreadsheets: one CSV or Parquet file for each topic of payloads.
 //!
 //! Columns are the fields of the payload: arrays as `NAME_0`, `NAME_1`, ..., members of spans as
-//! `NAME_p50_ns`, hashes as hexadecimal digits. The first columns are `t_s`, seconds since the first
-//! message of the file, and `received_s`, the same for the arrival at the recorder.
+//! `NAME_p50_ns`, hashes as hexadecimal digits. The first columns are `t_s`, seconds since the
+//! first message of the file, and `received_s`, the same for the arrival at the recorder.
 //!
 //! | file | contains |
 //! |---|---|

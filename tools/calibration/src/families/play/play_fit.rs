@@ -2,7 +2,7 @@
 
 use i2ris::model::ModelError;
 use i2ris::model::file::FamilyParameters;
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use nalgebra::DMatrix;
 
 use super::super::chain::{ChainError, ChainFit, ChainOptions, fit_chain};

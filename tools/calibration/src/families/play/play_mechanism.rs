@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use nalgebra::DVector;
 
 use crate::regression::linear::{LinearError, fit_linear};

@@ -1,7 +1,7 @@
 //! Properties of the fit of plays.
 
 use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 

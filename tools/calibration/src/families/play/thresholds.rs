@@ -1,6 +1,6 @@
 //! Thresholds, and the range of them that the path of the motors can show.
 
-use i2ris::model::hysteresis::play::PlayParameters;
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use nalgebra::DVector;
 
 use crate::series::Series;
