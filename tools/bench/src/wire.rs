@@ -240,7 +240,7 @@ fn driver(
     for motor in 0..2 {
         // As few other objects as allowed.
         let port = PortConfig {
-            pattern: Pattern {
+            polling: Polling {
                 status_every_rounds: 50,
                 slow_every_rounds: 1000,
             },

@@ -220,11 +220,11 @@ fn check_options(program: &str, words: &[&str], place: &str) {
         .copied()
         .collect();
     for count in (0..=names.len().min(2)).rev() {
-        let output = program::command(program)
-            .args(&names[..count])
-            .arg("--help")
-            .output();
-        let output = output.unwrap();
+        let arguments = [&names[..count], &["--help"]].concat();
+        let output = Command::new(program::path(program))
+            .args(arguments)
+            .output()
+            .unwrap();
         if output.status.success() {
             help = String::from_utf8_lossy(&output.stdout).into_owned();
             break;
