@@ -10,10 +10,6 @@
 #[path = "../cycle/bench.rs"]
 mod bench;
 mod cycle;
-#[allow(
-    dead_code,
-    reason = "shared with the tests of the drives, which use all of it"
-)]
 #[path = "../drive/fixture/mod.rs"]
 mod fixture;
 #[path = "../cycle/invariants.rs"]

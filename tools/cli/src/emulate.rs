@@ -37,7 +37,12 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR", default_value = DEFAULT_FOLDER)]
     ports: PathBuf,
     /// Domain of the controller that receives the frames of the camera
-    #[arg(long, value_name = "NAME", default_value = "i2ris")]
+    #[arg(
+        long,
+        env = "I2RIS_DOMAIN",
+        value_name = "NAME",
+        default_value = "i2ris"
+    )]
     domain: String,
     /// Write every set-point, change of state and broken rule to a CSV file
     #[arg(long, value_name = "FILE")]

@@ -118,7 +118,7 @@ impl Session {
 }
 
 fn servo_jp(body: &[u8], shift: &Shift, controller: &mut Controller) {
-    if let Some(command) = ServoJp::read_from_bytes(body).ok() {
+    if let Ok(command) = ServoJp::read_from_bytes(body) {
         controller.servo_jp(ServoJp {
             stamp_ns: shift.here(command.stamp_ns),
             ..command
@@ -127,7 +127,7 @@ fn servo_jp(body: &[u8], shift: &Shift, controller: &mut Controller) {
 }
 
 fn servo_actuators(body: &[u8], shift: &Shift, controller: &mut Controller) {
-    if let Some(command) = ServoActuator::read_from_bytes(body).ok() {
+    if let Ok(command) = ServoActuator::read_from_bytes(body) {
         controller.servo_actuators(ServoActuator {
             stamp_ns: shift.here(command.stamp_ns),
             ..command
