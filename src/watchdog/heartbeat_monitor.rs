@@ -104,7 +104,10 @@ mod tests {
     use super::*;
 
     /// Starts with a heartbeat at 100 ms, then checks `(heartbeat, now, status)`, ms.
-    fn check(off: bool, steps: &[(Option<(u64, bool)>, u64, ControllerStatus)]) {
+    /// Stamp and flag of the heartbeat, time of reading, expected status.
+    type Step = (Option<(u64, bool)>, u64, ControllerStatus);
+
+    fn check(off: bool, steps: &[Step]) {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         let start = [(Some((100, off)), 101, Started)];
         for (heartbeat, now, status) in start.iter().chain(steps) {

@@ -160,14 +160,13 @@ pub(super) fn padded<T: Copy + Default, const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::{MAX_OUTPUTS, OutputVec};
+    use crate::units::MAX_OUTPUTS;
 
     #[test]
     fn values_are_padded_with_zeros() {
-        let padded: fn(&[f64]) -> Result<(OutputVec, u32), ClientError> = padded;
         assert_eq!(padded(&[1.0, 2.0]).unwrap(), ([1.0, 2.0, 0.0], 2));
         for wrong in [&[][..], &[0.0; MAX_OUTPUTS + 1]] {
-            let error = padded(wrong).unwrap_err();
+            let error = padded::<f64, MAX_OUTPUTS>(wrong).unwrap_err();
             let length = wrong.len();
             assert!(matches!(error, ClientError::Count { given, limit: 3 } if given == length));
         }

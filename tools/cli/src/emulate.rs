@@ -34,7 +34,12 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", default_value = "config/snakes/steel.toml")]
     snake: PathBuf,
     /// Folder in which the ports appear as axis0 and axis1
-    #[arg(long, value_name = "DIR", default_value = DEFAULT_FOLDER)]
+    #[arg(
+        long,
+        env = "I2RIS_EMULATOR_PORTS",
+        value_name = "DIR",
+        default_value = DEFAULT_FOLDER
+    )]
     ports: PathBuf,
     /// Domain of the controller that receives the frames of the camera
     #[arg(
