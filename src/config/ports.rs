@@ -253,7 +253,8 @@ mod tests {
 
     fn parse(port: &str, axis: &str) -> Result<Config, String> {
         let text = format!(
-            "robot_id = \"test\"\n[[ports]]\ndevice = \"/dev/null\"\n{port}\n[[ports.axes]]\nmotor = 0\nnode_id = 0\n\
+            "robot_id = \"test\"\n[[ports]]\ndevice = \"/dev/null\"\n{port}\n[[ports.axes]]\n\
+             motor = 0\nnode_id = 0\n\
              serial_number = 1\nposition_min_counts = -100\nposition_max_counts = 100\n{axis}"
         );
         Config::parse(&text, Path::new("robot.toml")).map_err(|error| error.to_string())
@@ -311,8 +312,10 @@ mod tests {
         /// A damaged file is refused or understood, and never ends the process.
         #[test]
         fn damaged_files_never_panic(cut in 0..400usize, byte: u8, place in 0..400usize) {
-            let whole = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\nbaud = 115200\nfamily = \"epos2\"\n\
-                         [[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -100\n\
+            let whole = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\nbaud = 115200\n\
+                         family = \"epos2\"\n\
+                         [[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 1\n\
+                         position_min_counts = -100\n\
                          position_max_counts = 100\nhoming = \"stop-positive\"\n";
             let mut damaged = whole.as_bytes().to_vec();
             let length = damaged.len();
@@ -324,7 +327,8 @@ mod tests {
 
     #[test]
     fn two_axes_with_one_node_id_are_refused() {
-        let second = "[[ports.axes]]\nmotor = 1\nnode_id = 0\nserial_number = 2\nposition_min_counts = 0\n\
+        let second = "[[ports.axes]]\nmotor = 1\nnode_id = 0\nserial_number = 2\n\
+                      position_min_counts = 0\n\
                       position_max_counts = 1";
         assert!(
             parse("", second)

@@ -100,7 +100,8 @@ fn an_old_key_is_refused_with_its_new_name() {
 #[test]
 fn two_axes_on_one_motor_are_refused() {
     let text = error(
-        "[[ports]]\ndevice = \"/dev/zero\"\n[[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 2\n\
+        "[[ports]]\ndevice = \"/dev/zero\"\n[[ports.axes]]\nmotor = 0\nnode_id = 0\n\
+         serial_number = 2\n\
          position_min_counts = 0\nposition_max_counts = 1",
     );
     assert!(text.contains("turned by another axis"), "{text}");

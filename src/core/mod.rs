@@ -128,8 +128,8 @@
 //! command moves on from there.
 //!
 //! Angles are inverted in every tick, clamped to the position limits of the axes, limited per motor
-//! and rounded. `goal_extrapolation` defines what happens between commands, `velocity_limit` what the
-//! limits guarantee. Together: motion within the limits is followed without lag behind the
+//! and rounded. `goal_extrapolation` defines what happens between commands, `velocity_limit` what
+//! the limits guarantee. Together: motion within the limits is followed without lag behind the
 //! commands, at every command rate above 50 Hz. The path of the limiter towards a *step* is not
 //! checked against the calibrated hull, only its end is: motors with unequal distances do not move
 //! on a straight line.

@@ -29,7 +29,8 @@ pub enum ModelError {
     },
     /// The file could not be written. Nothing is left at its place but what was there before.
     #[error(
-        "cannot write model file {path}: {source}; name a file in a folder that exists and is writable"
+        "cannot write model file {path}: {source}; name a file in a folder that exists and is \
+         writable"
     )]
     Write {
         /// The file.
@@ -42,7 +43,8 @@ pub enum ModelError {
     Json(#[from] serde_json::Error),
     /// JSON, but not a model.
     #[error(
-        "is not a model: its `format` is `{found}`, not `{FORMAT}`; name a file that `i2ris calibrate fit` wrote"
+        "is not a model: its `format` is `{found}`, not `{FORMAT}`; name a file that `i2ris \
+         calibrate fit` wrote"
     )]
     Format {
         /// What stands there.
@@ -50,7 +52,8 @@ pub enum ModelError {
     },
     /// A model for another version of this software.
     #[error(
-        "has schema_version {found}, and this software reads {SCHEMA_VERSION} only; fit the model again from its recording"
+        "has schema_version {found}, and this software reads {SCHEMA_VERSION} only; fit the model \
+         again from its recording"
     )]
     SchemaVersion {
         /// What stands there.
@@ -68,7 +71,8 @@ pub enum ModelError {
     },
     /// The inverse does not lead back: the model folds or is flat there.
     #[error(
-        "the inverse fails at counts {counts:?}: forward(inverse(x)) misses x by {error:.4} {unit}, and one count is \
+        "the inverse fails at counts {counts:?}: forward(inverse(x)) misses x by {error:.4} \
+         {unit}, and one count is \
          worth {one_count:.4} {unit} there; record more of that region or fit with fewer components"
     )]
     NotInvertible {
@@ -83,7 +87,8 @@ pub enum ModelError {
     },
     /// A model of another robot.
     #[error(
-        "was calibrated on robot `{model}`, and this robot is `{robot}`; name a model of `{robot}` or calibrate it"
+        "was calibrated on robot `{model}`, and this robot is `{robot}`; name a model of \
+         `{robot}` or calibrate it"
     )]
     Robot {
         /// The robot of the model.
@@ -93,7 +98,8 @@ pub enum ModelError {
     },
     /// A model for another number of motors.
     #[error(
-        "is for {model} motor(s), and this robot has {robot}; name a model of this robot or calibrate it"
+        "is for {model} motor(s), and this robot has {robot}; name a model of this robot or \
+         calibrate it"
     )]
     Motors {
         /// Motors of the model.
@@ -103,7 +109,8 @@ pub enum ModelError {
     },
     /// A hull around too few or too narrowly spread positions.
     #[error(
-        "the positions visited span no area of motor space near {near:?} counts; record motion of every motor"
+        "the positions visited span no area of motor space near {near:?} counts; record motion of \
+         every motor"
     )]
     FlatHull {
         /// The middle of the positions, counts.

@@ -19,7 +19,7 @@
 //! |---|---|
 //! | `prepared` | [`Model`]: a file that was checked and prepared, for the control loop |
 //! | `file` | model files: format, checks, reading and writing, identity |
-//! | `families` | linear, [`kinematic`], mixture regression, [`direction`], [`hysteresis`]; memory |
+//! | `families` | linear, [`kinematic`], mixtures, [`direction`], [`hysteresis`]; memory |
 //! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
 //! | `history` | positions of the motors, to rebuild a memory from |
 //! | `estimate`, `error`, `output_unit`, `schema_version` | answers, refusals, units, version |

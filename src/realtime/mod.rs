@@ -2,7 +2,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `scheduling` | requests to the kernel: SCHED_FIFO, processor, locked memory; what was granted |
+//! | `scheduling` | SCHED_FIFO, processor, locked memory: requests and what was granted |
 //! | `ticker` | waits for the next tick on the absolute clock |
 //! | `statistics` | period, lateness and computing time of the loop |
 

@@ -214,7 +214,8 @@ fn memory_warning(errno: Errno) -> String {
 
 fn processor_warning(cpu: usize, errno: Errno) -> String {
     format!(
-        "pinning to processor {cpu} refused ({errno}): it does not exist or is not allowed for this \
+        "pinning to processor {cpu} refused ({errno}): it does not exist or is not allowed for \
+         this \
          process; change control.cpu"
     )
 }

@@ -246,14 +246,21 @@ proptest! {
 
     #[test]
     fn there_and_back_on_branches_1x1(
-        map in smooth_gmr(1, 1), lag in 0.0..40.0_f64, p in path(1), at in position(1), start in position(1),
+        map in smooth_gmr(1, 1),
+        lag in 0.0..40.0_f64,
+        p in path(1),
+        at in position(1),
+        start in position(1),
     ) {
         check_round_trip(&map, &[lag], &p, at, start);
     }
 
     #[test]
     fn there_and_back_on_branches_2x2(
-        map in smooth_gmr(2, 2), lags in [0.0..40.0_f64, 0.0..40.0_f64], p in path(2), at in position(2),
+        map in smooth_gmr(2, 2),
+        lags in [0.0..40.0_f64, 0.0..40.0_f64],
+        p in path(2),
+        at in position(2),
         start in position(2),
     ) {
         check_round_trip(&map, &lags, &p, at, start);
@@ -261,7 +268,10 @@ proptest! {
 
     #[test]
     fn there_and_back_on_branches_2x3(
-        map in smooth_gmr(2, 3), lags in [0.0..40.0_f64, 0.0..40.0_f64], p in path(2), at in position(2),
+        map in smooth_gmr(2, 3),
+        lags in [0.0..40.0_f64, 0.0..40.0_f64],
+        p in path(2),
+        at in position(2),
         start in position(2),
     ) {
         check_round_trip(&map, &lags, &p, at, start);
@@ -269,12 +279,23 @@ proptest! {
 
     #[test]
     fn no_goal_leads_out_of_the_hull(
-        map in smooth_gmr(2, 2), lags in [0.0..40.0_f64, 0.0..40.0_f64], p in path(2), goal in [wild(), wild(), wild()],
+        map in smooth_gmr(2, 2),
+        lags in [0.0..40.0_f64, 0.0..40.0_f64],
+        p in path(2),
+        goal in [wild(), wild(), wild()],
         start in [wild(), wild()], compensation in 0.0..1.0_f64,
     ) {
         let model = Model::from_file(branch_file(&map, &lags)).unwrap();
-        let inverse = model.invert(&goal, &after(&model, &p), &Query { compensation, ..Query::new(start) });
-        prop_assert!(model.hull().contains(&inverse.counts) && inverse.residual >= 0.0, "{:?}", inverse);
+        let inverse = model.invert(
+            &goal,
+            &after(&model, &p),
+            &Query { compensation, ..Query::new(start) },
+        );
+        prop_assert!(
+            model.hull().contains(&inverse.counts) && inverse.residual >= 0.0,
+            "{:?}",
+            inverse,
+        );
         if goal[..2].iter().any(|g| !g.is_finite()) {
             prop_assert!(inverse.clipped && inverse.residual.is_infinite(), "{:?}", inverse);
         }
@@ -283,7 +304,11 @@ proptest! {
     }
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_branch(map in smooth_gmr(2, 2), p in path(2), at in position(2)) {
+    fn the_jacobian_is_the_slope_of_the_branch(
+        map in smooth_gmr(2, 2),
+        p in path(2),
+        at in position(2),
+    ) {
         const STEP: f64 = 0.01;
         let model = Model::from_file(branch_file(&map, &[10.0, 20.0])).unwrap();
         let memory = after(&model, &[p.as_slice(), &[at]].concat());

@@ -169,7 +169,11 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_the_parser_panic(text in ".{0,200}", cut in 0..2000_usize, byte in any::<u8>()) {
+    fn no_text_makes_the_parser_panic(
+        text in ".{0,200}",
+        cut in 0..2000_usize,
+        byte in any::<u8>(),
+    ) {
         prop_assert!(ModelFile::parse(&text).is_err());
         let mut bytes = serde_json::to_vec(&sample()).unwrap();
         let place = cut % bytes.len();

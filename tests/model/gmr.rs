@@ -257,12 +257,18 @@ proptest! {
     }
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_mean_of_a_rough_mixture(a in -400.0..400.0_f64, b in -400.0..400.0_f64) {
+    fn the_jacobian_is_the_slope_of_the_mean_of_a_rough_mixture(
+        a in -400.0..400.0_f64,
+        b in -400.0..400.0_f64,
+    ) {
         check_jacobian(&Model::from_file(file(2, two_by_two(), square(50.0))).unwrap(), [a, b]);
     }
 
     #[test]
-    fn the_total_covariance_is_never_below_the_part_within(map in smooth_gmr(2, 3), at in position(2)) {
+    fn the_total_covariance_is_never_below_the_part_within(
+        map in smooth_gmr(2, 3),
+        at in position(2),
+    ) {
         check_covariances(&Model::from_file(map.file()).unwrap(), at);
     }
 

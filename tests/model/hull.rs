@@ -163,7 +163,11 @@ proptest! {
     }
 
     #[test]
-    fn a_projection_is_inside_and_nearest(points in points(), a in -1e5..1e5_f64, b in -1e5..1e5_f64) {
+    fn a_projection_is_inside_and_nearest(
+        points in points(),
+        a in -1e5..1e5_f64,
+        b in -1e5..1e5_f64,
+    ) {
         if let Ok(hull) = Hull::from_points(2, &points) {
             let nearest = hull.project(&[a, b]);
             prop_assert!(hull.contains(&nearest));
@@ -171,7 +175,10 @@ proptest! {
             let reach = distance(nearest, [a, b]);
             prop_assert!(points.iter().all(|point| reach <= distance(*point, [a, b]) + 1e-6));
             // Nearest on a convex region: no point of it lies ahead of the way to it.
-            let ahead = |p: &[f64; 2]| (p[0] - nearest[0]) * (a - nearest[0]) + (p[1] - nearest[1]) * (b - nearest[1]);
+            let ahead =
+                |p: &[f64; 2]| {
+                    (p[0] - nearest[0]) * (a - nearest[0]) + (p[1] - nearest[1]) * (b - nearest[1])
+                };
             prop_assert!(hull.corners().all(|corner| ahead(&corner) <= 1e-6 * (1.0 + reach)));
         }
     }

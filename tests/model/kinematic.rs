@@ -195,7 +195,10 @@ proptest! {
 
     #[test]
     fn there_and_back_through_the_chain(
-        radii in [radius(), radius()], rotation in -180.0..180.0_f64, at in position(), start in position(),
+        radii in [radius(), radius()],
+        rotation in -180.0..180.0_f64,
+        at in position(),
+        start in position(),
     ) {
         check_round_trip(2, OutputUnit::Deg, robot(&radii, rotation), at, start);
         check_round_trip(3, OutputUnit::Mm, robot(&radii, rotation), at, start);
@@ -204,7 +207,10 @@ proptest! {
     }
 
     #[test]
-    fn every_count_gives_finite_outputs(radii in [radius(), radius()], at in [any::<f64>(), any::<f64>()]) {
+    fn every_count_gives_finite_outputs(
+        radii in [radius(), radius()],
+        at in [any::<f64>(), any::<f64>()],
+    ) {
         prop_assume!(at.iter().all(|at| at.is_finite()));
         let model = model(robot(&radii, 45.0), 3, OutputUnit::Mm);
         prop_assert!(mean(&model, at).iter().all(|output| output.is_finite()));

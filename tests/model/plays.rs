@@ -197,37 +197,61 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn there_and_back_with_memory_1x1(f in play_file(1, 1), p in path(1), at in position(1), start in position(1)) {
+    fn there_and_back_with_memory_1x1(
+        f in play_file(1, 1),
+        p in path(1),
+        at in position(1),
+        start in position(1),
+    ) {
         check_round_trip(f, &p, at, start);
     }
 
     #[test]
-    fn there_and_back_with_memory_2x2(f in play_file(2, 2), p in path(2), at in position(2), start in position(2)) {
+    fn there_and_back_with_memory_2x2(
+        f in play_file(2, 2),
+        p in path(2),
+        at in position(2),
+        start in position(2),
+    ) {
         check_round_trip(f, &p, at, start);
     }
 
     #[test]
-    fn there_and_back_with_memory_2x3(f in play_file(2, 3), p in path(2), at in position(2), start in position(2)) {
+    fn there_and_back_with_memory_2x3(
+        f in play_file(2, 3),
+        p in path(2),
+        at in position(2),
+        start in position(2),
+    ) {
         check_round_trip(f, &p, at, start);
     }
 
     #[test]
     fn any_goal_gets_counts_in_the_hull_1x1(
-        f in play_file(1, 1), p in path(1), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+        f in play_file(1, 1),
+        p in path(1),
+        goal in [wild(), wild(), wild()],
+        start in [wild(), wild()],
     ) {
         check_wild_goals(f, &p, goal, start);
     }
 
     #[test]
     fn any_goal_gets_counts_in_the_hull_2x2(
-        f in play_file(2, 2), p in path(2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+        f in play_file(2, 2),
+        p in path(2),
+        goal in [wild(), wild(), wild()],
+        start in [wild(), wild()],
     ) {
         check_wild_goals(f, &p, goal, start);
     }
 
     #[test]
     fn any_goal_gets_counts_in_the_hull_2x3(
-        f in play_file(2, 3), p in path(2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+        f in play_file(2, 3),
+        p in path(2),
+        goal in [wild(), wild(), wild()],
+        start in [wild(), wild()],
     ) {
         check_wild_goals(f, &p, goal, start);
     }
@@ -235,7 +259,12 @@ proptest! {
     /// Compensation goes from where the motors would be without memory to the exact inverse, in a
     /// straight line.
     #[test]
-    fn compensation_is_a_part_of_the_way(f in play_file(2, 2), p in path(2), at in position(2), part in 0.0..1.0_f64) {
+    fn compensation_is_a_part_of_the_way(
+        f in play_file(2, 2),
+        p in path(2),
+        at in position(2),
+        part in 0.0..1.0_f64,
+    ) {
         let (plain, model) = (memoryless(&f), Model::from_file(f).unwrap());
         let memory = after(&model, &p);
         let goal = model.predict(&at, &memory).mean;
@@ -245,7 +274,12 @@ proptest! {
         };
         let (none, some, all): (Inverse, Inverse, Inverse) = (with(0.0), with(part), with(1.0));
         let without = plain.invert(&goal, &plain.new_memory(), &Query::new([0.0; 2]));
-        prop_assert!(distance(&none.counts, &without.counts) < 0.1, "{:?} is not {:?}", none, without);
+        prop_assert!(
+            distance(&none.counts, &without.counts) < 0.1,
+            "{:?} is not {:?}",
+            none,
+            without,
+        );
         if !none.clipped && !all.clipped {
             for motor in 0..2 {
                 let expected = none.counts[motor] + part * (all.counts[motor] - none.counts[motor]);
@@ -255,17 +289,28 @@ proptest! {
     }
 
     #[test]
-    fn a_correction_that_is_given_takes_the_place_of_the_models(f in play_file(2, 2), p in path(2), at in position(2)) {
+    fn a_correction_that_is_given_takes_the_place_of_the_models(
+        f in play_file(2, 2),
+        p in path(2),
+        at in position(2),
+    ) {
         let model = Model::from_file(f).unwrap();
         let memory = after(&model, &p);
         let goal = model.predict(&at, &memory).mean;
         let correction = Some(model.correction(&memory));
         let query = Query { correction, ..Query::new([0.0; 2]) };
-        prop_assert_eq!(model.invert(&goal, &memory, &query), model.invert(&goal, &memory, &Query::new([0.0; 2])));
+        prop_assert_eq!(
+            model.invert(&goal, &memory, &query),
+            model.invert(&goal, &memory, &Query::new([0.0; 2])),
+        );
     }
 
     #[test]
-    fn a_memory_rebuilt_from_the_same_way_is_the_same(f in play_file(2, 2), p in path(2), extra in 0..12_usize) {
+    fn a_memory_rebuilt_from_the_same_way_is_the_same(
+        f in play_file(2, 2),
+        p in path(2),
+        extra in 0..12_usize,
+    ) {
         let model = Model::from_file(f).unwrap();
         let memory = after(&model, &p);
         prop_assert_eq!(after(&model, &p), memory);
@@ -290,7 +335,8 @@ proptest! {
         let fine: Vec<_> = p.iter().take(1).copied().chain(between).collect();
         let (fine, coarse) = (after(&model, &fine), after(&model, &p));
         for at in [-REACH, -100.0, 0.0, 321.0] {
-            let [fine, coarse] = [fine, coarse].map(|memory| model.predict(&[at, 0.0], &memory).mean[0]);
+            let [fine, coarse] =
+                [fine, coarse].map(|memory| model.predict(&[at, 0.0], &memory).mean[0]);
             prop_assert!((fine - coarse).abs() < 1e-12);
         }
     }
@@ -303,7 +349,8 @@ proptest! {
         let family = FamilyParameters::GmrPlay {
             residual: None,
             plays: plain,
-            mixture: { let FamilyParameters::GmrPlay { mixture, .. } = &f.family else { panic!() }; mixture.clone() },
+            mixture: { let FamilyParameters::GmrPlay { mixture, .. } = &f.family else { panic!(
+            ) }; mixture.clone() },
             virtual_hull: HullParameters { corners: region(2, REACH) },
         };
         let model = Model::from_file(ModelFile { family, ..f }).unwrap();
@@ -352,14 +399,26 @@ proptest! {
 
     /// An excursion that comes back to where it turned leaves no trace.
     #[test]
-    fn a_closed_minor_loop_is_forgotten(p in plays(1, 0), w in way(), to in -REACH..REACH, part in 0.0..1.0_f64) {
+    fn a_closed_minor_loop_is_forgotten(
+        p in plays(1, 0),
+        w in way(),
+        to in -REACH..REACH,
+        part in 0.0..1.0_f64,
+    ) {
         let operator = operator(&p);
         let from = w[w.len() - 1];
         let inside = from + part * (to - from);
-        let (without, with) = ([w.as_slice(), &[to]].concat(), [w.as_slice(), &[to, inside, to]].concat());
+        let (without, with) = (
+            [w.as_slice(), &[to]].concat(),
+            [w.as_slice(), &[to, inside, to]].concat(),
+        );
         let [without, with] = [without, with].map(|way| ways(&operator, &way));
         for at in [-REACH, -77.0, 0.0, 200.0, REACH] {
-            let apart = virtual_counts(&operator, &without, at) - virtual_counts(&operator, &with, at);
+            let apart = virtual_counts(
+                &operator,
+                &without,
+                at,
+            ) - virtual_counts(&operator, &with, at);
             prop_assert!(apart.abs() < 1e-9);
         }
     }
@@ -367,12 +426,21 @@ proptest! {
     /// Minor loops between the same counts have the same shape, wherever the past has put them.
     #[test]
     fn minor_loops_are_congruent(
-        p in plays(1, 0), a in way(), b in way(), low in -REACH..0.0_f64, high in 0.0..REACH, part in 0.0..1.0_f64,
+        p in plays(1, 0),
+        a in way(),
+        b in way(),
+        low in -REACH..0.0_f64,
+        high in 0.0..REACH,
+        part in 0.0..1.0_f64,
     ) {
         let operator = operator(&p);
         let rise = |way: &[f64]| {
             let state = ways(&operator, &[way, &[low, high, low]].concat());
-            virtual_counts(&operator, &state, low + part * (high - low)) - virtual_counts(&operator, &state, low)
+            virtual_counts(
+                &operator,
+                &state,
+                low + part * (high - low),
+            ) - virtual_counts(&operator, &state, low)
         };
         prop_assert!((rise(&a) - rise(&b)).abs() < 1e-9);
     }
@@ -380,10 +448,19 @@ proptest! {
     /// Higher counts give higher virtual counts, by no less than the first weight says and no more
     /// than one for one.
     #[test]
-    fn virtual_counts_rise_with_the_counts(p in plays(1, 0), w in way(), at in -REACH..REACH, by in 0.01..50.0_f64) {
+    fn virtual_counts_rise_with_the_counts(
+        p in plays(1, 0),
+        w in way(),
+        at in -REACH..REACH,
+        by in 0.01..50.0_f64,
+    ) {
         let operator = operator(&p);
         let state = ways(&operator, &w);
-        let rise = virtual_counts(&operator, &state, at + by) - virtual_counts(&operator, &state, at);
+        let rise = virtual_counts(
+            &operator,
+            &state,
+            at + by,
+        ) - virtual_counts(&operator, &state, at);
         prop_assert!(rise >= p.weights[0][0] * by - 1e-9 && rise <= by + 1e-9, "{rise} over {by}");
     }
 
@@ -405,12 +482,17 @@ proptest! {
     }
 
     #[test]
-    fn the_slope_of_the_plays_is_that_of_the_virtual_counts(p in plays(1, 0), w in way(), at in -REACH..REACH) {
+    fn the_slope_of_the_plays_is_that_of_the_virtual_counts(
+        p in plays(1, 0),
+        w in way(),
+        at in -REACH..REACH,
+    ) {
         const STEP: f64 = 1e-4;
         let operator = operator(&p);
         let state = ways(&operator, &w);
         let local = operator.local(&state, &SVector::from([at])).jacobian[(0, 0)];
-        let [behind, ahead] = [-STEP, STEP].map(|by| operator.local(&state, &SVector::from([at + by])));
+        let [behind, ahead] =
+            [-STEP, STEP].map(|by| operator.local(&state, &SVector::from([at + by])));
         // At a kink the slopes of both sides differ.
         if behind.jacobian == ahead.jacobian {
             prop_assert!((local - (ahead.mean[0] - behind.mean[0]) / (2.0 * STEP)).abs() < 1e-6);
@@ -449,7 +531,10 @@ proptest! {
         prop_assert_eq!(model.knows(&rebuilt), model.knows(&lived));
         for counts in [[0.0, 0.0], [30.0, -20.0], *way.last().unwrap()] {
             // Planar plays cut the corners of a way that is not straight: a few of 8 counts.
-            let (a, b) = (model.predict(&counts, &rebuilt).mean, model.predict(&counts, &lived).mean);
+            let (a, b) = (
+                model.predict(&counts, &rebuilt).mean,
+                model.predict(&counts, &lived).mean,
+            );
             let apart = (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees();
             prop_assert!(apart < 0.1, "{apart} deg");
         }

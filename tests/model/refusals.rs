@@ -319,9 +319,10 @@ fn a_model_whose_inverse_does_not_lead_back_is_refused_with_the_place() {
     };
     let bad = file(1, FamilyParameters::Gmr { mixture }, region(1, 440.0));
     let error = Model::from_file(bad).unwrap_err();
-    assert!(
-        matches!(&error, ModelError::NotInvertible { counts, .. } if counts.len() == 1 && counts[0].abs() > 200.0)
-    );
+    assert!(matches!(
+        &error,
+        ModelError::NotInvertible { counts, .. } if counts.len() == 1 && counts[0].abs() > 200.0,
+    ));
     says(
         &error.to_string(),
         &[

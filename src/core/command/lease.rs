@@ -1,8 +1,8 @@
 //! Lease: one client commands at a time.
 //!
 //! The first accepted command takes a free lease, and every accepted command renews it. The lease
-//! expires after `command.lease_timeout_ms` without an accepted command. The state command `release` gives
-//! it back at once.
+//! expires after `command.lease_timeout_ms` without an accepted command. The state command
+//! `release` gives it back at once.
 
 use serde::{Deserialize, Serialize};
 

@@ -44,8 +44,8 @@ struct Header {
 }
 
 impl ModelFile {
-    /// Parses the text of a model file. What it holds is not checked: [`crate::model::Model::from_file`] does
-    /// that.
+    /// Parses the text of a model file. What it holds is not checked:
+    /// [`crate::model::Model::from_file`] does that.
     ///
     /// # Errors
     ///
@@ -91,8 +91,8 @@ impl ModelFile {
         Ok(ModelId(Sha256::digest(self.canonical_form()?).into()))
     }
 
-    /// Writes the file without a check, whole or not at all: into a new file in the same folder that
-    /// then takes the name.
+    /// Writes the file without a check, whole or not at all: into a new file in the same folder
+    /// that then takes the name.
     pub(in crate::model) fn save(&self, path: &Path) -> Result<(), ModelError> {
         let text = readable(&serde_json::to_string_pretty(self)?);
         replace(path, text.as_bytes()).map_err(|source| ModelError::Write {

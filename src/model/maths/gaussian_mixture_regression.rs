@@ -13,7 +13,7 @@
 //! C_k     = S_k^O - A_k S_k^IO                                             conditional covariance
 //! mean    = sum_k h_k y_k
 //! total   = sum_k h_k (C_k + (y_k - mean) (y_k - mean)^T)                  law of total covariance
-//! within  = sum_k h_k^2 C_k                                                the note's approximation
+//! within  = sum_k h_k^2 C_k                                            the note's approximation
 //! ```
 //!
 //! Derivative of the mean. `d log N(x; mu_k^I, S_k^I) / dx = -(S_k^I)^-1 (x - mu_k^I) =: g_k`,
@@ -136,7 +136,8 @@ impl<const I: usize, const O: usize> Part<I, O> {
         let refused = |shown: String| ModelError::Value {
             key: format!("family.mixture.covariances[{k}]"),
             value: shown,
-            reason: "the component is too narrow to compute with: fit with more regularisation or fewer components",
+            reason: "the component is too narrow to compute with: fit with more regularisation or \
+             fewer components",
         };
         let inputs: DMatrix<f64> = block(input, input, I, I);
         let factor = inputs

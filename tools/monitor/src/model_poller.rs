@@ -76,8 +76,8 @@ impl Models {
     }
 }
 
-/// Polls the list of models every few seconds, and on request. It sends no other request, so it cannot
-/// change anything.
+/// Polls the list of models every few seconds, and on request. It sends no other request, so it
+/// cannot change anything.
 #[derive(Debug)]
 pub struct ModelPoller {
     known: Arc<Mutex<Models>>,

@@ -251,7 +251,8 @@ fn given<const D: usize, const M: usize>(
     let refused = || ModelError::Value {
         key: "family.mixture.covariances".to_owned(),
         value: format!("{directions:?}"),
-        reason: "the components cannot be told apart by direction: fit with more regularisation or fewer components",
+        reason: "the components cannot be told apart by direction: fit with more regularisation \
+         or fewer components",
     };
     Gmr::new(&condition(components, &rest, &known).ok_or_else(refused)?)
 }

@@ -123,18 +123,37 @@ mod tests {
     proptest! {
         #[test]
         fn positions_within_a_straight_way_change_nothing(
-            way in prop::collection::vec(-50.0..50.0_f64, 1..20), last in -50.0..50.0_f64, part in 0.0..1.0_f64,
+            way in prop::collection::vec(-50.0..50.0_f64, 1..20),
+            last in -50.0..50.0_f64,
+            part in 0.0..1.0_f64,
         ) {
-            let before = way.iter().fold(Travel::begin(0.0), |travel, at| travel.advanced(*at, 8.0));
+            let before = way.iter().fold(
+                Travel::begin(0.0),
+                |travel,
+                at| travel.advanced(*at, 8.0),
+            );
             let from = way[way.len() - 1];
             let direct = before.advanced(last, 8.0);
-            prop_assert_eq!(before.advanced(from + part * (last - from), 8.0).advanced(last, 8.0), direct);
+            prop_assert_eq!(
+                before.advanced(from + part * (last - from), 8.0).advanced(last, 8.0),
+                direct,
+            );
         }
 
         #[test]
-        fn a_range_of_the_dead_band_makes_the_direction_known(way in prop::collection::vec(-9.0..9.0_f64, 1..20)) {
-            let travel = way.iter().skip(1).fold(Travel::begin(way[0]), |travel, at| travel.advanced(*at, 8.0));
-            let (low, high) = way.iter().fold((way[0], way[0]), |(low, high), at| (low.min(*at), high.max(*at)));
+        fn a_range_of_the_dead_band_makes_the_direction_known(
+            way in prop::collection::vec(-9.0..9.0_f64, 1..20),
+        ) {
+            let travel = way.iter().skip(1).fold(
+                Travel::begin(way[0]),
+                |travel,
+                at| travel.advanced(*at, 8.0),
+            );
+            let (low, high) = way.iter().fold(
+                (way[0], way[0]),
+                |(low, high),
+                at| (low.min(*at), high.max(*at)),
+            );
             prop_assert_eq!(travel.direction() != Direction::Unknown, high - low >= 8.0);
         }
     }

@@ -303,7 +303,8 @@ mod tests {
             past in prop::collection::vec(-8000.0..8000.0_f64, 1..12),
             goal in -7000.0..7000.0_f64,
         ) {
-            let thresholds = std::iter::once(0.0).chain((0..10).map(|i| low * ratio.powi(i))).collect();
+            let thresholds =
+                std::iter::once(0.0).chain((0..10).map(|i| low * ratio.powi(i))).collect();
             let weights = std::iter::once(first).chain([(1.0 - first) / 10.0; 10]).collect();
             let file = PlayParameters {
                 thresholds_counts: vec![thresholds],

@@ -168,7 +168,8 @@ mod tests {
             let ahead = [tip(pitch + STEP, yaw), tip(pitch, yaw + STEP)];
             let behind = [tip(pitch - STEP, yaw), tip(pitch, yaw - STEP)];
             for axis in 0..2 {
-                let difference = (ahead[axis].position_mm - behind[axis].position_mm) / (2.0 * STEP);
+                let difference =
+                    (ahead[axis].position_mm - behind[axis].position_mm) / (2.0 * STEP);
                 prop_assert!((slope.column(axis) - difference).norm() < 1e-7);
             }
         }

@@ -53,7 +53,8 @@ pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
     named(MEMORYLESS).or_else(|| named(BASELINE))
 }
 
-/// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the symbol
+/// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the
+/// symbol
 /// of the counts.
 pub(super) fn along(direction: &MotorVec, motors: usize, q: char) -> String {
     let named = direction

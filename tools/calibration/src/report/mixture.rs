@@ -38,7 +38,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     .row(HEIGHTS[1], tilted);
     let family = chosen(data).map_or("the model", |family| family.name.as_str());
     let caption = format!(
-        "The mixture of {family} along each output. Scatter: what the mixture has to explain at the \
+        "The mixture of {family} along each output. Scatter: what the mixture has to explain at \
+         the \
          rows used for training, which is what was measured less what a residual takes. Ellipses: \
          components at two standard deviations, projected on this plane; the heavier the line, the \
          larger the share. Line and band: the regression on the path through the middle of the \

@@ -36,7 +36,8 @@ const LONGEST_REST_TICKS: u32 = 10_000;
 
 The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight
 lines; the history has q0_counts, q1_counts. The output has the setpoints that the control loop
-would send, tick by tick. The snake first goes to the start_position of the trajectory, at 10 deg/s.")]
+would send, tick by tick. The snake first goes to the start of the trajectory,
+at 10 deg/s.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,

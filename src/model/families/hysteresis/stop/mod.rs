@@ -24,9 +24,11 @@
 //! # Balance
 //!
 //! ```text
-//! sum_i A_i W_i(e_i) = K_s(b_s) + sum_k kappa_k [(1 - eta) sum_i A_i sigma_ski + eta Sigma_sk]  for every segment s
+//! sum_i A_i W_i(e_i) = K_s(b_s) + sum_k kappa_k [(1 - eta) sum_i A_i sigma_ski + eta Sigma_sk]
+//!                                                                          for every segment s
 //! K_sa(b_s) = k_sa b_sa + k3_sa b_sa^3 + ends of the joints,  b = sum_s b_s
-//! rho_ski = phi_s share_k (base + l_i) / kappa_k,  l_i = mu_i |F_i| (1 + nu |b|)  (shared: l = |(l_1, l_2)|)
+//! rho_ski = phi_s share_k (base + l_i) / kappa_k,  l_i = mu_i |F_i| (1 + nu |b|)
+//!                                                    (shared: l = |(l_1, l_2)|)
 //! ```
 //!
 //! with the forces `F_i` of the step before, and `mu` one of two numbers by the sign of the force.

@@ -120,7 +120,10 @@ mod tests {
         }
 
         #[test]
-        fn the_stretch_of_a_force_gives_the_force((plus, minus, softness, loose) in wires(), e in -9.0..9.0_f64) {
+        fn the_stretch_of_a_force_gives_the_force(
+            (plus, minus, softness, loose) in wires(),
+            e in -9.0..9.0_f64,
+        ) {
             let wire = Wire::new([plus, minus], softness, loose);
             prop_assert!((wire.stretch(wire.pull(e).0) - e).abs() < 1e-9);
         }
