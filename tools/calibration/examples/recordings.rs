@@ -155,7 +155,7 @@ fn show(fit: &PlayFit) {
         .as_ref()
         .map(|residual| (residual.shape_degree, residual.lag_degree));
     println!(
-        " planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: \
+        "    planar {:.0?}, rotation {:.1?} deg, passes {}, K {}, residual {degrees:?}, left out: \
          search {:.3}, chain {:.3}",
         fit.plays.planar_thresholds_counts,
         fit.mechanism.rotation_deg,

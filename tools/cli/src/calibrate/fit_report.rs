@@ -310,7 +310,7 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
     let line = match &candidate.fit {
         Some(fit) => {
             let (failed, spread) = (fit.starts.failures.len(), fit.starts.spread());
-            let climbing = if fit.converged {
+            let unfinished = if fit.converged {
                 ""
             } else {
                 " (not converged)"
@@ -321,8 +321,8 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
                 .left_out_rms
                 .map_or("-".to_owned(), |rms| format!("{rms:.3}"));
             format!(
-                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9} \
-                 {verdict}{climbing}"
+                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9}  \
+                 {verdict}{unfinished}"
             )
         }
         None => format!("{:>4} {verdict:>15}", candidate.components),
