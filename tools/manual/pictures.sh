@@ -1,0 +1,46 @@
+#!/usr/bin/env bash
+# Draws the pictures of README and manual on the emulator, with the programs of a release build.
+# Needs chromium and rsvg-convert (Debian: chromium, librsvg2-bin).
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+programs=${I2RIS_PROGRAMS:-$PWD/target/release}
+export PATH="$programs:$PATH" I2RIS_DOMAIN=manual-pictures
+images=$PWD/tools/manual/src/images
+work=$(mktemp -d)
+export I2RIS_EMULATOR_PORTS=$work/ports
+trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$work"' EXIT
+
+sed -e "s#/tmp/i2ris-emulator#$work/ports#; s#domain = \"i2ris\"#domain = \"$I2RIS_DOMAIN\"#; s#../target/records#$work/records#" \
+  config/emulator.toml > "$work/emulator.toml"
+i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &
+sleep 2
+i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
+sleep 3
+i2ris calibrate collect --config "$work/emulator.toml" --enable --duration-s 100 --output "$work/first.csv"
+i2ris calibrate fit "$work/first.csv" --family gmr-play --robot-id i2ris-emulated \
+  --output "$work/first.json" --report "$work/first.html"
+# The first figure of the report whose title names the loops.
+python3 - "$work/first.html" > "$work/loop.svg" <<'PYTHON'
+import re, sys
+page = open(sys.argv[1]).read()
+figures = re.findall(r"<svg.*?</svg>", page, re.S)
+loops = [figure for figure in figures if re.search(r"loop", figure[:2000], re.I)]
+style = "".join(re.findall(r"<style>(.*?)</style>", page, re.S))
+figure = (loops or figures)[0]
+if "xmlns" not in figure[:400]:
+    figure = figure.replace("<svg", '<svg xmlns="http://www.w3.org/2000/svg"', 1)
+print(re.sub(r"(<svg[^>]*>)", lambda m: m.group(1) + "<style>" + style + "</style>", figure, count=1))
+PYTHON
+rsvg-convert --width 900 --background-color white "$work/loop.svg" --output "$images/hysteresis-loop.png"
+
+i2ris model stage "$work/first.json"
+i2ris model activate --force
+i2ris command state condition
+i2ris command hold --duration-s 30
+i2ris command circle --radius-deg 10 --period-s 6 --duration-s 40 > "$work/circle.log" 2>&1 &
+i2ris monitor --web 8799 --model "$work/first.json" > "$work/monitor.log" 2>&1 &
+sleep 14
+chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --no-first-run \
+  --disable-background-networking --user-data-dir="$work/browser" --window-size=1280,900 \
+  --virtual-time-budget=4000 --screenshot="$images/monitor.png" http://127.0.0.1:8799/ 2> /dev/null
+i2ris command state disable
