@@ -8,7 +8,6 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`table`], [`statistics`] | rows of numbers; medians and other statistics |
 //! | [`parallel`], [`progress`] | work on all cores; reports of its progress |
 //! | [`recording`] | CSV files: columns, reading, checking, writing; the latency of the stamps |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
@@ -37,7 +36,6 @@ pub mod recording;
 pub mod regression;
 pub mod report;
 pub mod series;
-pub mod statistics;
 pub mod survey;
 pub mod table;
 #[cfg(test)]

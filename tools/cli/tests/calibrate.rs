@@ -349,7 +349,7 @@ fn time_that_does_not_go_forward_is_refused() {
     twice.fails(
         "",
         &[
-            "line 10, column `t_s`: time 1.4000000000000001 s stands there twice",
+            "line 10, column `t_s`: time 1.4000000000000001 s occurs twice",
             "line 9",
         ],
     );

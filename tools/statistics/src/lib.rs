@@ -3,7 +3,7 @@
 //! | file | contains |
 //! |---|---|
 //! | `moments` | mean, variance, standard deviation, root mean square |
-//! | `quantile` | median and other quantiles |
+//! | `quantile` | median and other quantiles, extremes |
 //! | `histogram` | counts between edges |
 //! | `distance` | distances between points, interpolation |
 //! | `time_series` | values over time |
@@ -23,5 +23,5 @@ mod time_series;
 pub use distance::{distance, distance_to_segment, interpolate, largest_difference};
 pub use histogram::histogram;
 pub use moments::{mean, root_mean_square, standard_deviation, variance};
-pub use quantile::{median, quantile, quantile_of_unsorted, sort};
+pub use quantile::{median, min_max, quantile, quantile_of_unsorted, sort};
 pub use time_series::TimeSeries;

@@ -31,6 +31,14 @@ fn rank(count: usize, probability: f64) -> Option<usize> {
     Some(rank.saturating_sub(1).min(last))
 }
 
+/// The lowest and the highest value; infinity and minus infinity for no values.
+#[must_use]
+pub fn min_max(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let ends = (f64::INFINITY, f64::NEG_INFINITY);
+    let values = values.into_iter();
+    values.fold(ends, |(low, high), value| (low.min(value), high.max(value)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

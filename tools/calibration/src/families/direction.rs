@@ -21,8 +21,8 @@ use crate::progress::Progress;
 use crate::regression::component_choice::choose_components;
 use crate::regression::ridge::ridge;
 use crate::series::Series;
-use crate::statistics::min_max;
 use crate::table::DataTable;
+use i2ris_statistics::min_max;
 
 /// Dead-bands that are tried, counts.
 const DEAD_BANDS_COUNTS: [f64; 11] = [

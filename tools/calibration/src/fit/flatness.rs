@@ -16,8 +16,8 @@ use i2ris::units::MotorVec;
 use nalgebra::{DMatrix, DVector};
 
 use crate::regression::linear::LinearFit;
-use crate::statistics::min_max;
 use crate::table::DataTable;
+use i2ris_statistics::min_max;
 
 /// The least slope, as a part of that of the affine model, that a model may have where no rows show
 /// less. The fit of the laboratory's ring with three components has a tenth between its data, that

@@ -10,7 +10,7 @@
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec};
 use nalgebra::{DMatrix, DVector};
 
-use crate::statistics::min_max;
+use i2ris_statistics::min_max;
 
 /// Shifts that are tried, s: stamps may be early by one frame, and late by a camera and its
 /// processing.

@@ -4,7 +4,7 @@ use i2ris::units::MotorVec;
 
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use super::rows::{PathPoint, Recording, Row};
-use crate::statistics::median;
+use i2ris_statistics::median;
 
 /// Positions further apart than this many times the usual are a gap: no outputs are moved into it.
 const GAP: f64 = 5.0;
@@ -101,8 +101,8 @@ pub fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<Mo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::statistics::min_max;
     use crate::testing::{assert_near, recording, straight, wander};
+    use i2ris_statistics::min_max;
 
     #[test]
     fn a_late_camera_is_found_and_corrected() {

@@ -8,7 +8,7 @@ use i2ris_plot::{Axis, Color, Figure, Heatmap, Page, Panel, Scatter};
 
 use super::data::{FamilyResult, ReportData};
 use super::labels::{chosen, unit, with_unit};
-use crate::statistics::{distance, min_max, root_mean_square};
+use i2ris_statistics::{distance, min_max, root_mean_square};
 
 const HEIGHT: f64 = 330.0;
 

@@ -6,7 +6,7 @@ use i2ris_plot::{Axis, BoxPlot, Color, Dash, Figure, Line, Page, Panel, Referenc
 
 use super::data::{FamilyResult, OutputFacts, ReportData};
 use super::labels::{ZERO, chosen, reference};
-use crate::statistics::{quantile, quantile_of_unsorted, sort};
+use i2ris_statistics::{quantile, quantile_of_unsorted, sort};
 
 /// Bars of a histogram.
 const BINS: usize = 41;

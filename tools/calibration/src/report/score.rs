@@ -4,7 +4,7 @@ use i2ris::model::file::FitMetrics;
 
 use super::data::{FamilyResult, ReportData};
 use crate::fit::metrics::metrics;
-use crate::statistics::{distance, quantile_of_unsorted, root_mean_square};
+use i2ris_statistics::{distance, quantile_of_unsorted, root_mean_square};
 
 /// The family that others are compared with.
 pub(super) const BASELINE: &str = "linear";

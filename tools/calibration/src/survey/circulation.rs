@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 use i2ris::units::MotorVec;
 
 use crate::recording::Recording;
-use crate::statistics::min_max;
+use i2ris_statistics::min_max;
 
 /// Turns from which on a motion counts as circulation, if it goes on in one direction.
 const LEAST_TURNS: f64 = 0.75;

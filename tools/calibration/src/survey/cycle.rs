@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::circulation::circulation;
 use crate::recording::{Recording, Row};
-use crate::statistics::{median, min_max};
+use i2ris_statistics::{median, min_max};
 
 /// Cycles that a motion needs, so that at least about one is left when the last is taken away. A
 /// little less than two, because a recording often stops just before it closes.

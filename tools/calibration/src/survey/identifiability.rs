@@ -8,7 +8,7 @@ use std::fmt;
 
 use super::circulation::{circles, turns};
 use crate::series::Series;
-use crate::statistics::min_max;
+use i2ris_statistics::min_max;
 
 /// A motor has turned back when it is this part of its range away from its turning point: noise and
 /// jitter stay below.

@@ -17,7 +17,7 @@
 use std::fmt;
 
 use crate::recording::Row;
-use crate::statistics::median;
+use i2ris_statistics::median;
 
 /// A sensor that repeats more than this part of its readings while the motors move is slower than
 /// the rows.

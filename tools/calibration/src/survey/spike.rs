@@ -11,7 +11,7 @@
 use super::noise::DEVIATION_PER_MAD;
 use crate::recording::Row;
 use crate::regression::linear::LinearFit;
-use crate::statistics::median;
+use i2ris_statistics::median;
 
 /// How to look for spikes.
 #[derive(Debug, Clone, Copy, PartialEq)]

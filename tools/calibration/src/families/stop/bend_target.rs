@@ -11,8 +11,8 @@ use super::parameterisation::Parameterisation;
 use super::structure::Structure;
 use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
-use crate::statistics::min_max;
 use crate::table::DataTable;
+use i2ris_statistics::min_max;
 
 /// The furthest bend of data that are not in degrees, in the unit of the bend; parameters are then
 /// of the usual size.
