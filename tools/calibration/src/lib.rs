@@ -9,6 +9,7 @@
 //! | module | contents |
 //! |---|---|
 //! | [`parallel`], [`progress`] | work on all cores; reports of its progress |
+//! | [`table`] | rows of numbers |
 //! | [`recording`] | CSV files: columns, reading, checking, writing; the latency of the stamps |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`regression`] | affine, ridge and mixture regression; the number of components |
