@@ -1,5 +1,5 @@
 // The messages of i2ris in shared memory, byte for byte as in src/ipc/payload, where fields are explained.
-// Written by `cargo run -p i2ris-record --example header`; a test compares and compiles it.
+// Written by `cargo run -p i2ris-record --example cpp_header`; a test compares and compiles it.
 #pragma once
 
 #include <cstddef>

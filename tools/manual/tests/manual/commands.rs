@@ -44,7 +44,15 @@ impl Session {
             let text = text
                 .replace("/tmp/i2ris-emulator", ports.to_str().unwrap())
                 .replace("domain = \"i2ris\"", &format!("domain = \"{domain}\""))
-                .replace("../target/records", "records");
+                .replace("../target/records", "records")
+                // A loaded machine stalls the emulated drives.
+                .replace("feedback_stale_ms = 120", "feedback_stale_ms = 2000")
+                .replace("feedback_lost_ms = 500", "feedback_lost_ms = 10000")
+                .replace(
+                    "following_error_counts = 300",
+                    "following_error_counts = 3000",
+                )
+                .replace("reply_timeout_ms = 100", "reply_timeout_ms = 1000");
             fs::write(config.join(name), text).unwrap();
         }
         Self {

@@ -34,7 +34,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     page.wait("the hull", "live.hull.length > 20");
     page.wait(
         "frames beside counts",
-        "history.frames.some((row) => row[3] !== null)",
+        "recent.frames.some((row) => row[3] !== null)",
     );
     page.wait(
         "rates",
