@@ -6,6 +6,7 @@ cd "$(dirname "$0")/../.."
 programs=${I2RIS_PROGRAMS:-$PWD/target/release}
 export PATH="$programs:$PATH" I2RIS_DOMAIN=manual-pictures
 images=$PWD/tools/manual/src/images
+mkdir -p "$images"
 work=$(mktemp -d)
 export I2RIS_EMULATOR_PORTS=$work/ports
 trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$work"' EXIT
