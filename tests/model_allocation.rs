@@ -1,4 +1,5 @@
-//! The control loop may not allocate: every method of a model that it calls is watched.
+//! The control loop may not allocate. This test counts the allocations of every model method in the
+//! loop.
 #![allow(clippy::unwrap_used)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -17,8 +18,7 @@ mod samples;
 
 use samples::{DEG, REACH, SmoothMap, file, linear, region, some_stops, square};
 
-/// The system's allocator, counting what this thread asks of it: the test harness has threads of
-/// its own.
+/// The system's allocator with a counter per thread: the test harness has its own threads.
 struct Counting;
 
 thread_local! {
@@ -26,27 +26,27 @@ thread_local! {
 }
 
 fn count() {
-    // A thread that ends may allocate after its counter is gone.
+    // A terminating thread may allocate after its counter is destroyed.
     let _ = ALLOCATIONS.try_with(|allocations| allocations.set(allocations.get() + 1));
 }
 
-// SAFETY: every call goes to `System` unchanged; the counter neither allocates nor unwinds.
+// SAFETY: every call is passed to `System` unchanged. The counter neither allocates nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the caller upholds the contract of `System`.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count();
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the caller upholds the contract of `System`.
         unsafe { System.realloc(block, layout, size) }
     }
 
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
         count();
-        // SAFETY: the caller's promise is passed on.
+        // SAFETY: the caller upholds the contract of `System`.
         unsafe { System.dealloc(block, layout) }
     }
 }
@@ -60,7 +60,8 @@ fn allocations(work: impl FnOnce()) -> usize {
     ALLOCATIONS.get() - before
 }
 
-/// A second of control: goals inside, outside, absurd and none, with and without a good start.
+/// One second of control: goals inside and outside the hull, huge and NaN goals, with and without a
+/// good start.
 fn tick_for_a_second(model: &Model) {
     let mut memory = model.new_memory();
     let mut last = model.hull().centre();
@@ -97,7 +98,7 @@ fn goal_as_counts(goal: [f64; 3]) -> [f64; 2] {
     [goal[0], goal[1]]
 }
 
-/// Stop operators, a smooth read-out and a residual with every feature there is.
+/// Stop operators, a smooth read-out and a residual with all features.
 fn stops(motors: usize) -> Model {
     let gain = [vec![0.02, 0.01], vec![-0.01, 0.02]][..motors]
         .iter()
@@ -168,17 +169,16 @@ fn plays(map: &SmoothMap) -> Model {
     Model::from_file(file(2, family, square(REACH))).unwrap()
 }
 
-/// Directions that say nothing, which takes as long.
+/// Directions without effect on the outputs. The work is the same.
 fn directions(map: &SmoothMap) -> Model {
     let mut mixture = mixture(map);
-    mixture
-        .means
-        .iter_mut()
-        .for_each(|mean| drop(mean.splice(2..2, [0.0, 0.0])));
+    for mean in &mut mixture.means {
+        mean.splice(2..2, [0.0, 0.0]);
+    }
     for covariance in &mut mixture.covariances {
-        covariance
-            .iter_mut()
-            .for_each(|row| drop(row.splice(2..2, [0.0, 0.0])));
+        for row in covariance.iter_mut() {
+            row.splice(2..2, [0.0, 0.0]);
+        }
         covariance.splice(
             2..2,
             [
@@ -212,9 +212,9 @@ fn chain() -> Model {
         covariance,
     };
     let mut file = file(3, family, square(REACH));
-    file.outputs
-        .iter_mut()
-        .for_each(|output| output.unit = i2ris::model::file::OutputUnit::Mm);
+    for output in &mut file.outputs {
+        output.unit = i2ris::model::file::OutputUnit::Mm;
+    }
     Model::from_file(file).unwrap()
 }
 
@@ -257,6 +257,6 @@ fn a_tick_with_a_model_allocates_nothing() {
             model.outputs()
         );
     }
-    // The counter counts: this very test would fail otherwise.
+    // This checks that the counter works.
     assert!(allocations(|| drop(black_box(vec![0_u8; 64]))) >= 2);
 }

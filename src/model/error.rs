@@ -1,4 +1,4 @@
-//! Why a model is refused.
+//! Errors of models and model files.
 
 use std::path::PathBuf;
 
@@ -16,18 +16,18 @@ pub enum ModelError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The file was read, but what it holds is refused.
+    /// The file was read, but its contents are refused.
     #[error("model file {path}: {source}")]
     InFile {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: Box<Self>,
     },
-    /// The file could not be written. Nothing is left at its place but what was there before.
+    /// The file could not be written. An earlier file at this path is unchanged.
     #[error(
         "cannot write model file {path}: {source}; name a file in a folder that exists and is \
          writable"
@@ -35,57 +35,59 @@ pub enum ModelError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// Not JSON, a missing or unknown field, or a wrong type.
+    /// The text is not JSON, or a field is missing, unknown or of a wrong type.
     #[error("{0}; take the file as `i2ris calibrate fit` wrote it")]
     Json(#[from] serde_json::Error),
-    /// JSON, but not a model.
+    /// The text is JSON, but not a model file.
     #[error(
         "is not a model: its `format` is `{found}`, not `{FORMAT}`; name a file that `i2ris \
          calibrate fit` wrote"
     )]
     Format {
-        /// What stands there.
+        /// The value in the file.
         found: String,
     },
-    /// A model for another version of this software.
+    /// The model has another schema version.
     #[error(
         "has schema_version {found}, and this software reads {SCHEMA_VERSION} only; fit the model \
          again from its recording"
     )]
     SchemaVersion {
-        /// What stands there.
+        /// The value in the file.
         found: u64,
     },
-    /// A value that parses but makes no sense.
+    /// A value has the right type, but is out of its valid range.
     #[error("{key} = {value}: {reason}")]
     Value {
-        /// The field, with the fields that hold it.
+        /// The path of the field in the file.
         key: String,
-        /// What stands there.
+        /// The value in the file.
         value: String,
-        /// What is wrong and what would be right.
+        /// What is wrong, and which values are valid.
         reason: &'static str,
     },
-    /// The inverse does not lead back: the model folds or is flat there.
+    /// The prediction at the inverse of a pose misses the pose: the model folds or is flat there.
     #[error(
         "the inverse fails at counts {counts:?}: forward(inverse(x)) misses x by {error:.4} \
          {unit}, and one count is \
          worth {one_count:.4} {unit} there; record more of that region or fit with fewer components"
     )]
     NotInvertible {
-        /// Where, counts, one per motor.
+        /// The position, counts, one per motor.
         counts: Vec<f64>,
-        /// Distance in output space between the goal and what the inverse reaches, in `unit`.
+        /// Distance in output space between the goal and the pose that the inverse reaches, in
+        /// `unit`.
         error: f64,
-        /// What one count of the more effective motor moves there, in `unit`.
+        /// The distance that one count of the more effective motor moves the outputs there, in
+        /// `unit`.
         one_count: f64,
-        /// Unit of the two.
+        /// The unit of `error` and `one_count`.
         unit: OutputUnit,
     },
-    /// A model of another robot.
+    /// The model was calibrated on another robot.
     #[error(
         "was calibrated on robot `{model}`, and this robot is `{robot}`; name a model of \
          `{robot}` or calibrate it"
@@ -96,7 +98,7 @@ pub enum ModelError {
         /// The robot of the configuration.
         robot: String,
     },
-    /// A model for another number of motors.
+    /// The model is for another number of motors.
     #[error(
         "is for {model} motor(s), and this robot has {robot}; name a model of this robot or \
          calibrate it"
@@ -107,25 +109,26 @@ pub enum ModelError {
         /// Motors of the robot.
         robot: usize,
     },
-    /// A hull around too few or too narrowly spread positions.
+    /// The positions are too few or too narrowly spread to span a hull.
     #[error(
         "the positions visited span no area of motor space near {near:?} counts; record motion of \
          every motor"
     )]
     FlatHull {
-        /// The middle of the positions, counts.
+        /// The mean of the positions, counts.
         near: MotorVec,
     },
 }
 
-/// `Ok` when `right`; otherwise a [`ModelError::Value`] that names `key` and shows `value`.
+/// Returns `Ok` when `valid` is true, or else a [`ModelError::Value`] that names `key` and shows
+/// `value`.
 pub(in crate::model) fn require(
-    right: bool,
+    valid: bool,
     key: impl FnOnce() -> String,
     value: impl ToString,
     reason: &'static str,
 ) -> Result<(), ModelError> {
-    if right {
+    if valid {
         Ok(())
     } else {
         Err(ModelError::Value {
@@ -137,7 +140,7 @@ pub(in crate::model) fn require(
 }
 
 impl ModelError {
-    /// Names the file that the error is about.
+    /// Adds the path of the file to the error.
     pub(in crate::model) fn in_file(self, path: &std::path::Path) -> Self {
         Self::InFile {
             path: path.to_owned(),

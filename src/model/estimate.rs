@@ -1,4 +1,4 @@
-//! What a model answers, in arrays of fixed size.
+//! Results of a model, in arrays of fixed size.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,16 +11,16 @@ pub type OutputMatrix = [[f64; MAX_OUTPUTS]; MAX_OUTPUTS];
 /// Row: output, column: motor; rad (m) per count. Entries beyond the model's sizes are 0.
 pub type JacobianMatrix = [[f64; MAX_MOTORS]; MAX_OUTPUTS];
 
-/// Forward prediction: what the outputs are at given counts.
+/// Forward prediction: the outputs at given counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Estimate {
     /// Expected outputs, rad (m).
     pub mean: OutputVec,
-    /// Covariance of the outputs by the law of total covariance: the one to act on.
+    /// Covariance of the outputs by the law of total covariance. Use this one for decisions.
     pub covariance: OutputMatrix,
     /// Sum of squared responsibility times conditional covariance: the approximation of the
-    /// calibration note. It leaves out how far the components disagree, so it is never above
-    /// `covariance`.
+    /// calibration note. It leaves out the differences between the components, so it is never
+    /// larger than `covariance`.
     pub covariance_within: OutputMatrix,
 }
 
@@ -42,32 +42,32 @@ impl Estimate {
 pub struct Inverse {
     /// Counts inside the hull, always finite.
     pub counts: MotorVec,
-    /// The goal cannot be reached inside the hull, or was not finite; `counts` is the nearest that
-    /// can, or where the search was asked to start.
+    /// The goal cannot be reached inside the hull, or is not finite. `counts` is then the nearest
+    /// reachable position, or the start of the search for a goal that is not finite.
     pub clipped: bool,
-    /// Distance in output space between the goal and what `counts` reach, rad (m). Goals beyond
-    /// 1000 are taken as 1000; infinite if the goal was not finite.
+    /// Distance in output space between the goal and the pose at `counts`, rad (m). Goals are
+    /// clamped to 1000. The residual is infinite if the goal is not finite.
     pub residual: f64,
     /// Model evaluations after the first one, over both starts.
     pub iterations: u32,
-    /// The answer comes from the second start, the conditional mean of the counts given the goal.
+    /// The result comes from the second start, the conditional mean of the counts given the goal.
     pub fell_back: bool,
 }
 
-/// How to search for an inverse.
+/// Options of the search for an inverse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Query {
-    /// Where the search starts: best the answer of the tick before.
+    /// Start of the search. The result of the previous tick is the best choice.
     pub start: MotorVec,
-    /// What to take for [`super::Model::correction`], rad (m): filtered, or the motors chatter.
-    /// `None`: as it is.
+    /// Replaces [`super::Model::correction`], rad (m). It must be filtered, or the motors chatter.
+    /// `None` uses the correction of the model.
     pub correction: Option<OutputVec>,
-    /// Share of gaps and friction that is compensated, 0 to 1.
+    /// Compensated share of backlash and friction, 0 to 1.
     pub compensation: f64,
 }
 
 impl Query {
-    /// Full compensation with the correction as it is.
+    /// Full compensation with the correction of the model.
     #[must_use]
     pub const fn new(start: MotorVec) -> Self {
         Self {

@@ -1,28 +1,28 @@
-//! Where the motors have been, so that the memory of another model can be rebuilt from the same
-//! past.
+//! Past motor positions, which rebuild the memory of another model.
 //!
-//! What hysteresis remembers of a way are its turning points. The history keeps the corners of the
-//! way of both motors: wherever one of them turned back, and every so many counts in between,
-//! because friction that grows with the pull also depends on how the motors went together. Between
-//! two corners every motor goes one way only, so play operators that are led from corner to corner
-//! end exactly where the whole way would have brought them.
+//! Hysteresis depends on the turning points of a motion. The history stores the corners of the
+//! motion of both motors: every point where one motor reverses, and a point every few counts in
+//! between. The points in between matter because load-dependent friction also depends on the
+//! combined motion of the motors. Between two corners every motor moves in one direction only, so
+//! play operators that are advanced from corner to corner end exactly where the whole motion ends.
 
 use std::collections::VecDeque;
 
 use crate::units::MotorVec;
 
-/// Corners that are kept. At one every [`SPACING_COUNTS`] they are 16 full strokes of 2000 counts.
+/// The most stored corners. At one corner every [`SPACING_COUNTS`] they cover 16 full ranges of
+/// 2000 counts.
 const CORNERS: usize = 4096;
 
-/// The longest way of a motor between two corners, counts.
+/// The longest motion of a motor between two corners, counts.
 const SPACING_COUNTS: f64 = 8.0;
 
-/// The latest corners of the way of the motors. Takes all its memory at once; noting a position
-/// allocates nothing.
+/// The latest corners of the motion of the motors. All memory is allocated at construction;
+/// [`Self::note`] allocates nothing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct History {
     corners: VecDeque<MotorVec>,
-    /// Where the motors are.
+    /// The present position of the motors.
     newest: Option<MotorVec>,
 }
 
@@ -36,7 +36,7 @@ impl Default for History {
 }
 
 impl History {
-    /// Takes note of a position; what is not finite is not noted.
+    /// Adds a position. A position that is not finite is ignored.
     pub fn note(&mut self, counts: &MotorVec) {
         if !counts.iter().all(|c| c.is_finite()) {
             return;
@@ -53,18 +53,18 @@ impl History {
         self.newest = Some(*counts);
     }
 
-    /// The zero has moved: what was noted belongs to other counts.
+    /// Clears the history. Call this after the zero moves: stored counts refer to the old zero.
     pub fn forget(&mut self) {
         self.corners.clear();
         self.newest = None;
     }
 
-    /// The corners in order, and then where the motors are.
+    /// The corners in order, followed by the present position.
     pub fn positions(&self) -> impl Iterator<Item = &MotorVec> {
         self.corners.iter().chain(&self.newest)
     }
 
-    /// Whether the way turns or has become long at `newest`, before going on to `next`.
+    /// Whether the motion reverses at `newest` before `next`, or is longer than the spacing.
     fn is_corner(&self, newest: &MotorVec, next: &MotorVec) -> bool {
         let Some(last) = self.corners.back() else {
             return true;
@@ -73,8 +73,8 @@ impl History {
             .zip(newest)
             .zip(next)
             .any(|((last, newest), next)| {
-                let (came, goes) = (newest - last, next - newest);
-                came * goes < 0.0 || (next - last).abs() > SPACING_COUNTS
+                let (previous_step, next_step) = (newest - last, next - newest);
+                previous_step * next_step < 0.0 || (next - last).abs() > SPACING_COUNTS
             })
     }
 }
@@ -84,23 +84,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn corners_are_turns_and_some_places_in_between() {
+    fn corners_are_reversals_and_points_at_the_spacing() {
         let mut history = History::default();
         for count in (0..=20).chain((10..20).rev()) {
             history.note(&[f64::from(count), 0.0]);
         }
         history.note(&[f64::NAN, 0.0]);
-        let places: Vec<f64> = history.positions().map(|counts| counts[0]).collect();
-        assert_eq!(places, [0.0, 8.0, 16.0, 20.0, 12.0, 10.0]);
+        let positions: Vec<f64> = history.positions().map(|counts| counts[0]).collect();
+        assert_eq!(positions, [0.0, 8.0, 16.0, 20.0, 12.0, 10.0]);
         history.forget();
         assert_eq!(history.positions().count(), 0);
     }
 
     #[test]
-    fn the_oldest_corners_go_first_and_nothing_grows() {
+    fn the_oldest_corners_are_dropped_and_the_capacity_is_constant() {
         let mut history = History::default();
         let capacity = history.corners.capacity();
-        (0..20_000).for_each(|i| history.note(&[f64::from(i % 2), 0.0]));
+        for i in 0..20_000 {
+            history.note(&[f64::from(i % 2), 0.0]);
+        }
         assert_eq!(
             (history.corners.len(), history.corners.capacity()),
             (CORNERS, capacity)

@@ -1,28 +1,28 @@
 //! Forward model and inverse: encoder counts to angles and back.
 //!
-//! # Words
+//! # Terms
 //!
-//! - **motor space**: encoder counts of one or two motors, fractional here.
+//! - **motor space**: encoder counts of one or two motors. The model treats counts as real numbers.
 //! - **output space**: one to three outputs, pitch and yaw in radians or the tip position in
 //!   metres.
 //! - **memory**: the state of the hysteresis operators. Families without hysteresis have none.
 //! - **hull**: the region of motor space that calibration visited. No model commands counts outside
 //!   it.
-//! - **one count's worth**: how far one count of the more effective motor moves the outputs at a
-//!   pose.
+//! - **one count's worth**: the distance that one count of the more effective motor moves the
+//!   outputs at a pose.
 //!
 //! # Layers
 //!
-//! Imports point downwards only.
+//! A module imports only from modules below it in this table.
 //!
-//! | file | holds |
+//! | file | contents |
 //! |---|---|
-//! | `prepared` | [`Model`]: a file that was checked and prepared, for the control loop |
+//! | `prepared` | [`Model`]: a checked and prepared model file, for the control loop |
 //! | `file` | model files: format, checks, reading and writing, identity |
 //! | `families` | linear, [`kinematic`], mixtures, [`direction`], [`hysteresis`]; memory |
 //! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
-//! | `history` | positions of the motors, to rebuild a memory from |
-//! | `estimate`, `error`, `output_unit`, `schema_version` | answers, refusals, units, version |
+//! | `history` | past motor positions; they rebuild a memory |
+//! | `estimate`, `error`, `output_unit`, `schema_version` | results, errors, units, version |
 
 mod error;
 mod estimate;

@@ -1,4 +1,4 @@
-//! A model that is ready for the control loop.
+//! A checked and prepared model for the control loop.
 
 use std::path::Path;
 
@@ -24,17 +24,17 @@ use crate::model::maths::hull::Hull;
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MotorVec, OutputVec};
 
-/// A model that has been checked and prepared. It does not change any more and can be shared
-/// between threads.
+/// A checked and prepared model. It is immutable and can be shared between threads.
 ///
-/// Everything but its construction is for the control loop: bounded work, no allocation, no panic.
+/// Every method except construction and [`Model::recall`] is suitable for the control loop: bounded
+/// work, no allocation, no panic.
 #[derive(Debug)]
 pub struct Model {
     file: ModelFile,
     id: ModelId,
     motors: usize,
     hull: Hull,
-    wipe_counts: MotorVec,
+    conditioning_range: MotorVec,
     runtime: Box<dyn Runtime>,
 }
 
@@ -43,7 +43,7 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// As [`ModelFile::read`] and [`Model::from_file`]; all name the file.
+    /// The errors of [`ModelFile::read`] and [`Model::from_file`]. Every error names the file.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         Self::from_file(ModelFile::read(path)?).map_err(|error| error.in_file(path))
     }
@@ -52,25 +52,25 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// When a value makes no sense, or the prediction at the inverse of a prediction is off by more
-    /// than one count's worth somewhere in the hull.
+    /// When a value is out of its valid range, or the prediction at the inverse of a prediction is
+    /// off by more than one count's worth somewhere in the hull.
     pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
         let motors = check::check(&file)?;
         let hull = Hull::new(&file.hull, motors)?;
         let runtime = prepare(&file, motors)?;
         runtime.check_round_trip(&hull, unit(&file))?;
-        let wipe_counts = within(runtime.wipe_counts(), &hull);
+        let conditioning_range = clamp_to_extent(runtime.conditioning_range(), &hull);
         Ok(Self {
             id: file.id()?,
             file,
             motors,
             hull,
-            wipe_counts,
+            conditioning_range,
             runtime,
         })
     }
 
-    /// That the model belongs to a robot.
+    /// Checks that the model belongs to a robot.
     ///
     /// # Errors
     ///
@@ -91,13 +91,13 @@ impl Model {
         Ok(())
     }
 
-    /// The file that it was prepared from.
+    /// The file from which the model was prepared.
     #[must_use]
     pub fn file(&self) -> &ModelFile {
         &self.file
     }
 
-    /// Its identity.
+    /// The identity of the model.
     #[must_use]
     pub fn id(&self) -> ModelId {
         self.id
@@ -121,14 +121,14 @@ impl Model {
         &self.hull
     }
 
-    /// A memory of nothing.
+    /// A memory without any past motion.
     #[must_use]
     pub fn new_memory(&self) -> Memory {
         Memory::default()
     }
 
-    /// Takes note that the motors are at `counts` now. To be called with what the motors did, in
-    /// order. What is not finite is not noted.
+    /// Updates a memory with the present position `counts`. Call this with every measured position,
+    /// in order. A position that is not finite is ignored.
     pub fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         if counts.iter().all(|c| c.is_finite()) {
             memory.note(*counts);
@@ -136,39 +136,39 @@ impl Model {
         }
     }
 
-    /// Whether a memory has seen enough motion for everything before it to be wiped out. Until then
-    /// predictions may be off by the width of the hysteresis loop. Always true of families without
-    /// memory, once there is a position.
+    /// Whether a memory covers enough motion that all earlier motion is forgotten. Until then
+    /// predictions may be off by the width of the hysteresis loop. For families without memory this
+    /// is true after the first position.
     #[must_use]
     pub fn knows(&self, memory: &Memory) -> bool {
-        memory.covered(&self.wipe_counts)
+        memory.covered(&self.conditioning_range)
     }
 
-    /// The range that every motor has to cover to wipe out what was remembered before, counts; 0
-    /// for families without memory. Never more than the calibrated hull is wide: what its whole
-    /// width does not wipe out, calibration could not know either.
+    /// The conditioning range: the range that every motor must cover until earlier motion is
+    /// forgotten, counts; 0 for families without memory. It is limited to the width of the
+    /// calibrated hull, because calibration cannot cover more.
     #[must_use]
     pub fn wipe_counts(&self) -> MotorVec {
-        self.wipe_counts
+        self.conditioning_range
     }
 
-    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m);
-    /// see [`hysteresis`].
+    /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m).
+    /// See [`hysteresis`].
     #[must_use]
     pub fn correction(&self, memory: &Memory) -> OutputVec {
         self.runtime.correction(memory)
     }
 
-    /// What the regression of the model takes in if the motors went straight from where they are to
-    /// `counts`: the virtual counts; of families without them, the counts.
+    /// The virtual counts after a straight motion from the present position to `counts`: the input
+    /// of the regression. For families without virtual counts, `counts` itself.
     #[must_use]
     pub fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
         self.runtime.virtual_counts(counts, memory)
     }
 
-    /// The outputs if the motors went straight from where they are to `counts`. Finite for every
-    /// finite position, in the hull or not; far outside it extrapolates. A position that is not a
-    /// number gives estimates that are none.
+    /// The outputs after a straight motion from the present position to `counts`. They are finite
+    /// for every finite position. Far outside the hull the model extrapolates. A NaN position gives
+    /// a NaN estimate.
     #[must_use]
     pub fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
         self.runtime.predict(counts, memory)
@@ -180,42 +180,42 @@ impl Model {
         self.runtime.jacobian(counts, memory)
     }
 
-    /// The counts that bring the outputs to `goal`, rad (m), from where the memory says that the
-    /// motors are. The answer lies in the hull, whatever the goal; rounded to whole counts, up to
-    /// half a count beside it.
+    /// The counts that bring the outputs to `goal`, rad (m), from the present position in the
+    /// memory. The result lies in the hull for every goal. Rounded to whole counts it may lie up to
+    /// half a count outside.
     ///
-    /// - A goal that no position in the hull reaches gives a nearest one, by distance in output
-    ///   space, marked `clipped`.
-    /// - With more outputs than motors the nearest one is all there is; `clipped` then says that
-    ///   the hull was in the way.
-    /// - With more motors than outputs, it is the position near the start that does.
-    /// - A goal that is not finite gives the start, moved into the hull, marked `clipped`, with an
-    ///   infinite residual.
+    /// - A goal that no position in the hull reaches gives the nearest position by distance in
+    ///   output space, marked `clipped`.
+    /// - With more outputs than motors the result is the nearest position. `clipped` then means
+    ///   that the hull limits the result.
+    /// - With more motors than outputs, the result is the solution near the start.
+    /// - A goal that is not finite gives the start, projected into the hull, marked `clipped`, with
+    ///   an infinite residual.
     #[must_use]
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
         self.runtime.invert(goal, memory, &self.hull, query)
     }
 }
 
-/// Ranges of the motors, cut to the extent of the hull.
-fn within(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
+/// Clamps ranges of the motors to the extent of the hull.
+fn clamp_to_extent(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
     for (motor, range) in ranges.iter_mut().enumerate() {
-        let of_motor = || hull.corners().map(|corner| corner[motor]);
-        let extent =
-            of_motor().fold(f64::NEG_INFINITY, f64::max) - of_motor().fold(f64::INFINITY, f64::min);
+        let coordinates = || hull.corners().map(|corner| corner[motor]);
+        let extent = coordinates().fold(f64::NEG_INFINITY, f64::max)
+            - coordinates().fold(f64::INFINITY, f64::min);
         *range = range.min(extent);
     }
     ranges
 }
 
-/// The unit of all outputs; [`check::check`] saw to it that they have the same.
+/// The unit of all outputs. [`check::check`] makes sure that they share one unit.
 fn unit(file: &ModelFile) -> OutputUnit {
     file.outputs
         .first()
         .map_or(OutputUnit::Deg, |output| output.unit)
 }
 
-/// Turns sizes known at run time into types.
+/// Selects the type for the numbers of motors and outputs.
 fn prepare(file: &ModelFile, motors: usize) -> Result<Box<dyn Runtime>, ModelError> {
     match (motors, file.outputs.len()) {
         (1, 1) => prepare_sized::<1, 1>(file),
@@ -265,7 +265,7 @@ fn prepare_sized<const D: usize, const M: usize>(
             mixture,
             residual,
             virtual_hull,
-        } => Box::new(chain::<_, D, M>(
+        } => Box::new(prepare_chain::<_, D, M>(
             Plays::prepare(plays)?,
             mixture,
             residual.as_ref(),
@@ -277,7 +277,7 @@ fn prepare_sized<const D: usize, const M: usize>(
             mixture,
             residual,
             virtual_hull,
-        } => Box::new(chain::<_, D, M>(
+        } => Box::new(prepare_chain::<_, D, M>(
             Stops::prepare(stops)?,
             mixture,
             residual.as_ref(),
@@ -287,7 +287,7 @@ fn prepare_sized<const D: usize, const M: usize>(
     })
 }
 
-fn chain<O: Operator<D>, const D: usize, const M: usize>(
+fn prepare_chain<O: Operator<D>, const D: usize, const M: usize>(
     operator: O,
     mixture: &MixtureParameters,
     residual: Option<&ResidualParameters>,
@@ -309,25 +309,25 @@ fn chain<O: Operator<D>, const D: usize, const M: usize>(
 }
 
 impl Model {
-    /// The memory that this model would have, had it seen a history. Not for the control loop:
+    /// The memory of this model after the motion in a history. Not for the control loop: it takes
     /// thousands of steps.
     #[must_use]
     pub fn recall(&self, history: &History) -> Memory {
         let mut memory = self.new_memory();
-        history
-            .positions()
-            .for_each(|counts| self.advance(&mut memory, counts));
+        for counts in history.positions() {
+            self.advance(&mut memory, counts);
+        }
         memory
     }
 }
 
 impl ModelFile {
-    /// Checks the model as [`Model::from_file`] does and writes it, whole or not at all.
+    /// Checks the model like [`Model::from_file`] and writes it atomically.
     ///
     /// # Errors
     ///
-    /// When the model is refused, or the file cannot be written. An earlier file at `path` then
-    /// stays.
+    /// When the model is refused, or the file cannot be written. An earlier file at `path` is then
+    /// unchanged.
     pub fn write(&self, path: &Path) -> Result<(), ModelError> {
         Model::from_file(self.clone()).map_err(|error| error.in_file(path))?;
         self.save(path)

@@ -1,31 +1,31 @@
-//! What led to FAULT.
+//! Causes of the state FAULT.
 
 use super::numbered_enum::numbered_enum;
 
 numbered_enum! {
-    /// What led to FAULT.
+    /// The cause of the state FAULT.
     Fault {
         /// No fault yet.
         None = 0, "none";
-        /// A drive reports an error; see its error code.
+        /// A drive reports an error. Its error code gives the cause.
         Drive = 1, "a drive reports an error";
-        /// A drive does not answer.
+        /// A drive does not respond.
         Link = 2, "a drive does not answer";
-        /// Set-point and encoder are too far apart.
+        /// The following error is too large: set-point and encoder differ too much.
         FollowingError = 3, "set-point and encoder are too far apart";
         /// A drive left the enabled state by itself.
         DriveState = 4, "a drive left the enabled state by itself";
-        /// A drive could not be brought to the demanded state in time.
+        /// A drive did not reach the demanded state in time.
         DriveTimeout = 5, "a drive did not reach the demanded state in time";
-        /// Homing ended without a zero.
+        /// Homing failed.
         Homing = 6, "homing failed";
         /// Internal: the model gave a value that is not finite.
         Model = 7, "the model gave a value that is not finite";
-        /// Too many late ticks.
+        /// Too many ticks were late.
         Late = 8, "too many late ticks: the computer does not keep up";
-        /// The camera sees the snake elsewhere than the model.
+        /// The pose that the camera measures differs from the pose of the model.
         Implausible = 9, "the snake is not where the model says";
-        /// A motor takes too much current for too long.
+        /// A motor exceeds its current limit for too long.
         Current = 10, "a motor takes too much current for too long";
     }
 }

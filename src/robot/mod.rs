@@ -1,5 +1,5 @@
-//! The vocabulary of the robot: states, commands, refusals, faults. Core, process, shared memory
-//! and clients use it; it depends on none of them.
+//! The vocabulary of the robot: states, commands, refusals and faults. Core, process, shared memory
+//! and clients use this module. It depends on none of them.
 
 mod fault;
 mod model_action;

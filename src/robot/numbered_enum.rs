@@ -1,6 +1,6 @@
-//! Enums with fixed numbers and a text: what payloads carry and what people read.
+//! Enums with fixed numbers for payloads and a text for display.
 
-/// Declares an enum with fixed numbers, the way back from a number, and a name for people.
+/// Declares an enum with fixed numbers, the conversion from a number, and a display text.
 macro_rules! numbered_enum {
     ($(#[$meta:meta])* $name:ident {
         $($(#[$vmeta:meta])* $variant:ident = $number:literal, $text:literal;)*
@@ -24,13 +24,13 @@ macro_rules! numbered_enum {
                 Self::ALL.iter().copied().find(|value| *value as u32 == number)
             }
 
-            /// The number that payloads carry.
+            /// The number of this value in payloads.
             #[must_use]
             pub const fn number(self) -> u32 {
                 self as u32
             }
 
-            /// What people read.
+            /// The display text.
             #[must_use]
             pub const fn text(self) -> &'static str {
                 match self {

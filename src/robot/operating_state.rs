@@ -5,14 +5,14 @@ use super::numbered_enum::numbered_enum;
 numbered_enum! {
     /// States of the robot (CRTK).
     OperatingState {
-        /// Drives are off. The snake is limp within its friction.
+        /// The drives are off. Only friction holds the snake.
         Disabled = 0, "DISABLED";
-        /// Drives are on and servo commands are followed.
+        /// The drives are on. Servo commands are followed.
         Enabled = 1, "ENABLED";
-        /// Drives are on and hold their position; servo commands are refused.
+        /// The drives are on and hold their position. Servo commands are refused.
         Paused = 2, "PAUSED";
-        /// Something failed. The robot holds or is off, whichever is possible. Latched until
-        /// acknowledged.
+        /// A fault occurred. The robot holds its position if possible, or the drives are off. The
+        /// state is latched until the fault is acknowledged.
         Fault = 3, "FAULT";
     }
 }

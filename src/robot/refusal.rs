@@ -1,52 +1,52 @@
-//! Why a command is refused.
+//! Reasons for refusing a command.
 
 use super::numbered_enum::numbered_enum;
 
 numbered_enum! {
-    /// Why a command is refused. Refused commands change nothing.
+    /// The reason for refusing a command. A refused command changes nothing.
     Refusal {
         /// Not refused.
         None = 0, "accepted";
-        /// A number that is not finite.
+        /// A number is not finite.
         NotFinite = 1, "a value is not finite";
-        /// Older than its deadline when it was read.
+        /// The command was older than its deadline when it was read.
         Stale = 2, "stale: the command was older than its deadline when it arrived";
-        /// Too far from the command before, or from the present pose.
+        /// The command is too far from the previous command or from the present pose.
         Step = 3, "step too large: commands may move only a little at a time";
-        /// Someone else commands.
+        /// Another client has the lease.
         Lease = 4, "another client holds the lease";
-        /// Not in state ENABLED.
+        /// The state is not ENABLED.
         NotEnabled = 5, "not enabled";
-        /// An axis does not know its zero.
+        /// An axis is not homed.
         NotHomed = 6, "not homed: an axis does not know its zero";
-        /// Angles were asked for, but no model is loaded.
+        /// The command is in angles, but no model is loaded.
         NoModel = 7, "no model is loaded";
-        /// Wrong number of entries, or a number that no enum knows.
+        /// The number of entries is wrong, or an enum has no such number.
         Malformed = 8, "malformed command";
-        /// Outside the position limits of an axis.
+        /// The command is outside the position limits of an axis.
         Range = 9, "outside the position limits";
         /// The state does not allow this command.
         State = 10, "not allowed in this state";
-        /// A former change of state is under way.
+        /// A previous change of state is in progress.
         Busy = 11, "busy: a former command is being carried out";
-        /// The cause of the fault is still there.
+        /// The cause of the fault persists.
         CausePersists = 12, "the cause of the fault is still there";
-        /// Sequence number not above the one before.
+        /// The sequence number is not above the previous one.
         Sequence = 13, "sequence number did not rise";
-        /// Known, but this controller cannot do it.
+        /// The command is known, but this controller does not support it.
         Unsupported = 14, "not supported by this controller";
-        /// Deadline longer than allowed, or stamp in the future.
+        /// The deadline is longer than allowed, or the stamp is in the future.
         Stamp = 15, "stamp in the future or deadline too long";
-        /// Drives are not ready: still starting, or lost.
+        /// The drives are not ready: they are starting, or the connection is lost.
         DrivesNotReady = 16, "the drives are not ready";
-        /// Another model is staged, or none.
+        /// Another model is staged, or no model is staged.
         NothingStaged = 17, "this model is not staged";
-        /// No model was in use before.
+        /// There is no previous model.
         NoFormer = 18, "no model was in use before this one";
-        /// The hysteresis memory is not known, so the model would start on a wrong branch of the
-        /// loop.
+        /// The hysteresis memory is unknown. The model would start on a wrong branch of the
+        /// hysteresis loop.
         MemoryUnknown = 19, "the hysteresis memory is unknown: condition first, or force it";
-        /// The model cannot be used; the message says why.
+        /// The model is invalid. The message gives the reason.
         BadModel = 20, "the model is refused";
     }
 }

@@ -3,32 +3,35 @@
 use super::numbered_enum::numbered_enum;
 
 numbered_enum! {
-    /// Commands that change the state.
+    /// A command that changes the operating state.
     StateCommand {
-        /// DISABLED or acknowledged FAULT to ENABLED: targets preloaded, drives on. The robot
-        /// holds.
+        /// DISABLED or acknowledged FAULT to ENABLED: preload the targets and switch the drives on.
+        /// The robot holds its position.
         Enable = 1, "enable";
         /// Any state to DISABLED: decelerate, hold, power off in order.
         Disable = 2, "disable";
         /// ENABLED to PAUSED: decelerate and hold.
         Pause = 3, "pause";
-        /// PAUSED to ENABLED: servo commands are taken again, from where the snake is.
+        /// PAUSED to ENABLED: follow servo commands again, from the present pose.
         Resume = 4, "resume";
-        /// Here is zero: homing method 37 on every drive. From DISABLED only.
+        /// Sets the zero at the present position: homing method 37 on every drive. From DISABLED
+        /// only.
         Home = 5, "home";
-        /// Forget the zero. From DISABLED only.
+        /// Clears the zero. From DISABLED only.
         Unhome = 6, "unhome";
-        /// A decaying stroke that wipes the hysteresis memory, from ENABLED only; busy meanwhile.
+        /// A conditioning cycle: a decaying oscillation that sets the hysteresis memory to a known
+        /// state. From ENABLED only; busy until it ends.
         Condition = 7, "condition";
-        /// The operator has seen the fault: reset the drives, FAULT to DISABLED once the cause is
+        /// Acknowledges the fault: reset the drives, then FAULT to DISABLED after the cause is
         /// gone.
         Acknowledge = 8, "acknowledge";
-        /// Give the lease back.
+        /// Returns the lease.
         Release = 9, "release";
-        /// ENABLED: stop and hold, whatever is followed; the next servo command is followed again.
+        /// ENABLED: stop and hold, for every set-point source. The next servo command is followed
+        /// again.
         Hold = 10, "hold";
-        /// ENABLED: go to a pose, from rest to rest; busy meanwhile. Only with a pose, by the
-        /// request `move_jp`.
+        /// ENABLED: move to a pose, from standstill to standstill; busy until it ends. It needs a
+        /// pose, and only the request `move_jp` carries one.
         Move = 11, "move";
     }
 }

@@ -1,4 +1,4 @@
-//! Regression on counts and directions: two branches per motor, and the choice between them.
+//! Regression on counts and directions: two branches per motor, and the selection between them.
 
 use i2ris::model::file::{FamilyParameters, MixtureParameters, ModelFile};
 use i2ris::model::{Memory, Model, Query};
@@ -10,7 +10,7 @@ use crate::samples::{DEG, REACH, SmoothMap, file, position, region, smooth_gmr};
 
 const DEAD_BAND: f64 = 4.0;
 
-/// The branches of a smooth map: every motor is behind by its lag, counts, in the direction of its
+/// The branches of a smooth map: every motor lags by its lag, counts, in the direction of its
 /// travel. The direction `s` of a motor is a variable of variance 1, and the counts of the map are
 /// `counts - lag s`.
 fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
@@ -19,14 +19,14 @@ fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
     };
     let motors = lags.len();
     let size = mixture.means[0].len() + motors;
-    // Row of the whole: coefficients of the variables of the map, and of the directions.
-    let row = |place: usize| -> (Option<usize>, Option<(usize, f64)>) {
-        if place < motors {
-            (Some(place), Some((place, lags[place])))
-        } else if place < 2 * motors {
-            (None, Some((place - motors, 1.0)))
+    // A row of the whole mixture: coefficients of the variables of the map, and of the directions.
+    let row = |variable: usize| -> (Option<usize>, Option<(usize, f64)>) {
+        if variable < motors {
+            (Some(variable), Some((variable, lags[variable])))
+        } else if variable < 2 * motors {
+            (None, Some((variable - motors, 1.0)))
         } else {
-            (Some(place - motors), None)
+            (Some(variable - motors), None)
         }
     };
     let covariance = |inner: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
@@ -65,10 +65,11 @@ fn branch_file(map: &SmoothMap, lags: &[f64]) -> ModelFile {
     )
 }
 
-fn after(model: &Model, path: &[MotorVec]) -> Memory {
+fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
     let mut memory = model.new_memory();
-    path.iter()
-        .for_each(|counts| model.advance(&mut memory, counts));
+    for counts in path {
+        model.advance(&mut memory, counts);
+    }
     memory
 }
 
@@ -91,16 +92,16 @@ fn one_motor() -> (SmoothMap, Model) {
 }
 
 #[test]
-fn each_branch_is_the_map_behind_the_counts() {
+fn each_branch_is_the_map_shifted_by_the_lag() {
     let (map, model) = one_motor();
     let plain = Model::from_file(map.file()).unwrap();
     let map = |at: f64| plain.predict(&[at, 0.0], &plain.new_memory()).mean[0];
-    let up = after(&model, &[[-100.0, 0.0], [50.0, 0.0]]);
+    let up = memory_after(&model, &[[-100.0, 0.0], [50.0, 0.0]]);
     for at in [50.0, 48.0, 200.0, 400.0] {
         let found = model.predict(&[at, 0.0], &up).mean[0];
         assert!((found - map(at - 15.0)).abs() < 1e-9, "{at}");
     }
-    // Back by the dead-band: the other branch.
+    // After moving back by the dead-band the other branch applies.
     for at in [46.0, 0.0, -300.0] {
         let found = model.predict(&[at, 0.0], &up).mean[0];
         assert!((found - map(at + 15.0)).abs() < 1e-9, "{at}");
@@ -108,26 +109,26 @@ fn each_branch_is_the_map_behind_the_counts() {
 }
 
 #[test]
-fn without_a_direction_the_prediction_lies_between_the_branches() {
+fn prediction_without_direction_lies_between_the_branches() {
     let (_, model) = one_motor();
     let (up, down) = (
-        after(&model, &[[-9.0, 0.0], [0.0, 0.0]]),
-        after(&model, &[[9.0, 0.0], [0.0, 0.0]]),
+        memory_after(&model, &[[-9.0, 0.0], [0.0, 0.0]]),
+        memory_after(&model, &[[9.0, 0.0], [0.0, 0.0]]),
     );
-    let nothing = after(&model, &[[0.0, 0.0]]);
+    let unknown = memory_after(&model, &[[0.0, 0.0]]);
     let at = |memory: &Memory| model.predict(&[0.0, 0.0], memory).mean[0];
-    assert!(at(&up) < at(&nothing) && at(&nothing) < at(&down));
+    assert!(at(&up) < at(&unknown) && at(&unknown) < at(&down));
     assert_eq!(
         model.predict(&[0.0, 0.0], &model.new_memory()),
-        model.predict(&[0.0, 0.0], &nothing)
+        model.predict(&[0.0, 0.0], &unknown)
     );
-    assert!(model.knows(&up) && !model.knows(&nothing));
+    assert!(model.knows(&up) && !model.knows(&unknown));
 }
 
 #[test]
-fn at_a_turn_the_inverse_crosses_the_gap_once() {
+fn inverse_crosses_the_backlash_once_at_a_reversal() {
     let (_, model) = one_motor();
-    let mut memory = after(&model, &[[-300.0, 0.0], [100.0, 0.0]]);
+    let mut memory = memory_after(&model, &[[-300.0, 0.0], [100.0, 0.0]]);
     let mut goal = model.predict(&[100.0, 0.0], &memory).mean;
     let mut last = [100.0, 0.0];
     let mut crossings = 0;
@@ -146,9 +147,9 @@ fn at_a_turn_the_inverse_crosses_the_gap_once() {
 }
 
 #[test]
-fn compensation_is_a_part_of_the_way_from_the_middle() {
+fn compensation_interpolates_from_the_mean_of_the_branches() {
     let (_, model) = one_motor();
-    let memory = after(&model, &[[-300.0, 0.0], [100.0, 0.0]]);
+    let memory = memory_after(&model, &[[-300.0, 0.0], [100.0, 0.0]]);
     let goal = model.predict(&[150.0, 0.0], &memory).mean;
     let counts = |compensation| {
         model
@@ -209,7 +210,7 @@ fn check_round_trip(
     start: MotorVec,
 ) {
     let model = Model::from_file(branch_file(map, lags)).unwrap();
-    let memory = after(&model, path);
+    let memory = memory_after(&model, path);
     let goal = model.predict(&at, &memory).mean;
     let inverse = model.invert(&goal, &memory, &Query::new(start));
     let missed = distance(&model.predict(&inverse.counts, &memory).mean, &goal);
@@ -231,7 +232,7 @@ fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
     vec(position(motors), 2..8)
 }
 
-fn wild() -> impl Strategy<Value = f64> {
+fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![
         any::<f64>(),
         -2.0..2.0_f64,
@@ -245,7 +246,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn there_and_back_on_branches_1x1(
+    fn inverse_recovers_the_counts_on_branches_1x1(
         map in smooth_gmr(1, 1),
         lag in 0.0..40.0_f64,
         p in path(1),
@@ -256,7 +257,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_on_branches_2x2(
+    fn inverse_recovers_the_counts_on_branches_2x2(
         map in smooth_gmr(2, 2),
         lags in [0.0..40.0_f64, 0.0..40.0_f64],
         p in path(2),
@@ -267,7 +268,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_on_branches_2x3(
+    fn inverse_recovers_the_counts_on_branches_2x3(
         map in smooth_gmr(2, 3),
         lags in [0.0..40.0_f64, 0.0..40.0_f64],
         p in path(2),
@@ -278,17 +279,17 @@ proptest! {
     }
 
     #[test]
-    fn no_goal_leads_out_of_the_hull(
+    fn inverse_stays_in_the_hull_for_every_goal(
         map in smooth_gmr(2, 2),
         lags in [0.0..40.0_f64, 0.0..40.0_f64],
         p in path(2),
-        goal in [wild(), wild(), wild()],
-        start in [wild(), wild()], compensation in 0.0..1.0_f64,
+        goal in [any_number(), any_number(), any_number()],
+        start in [any_number(), any_number()], compensation in 0.0..1.0_f64,
     ) {
         let model = Model::from_file(branch_file(&map, &lags)).unwrap();
         let inverse = model.invert(
             &goal,
-            &after(&model, &p),
+            &memory_after(&model, &p),
             &Query { compensation, ..Query::new(start) },
         );
         prop_assert!(
@@ -299,19 +300,19 @@ proptest! {
         if goal[..2].iter().any(|g| !g.is_finite()) {
             prop_assert!(inverse.clipped && inverse.residual.is_infinite(), "{:?}", inverse);
         }
-        // 20 from each of two starts, of 9 solves and the one without memory.
+        // 20 evaluations from each of two starts, for 9 solves and the solve without memory.
         prop_assert!(inverse.iterations <= 400);
     }
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_branch(
+    fn jacobian_matches_the_numerical_derivative_of_the_branch(
         map in smooth_gmr(2, 2),
         p in path(2),
         at in position(2),
     ) {
         const STEP: f64 = 0.01;
         let model = Model::from_file(branch_file(&map, &[10.0, 20.0])).unwrap();
-        let memory = after(&model, &[p.as_slice(), &[at]].concat());
+        let memory = memory_after(&model, &[p.as_slice(), &[at]].concat());
         let jacobian = model.jacobian(&at, &memory);
         for motor in 0..2 {
             let moved = |by: f64| {

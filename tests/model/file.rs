@@ -18,7 +18,7 @@ fn id(file: &ModelFile) -> ModelId {
 }
 
 #[test]
-fn the_identity_is_the_hash_of_the_compact_form() {
+fn identity_is_the_sha256_of_the_canonical_form() {
     // Python: hashlib.sha256(json.dumps(json.load(file), separators=(",",
     // ":")).encode()).hexdigest()
     let expected = "8d53add712bd4c4c09cafa4b28b832756534461f007d4c065c86cef5e0801218";
@@ -33,7 +33,7 @@ fn the_identity_is_the_hash_of_the_compact_form() {
 #[test]
 fn layout_and_order_of_fields_do_not_change_the_identity() {
     let compact = serde_json::to_string(&sample()).unwrap();
-    let spread = serde_json::to_string_pretty(&sample())
+    let indented = serde_json::to_string_pretty(&sample())
         .unwrap()
         .replace(':', " :\t");
     // A map sorts its keys by name.
@@ -41,7 +41,7 @@ fn layout_and_order_of_fields_do_not_change_the_identity() {
         serde_json::to_string(&serde_json::from_str::<serde_json::Value>(&compact).unwrap())
             .unwrap();
     assert_ne!(compact, sorted);
-    for text in [compact, spread, sorted] {
+    for text in [compact, indented, sorted] {
         assert_eq!(id(&ModelFile::parse(&text).unwrap()), id(&sample()));
     }
 }
@@ -90,7 +90,7 @@ fn names_in(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_written_file_reads_back_and_leaves_nothing_beside_it() {
+fn a_written_file_reads_back_and_leaves_no_temporary_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.json");
     let first = file(2, two_by_two(), square(50.0));
@@ -103,7 +103,7 @@ fn a_written_file_reads_back_and_leaves_nothing_beside_it() {
 }
 
 #[test]
-fn a_written_file_can_be_read_by_a_person() {
+fn a_written_file_has_one_line_per_row_of_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.json");
     file(2, two_by_two(), square(50.0)).write(&path).unwrap();
@@ -121,7 +121,7 @@ fn a_written_file_can_be_read_by_a_person() {
 }
 
 #[test]
-fn a_write_that_fails_changes_nothing() {
+fn a_failed_write_changes_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.json");
     sample().write(&path).unwrap();
@@ -135,7 +135,7 @@ fn a_write_that_fails_changes_nothing() {
     );
     assert_eq!(ModelFile::read(&path).unwrap(), sample());
 
-    // A folder cannot be replaced by a file, and that shows only at the very end.
+    // A folder cannot be replaced by a file. This error occurs only at the final rename.
     let taken = folder.path().join("taken");
     fs::create_dir_all(taken.join("inner")).unwrap();
     let error = sample().write(&taken).unwrap_err().to_string();
@@ -159,7 +159,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn every_bit_of_every_parameter_survives_the_disk(map in smooth_gmr(2, 3)) {
+    fn parameters_read_back_bit_for_bit(map in smooth_gmr(2, 3)) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.json");
         map.file().write(&path).unwrap();
@@ -169,16 +169,16 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_the_parser_panic(
+    fn parser_never_panics(
         text in ".{0,200}",
         cut in 0..2000_usize,
         byte in any::<u8>(),
     ) {
         prop_assert!(ModelFile::parse(&text).is_err());
         let mut bytes = serde_json::to_vec(&sample()).unwrap();
-        let place = cut % bytes.len();
-        bytes[place] = byte;
-        // Whatever a flipped byte makes of the file, it ends in a model or in an error.
+        let index = cut % bytes.len();
+        bytes[index] = byte;
+        // A changed byte gives a model or an error, never a panic.
         if let Ok(file) = ModelFile::parse(&String::from_utf8_lossy(&bytes)) {
             let _ = Model::from_file(file);
         }

@@ -20,7 +20,7 @@ fn near(found: f64, expected: f64, tolerance: f64) {
 }
 
 #[test]
-fn one_component_is_the_regression_of_a_gaussian() {
+fn one_component_gives_linear_regression() {
     // slope 60 / 2500 = 0.024, variance 4 - 60^2 / 2500 = 2.56
     let covariances = vec![vec![vec![2500.0, 60.0], vec![60.0, 4.0]]];
     let mixture = MixtureParameters {
@@ -48,7 +48,7 @@ fn one_component_is_the_regression_of_a_gaussian() {
 }
 
 #[test]
-fn two_components_agree_with_the_moments_of_the_joint_density() {
+fn two_components_match_the_moments_of_the_joint_density() {
     // Moments of the joint density at fixed counts, integrated numerically with scipy 1.16 (400 001
     // points); the last column by the formula of the note. Counts, mean deg, variance deg^2,
     // variance within deg^2.
@@ -83,7 +83,7 @@ fn two_components_agree_with_the_moments_of_the_joint_density() {
 }
 
 #[test]
-fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
+fn two_motors_and_two_angles_match_the_python_package_gmr() {
     // gmr 2.0: GMM.condition; deg and deg^2.
     let expected = [
         (
@@ -145,7 +145,7 @@ fn two_motors_and_two_angles_agree_with_the_python_package_gmr() {
 }
 
 #[test]
-fn far_from_all_components_the_prediction_stays_finite() {
+fn prediction_is_finite_far_from_all_components() {
     let model = Model::from_file(file(2, two_by_two(), square(50.0))).unwrap();
     for counts in [
         [1e9, -1e9],
@@ -171,7 +171,7 @@ fn far_from_all_components_the_prediction_stays_finite() {
                 .flatten()
                 .all(|v| v.is_finite())
         );
-        // One component is left, and its share is all of it.
+        // One component remains, with the whole responsibility.
         near(
             estimate.covariance_within[0][0] / estimate.covariance[0][0],
             1.0,
@@ -181,14 +181,14 @@ fn far_from_all_components_the_prediction_stays_finite() {
 }
 
 #[test]
-fn a_position_that_is_no_number_does_not_pass_for_one() {
+fn a_nan_position_gives_a_nan_prediction() {
     let model = Model::from_file(file(2, two_by_two(), square(50.0))).unwrap();
     assert!(predict(&model, [f64::NAN, 0.0]).mean[0].is_nan());
     assert!(predict(&model, [0.0, f64::NAN]).mean[1].is_nan());
 }
 
-/// Largest eigenvalue of the difference of two symmetric 3x3 matrices, and smallest, by `v^T A v`
-/// over directions.
+/// Smallest and largest value of `v^T A v` over sampled directions: bounds of the eigenvalues of a
+/// symmetric 3x3 matrix.
 fn quadratic_range(matrix: [[f64; 3]; 3], outputs: usize) -> (f64, f64) {
     let mut range = (f64::INFINITY, f64::NEG_INFINITY);
     for k in 0..60 {
@@ -247,17 +247,17 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_mean_2x2(map in smooth_gmr(2, 2), at in position(2)) {
+    fn jacobian_matches_the_numerical_derivative_2x2(map in smooth_gmr(2, 2), at in position(2)) {
         check_jacobian(&Model::from_file(map.file()).unwrap(), at);
     }
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_mean_1x3(map in smooth_gmr(1, 3), at in position(1)) {
+    fn jacobian_matches_the_numerical_derivative_1x3(map in smooth_gmr(1, 3), at in position(1)) {
         check_jacobian(&Model::from_file(map.file()).unwrap(), at);
     }
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_mean_of_a_rough_mixture(
+    fn jacobian_matches_the_numerical_derivative_of_a_rough_mixture(
         a in -400.0..400.0_f64,
         b in -400.0..400.0_f64,
     ) {
@@ -265,7 +265,7 @@ proptest! {
     }
 
     #[test]
-    fn the_total_covariance_is_never_below_the_part_within(
+    fn total_covariance_is_never_below_the_covariance_within(
         map in smooth_gmr(2, 3),
         at in position(2),
     ) {
@@ -273,7 +273,10 @@ proptest! {
     }
 
     #[test]
-    fn nor_in_a_rough_mixture(a in -4000.0..4000.0_f64, b in -4000.0..4000.0_f64) {
+    fn total_covariance_is_never_below_the_covariance_within_in_a_rough_mixture(
+        a in -4000.0..4000.0_f64,
+        b in -4000.0..4000.0_f64,
+    ) {
         check_covariances(&Model::from_file(file(2, two_by_two(), square(50.0))).unwrap(), [a, b]);
     }
 }

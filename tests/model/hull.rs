@@ -1,4 +1,4 @@
-//! The calibrated region: nothing leaves it.
+//! The calibrated region: no position leaves it.
 
 use i2ris::model::file::HullParameters;
 use i2ris::model::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
@@ -15,7 +15,7 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 }
 
 #[test]
-fn the_hull_of_points_keeps_the_outer_ones() {
+fn hull_of_points_has_the_outer_points_as_corners() {
     let points = [
         [0.0, 0.0],
         [5.0, 1.0],
@@ -60,7 +60,7 @@ fn a_point_outside_projects_to_a_side_or_a_corner() {
 }
 
 #[test]
-fn a_circle_gets_a_bounded_number_of_corners_inside_it() {
+fn hull_of_a_circle_has_the_most_corners_on_the_circle() {
     let circle: Vec<_> = (0..5000)
         .map(|i| f64::from(i) * 0.013)
         .map(|t| [1000.0 * t.cos(), 1000.0 * t.sin()])
@@ -76,7 +76,7 @@ fn a_circle_gets_a_bounded_number_of_corners_inside_it() {
 }
 
 #[test]
-fn a_polygon_that_is_none_is_refused() {
+fn invalid_polygons_are_refused() {
     let clockwise = polygon(&[[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]]).unwrap_err();
     assert!(
         clockwise.contains("hull.corners[0] = [0.0, 0.0]")
@@ -125,7 +125,7 @@ fn a_polygon_that_is_none_is_refused() {
 }
 
 #[test]
-fn positions_that_span_nothing_are_refused() {
+fn positions_without_area_are_refused() {
     let line: Vec<_> = (0..20)
         .map(|i| [f64::from(i), 2.0 * f64::from(i)])
         .collect();
@@ -146,7 +146,7 @@ fn positions_that_span_nothing_are_refused() {
     );
 }
 
-/// Counts as a recording has them, or real numbers.
+/// Whole counts, as in a recording, or real numbers.
 fn points() -> impl Strategy<Value = Vec<[f64; 2]>> {
     let whole = (-40..40_i32, -40..40_i32).prop_map(|(a, b)| [f64::from(a), f64::from(b)]);
     let real = (-2000.0..2000.0_f64, -2000.0..2000.0_f64).prop_map(|(a, b)| [a, b]);
@@ -155,7 +155,7 @@ fn points() -> impl Strategy<Value = Vec<[f64; 2]>> {
 
 proptest! {
     #[test]
-    fn the_hull_holds_its_points_and_reads_back(points in points()) {
+    fn hull_contains_its_points_and_reads_back(points in points()) {
         if let Ok(hull) = Hull::from_points(2, &points) {
             prop_assert!(points.iter().all(|point| distance(hull.project(point), *point) < 1e-3));
             prop_assert_eq!(Hull::new(&hull.parameters(), 2).unwrap(), hull);
@@ -163,7 +163,7 @@ proptest! {
     }
 
     #[test]
-    fn a_projection_is_inside_and_nearest(
+    fn projection_is_the_nearest_point_inside(
         points in points(),
         a in -1e5..1e5_f64,
         b in -1e5..1e5_f64,
@@ -174,7 +174,8 @@ proptest! {
             prop_assert!(distance(hull.project(&nearest), nearest) <= TOLERANCE_COUNTS);
             let reach = distance(nearest, [a, b]);
             prop_assert!(points.iter().all(|point| reach <= distance(*point, [a, b]) + 1e-6));
-            // Nearest on a convex region: no point of it lies ahead of the way to it.
+            // A projection on a convex region is nearest if no corner lies beyond it in the
+            // direction of the point.
             let ahead =
                 |p: &[f64; 2]| {
                     (p[0] - nearest[0]) * (a - nearest[0]) + (p[1] - nearest[1]) * (b - nearest[1])

@@ -1,4 +1,4 @@
-//! The inverse: there and back, inside the hull, whatever is asked.
+//! The inverse: round trips, goals outside the hull, and arbitrary input.
 
 use i2ris::model::file::{FamilyParameters, MixtureParameters};
 use i2ris::model::{Inverse, Model, Query};
@@ -49,7 +49,7 @@ fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {
     }
 }
 
-fn check_nothing_leaves_the_hull(map: &SmoothMap, goal: OutputVec, start: MotorVec) {
+fn check_stays_in_hull(map: &SmoothMap, goal: OutputVec, start: MotorVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &goal, &start);
     assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
@@ -57,24 +57,25 @@ fn check_nothing_leaves_the_hull(map: &SmoothMap, goal: OutputVec, start: MotorV
         !inverse.residual.is_nan() && inverse.residual >= 0.0,
         "{inverse:?}"
     );
-    let asked = &goal[..model.outputs()];
-    if asked.iter().any(|g| !g.is_finite()) {
+    let used_goal = &goal[..model.outputs()];
+    if used_goal.iter().any(|g| !g.is_finite()) {
         assert!(inverse.clipped && inverse.residual.is_infinite());
         assert_eq!(inverse.counts, model.hull().project(&start));
     }
 }
 
-/// No position on a fine lattice over the hull comes nearer to the goal than the answer, but for a
-/// few counts' worth.
+/// Checks that no position on a fine lattice over the hull is nearer to the goal than the result,
+/// with a tolerance of one count's worth.
 fn check_nearest(map: &SmoothMap, goal: OutputVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &goal, &[0.0, 0.0]);
-    let asked = &goal[..model.outputs()];
-    let place = |step: i32| REACH * f64::from(step) / 50.0;
+    let used_goal = &goal[..model.outputs()];
+    let coordinate = |step: i32| REACH * f64::from(step) / 50.0;
     let columns = if model.motors() == 1 { 0..1 } else { -50..51 };
-    let lattice = (-50..51).flat_map(|i| columns.clone().map(move |j| [place(i), place(j)]));
+    let lattice =
+        (-50..51).flat_map(|i| columns.clone().map(move |j| [coordinate(i), coordinate(j)]));
     let nearest = lattice
-        .map(|at| distance(&mean(&model, &at)[..asked.len()], asked))
+        .map(|at| distance(&mean(&model, &at)[..used_goal.len()], used_goal))
         .fold(f64::INFINITY, f64::min);
     let slack = one_count(&model, &inverse.counts);
     assert!(
@@ -83,7 +84,7 @@ fn check_nearest(map: &SmoothMap, goal: OutputVec) {
     );
 }
 
-fn wild() -> impl Strategy<Value = f64> {
+fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![
         any::<f64>(),
         -2.0..2.0_f64,
@@ -102,62 +103,86 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
 
     #[test]
-    fn there_and_back_1x1(map in smooth_gmr(1, 1), at in position(1), start in position(1)) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn there_and_back_1x2(map in smooth_gmr(1, 2), at in position(1), start in position(1)) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn there_and_back_2x1(map in smooth_gmr(2, 1), at in position(2), start in position(2)) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn there_and_back_2x2(map in smooth_gmr(2, 2), at in position(2), start in position(2)) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn there_and_back_2x3(map in smooth_gmr(2, 3), at in position(2), start in position(2)) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn nothing_leaves_the_hull_of_one_motor(
-        map in smooth_gmr(1, 2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    fn inverse_recovers_the_counts_1x1(
+        map in smooth_gmr(1, 1),
+        at in position(1),
+        start in position(1),
     ) {
-        check_nothing_leaves_the_hull(&map, goal, start);
+        check_round_trip(&map, at, start);
     }
 
     #[test]
-    fn nothing_leaves_the_hull_of_two_motors(
-        map in smooth_gmr(2, 2), goal in [wild(), wild(), wild()], start in [wild(), wild()],
+    fn inverse_recovers_the_counts_1x2(
+        map in smooth_gmr(1, 2),
+        at in position(1),
+        start in position(1),
     ) {
-        check_nothing_leaves_the_hull(&map, goal, start);
+        check_round_trip(&map, at, start);
     }
 
     #[test]
-    fn any_goal_gets_a_nearest_pose_1x1(map in smooth_gmr(1, 1), goal in pose()) {
+    fn inverse_reaches_the_goal_2x1(
+        map in smooth_gmr(2, 1),
+        at in position(2),
+        start in position(2),
+    ) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn inverse_recovers_the_counts_2x2(
+        map in smooth_gmr(2, 2),
+        at in position(2),
+        start in position(2),
+    ) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn inverse_recovers_the_counts_2x3(
+        map in smooth_gmr(2, 3),
+        at in position(2),
+        start in position(2),
+    ) {
+        check_round_trip(&map, at, start);
+    }
+
+    #[test]
+    fn inverse_stays_in_the_hull_of_one_motor(
+        map in smooth_gmr(1, 2),
+        goal in [any_number(), any_number(), any_number()],
+        start in [any_number(), any_number()],
+    ) {
+        check_stays_in_hull(&map, goal, start);
+    }
+
+    #[test]
+    fn inverse_stays_in_the_hull_of_two_motors(
+        map in smooth_gmr(2, 2),
+        goal in [any_number(), any_number(), any_number()],
+        start in [any_number(), any_number()],
+    ) {
+        check_stays_in_hull(&map, goal, start);
+    }
+
+    #[test]
+    fn inverse_gives_the_nearest_pose_1x1(map in smooth_gmr(1, 1), goal in pose()) {
         check_nearest(&map, goal);
     }
 
     #[test]
-    fn any_goal_gets_a_nearest_pose_2x2(map in smooth_gmr(2, 2), goal in pose()) {
+    fn inverse_gives_the_nearest_pose_2x2(map in smooth_gmr(2, 2), goal in pose()) {
         check_nearest(&map, goal);
     }
 
     #[test]
-    fn any_goal_gets_a_nearest_pose_2x3(map in smooth_gmr(2, 3), goal in pose()) {
+    fn inverse_gives_the_nearest_pose_2x3(map in smooth_gmr(2, 3), goal in pose()) {
         check_nearest(&map, goal);
     }
 }
 
 #[test]
-fn from_the_last_answer_it_takes_a_few_evaluations_and_small_steps() {
+fn warm_start_takes_few_evaluations_and_small_steps() {
     let map = SmoothMap {
         gain: vec![vec![0.02, 0.02], vec![-0.02, 0.02]],
         bend: 0.3,
@@ -185,8 +210,8 @@ fn from_the_last_answer_it_takes_a_few_evaluations_and_small_steps() {
     }
 }
 
-/// A slope that falls left of -200 counts and rises right of it, like a model that a few wrong rows
-/// have bent up.
+/// A curve that decreases below -200 counts and increases above, like a model fitted to a few wrong
+/// rows.
 fn valley() -> Model {
     let mixture = MixtureParameters {
         weights: vec![0.2, 0.8],
@@ -200,7 +225,7 @@ fn valley() -> Model {
 }
 
 #[test]
-fn a_search_in_a_dead_end_starts_again_from_the_conditional_mean() {
+fn search_restarts_from_the_conditional_mean_at_a_local_minimum() {
     let model = valley();
     let goal = [10.0 * DEG, 0.0, 0.0];
     let inverse = invert(&model, &goal, &[-450.0, 0.0]);
@@ -211,7 +236,7 @@ fn a_search_in_a_dead_end_starts_again_from_the_conditional_mean() {
 }
 
 #[test]
-fn a_motor_that_moves_nothing_stays() {
+fn a_motor_without_effect_keeps_its_position() {
     let model = Model::from_file(file(1, linear(&[&[0.02, 0.0]], &[0.0]), square(1000.0))).unwrap();
     let inverse = invert(&model, &[2.0 * DEG, 0.0, 0.0], &[10.0, 333.0]);
     assert!(
@@ -221,11 +246,11 @@ fn a_motor_that_moves_nothing_stays() {
 }
 
 #[test]
-fn a_start_outside_the_hull_is_moved_in() {
+fn a_start_outside_the_hull_is_projected_into_it() {
     let model = Model::from_file(file(1, linear(&[&[0.02]], &[0.0]), region(1, 100.0))).unwrap();
     let inverse = invert(&model, &[f64::NAN, 0.0, 0.0], &[750.0, 0.0]);
     assert_eq!(inverse.counts, [100.0, 0.0]);
     assert!(inverse.clipped && inverse.residual.is_infinite() && inverse.iterations == 0);
-    // Entries beyond the outputs of the model mean nothing.
+    // Entries beyond the outputs of the model are ignored.
     assert!(!invert(&model, &[DEG, f64::NAN, f64::NAN], &[750.0, 0.0]).clipped);
 }

@@ -1,4 +1,4 @@
-//! The analytic chain of the robot.
+//! Tests of the analytic kinematic chain of the robot.
 
 use i2ris::model::file::{FamilyParameters, ModelFile, OutputUnit};
 use i2ris::model::kinematic::{KinematicParameters, Kinematics};
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use crate::samples::{DEG, file, region};
 
-/// Counts for about 40 degrees of the robots here.
+/// The counts that bend these robots by about 40 degrees.
 const REACH: f64 = 1500.0;
 
 fn robot(radii: &[f64], rotation: f64) -> KinematicParameters {
@@ -42,9 +42,9 @@ fn chain_file(
         covariance,
     };
     let mut file = file(outputs, family, region(motors, reach));
-    file.outputs
-        .iter_mut()
-        .for_each(|output| output.unit = unit);
+    for output in &mut file.outputs {
+        output.unit = unit;
+    }
     file
 }
 
@@ -57,7 +57,7 @@ fn mean(model: &Model, counts: MotorVec) -> [f64; 3] {
 }
 
 #[test]
-fn both_motors_together_pitch_or_yaw() {
+fn equal_counts_yaw_and_opposite_counts_pitch() {
     let model = model(robot(&[3.0, 3.0], 45.0), 2, OutputUnit::Deg);
     let [pitch, yaw, _] = mean(&model, [1000.0, 1000.0]);
     assert!(
@@ -71,11 +71,11 @@ fn both_motors_together_pitch_or_yaw() {
     );
 }
 
-/// By hand: travel of both wires 3 mm * 2 pi * 1000 / 65536 = 0.287 621 mm; both pull the same way,
-/// so the sine of a twelfth of the yaw is 2 * 0.287 621 / (24 * 0.194) = 0.123 549: 85.16 deg,
-/// beyond the stops at 52.5 deg. With half the counts 0.061 774, 42.50 deg.
+/// Calculation by hand: travel of both wires 3 mm * 2 pi * 1000 / 65536 = 0.287 621 mm. Both pull
+/// in the same direction, so the sine of a twelfth of the yaw is 2 * 0.287 621 / (24 * 0.194) =
+/// 0.123 549: 85.16 deg, beyond the stops at 52.5 deg. With half the counts 0.061 774, 42.50 deg.
 #[test]
-fn the_bend_follows_the_drawing() {
+fn bend_matches_the_dimensions_of_the_drawing() {
     let model = model(robot(&[3.0, 3.0], 45.0), 2, OutputUnit::Deg);
     let yaw = |counts: f64| mean(&model, [counts, counts])[1] / DEG + 2.0;
     assert!((yaw(500.0) - 42.50).abs() < 0.005, "{}", yaw(500.0));
@@ -109,17 +109,17 @@ fn three_angles_and_pulleys_without_radius_are_refused() {
         REACH,
     ));
     assert!(text.contains("pulley_radii_mm = NaN"), "{text}");
-    let still = KinematicParameters {
+    let zero_resolution = KinematicParameters {
         counts_per_turn: 0.0,
         ..robot(&[1.0, 1.0], 45.0)
     };
-    let text = refused(chain_file(still, 2, OutputUnit::Deg, REACH));
+    let text = refused(chain_file(zero_resolution, 2, OutputUnit::Deg, REACH));
     assert!(text.contains("counts_per_turn = 0"), "{text}");
 }
 
 #[test]
-fn the_inverse_leads_back_beyond_the_stops_too() {
-    // 1200 counts of both motors ask for about twice what the joints bend.
+fn inverse_reaches_goals_beyond_the_stops() {
+    // 1200 counts of both motors demand about twice the range of the joints.
     let file = chain_file(robot(&[3.0, 3.0], 45.0), 2, OutputUnit::Deg, 1200.0);
     let model = Model::from_file(file).unwrap();
     for at in [[0.0, 0.0], [300.0, 300.0], [900.0, 900.0], [-1100.0, 200.0]] {
@@ -130,10 +130,11 @@ fn the_inverse_leads_back_beyond_the_stops_too() {
 }
 
 fn radius() -> impl Strategy<Value = f64> {
-    (0.3..1.0_f64, any::<bool>()).prop_map(|(radius, turned)| if turned { -radius } else { radius })
+    (0.3..1.0_f64, any::<bool>())
+        .prop_map(|(radius, reversed)| if reversed { -radius } else { radius })
 }
 
-/// Within the stops: no joint of these robots reaches 8 deg within [`REACH`].
+/// Positions within the stops: no joint of these robots reaches 8 deg within [`REACH`].
 fn position() -> impl Strategy<Value = MotorVec> {
     [-REACH..REACH, -REACH..REACH]
 }
@@ -184,7 +185,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn the_jacobian_is_the_slope_of_the_chain(
+    fn jacobian_matches_the_numerical_derivative(
         radii in [radius(), radius()], rotation in -180.0..180.0_f64, at in position(),
     ) {
         check_jacobian(2, OutputUnit::Deg, robot(&radii, rotation), at);
@@ -194,7 +195,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_through_the_chain(
+    fn inverse_recovers_the_counts(
         radii in [radius(), radius()],
         rotation in -180.0..180.0_f64,
         at in position(),
@@ -207,14 +208,15 @@ proptest! {
     }
 
     #[test]
-    fn every_count_gives_finite_outputs(
+    fn outputs_are_finite_for_every_finite_position(
         radii in [radius(), radius()],
         at in [any::<f64>(), any::<f64>()],
     ) {
         prop_assume!(at.iter().all(|at| at.is_finite()));
         let model = model(robot(&radii, 45.0), 3, OutputUnit::Mm);
         prop_assert!(mean(&model, at).iter().all(|output| output.is_finite()));
-        // The tip never leaves the sphere of the straight snake, but for what the stops give way.
+        // The tip stays in the sphere of the straight snake, with a tolerance for the yielding
+        // stops.
         let chain = Kinematics::<2>::prepare(&robot(&radii, 45.0)).unwrap();
         let near = SVector::from(at.map(|at| at.clamp(-REACH, REACH)));
         prop_assert!(chain.at(&near, OutputUnit::Mm).mean.norm() < 1.8e-3);

@@ -1,4 +1,4 @@
-//! The affine family: every answer has a closed form.
+//! The affine family: every result has a closed form.
 
 use i2ris::model::{Model, Query};
 
@@ -14,7 +14,7 @@ fn model() -> Model {
 }
 
 #[test]
-fn the_prediction_is_the_affine_map_in_radians() {
+fn prediction_is_the_affine_map_in_radians() {
     let model = model();
     let estimate = model.predict(&[100.0, -50.0], &model.new_memory());
     assert!((estimate.mean[0] - (2.0 - 0.5 + 1.0) * DEG).abs() < 1e-15);
@@ -40,8 +40,8 @@ fn the_inverse_solves_the_map() {
 }
 
 #[test]
-fn a_goal_out_of_reach_gets_the_nearest_pose() {
-    // The map turns and scales evenly, so nearest in angle is nearest in counts.
+fn an_unreachable_goal_gets_the_nearest_pose() {
+    // The map is a rotation with uniform scale, so the nearest angle is at the nearest counts.
     let model = model();
     let beyond = model.predict(&[1500.0, 200.0], &model.new_memory()).mean;
     let inverse = model.invert(&beyond, &model.new_memory(), &Query::new([0.0, 0.0]));
@@ -54,7 +54,7 @@ fn a_goal_out_of_reach_gets_the_nearest_pose() {
 }
 
 #[test]
-fn a_model_in_millimetres_answers_in_metres() {
+fn a_model_in_millimetres_predicts_in_metres() {
     let mut file = file(1, linear(&[&[0.5]], &[3.0]), vec![vec![-10.0], vec![10.0]]);
     file.outputs[0].unit = i2ris::model::file::OutputUnit::Mm;
     let model = Model::from_file(file).unwrap();
@@ -64,7 +64,7 @@ fn a_model_in_millimetres_answers_in_metres() {
 }
 
 #[test]
-fn two_motors_on_one_angle_take_the_shortest_way() {
+fn two_motors_on_one_angle_take_the_shortest_step() {
     let model =
         Model::from_file(file(1, linear(&[&[0.03, 0.04]], &[0.0]), square(1000.0))).unwrap();
     let inverse = model.invert(
@@ -81,7 +81,7 @@ fn two_motors_on_one_angle_take_the_shortest_way() {
 }
 
 #[test]
-fn three_outputs_of_two_motors_get_the_least_squares_answer() {
+fn three_outputs_of_two_motors_get_the_least_squares_solution() {
     let gain: &[&[f64]] = &[&[0.02, 0.0], &[0.0, 0.02], &[0.02, 0.02]];
     let model = Model::from_file(file(3, linear(gain, &[0.0; 3]), square(1000.0))).unwrap();
     // Normal equations of [1 0; 0 1; 1 1] x = (1, 2, 6): x = (2, 3), in units of 50 counts.

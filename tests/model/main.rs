@@ -1,4 +1,4 @@
-//! The model runtime through its public interface.
+//! Tests of the model runtime through its public interface.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod direction;

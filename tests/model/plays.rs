@@ -1,4 +1,4 @@
-//! Models with play operators: what a hysteresis model promises.
+//! Properties of models with play operators.
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile};
 use i2ris::model::hysteresis::Operator;
@@ -12,8 +12,8 @@ use proptest::prelude::*;
 
 use crate::samples::{REACH, file, position, region, smooth_gmr};
 
-/// The least weight of threshold 0 here: counts may differ by its reciprocal where virtual counts
-/// differ by one.
+/// The least weight of threshold 0 in these tests. Where virtual counts differ by one, counts may
+/// differ by its reciprocal.
 const LEAST_WEIGHT: f64 = 0.1;
 
 /// Thresholds and weights of one motor.
@@ -35,7 +35,9 @@ fn one_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
                 weights.push((1.0 - first) * weight / total);
             }
             let sum: f64 = weights.iter().sum();
-            weights.iter_mut().for_each(|weight| *weight /= sum);
+            for weight in &mut weights {
+                *weight /= sum;
+            }
             (thresholds, weights)
         })
 }
@@ -55,7 +57,7 @@ fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> 
     })
 }
 
-/// A residual of some tenths of a degree that goes with the shape and the lags.
+/// A residual of some tenths of a degree that depends on the virtual counts and the lags.
 fn residual(plays: &PlayParameters, outputs: usize, size: f64) -> ResidualParameters {
     let motors = plays.weights.len();
     let lags = plays.weights.iter().map(|w| w.len() - 1).sum::<usize>()
@@ -124,10 +126,11 @@ fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
     vec(position(motors), 1..12)
 }
 
-fn after(model: &Model, path: &[MotorVec]) -> Memory {
+fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
     let mut memory = model.new_memory();
-    path.iter()
-        .for_each(|counts| model.advance(&mut memory, counts));
+    for counts in path {
+        model.advance(&mut memory, counts);
+    }
     memory
 }
 
@@ -148,7 +151,7 @@ fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
 
 fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: MotorVec) {
     let model = Model::from_file(file).unwrap();
-    let memory = after(&model, path);
+    let memory = memory_after(&model, path);
     let goal = model.predict(&at, &memory).mean;
     let inverse = model.invert(&goal, &memory, &Query::new(start));
     let missed = distance(&model.predict(&inverse.counts, &memory).mean, &goal);
@@ -166,9 +169,9 @@ fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: Mot
     );
 }
 
-fn check_wild_goals(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: MotorVec) {
+fn check_any_goal(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: MotorVec) {
     let model = Model::from_file(file).unwrap();
-    let memory = after(&model, path);
+    let memory = memory_after(&model, path);
     let inverse = model.invert(&goal, &memory, &Query::new(start));
     assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
     assert!(inverse.residual >= 0.0, "{inverse:?}");
@@ -183,7 +186,7 @@ fn check_wild_goals(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: M
     }
 }
 
-fn wild() -> impl Strategy<Value = f64> {
+fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![
         any::<f64>(),
         -2.0..2.0_f64,
@@ -197,7 +200,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn there_and_back_with_memory_1x1(
+    fn inverse_recovers_the_counts_with_memory_1x1(
         f in play_file(1, 1),
         p in path(1),
         at in position(1),
@@ -207,7 +210,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_with_memory_2x2(
+    fn inverse_recovers_the_counts_with_memory_2x2(
         f in play_file(2, 2),
         p in path(2),
         at in position(2),
@@ -217,7 +220,7 @@ proptest! {
     }
 
     #[test]
-    fn there_and_back_with_memory_2x3(
+    fn inverse_recovers_the_counts_with_memory_2x3(
         f in play_file(2, 3),
         p in path(2),
         at in position(2),
@@ -227,46 +230,46 @@ proptest! {
     }
 
     #[test]
-    fn any_goal_gets_counts_in_the_hull_1x1(
+    fn inverse_stays_in_the_hull_1x1(
         f in play_file(1, 1),
         p in path(1),
-        goal in [wild(), wild(), wild()],
-        start in [wild(), wild()],
+        goal in [any_number(), any_number(), any_number()],
+        start in [any_number(), any_number()],
     ) {
-        check_wild_goals(f, &p, goal, start);
+        check_any_goal(f, &p, goal, start);
     }
 
     #[test]
-    fn any_goal_gets_counts_in_the_hull_2x2(
+    fn inverse_stays_in_the_hull_2x2(
         f in play_file(2, 2),
         p in path(2),
-        goal in [wild(), wild(), wild()],
-        start in [wild(), wild()],
+        goal in [any_number(), any_number(), any_number()],
+        start in [any_number(), any_number()],
     ) {
-        check_wild_goals(f, &p, goal, start);
+        check_any_goal(f, &p, goal, start);
     }
 
     #[test]
-    fn any_goal_gets_counts_in_the_hull_2x3(
+    fn inverse_stays_in_the_hull_2x3(
         f in play_file(2, 3),
         p in path(2),
-        goal in [wild(), wild(), wild()],
-        start in [wild(), wild()],
+        goal in [any_number(), any_number(), any_number()],
+        start in [any_number(), any_number()],
     ) {
-        check_wild_goals(f, &p, goal, start);
+        check_any_goal(f, &p, goal, start);
     }
 
-    /// Compensation goes from where the motors would be without memory to the exact inverse, in a
-    /// straight line.
+    /// Compensation interpolates linearly between the counts of the model without memory and the
+    /// exact inverse.
     #[test]
-    fn compensation_is_a_part_of_the_way(
+    fn compensation_interpolates_linearly(
         f in play_file(2, 2),
         p in path(2),
         at in position(2),
         part in 0.0..1.0_f64,
     ) {
         let (plain, model) = (memoryless(&f), Model::from_file(f).unwrap());
-        let memory = after(&model, &p);
+        let memory = memory_after(&model, &p);
         let goal = model.predict(&at, &memory).mean;
         let with = |compensation| {
             let query = Query { correction: Some([0.0; 3]), compensation, ..Query::new([0.0; 2]) };
@@ -289,13 +292,13 @@ proptest! {
     }
 
     #[test]
-    fn a_correction_that_is_given_takes_the_place_of_the_models(
+    fn a_correction_in_the_query_replaces_that_of_the_model(
         f in play_file(2, 2),
         p in path(2),
         at in position(2),
     ) {
         let model = Model::from_file(f).unwrap();
-        let memory = after(&model, &p);
+        let memory = memory_after(&model, &p);
         let goal = model.predict(&at, &memory).mean;
         let correction = Some(model.correction(&memory));
         let query = Query { correction, ..Query::new([0.0; 2]) };
@@ -306,19 +309,19 @@ proptest! {
     }
 
     #[test]
-    fn a_memory_rebuilt_from_the_same_way_is_the_same(
+    fn memory_is_a_function_of_the_motion(
         f in play_file(2, 2),
         p in path(2),
         extra in 0..12_usize,
     ) {
         let model = Model::from_file(f).unwrap();
-        let memory = after(&model, &p);
-        prop_assert_eq!(after(&model, &p), memory);
-        // Standing still, and readings that are none, change nothing.
+        let memory = memory_after(&model, &p);
+        prop_assert_eq!(memory_after(&model, &p), memory);
+        // A repeated position and a NaN reading change nothing.
         let mut again = p.clone();
         again.insert((extra % p.len()) + 1, p[extra % p.len()]);
         again.push([f64::NAN, 0.0]);
-        let again = after(&model, &again);
+        let again = memory_after(&model, &again);
         for at in [[-300.0, 40.0], [0.0, 0.0], [77.0, 410.0]] {
             let [found, expected] = [&again, &memory].map(|memory| model.predict(&at, memory).mean);
             prop_assert!(distance(&found, &expected) < 1e-12);
@@ -326,14 +329,17 @@ proptest! {
     }
 
     #[test]
-    fn only_the_ends_of_a_straight_way_matter_to_one_motor(f in play_file(1, 1), p in path(1)) {
+    fn intermediate_positions_of_a_straight_motion_have_no_effect(
+        f in play_file(1, 1),
+        p in path(1),
+    ) {
         let model = Model::from_file(f).unwrap();
         let between = p.windows(2).flat_map(|pair| {
             let (from, to) = (pair[0][0], pair[1][0]);
             (1..=7).map(move |step| [from + (to - from) * f64::from(step) / 7.0, 0.0])
         });
         let fine: Vec<_> = p.iter().take(1).copied().chain(between).collect();
-        let (fine, coarse) = (after(&model, &fine), after(&model, &p));
+        let (fine, coarse) = (memory_after(&model, &fine), memory_after(&model, &p));
         for at in [-REACH, -100.0, 0.0, 321.0] {
             let [fine, coarse] =
                 [fine, coarse].map(|memory| model.predict(&[at, 0.0], &memory).mean[0]);
@@ -341,9 +347,13 @@ proptest! {
         }
     }
 
-    /// A loop as wide as the model asks for makes the past forgotten, whatever it was.
+    /// A loop over the conditioning range makes the model forget every earlier motion.
     #[test]
-    fn a_wide_loop_wipes_out_everything(f in play_file(2, 2), a in path(2), b in path(2)) {
+    fn motion_over_the_conditioning_range_forgets_the_past(
+        f in play_file(2, 2),
+        a in path(2),
+        b in path(2),
+    ) {
         let FamilyParameters::GmrPlay { plays, .. } = &f.family else { panic!() };
         let plain = PlayParameters { planar_thresholds_counts: Vec::new(), ..plays.clone() };
         let family = FamilyParameters::GmrPlay {
@@ -355,7 +365,7 @@ proptest! {
         };
         let model = Model::from_file(ModelFile { family, ..f }).unwrap();
         let wide = [[-REACH, -REACH], [REACH, REACH]];
-        let [a, b] = [a, b].map(|path| after(&model, &[path.as_slice(), &wide].concat()));
+        let [a, b] = [a, b].map(|path| memory_after(&model, &[path.as_slice(), &wide].concat()));
         prop_assert!(model.knows(&a) && model.knows(&b));
         for at in [[-450.0, 300.0], [0.0, 0.0], [480.0, -20.0], [500.0, 500.0]] {
             prop_assert_eq!(model.predict(&at, &a), model.predict(&at, &b));
@@ -363,15 +373,15 @@ proptest! {
     }
 
     #[test]
-    fn nothing_is_known_before_the_range_is_covered(f in play_file(2, 2)) {
+    fn memory_is_unknown_until_the_conditioning_range_is_covered(f in play_file(2, 2)) {
         let model = Model::from_file(f).unwrap();
-        let wipe = model.wipe_counts();
+        let range = model.wipe_counts();
         prop_assert!(!model.knows(&model.new_memory()));
-        if wipe[0] > 1.0 {
-            let almost = [[0.0, 0.0], [wipe[0] - 0.5, wipe[1]]];
-            prop_assert!(!model.knows(&after(&model, &almost)));
+        if range[0] > 1.0 {
+            let almost = [[0.0, 0.0], [range[0] - 0.5, range[1]]];
+            prop_assert!(!model.knows(&memory_after(&model, &almost)));
         }
-        prop_assert!(model.knows(&after(&model, &[[0.0, 0.0], wipe])));
+        prop_assert!(model.knows(&memory_after(&model, &[[0.0, 0.0], range])));
     }
 }
 
@@ -379,10 +389,11 @@ fn operator(parameters: &PlayParameters) -> Plays<1> {
     Plays::prepare(parameters).unwrap()
 }
 
-fn ways(operator: &Plays<1>, way: &[f64]) -> PlayState {
-    let mut state = operator.begin(&SVector::from([way[0]]));
-    way.iter()
-        .for_each(|at| operator.advance(&mut state, &SVector::from([*at])));
+fn state_after(operator: &Plays<1>, motion: &[f64]) -> PlayState {
+    let mut state = operator.begin(&SVector::from([motion[0]]));
+    for at in motion {
+        operator.advance(&mut state, &SVector::from([*at]));
+    }
     state
 }
 
@@ -390,18 +401,18 @@ fn virtual_counts(operator: &Plays<1>, state: &PlayState, at: f64) -> f64 {
     operator.local(state, &SVector::from([at])).mean[0]
 }
 
-fn way() -> impl Strategy<Value = Vec<f64>> {
+fn motion() -> impl Strategy<Value = Vec<f64>> {
     vec(-REACH..REACH, 1..10)
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// An excursion that comes back to where it turned leaves no trace.
+    /// A closed excursion leaves the state unchanged.
     #[test]
     fn a_closed_minor_loop_is_forgotten(
         p in plays(1, 0),
-        w in way(),
+        w in motion(),
         to in -REACH..REACH,
         part in 0.0..1.0_f64,
     ) {
@@ -412,66 +423,57 @@ proptest! {
             [w.as_slice(), &[to]].concat(),
             [w.as_slice(), &[to, inside, to]].concat(),
         );
-        let [without, with] = [without, with].map(|way| ways(&operator, &way));
+        let [without, with] = [without, with].map(|motion| state_after(&operator, &motion));
         for at in [-REACH, -77.0, 0.0, 200.0, REACH] {
-            let apart = virtual_counts(
-                &operator,
-                &without,
-                at,
-            ) - virtual_counts(&operator, &with, at);
-            prop_assert!(apart.abs() < 1e-9);
+            let difference =
+                virtual_counts(&operator, &without, at) - virtual_counts(&operator, &with, at);
+            prop_assert!(difference.abs() < 1e-9);
         }
     }
 
-    /// Minor loops between the same counts have the same shape, wherever the past has put them.
+    /// Minor loops between the same counts have the same shape after every past.
     #[test]
     fn minor_loops_are_congruent(
         p in plays(1, 0),
-        a in way(),
-        b in way(),
+        a in motion(),
+        b in motion(),
         low in -REACH..0.0_f64,
         high in 0.0..REACH,
         part in 0.0..1.0_f64,
     ) {
         let operator = operator(&p);
-        let rise = |way: &[f64]| {
-            let state = ways(&operator, &[way, &[low, high, low]].concat());
-            virtual_counts(
-                &operator,
-                &state,
-                low + part * (high - low),
-            ) - virtual_counts(&operator, &state, low)
+        let rise = |motion: &[f64]| {
+            let state = state_after(&operator, &[motion, &[low, high, low]].concat());
+            let between = low + part * (high - low);
+            virtual_counts(&operator, &state, between) - virtual_counts(&operator, &state, low)
         };
         prop_assert!((rise(&a) - rise(&b)).abs() < 1e-9);
     }
 
-    /// Higher counts give higher virtual counts, by no less than the first weight says and no more
-    /// than one for one.
+    /// Higher counts give higher virtual counts. The slope is at least the first weight and at most
+    /// 1.
     #[test]
-    fn virtual_counts_rise_with_the_counts(
+    fn virtual_counts_increase_with_the_counts(
         p in plays(1, 0),
-        w in way(),
+        w in motion(),
         at in -REACH..REACH,
         by in 0.01..50.0_f64,
     ) {
         let operator = operator(&p);
-        let state = ways(&operator, &w);
-        let rise = virtual_counts(
-            &operator,
-            &state,
-            at + by,
-        ) - virtual_counts(&operator, &state, at);
+        let state = state_after(&operator, &w);
+        let rise =
+            virtual_counts(&operator, &state, at + by) - virtual_counts(&operator, &state, at);
         prop_assert!(rise >= p.weights[0][0] * by - 1e-9 && rise <= by + 1e-9, "{rise} over {by}");
     }
 
-    /// The inverse is exact, takes bounded steps, and never goes further than the widest gap from
-    /// the virtual counts.
+    /// The inverse is exact, its slope is bounded, and its distance from the virtual counts is at
+    /// most the widest threshold.
     #[test]
-    fn the_inverse_of_the_plays_is_exact_and_bounded(
-        p in plays(1, 0), w in way(), goal in -REACH..REACH, by in 0.0..50.0_f64,
+    fn inverse_of_the_plays_is_exact_and_bounded(
+        p in plays(1, 0), w in motion(), goal in -REACH..REACH, by in 0.0..50.0_f64,
     ) {
         let operator = operator(&p);
-        let state = ways(&operator, &w);
+        let state = state_after(&operator, &w);
         let inverse = |goal: f64| operator.invert(&state, &SVector::from([goal]), 1.0)[0];
         let found = inverse(goal);
         prop_assert!((virtual_counts(&operator, &state, found) - goal).abs() < 1e-6);
@@ -482,26 +484,26 @@ proptest! {
     }
 
     #[test]
-    fn the_slope_of_the_plays_is_that_of_the_virtual_counts(
+    fn jacobian_matches_the_numerical_derivative_of_the_virtual_counts(
         p in plays(1, 0),
-        w in way(),
+        w in motion(),
         at in -REACH..REACH,
     ) {
         const STEP: f64 = 1e-4;
         let operator = operator(&p);
-        let state = ways(&operator, &w);
+        let state = state_after(&operator, &w);
         let local = operator.local(&state, &SVector::from([at])).jacobian[(0, 0)];
         let [behind, ahead] =
             [-STEP, STEP].map(|by| operator.local(&state, &SVector::from([at + by])));
-        // At a kink the slopes of both sides differ.
+        // At a kink the slopes on both sides differ.
         if behind.jacobian == ahead.jacobian {
             prop_assert!((local - (ahead.mean[0] - behind.mean[0]) / (2.0 * STEP)).abs() < 1e-6);
         }
     }
 }
 
-/// From place to place in steps that an encoder would show.
-fn in_steps(way: &[MotorVec]) -> Vec<MotorVec> {
+/// From position to position in steps of one encoder count.
+fn in_steps(motion: &[MotorVec]) -> Vec<MotorVec> {
     let straight = |ends: &[MotorVec]| {
         let (from, to) = (ends[0], ends[1]);
         let steps = from
@@ -515,28 +517,29 @@ fn in_steps(way: &[MotorVec]) -> Vec<MotorVec> {
         };
         (0..=steps).map(move |step| [at(step, 0).round(), at(step, 1).round()])
     };
-    way.windows(2).flat_map(straight).collect()
+    motion.windows(2).flat_map(straight).collect()
 }
 
 proptest! {
     #[test]
-    fn a_memory_is_rebuilt_from_the_history(file in play_file(2, 2), way in path(2)) {
+    fn recall_rebuilds_the_memory_from_the_history(file in play_file(2, 2), motion in path(2)) {
         let model = Model::from_file(file).unwrap();
-        let (mut lived, mut history) = (model.new_memory(), History::default());
-        for counts in in_steps(&way) {
-            model.advance(&mut lived, &counts);
+        let (mut expected_memory, mut history) = (model.new_memory(), History::default());
+        for counts in in_steps(&motion) {
+            model.advance(&mut expected_memory, &counts);
             history.note(&counts);
         }
         let rebuilt = model.recall(&history);
-        prop_assert_eq!(model.knows(&rebuilt), model.knows(&lived));
-        for counts in [[0.0, 0.0], [30.0, -20.0], *way.last().unwrap()] {
-            // Planar plays cut the corners of a way that is not straight: a few of 8 counts.
+        prop_assert_eq!(model.knows(&rebuilt), model.knows(&expected_memory));
+        for counts in [[0.0, 0.0], [30.0, -20.0], *motion.last().unwrap()] {
+            // Planar plays differ slightly after a motion that is not straight: the history has a
+            // point only every 8 counts.
             let (a, b) = (
                 model.predict(&counts, &rebuilt).mean,
-                model.predict(&counts, &lived).mean,
+                model.predict(&counts, &expected_memory).mean,
             );
-            let apart = (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees();
-            prop_assert!(apart < 0.1, "{apart} deg");
+            let difference = (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees();
+            prop_assert!(difference < 0.1, "{difference} deg");
         }
     }
 }

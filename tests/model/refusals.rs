@@ -1,4 +1,4 @@
-//! What is wrong with a file is said in one sentence that names the place.
+//! Errors of a model file are one sentence that names the field.
 
 use std::path::Path;
 
@@ -29,28 +29,28 @@ fn with_file(change: impl FnOnce(&mut ModelFile)) -> String {
 }
 
 #[track_caller]
-fn says(text: &str, parts: &[&str]) {
+fn assert_mentions(text: &str, parts: &[&str]) {
     assert!(parts.iter().all(|part| text.contains(part)), "{text}");
 }
 
 #[test]
 fn another_format_or_version_is_named_before_its_fields() {
     let parse = |text: &str| ModelFile::parse(text).unwrap_err().to_string();
-    says(
+    assert_mentions(
         &parse(r#"{"format": "i2ris-model", "schema_version": 2, "new": 1}"#),
         &["schema_version 2", "reads 1 only"],
     );
-    says(
+    assert_mentions(
         &parse(r#"{"format": "octave"}"#),
         &["is not a model", "`octave`"],
     );
-    says(&parse("{}"), &["is not a model"]);
-    says(&parse("pitch,yaw"), &["line 1"]);
-    says(
+    assert_mentions(&parse("{}"), &["is not a model"]);
+    assert_mentions(&parse("pitch,yaw"), &["line 1"]);
+    assert_mentions(
         &with_file(|file| file.schema_version = 7),
         &["schema_version 7"],
     );
-    says(&with_file(|file| file.format.clear()), &["is not a model"]);
+    assert_mentions(&with_file(|file| file.format.clear()), &["is not a model"]);
 }
 
 #[test]
@@ -62,46 +62,46 @@ fn an_unknown_or_missing_field_is_named() {
             .unwrap_err()
             .to_string()
     };
-    says(
+    assert_mentions(
         &parse("\"robot_id\"", "\"robotid\""),
         &["unknown field `robotid`", "robot_id"],
     );
-    says(
+    assert_mentions(
         &parse("\"kind\":\"gmr\"", "\"kind\":\"gmr\",\"lag\":1"),
         &["unknown field `lag`"],
     );
-    says(
+    assert_mentions(
         &parse("\"weights\"", "\"weight\""),
         &["unknown field `weight`"],
     );
-    says(
+    assert_mentions(
         &parse("\"kind\":\"gmr\"", "\"kind\":\"spline\""),
         &["unknown variant `spline`", "`gmr`"],
     );
-    says(&parse("\"seed\":1,", ""), &["missing field `seed`"]);
-    says(
+    assert_mentions(&parse("\"seed\":1,", ""), &["missing field `seed`"]);
+    assert_mentions(
         &parse("\"deg\"", "\"rad\""),
         &["unknown variant `rad`", "`deg`"],
     );
 }
 
 #[test]
-fn a_file_is_named_in_every_error() {
+fn every_error_names_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("snake.json");
-    says(
+    assert_mentions(
         &Model::load(&path).unwrap_err().to_string(),
         &["cannot read model file", "snake.json", "calibrate fit"],
     );
     std::fs::write(&path, "{}").unwrap();
-    says(
+    assert_mentions(
         &Model::load(&path).unwrap_err().to_string(),
         &["snake.json", "is not a model"],
     );
     let mut bad = file(1, two_components(), region(1, 300.0));
     bad.robot_id = " ".to_owned();
     std::fs::write(&path, serde_json::to_string(&bad).unwrap()).unwrap();
-    says(
+    assert_mentions(
         &Model::load(&path).unwrap_err().to_string(),
         &["snake.json", "robot_id"],
     );
@@ -112,100 +112,100 @@ fn a_file_is_named_in_every_error() {
 }
 
 #[test]
-fn outputs_and_records_must_fit() {
-    says(
+fn invalid_outputs_and_records_are_refused() {
+    assert_mentions(
         &with_file(|file| file.outputs.clear()),
         &["outputs = 0", "1 to 3"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.outputs[1].name = "pitch".to_owned()),
         &["outputs[1].name", "another output"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.outputs[1].name = "a".repeat(17)),
         &["outputs[1].name", "16 bytes"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.outputs[1].name.clear()),
         &["outputs[1].name", "16 bytes"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.outputs[0].unit = OutputUnit::Mm),
         &["outputs[0].unit", "one unit"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.metrics.truncate(1)),
         &["metrics = 1 entries", "one per output"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.metrics[1].training.r2 = f64::NAN),
         &["metrics[1]", "NaN"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.training.bic = Some(f64::INFINITY)),
         &["training.bic", "inf"],
     );
 }
 
 #[test]
-fn the_hull_must_have_the_motors_of_the_family() {
-    says(
+fn a_hull_for_another_number_of_motors_is_refused() {
+    assert_mentions(
         &with_file(|file| file.hull.corners.clear()),
         &["hull.corners[0]", "1 or 2"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.hull.corners[2].truncate(1)),
         &["hull.corners[2]", "one number per motor"],
     );
-    says(
+    assert_mentions(
         &with_file(|file| file.hull.corners = region(1, 50.0)),
         &["family.mixture.means[0]", "per motor and output"],
     );
 }
 
 #[test]
-fn a_mixture_must_be_one() {
-    says(
+fn invalid_mixtures_are_refused() {
+    assert_mentions(
         &with_mixture(|mixture| mixture.weights[0] = 0.3),
         &["family.mixture.weights = sum 0.8", "sum to 1"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.weights = vec![0.0, 1.0]),
         &["weights[0] = 0", "above 0"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.weights[1] = f64::NAN),
         &["weights[1] = NaN"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.means.truncate(1)),
         &["family.mixture.means", "per weight"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances.truncate(1)),
         &["family.mixture.covariances", "per weight"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.means[1].push(1.0)),
         &["means[1]", "3 numbers"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.means[0][1] = f64::INFINITY),
         &["means[0] = inf", "finite"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.means[0][1] = 1e200),
         &["means[0]", "at most 1e15"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances[1][1].truncate(1)),
         &["covariances[1]", "[2, 1]"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances[0][1][1] = f64::NAN),
         &["covariances[0] = NaN"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.weights = vec![0.01; 100]),
         &["100 components", "1 to 64"],
     );
@@ -213,32 +213,32 @@ fn a_mixture_must_be_one() {
 
 #[test]
 fn a_covariance_must_be_symmetric_and_positive_definite() {
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances[0][0][1] = 61.0),
         &["covariances[0][1][0]", "symmetric"],
     );
     let indefinite = |to: f64| {
         with_mixture(|mixture| mixture.covariances[1] = vec![vec![10_000.0, to], vec![to, 9.0]])
     };
-    says(&indefinite(301.0), &["covariances[1]", "positive definite"]);
-    says(&indefinite(300.0), &["covariances[1]", "positive definite"]);
-    says(
+    assert_mentions(&indefinite(301.0), &["covariances[1]", "positive definite"]);
+    assert_mentions(&indefinite(300.0), &["covariances[1]", "positive definite"]);
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances[1][1][1] = -9.0),
         &["covariances[1][1][1] = -9", "negative"],
     );
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances[1] = vec![vec![0.0; 2]; 2]),
         &["variances", "positive definite"],
     );
     let tiny = vec![vec![1e-30, 0.0], vec![0.0, 9.0]];
-    says(
+    assert_mentions(
         &with_mixture(|mixture| mixture.covariances[1] = tiny),
         &["covariances[1] = width 1.0e-15", "too narrow"],
     );
 }
 
 #[test]
-fn a_linear_model_must_fit_its_sizes() {
+fn invalid_linear_parameters_are_refused() {
     type Rows = Vec<Vec<f64>>;
     let refuse = |change: fn(&mut Rows, &mut Vec<f64>, &mut Rows)| {
         let mut file = file(
@@ -257,31 +257,31 @@ fn a_linear_model_must_fit_its_sizes() {
         change(gain, offset, covariance);
         refused(file)
     };
-    says(
+    assert_mentions(
         &refuse(|gain, _, _| gain.truncate(1)),
         &["family.gain = rows of [2] numbers"],
     );
-    says(
+    assert_mentions(
         &refuse(|gain, _, _| gain[1][1] = f64::NAN),
         &["family.gain = NaN"],
     );
-    says(
+    assert_mentions(
         &refuse(|gain, _, _| *gain = vec![vec![0.0; 2]; 2]),
         &["family.gain = all 0", "move"],
     );
-    says(
+    assert_mentions(
         &refuse(|_, offset, _| offset.push(1.0)),
         &["family.offset = 3 numbers"],
     );
-    says(
+    assert_mentions(
         &refuse(|_, _, covariance| covariance[0][0] = -0.25),
         &["family.covariance[0][0] = -0.25"],
     );
-    says(
+    assert_mentions(
         &refuse(|_, _, covariance| *covariance = vec![vec![1.0, 2.0], vec![2.0, 1.0]]),
         &["family.covariance", "eigen"],
     );
-    // Without any residual there is nothing wrong.
+    // A covariance of 0 is valid: the fit may be exact.
     let mut exact = file(1, linear(&[&[0.02]], &[0.0]), region(1, 100.0));
     let FamilyParameters::Linear { covariance, .. } = &mut exact.family else {
         panic!()
@@ -291,10 +291,10 @@ fn a_linear_model_must_fit_its_sizes() {
 }
 
 #[test]
-fn a_model_whose_inverse_does_not_lead_back_is_refused_with_the_place() {
-    // Rises in the middle and dips at both ends: left behind a hump, right behind a drop. A search
-    // downwards from the middle ends at the hump, and the conditional mean of the two dips is the
-    // middle again.
+fn a_model_that_fails_the_round_trip_is_refused_with_the_position() {
+    // The curve increases in the middle and falls at both ends: behind a local maximum on the left,
+    // behind a drop on the right. A search downwards from the middle ends at the local maximum, and
+    // the conditional mean of the two ends is the middle again.
     let component = |count: f64, deg: f64, width: f64| {
         (
             vec![count, deg],
@@ -323,7 +323,7 @@ fn a_model_whose_inverse_does_not_lead_back_is_refused_with_the_place() {
         &error,
         ModelError::NotInvertible { counts, .. } if counts.len() == 1 && counts[0].abs() > 200.0,
     ));
-    says(
+    assert_mentions(
         &error.to_string(),
         &[
             "the inverse fails at counts [",
@@ -337,11 +337,11 @@ fn a_model_whose_inverse_does_not_lead_back_is_refused_with_the_place() {
 fn a_model_of_another_robot_is_refused() {
     let model = Model::from_file(file(1, two_components(), region(1, 300.0))).unwrap();
     assert!(model.check_robot("bench", 1).is_ok());
-    says(
+    assert_mentions(
         &model.check_robot("theatre", 1).unwrap_err().to_string(),
         &["robot `bench`", "`theatre`"],
     );
-    says(
+    assert_mentions(
         &model.check_robot("bench", 2).unwrap_err().to_string(),
         &["for 1 motor", "has 2"],
     );

@@ -1,4 +1,4 @@
-//! Models to test with, built from numbers.
+//! Sample models for the tests, built from numbers.
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
@@ -12,7 +12,7 @@ use proptest::prelude::*;
 /// One degree in radians.
 pub const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// A model file around a family and a hull, with everything else filled in.
+/// A model file with a family and a hull; all other fields have valid values.
 pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) -> ModelFile {
     let fit = FitMetrics {
         r2: 0.99,
@@ -128,13 +128,13 @@ pub const REACH: f64 = 500.0;
 /// A mixture that follows a smooth invertible map: components on a lattice of motor space, each
 /// tangent to the map.
 ///
-/// Every motor `j` bends by `g(x) = x + bend * s * sin(x / s)`, and the outputs are
-/// `gain * g(counts)`.
+/// Every motor `j` contributes `g(x) = x + bend * s * sin(x / s)`, and the outputs are `gain *
+/// g(counts)`.
 #[derive(Debug, Clone)]
 pub struct SmoothMap {
     /// Degrees per count, one row per output.
     pub gain: Vec<Vec<f64>>,
-    /// How much the slope changes along the way, below 1.
+    /// Relative change of the slope over the range, below 1.
     pub bend: f64,
     /// Components along each motor.
     pub steps: usize,
@@ -196,9 +196,10 @@ impl SmoothMap {
     pub fn family(&self) -> FamilyParameters {
         let motors = self.gain[0].len();
         let spacing = 2.0 * REACH / self.steps as f64;
-        let place = |i: usize| -REACH + spacing * (i as f64 + 0.5);
+        let coordinate = |i: usize| -REACH + spacing * (i as f64 + 0.5);
         let rows = if motors == 1 { 1 } else { self.steps };
-        let lattice = (0..self.steps).flat_map(|i| (0..rows).map(move |j| [place(i), place(j)]));
+        let lattice =
+            (0..self.steps).flat_map(|i| (0..rows).map(move |j| [coordinate(i), coordinate(j)]));
         let components: Vec<_> = lattice
             .map(|at| self.component(&at[..motors], 0.6 * spacing))
             .collect();
@@ -223,7 +224,7 @@ impl SmoothMap {
     }
 }
 
-/// Smooth maps of given sizes. Two motors turn two planes that may lie askew; a third output
+/// Smooth maps of given sizes. Two motors act in two planes that may be oblique. A third output
 /// follows both.
 pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = SmoothMap> {
     (
@@ -239,8 +240,8 @@ pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = Smooth
                 vec![-skew * a, b],
                 vec![0.3 * a, 0.5 * b],
             ];
-            let cut = |row: &Vec<f64>| row.iter().take(motors).copied().collect();
-            let gain = rows.iter().take(outputs).map(cut).collect();
+            let first_motors = |row: &Vec<f64>| row.iter().take(motors).copied().collect();
+            let gain = rows.iter().take(outputs).map(first_motors).collect();
             SmoothMap { gain, bend, steps }
         })
 }
@@ -251,7 +252,7 @@ pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
         .prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
 }
 
-/// Stop operators of a snake with slack and friction, in degrees: a middling one of [`stops`].
+/// Stop operators of a snake with slack and friction, in degrees: a typical sample of [`stops`].
 pub fn some_stops(motors: usize) -> StopParameters {
     stops_of(
         motors,
@@ -293,7 +294,7 @@ fn stops_of(
     }
 }
 
-/// In a row, the later the harder to bend.
+/// Segments in series, with friction that increases with the index.
 fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
     let segment = |s: usize| {
         let rank = 2.0 * (s as f64 + 1.0) / (count as f64 + 1.0);
@@ -310,14 +311,14 @@ fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
     (0..count).map(segment).collect()
 }
 
-/// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, axes askew.
+/// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, oblique axes.
 pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
     let slack = prop::array::uniform4(0.0..1.0_f64);
     let friction = prop::array::uniform4(0.0..0.3_f64);
     let travel = prop::array::uniform2(0.02..0.035_f64);
     let axes = (20.0..60.0_f64, 110.0..150.0_f64);
-    let rest = (0.03..0.2_f64, 1..=3_usize);
-    (slack, friction, travel, axes, rest).prop_map(
+    let loose_and_segments = (0.03..0.2_f64, 1..=3_usize);
+    (slack, friction, travel, axes, loose_and_segments).prop_map(
         move |(slack, friction, travel, axes, (loose, segments))| {
             stops_of(
                 motors,

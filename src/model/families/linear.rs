@@ -19,8 +19,8 @@ impl<const D: usize, const M: usize> Linear<D, M> {
     ///
     /// # Errors
     ///
-    /// When sizes differ, a number is not finite, the covariance is none, or no motor moves
-    /// anything.
+    /// When sizes differ, a number is not finite, the covariance is not positive semidefinite, or
+    /// no motor moves an output.
     pub(in crate::model) fn prepare(
         gain: &[Vec<f64>],
         offset: &[f64],
@@ -28,9 +28,9 @@ impl<const D: usize, const M: usize> Linear<D, M> {
         si: f64,
     ) -> Result<Self, ModelError> {
         let gain = matrix(gain, M, D, || "family.gain".to_owned())?;
-        let moves = gain.iter().any(|g| *g != 0.0);
+        let moves_an_output = gain.iter().any(|g| *g != 0.0);
         require(
-            moves,
+            moves_an_output,
             || "family.gain".to_owned(),
             "all 0",
             "a motor must move an output",
@@ -71,7 +71,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for Linear<D, M> {
         }
     }
 
-    /// The search reaches the only minimum from anywhere.
+    /// None: the search reaches the only minimum from every start.
     fn second_start(&self, _goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
         None
     }

@@ -1,4 +1,4 @@
-//! What a model remembers of the past motion of the motors.
+//! The hysteresis memory of a model.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,21 +7,20 @@ use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::hysteresis::stop::state::StopState;
 use crate::units::MotorVec;
 
-/// What a model remembers of the past motion of the motors. Fixed size, no heap; copying it forks
-/// the past.
+/// The state that a model keeps of the past motion of the motors. It has a fixed size and uses no
+/// heap. A copy is an independent memory.
 ///
-/// Models without hysteresis remember only where the motors have been. A memory belongs to the
-/// model that made it: with that of another family a model answers as if it had seen nothing but
-/// the present position.
+/// Models without hysteresis keep only the range of the motors. A memory belongs to the model that
+/// made it. With the memory of another family a model predicts from the present position alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Memory {
     pub(in crate::model) state: State,
-    /// The range that the motors have covered, and where they are; `None` before the first
+    /// The range that the motors have covered and their present position; `None` before the first
     /// position.
     pub(in crate::model) seen: Option<Seen>,
 }
 
-/// Where the motors are, and the range of counts that they have covered.
+/// The present position of the motors, and the range of counts that they have covered.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(in crate::model) struct Seen {
     pub position: MotorVec,
@@ -47,23 +46,23 @@ impl Seen {
     }
 }
 
-/// The inner state of a family.
+/// The state of a family.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant, reason = "no heap in the control loop")]
 pub(in crate::model) enum State {
-    /// Nothing.
+    /// No state.
     #[default]
     None,
-    /// Which way every motor travels.
+    /// The direction of travel of every motor.
     Travels(Travels),
-    /// Of play operators.
+    /// The state of play operators.
     Plays(PlayState),
-    /// Of stop operators.
+    /// The state of stop operators.
     Stops(StopState),
 }
 
 impl Memory {
-    /// Takes note of a position. The caller then brings the state to it.
+    /// Adds a position. The caller then advances the state to it.
     pub(in crate::model) fn note(&mut self, position: MotorVec) {
         match &mut self.seen {
             Some(seen) => seen.extend(position),
@@ -71,8 +70,8 @@ impl Memory {
         }
     }
 
-    /// Every motor has covered a range of at least so many counts: whatever came before is wiped
-    /// out.
+    /// Whether every motor has covered the given range, counts. All earlier motion is then
+    /// forgotten.
     pub(in crate::model) fn covered(&self, ranges: &MotorVec) -> bool {
         self.seen.is_some_and(|seen| {
             let mut covered = seen

@@ -1,4 +1,4 @@
-//! The check that the inverse of a model leads back, before the model may move anything.
+//! The round-trip check: `forward(inverse(x))` must give `x` before a model may move a motor.
 
 use std::cmp::Ordering::Less;
 
@@ -10,41 +10,41 @@ use crate::model::maths::regression::{Local, array};
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
-/// Positions along each motor's range.
+/// Number of positions along the range of each motor.
 const STEPS: usize = 17;
 
-/// Where the model is nearly flat, one count is worth almost nothing; there it counts as this part
-/// of the mean worth.
+/// Least value of one count's worth, relative to its mean over the hull. Without it the check would
+/// divide by almost 0 where the model is nearly flat.
 const LEAST_WORTH: f64 = 1e-3;
 
-/// Inverts the prediction at positions all over the hull, each from a cold start in the middle.
-/// `local` leaves out positions at which the model does not claim to know anything; the middle of
-/// the hull is none of them.
+/// Inverts the prediction at positions all over the hull, each from a cold start at the centre.
+/// `local` returns `None` at positions outside the model's domain. The centre of the hull must lie
+/// inside the domain.
 ///
 /// # Errors
 ///
-/// Where the prediction at the answer is further from the prediction at the position than one count
-/// is worth there: the worst such position.
+/// When the prediction at the inverse is further from the prediction at a position than one count
+/// is worth there. The error names the worst position.
 pub(in crate::model) fn check<const D: usize, const M: usize>(
     hull: &Hull,
     unit: OutputUnit,
     local: impl Fn(&MotorVec) -> Option<Local<D, M>>,
     invert: impl Fn(&OutputVec) -> Inverse,
 ) -> Result<(), ModelError> {
-    let known: Vec<_> = positions(hull)
+    let samples: Vec<_> = positions(hull)
         .into_iter()
         .filter_map(|counts| local(&counts).map(|l| (counts, l)))
         .collect();
     let worth = |local: &Local<D, M>| one_count(&local.jacobian);
-    let floor = LEAST_WORTH * known.iter().map(|(_, local)| worth(local)).sum::<f64>()
-        / known.len().max(1) as f64;
-    let missed = known.iter().map(|(counts, local)| {
+    let floor = LEAST_WORTH * samples.iter().map(|(_, local)| worth(local)).sum::<f64>()
+        / samples.len().max(1) as f64;
+    let errors = samples.iter().map(|(counts, local)| {
         let inverse = invert(&array::<M, MAX_OUTPUTS>(&local.mean));
         (*counts, inverse.residual, worth(local).max(floor))
     });
     let in_counts = |(_, error, worth): &(MotorVec, f64, f64)| (error / worth).abs();
-    let worst = missed.max_by(|a, b| in_counts(a).total_cmp(&in_counts(b)));
-    // `total_cmp` puts NaN on top, so a model that gives NaN anywhere is refused too.
+    let worst = errors.max_by(|a, b| in_counts(a).total_cmp(&in_counts(b)));
+    // `total_cmp` orders NaN last, so a model that gives NaN anywhere is refused too.
     let Some((counts, error, worth)) =
         worst.filter(|worst| in_counts(worst).partial_cmp(&1.0) != Some(Less))
     else {
@@ -58,7 +58,7 @@ pub(in crate::model) fn check<const D: usize, const M: usize>(
     })
 }
 
-/// A lattice over the hull, and its corners.
+/// The points of a lattice that lie in the hull, and the corners of the hull.
 fn positions(hull: &Hull) -> Vec<MotorVec> {
     let mut low = [f64::INFINITY; MAX_MOTORS];
     let mut high = [f64::NEG_INFINITY; MAX_MOTORS];

@@ -1,4 +1,4 @@
-//! What the controller needs of every family, in arrays of fixed size.
+//! The interface of every family to the controller, in arrays of fixed size.
 
 use std::fmt::Debug;
 
@@ -12,14 +12,14 @@ use crate::model::maths::regression::{Regression, bounded, estimate, rows, vecto
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MotorVec, OutputVec};
 
-/// A family behind an interface of fixed size: the one place where sizes become types. The provided
-/// methods are right for a family without memory.
+/// A family of models with its numbers of motors and outputs hidden. The provided methods suit a
+/// family without memory.
 pub(in crate::model) trait Runtime: Debug + Send + Sync {
-    /// Brings the state of a memory, whose position has been noted, to that position.
+    /// Advances the state of a memory to `counts`. The memory already contains this position.
     fn advance(&self, _memory: &mut Memory, _counts: &MotorVec) {}
 
-    /// The range that every motor has to cover to wipe out what was remembered before, counts.
-    fn wipe_counts(&self) -> MotorVec {
+    /// The range that every motor must cover until earlier motion is forgotten, counts.
+    fn conditioning_range(&self) -> MotorVec {
         MotorVec::default()
     }
 

@@ -1,4 +1,4 @@
-//! Checks on what a model file holds, before anything is computed from it.
+//! Checks of the contents of a model file, before any computation.
 
 use crate::model::error::{ModelError, require};
 use crate::model::file::{FORMAT, FitMetrics, ModelFile, SCHEMA_VERSION, TrainingRecord};
@@ -8,12 +8,13 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 /// The longest name of an output, in bytes.
 const MAX_NAME_BYTES: usize = 16;
 
-/// Everything but the parameters of the family and the hull. Returns the number of motors.
+/// Checks everything except the parameters of the family and the hull. Returns the number of
+/// motors.
 pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
     check_header(&file.format, u64::from(file.schema_version))?;
-    let named = !file.robot_id.trim().is_empty();
+    let has_name = !file.robot_id.trim().is_empty();
     require(
-        named,
+        has_name,
         || "robot_id".to_owned(),
         format!("`{}`", file.robot_id),
         "must name the robot",
@@ -30,7 +31,7 @@ pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
     Ok(motors)
 }
 
-/// That a file is a model of the version that this software reads.
+/// Checks that a file is a model of the supported schema version.
 pub(in crate::model) fn check_header(format: &str, schema_version: u64) -> Result<(), ModelError> {
     if format != FORMAT {
         return Err(ModelError::Format {
@@ -57,17 +58,22 @@ fn check_outputs(file: &ModelFile) -> Result<(), ModelError> {
     for (i, output) in outputs.iter().enumerate() {
         let shown = format!("`{}`", output.name);
         let key = || format!("outputs[{i}].name");
-        let fits = (1..=MAX_NAME_BYTES).contains(&output.name.len());
-        require(fits, key, &shown, "must be 1 to 16 bytes long")?;
-        let twice = outputs
+        let valid_length = (1..=MAX_NAME_BYTES).contains(&output.name.len());
+        require(valid_length, key, &shown, "must be 1 to 16 bytes long")?;
+        let duplicate = outputs
             .iter()
             .take(i)
             .any(|other| other.name == output.name);
-        require(!twice, key, &shown, "is the name of another output already")?;
-        let same = outputs.iter().all(|other| other.unit == output.unit);
+        require(
+            !duplicate,
+            key,
+            &shown,
+            "is the name of another output already",
+        )?;
+        let same_unit = outputs.iter().all(|other| other.unit == output.unit);
         let key = || format!("outputs[{i}].unit");
         require(
-            same,
+            same_unit,
             key,
             output.unit,
             "all outputs must have one unit, or a distance between poses has none",

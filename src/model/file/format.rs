@@ -1,6 +1,6 @@
-//! Model files: JSON, versioned, unknown fields refused.
+//! The format of model files: versioned JSON. Unknown fields are refused.
 //!
-//! Files speak degrees (or millimetres) and counts; the prepared model speaks radians (metres) and
+//! Files use degrees (or millimetres) and counts. The prepared model uses radians (metres) and
 //! counts.
 
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ pub use crate::model::maths::hull::HullParameters;
 pub use crate::model::output_unit::OutputUnit;
 pub use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
 
-/// A model file as it stands, not yet checked.
+/// A model file that is not checked yet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelFile {
@@ -23,17 +23,17 @@ pub struct ModelFile {
     pub format: String,
     /// [`SCHEMA_VERSION`].
     pub schema_version: u32,
-    /// The robot that it was calibrated on; the controller compares it with its configuration.
+    /// The robot of the calibration. The controller compares it with its configuration.
     pub robot_id: String,
-    /// What the model computes, one to three.
+    /// The outputs of the model, one to three.
     pub outputs: Vec<OutputSpec>,
-    /// The parameters.
+    /// The parameters of the family.
     pub family: FamilyParameters,
     /// The region of motor space that calibration visited.
     pub hull: HullParameters,
-    /// Where it comes from.
+    /// The origin of the model.
     pub training: TrainingRecord,
-    /// How well it fits, one entry per output.
+    /// Quality of the fit, one entry per output.
     pub metrics: Vec<OutputMetrics>,
 }
 
@@ -60,11 +60,11 @@ pub enum FamilyParameters {
         /// Covariance of the residuals, m rows of m.
         covariance: Vec<Vec<f64>>,
     },
-    /// The analytic chain of the robot.
+    /// The analytic kinematic chain of the robot.
     Kinematic {
-        /// What differs from robot to robot.
+        /// The parameters of the robot.
         kinematics: KinematicParameters,
-        /// Outputs of the straight snake, less those that the chain gives it; m.
+        /// Outputs of the straight snake minus the outputs of the chain at the straight pose; m.
         offset: Vec<f64>,
         /// Covariance of the residuals, m rows of m.
         covariance: Vec<Vec<f64>>,
@@ -76,7 +76,7 @@ pub enum FamilyParameters {
     },
     /// Gaussian mixture regression on the counts and the direction of travel of every motor.
     GmrDirection {
-        /// A motor has turned when it has come back by so much, counts; d.
+        /// A motor reverses when it moves back by this distance, counts; d.
         dead_bands_counts: Vec<f64>,
         /// Mixture over `[counts; directions; outputs]`; a direction is 1 upwards and -1 downwards.
         mixture: MixtureParameters,
@@ -87,7 +87,7 @@ pub enum FamilyParameters {
         plays: PlayParameters,
         /// Mixture over `[virtual counts; outputs]`.
         mixture: MixtureParameters,
-        /// What is left, unless it is nothing.
+        /// The remaining error; absent without a residual.
         residual: Option<ResidualParameters>,
         /// The region of virtual counts that calibration visited.
         virtual_hull: HullParameters,
@@ -99,14 +99,14 @@ pub enum FamilyParameters {
         stops: StopParameters,
         /// Mixture over `[virtual counts; outputs]`.
         mixture: MixtureParameters,
-        /// What is left, unless it is nothing.
+        /// The remaining error; absent without a residual.
         residual: Option<ResidualParameters>,
         /// The region of virtual counts that calibration visited.
         virtual_hull: HullParameters,
     },
 }
 
-/// Where a model comes from.
+/// The origin of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingRecord {
@@ -128,13 +128,13 @@ pub struct TrainingRecord {
     pub software: String,
 }
 
-/// How well one output is fitted, in its unit.
+/// Quality of the fit of one output, in its unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OutputMetrics {
     /// On the rows used for training.
     pub training: FitMetrics,
-    /// On the rows held out; absent when none were.
+    /// On the held-out rows; absent without held-out rows.
     pub held_out: Option<FitMetrics>,
 }
 

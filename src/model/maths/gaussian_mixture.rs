@@ -1,4 +1,4 @@
-//! The Gaussian mixture of a model file: checked, and scaled to rad (m) and counts.
+//! The Gaussian mixture of a model file: its checks, and scaling to rad (m) and counts.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,7 +11,7 @@ use crate::model::maths::matrix_checks::{parameters, positive_definite, square};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MixtureParameters {
-    /// K, summing to 1.
+    /// K weights with sum 1.
     pub weights: Vec<f64>,
     /// K rows of n.
     pub means: Vec<Vec<f64>>,
@@ -19,10 +19,10 @@ pub struct MixtureParameters {
     pub covariances: Vec<Vec<Vec<f64>>>,
 }
 
-/// The most components of a mixture: bounds the work of every tick.
+/// The most components of a mixture. It bounds the work of every tick.
 pub const MAX_COMPONENTS: usize = 64;
 
-/// How far the sum of the weights may be from 1: a file may hold rounded numbers.
+/// Tolerance of the sum of the weights: a file may contain rounded numbers.
 const WEIGHT_TOLERANCE: f64 = 1e-6;
 
 /// One component, scaled.

@@ -18,18 +18,18 @@
 //!
 //! Derivative of the mean. `d log N(x; mu_k^I, S_k^I) / dx = -(S_k^I)^-1 (x - mu_k^I) =: g_k`,
 //! hence `dh_k/dx = h_k (g_k - sum_i h_i g_i)`. Because `sum_k dh_k/dx = 0`, the conditional means
-//! may be taken from any origin `o`; from that of the likeliest component, nothing cancels where
-//! one component takes all:
+//! may be taken from any origin `o`. With the conditional mean of the likeliest component as the
+//! origin, there is no cancellation where one component has the whole responsibility:
 //!
 //! ```text
 //! d mean / dx = sum_k h_k A_k + sum_k h_k (y_k - o) g_k^T - (mean - o) (sum_k h_k g_k)^T
 //! ```
 //!
-//! Everything runs through the whitened distance `z_k = W_k (x - mu_k^I)` with `W_k = L_k^-1`,
-//! `S_k^I = L_k L_k^T`: `log N = const - |z|^2 / 2`, `A_k = B_k W_k` with `B_k = S_k^OI W_k^T`,
-//! `y_k = mu_k^O + B_k z_k`, `g_k = -W_k^T z_k`, `C_k = S_k^O - B_k B_k^T`. The responsibilities
-//! are computed from logarithms relative to the largest one, so that far from all components the
-//! nearest one takes over instead of 0 / 0.
+//! All terms use the whitened distance `z_k = W_k (x - mu_k^I)` with `W_k = L_k^-1`, `S_k^I = L_k
+//! L_k^T`: `log N = const - |z|^2 / 2`, `A_k = B_k W_k` with `B_k = S_k^OI W_k^T`, `y_k = mu_k^O +
+//! B_k z_k`, `g_k = -W_k^T z_k`, `C_k = S_k^O - B_k B_k^T`. The responsibilities are computed from
+//! logarithms relative to the largest one. Far from all components the nearest one therefore has
+//! the whole responsibility, instead of 0 / 0.
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 
@@ -38,15 +38,15 @@ use crate::model::maths::gaussian_mixture::MixtureParameters;
 use crate::model::maths::gaussian_mixture::{Component, MAX_COMPONENTS, components};
 use crate::model::maths::regression::{Local, Prediction, Regression};
 
-/// The largest entry of a whitening matrix, per count or rad (m): squared distances stay finite
+/// The largest entry of a whitening matrix, per count or rad (m). It keeps squared distances finite
 /// everywhere.
 const LARGEST_WHITENING: f64 = 1e12;
 
-/// A component whose logarithm is this far below the likeliest has no share: 4e-18 of it is lost in
-/// rounding.
+/// A component whose log-density is this far below the likeliest is ignored: its share of 4e-18 is
+/// below the rounding error.
 const NEGLIGIBLE: f64 = -40.0;
 
-/// Gaussian mixture regression of M outputs on D inputs, and the other way round from the same
+/// Gaussian mixture regression of M outputs on D inputs, and the reverse regression from the same
 /// mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::model) struct Gmr<const D: usize, const M: usize> {
@@ -59,7 +59,7 @@ impl<const D: usize, const M: usize> Gmr<D, M> {
     ///
     /// # Errors
     ///
-    /// As [`components`], and when a component is too narrow to compute with.
+    /// The errors of [`components`], and when a component is too narrow for the arithmetic.
     pub(in crate::model) fn prepare(
         mixture: &MixtureParameters,
         si: f64,
@@ -68,11 +68,11 @@ impl<const D: usize, const M: usize> Gmr<D, M> {
         Self::new(&components(mixture, &scale)?)
     }
 
-    /// From checked and scaled components over `[counts; outputs]`.
+    /// Prepares checked and scaled components over `[counts; outputs]`.
     ///
     /// # Errors
     ///
-    /// When a component is too narrow to compute with.
+    /// When a component is too narrow for the arithmetic.
     pub(in crate::model) fn new(components: &[Component]) -> Result<Self, ModelError> {
         Ok(Self {
             forward: Conditional::new(components, 0, D)?,
@@ -96,16 +96,16 @@ impl<const D: usize, const M: usize> Regression<D, M> for Gmr<D, M> {
     }
 }
 
-/// The outputs given the inputs, both any part of a mixture.
+/// The distribution of the outputs given the inputs. Both are blocks of variables of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 struct Conditional<const I: usize, const O: usize> {
     parts: Vec<Part<I, O>>,
 }
 
-/// What is precomputed of one component; names as at the head of this file.
+/// The precomputed terms of one component. The module documentation defines the symbols.
 #[derive(Debug, Clone, PartialEq)]
 struct Part<const I: usize, const O: usize> {
-    /// log w_k + log det W_k; what all components share is left out.
+    /// log w_k + log det W_k, without the constant that all components share.
     log_height: f64,
     input_mean: SVector<f64, I>,
     output_mean: SVector<f64, O>,
@@ -120,7 +120,8 @@ struct Part<const I: usize, const O: usize> {
 }
 
 impl<const I: usize, const O: usize> Part<I, O> {
-    /// Conditions on the variables from `input` on and answers for those from `output` on.
+    /// Conditions on the I variables from `input` on, and predicts the O variables from `output`
+    /// on.
     fn new(
         k: usize,
         component: &Component,
@@ -216,53 +217,54 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         }
     }
 
-    /// The components that matter, each with its responsibility times `total`.
+    /// The components that are not negligible, each with its responsibility times `total`.
     fn weighted<'a>(
         &'a self,
         responsibilities: &'a Responsibilities<O>,
     ) -> impl Iterator<Item = (f64, &'a Part<I, O>)> + 'a {
-        let all = responsibilities.shares.iter().zip(&self.parts);
-        // Kept when it is not a number, so that such an input cannot pass for an answer.
-        all.filter(|(share, _)| **share != 0.0)
+        let shares = responsibilities.shares.iter().zip(&self.parts);
+        // NaN shares are kept, so that a NaN input gives a NaN result.
+        shares
+            .filter(|(share, _)| **share != 0.0)
             .map(|(share, part)| (*share, part))
     }
 
     fn local(&self, input: &SVector<f64, I>) -> Local<I, O> {
         let responsibilities = self.responsibilities(input);
         let origin = responsibilities.origin;
-        let mut apart_sum = SVector::<f64, O>::zeros();
-        let mut pull_sum = SVector::<f64, I>::zeros();
+        let mut difference_sum = SVector::<f64, O>::zeros();
+        let mut log_slope_sum = SVector::<f64, I>::zeros();
         let mut slope_sum = SMatrix::<f64, O, I>::zeros();
         for (share, part) in self.weighted(&responsibilities) {
             let whitened = part.whiten(input);
-            let apart = part.output(&whitened) - origin;
-            let pull = part.whitening.tr_mul(&whitened) * -share;
-            apart_sum += apart * share;
-            pull_sum += pull;
-            slope_sum += part.slope * share + apart * pull.transpose();
+            let difference = part.output(&whitened) - origin;
+            let log_slope = part.whitening.tr_mul(&whitened) * -share;
+            difference_sum += difference * share;
+            log_slope_sum += log_slope;
+            slope_sum += part.slope * share + difference * log_slope.transpose();
         }
         let total = responsibilities.total;
-        let apart = apart_sum / total;
+        let difference = difference_sum / total;
         Local {
-            mean: origin + apart,
-            jacobian: (slope_sum - apart * pull_sum.transpose()) / total,
+            mean: origin + difference,
+            jacobian: (slope_sum - difference * log_slope_sum.transpose()) / total,
         }
     }
 
     fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
         let responsibilities = self.responsibilities(input);
         let Responsibilities { total, origin, .. } = responsibilities;
-        let mut apart_sum = SVector::<f64, O>::zeros();
+        let mut difference_sum = SVector::<f64, O>::zeros();
         for (share, part) in self.weighted(&responsibilities) {
-            apart_sum += (part.output(&part.whiten(input)) - origin) * share;
+            difference_sum += (part.output(&part.whiten(input)) - origin) * share;
         }
-        let mean = origin + apart_sum / total;
+        let mean = origin + difference_sum / total;
         let mut covariance = SMatrix::zeros();
         let mut covariance_within = SMatrix::zeros();
         for (share, part) in self.weighted(&responsibilities) {
             let share = share / total;
-            let apart = part.output(&part.whiten(input)) - mean;
-            covariance += (part.covariance + apart * apart.transpose()) * share;
+            let difference = part.output(&part.whiten(input)) - mean;
+            covariance += (part.covariance + difference * difference.transpose()) * share;
             covariance_within += part.covariance * (share * share);
         }
         Prediction {
@@ -273,9 +275,10 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
     }
 }
 
-/// How much every component has to say at a point.
+/// The responsibilities of all components at a point.
 struct Responsibilities<const O: usize> {
-    /// Relative to the likeliest component, which has 1; entries beyond the last component are 0.
+    /// Relative to the likeliest component, whose share is 1. Entries beyond the last component are
+    /// 0.
     shares: [f64; MAX_COMPONENTS],
     /// Sum of the shares, at least 1.
     total: f64,

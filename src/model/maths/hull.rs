@@ -1,8 +1,8 @@
 //! The convex region of motor space that calibration visited.
 //!
-//! One motor: an interval. Two motors: a convex polygon, kept as corners in counter-clockwise order
-//! and as half-planes `normal . x <= offset` with unit normals, so that a violation is a distance
-//! in counts.
+//! One motor: an interval. Two motors: a convex polygon, stored as corners in counter-clockwise
+//! order and as half-planes `normal . x <= offset`. The normals have length 1, so a violation is a
+//! distance in counts.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,13 +12,13 @@ pub use crate::model::maths::polygon::TOLERANCE_COUNTS;
 use crate::model::maths::quadratic::{Quadratic, add, dot, subtract};
 use crate::units::{MAX_MOTORS, MotorVec};
 
-/// The most corners of a polygon: bounds the work of every tick.
+/// The most corners of a polygon. It bounds the work of every tick.
 pub const MAX_CORNERS: usize = 64;
 
-/// Positions beyond these do not exist: the drive reports 32 bits (object 0x6064).
+/// The largest position: the drive reports 32 bits (object 0x6064).
 pub(in crate::model) const MAX_COUNTS: f64 = 2_147_483_648.0;
 
-/// The narrowest hull, in counts. Below that there is no room for a motion.
+/// The least width of a hull, in counts. A narrower hull allows no motion.
 const MIN_WIDTH_COUNTS: f64 = 1.0;
 
 /// The convex region of motor space that calibration visited, counts.
@@ -45,8 +45,8 @@ enum Shape {
     },
     Polygon {
         edges: Vec<Edge>,
-        /// Of a circle around the centre that touches the nearest side: most poses lie in it, and
-        /// need no more tests.
+        /// Radius of the circle around the centre that touches the nearest side. Most positions lie
+        /// in it and need no further test.
         inner_radius: f64,
     },
 }
@@ -79,11 +79,12 @@ impl Edge {
     }
 }
 
-/// Where [`Hull::minimise`] ended.
+/// The result of [`Hull::minimise`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::model) struct Minimum {
     pub counts: MotorVec,
-    /// How far outside the hull the minimum without the hull lies, counts; not above 0 when inside.
+    /// Distance of the unconstrained minimum from the hull, counts; 0 or negative when it lies
+    /// inside.
     pub excess: f64,
 }
 
@@ -92,7 +93,7 @@ impl Hull {
     ///
     /// # Errors
     ///
-    /// When the corners are not those of an interval (one motor) or of a convex polygon in
+    /// When the corners do not form an interval (one motor) or a convex polygon in
     /// counter-clockwise order with at most [`MAX_CORNERS`] corners (two motors), are not finite
     /// counts of a drive, or enclose less than one count.
     pub fn new(parameters: &HullParameters, motors: usize) -> Result<Self, ModelError> {
@@ -120,8 +121,8 @@ impl Hull {
         Ok(hull)
     }
 
-    /// The smallest convex hull around positions that the motors visited; with more than
-    /// [`MAX_CORNERS`] corners, the ones that enclose least are cut off, which only makes it
+    /// The smallest convex hull around positions of the motors. If it has more than [`MAX_CORNERS`]
+    /// corners, the corners that enclose the least area are removed, which only makes the hull
     /// smaller.
     ///
     /// # Errors
@@ -152,7 +153,7 @@ impl Hull {
         Self::new(&HullParameters { corners }, motors)
     }
 
-    /// The hull as a model file holds it.
+    /// The parameters of the hull in a model file.
     #[must_use]
     pub fn parameters(&self) -> HullParameters {
         let corners = match &self.shape {
@@ -175,13 +176,13 @@ impl Hull {
             .chain(edges.iter().map(|edge| edge.corner))
     }
 
-    /// A point well inside: the mean of the corners.
+    /// The mean of the corners, a point inside the hull.
     #[must_use]
     pub fn centre(&self) -> MotorVec {
         self.centre
     }
 
-    /// Whether a point lies in the hull, within [`TOLERANCE_COUNTS`]. Never for a point that is not
+    /// Whether a point lies in the hull, within [`TOLERANCE_COUNTS`]. False for a point that is not
     /// finite.
     #[must_use]
     pub fn contains(&self, counts: &MotorVec) -> bool {
@@ -195,8 +196,8 @@ impl Hull {
         }
     }
 
-    /// The nearest point of the hull, counts: the point itself when inside, the centre when it is
-    /// not a number.
+    /// The nearest point of the hull, counts. A point inside is its own projection. A NaN point
+    /// gives the centre.
     #[must_use]
     pub fn project(&self, counts: &MotorVec) -> MotorVec {
         if counts.iter().any(|c| c.is_nan()) {
@@ -206,11 +207,11 @@ impl Hull {
         self.minimise(&Quadratic::DISTANCE, bounded).counts
     }
 
-    /// The point of the hull where a quadratic of the step away from `from` is least. Where its
-    /// minimum lies outside, that point lies on a side, because both are convex. `from` may lie
-    /// outside.
-    pub(in crate::model) fn minimise(&self, quadratic: &Quadratic, from: MotorVec) -> Minimum {
-        let free = add(from, quadratic.minimum());
+    /// The point of the hull with the least value of a quadratic of the step from `origin`. If the
+    /// unconstrained minimum lies outside, the point lies on a side, because the hull and the
+    /// quadratic are convex. `origin` may lie outside.
+    pub(in crate::model) fn minimise(&self, quadratic: &Quadratic, origin: MotorVec) -> Minimum {
+        let free = add(origin, quadratic.minimum());
         match &self.shape {
             Shape::Interval { low, high } => Minimum {
                 counts: [free[0].clamp(*low, *high), 0.0],
@@ -234,28 +235,28 @@ impl Hull {
                 let counts = if excess <= 0.0 {
                     free
                 } else {
-                    self.minimise_on(edges, quadratic, from, free)
+                    self.minimise_on(edges, quadratic, origin, free)
                 };
                 Minimum { counts, excess }
             }
         }
     }
 
-    /// The least of the minima along the sides that `free` lies beyond; those it lies behind cannot
-    /// hold it. For at the constrained minimum `x` the gradient `H (x - free)` is minus a sum of
-    /// outward normals of the active sides, `-n`, so `n . (free - x) = n . H^-1 n > 0`: `free` lies
-    /// beyond at least one of them.
+    /// The least of the minima along the sides that `free` violates. The other sides cannot contain
+    /// the constrained minimum. Proof: at the constrained minimum `x` the gradient `H (x - free)`
+    /// is minus a sum of outward normals of the active sides, `-n`. Then `n . (free - x) = n . H^-1
+    /// n > 0`, so `free` violates at least one of them.
     fn minimise_on(
         &self,
         edges: &[Edge],
         quadratic: &Quadratic,
-        from: MotorVec,
+        origin: MotorVec,
         free: MotorVec,
     ) -> MotorVec {
         let mut best = (f64::INFINITY, self.centre);
         for edge in edges.iter().filter(|edge| edge.excess(free) > 0.0) {
-            let counts = edge.minimum(quadratic, from);
-            let value = quadratic.value(subtract(counts, from));
+            let counts = edge.minimum(quadratic, origin);
+            let value = quadratic.value(subtract(counts, origin));
             if value < best.0 {
                 best = (value, counts);
             }
@@ -280,10 +281,10 @@ impl Hull {
 }
 
 impl Edge {
-    /// The least value of a quadratic along a side: a parabola in the fraction of the side, cut to
-    /// [0, 1].
-    fn minimum(&self, quadratic: &Quadratic, from: MotorVec) -> MotorVec {
-        let slope = dot(quadratic.slope(subtract(self.corner, from)), self.along);
+    /// The least value of a quadratic along a side: a parabola in the fraction of the side, clamped
+    /// to [0, 1].
+    fn minimum(&self, quadratic: &Quadratic, origin: MotorVec) -> MotorVec {
+        let slope = dot(quadratic.slope(subtract(self.corner, origin)), self.along);
         let curvature = dot(self.along, quadratic.bend(self.along));
         let fraction = (-slope / curvature).clamp(0.0, 1.0);
         add(self.corner, self.along.map(|along| fraction * along))
@@ -319,8 +320,8 @@ fn checked_corners(
     motors: usize,
 ) -> Result<Vec<MotorVec>, ModelError> {
     let key = || "hull.corners".to_owned();
-    let given = &parameters.corners;
-    let count = given.len();
+    let rows = &parameters.corners;
+    let count = rows.len();
     require(
         (1..=MAX_MOTORS).contains(&motors),
         key,
@@ -341,7 +342,7 @@ fn checked_corners(
             "two motors take 3 to 64 corners of a convex polygon",
         )?,
     }
-    let corners = given
+    let corners = rows
         .iter()
         .enumerate()
         .map(|(i, corner)| checked_corner(i, corner, motors));
@@ -352,9 +353,9 @@ fn checked_corners(
         .enumerate()
     {
         let side = subtract(*next, *corner);
-        let apart = side[0].hypot(side[1]) > TOLERANCE_COUNTS;
+        let distinct = side[0].hypot(side[1]) > TOLERANCE_COUNTS;
         require(
-            apart,
+            distinct,
             || format!("hull.corners[{i}]"),
             format!("{corner:?}"),
             "stands there twice in a row",
@@ -383,10 +384,9 @@ fn checked_corner(number: usize, corner: &[f64], motors: usize) -> Result<MotorV
         "must be finite counts that fit 32 bits",
     )?;
     let mut padded = [0.0; MAX_MOTORS];
-    padded
-        .iter_mut()
-        .zip(corner)
-        .for_each(|(to, from)| *to = *from);
+    for (entry, counts) in padded.iter_mut().zip(corner) {
+        *entry = *counts;
+    }
     Ok(padded)
 }
 

@@ -4,59 +4,59 @@ use nalgebra::DMatrix;
 
 use crate::model::error::{ModelError, require};
 
-/// Asymmetry of a covariance, and negative eigenvalues of a residual covariance, relative to the
-/// variances: rounding.
+/// Rounding tolerance for the asymmetry of a covariance and for negative eigenvalues of a residual
+/// covariance, relative to the variances.
 const ROUNDING: f64 = 1e-9;
 
-/// The least squared pivot of a correlation matrix that still counts as positive definite: below
-/// that the variables determine each other, and the regression would divide by rounding errors.
+/// The least squared pivot of a positive definite correlation matrix. Below it the variables
+/// determine each other, and the regression would divide by rounding errors.
 const LEAST_PIVOT: f64 = 1e-12;
 
-/// The largest parameter: squares of products stay far from overflow.
+/// The largest parameter. It keeps squares of products far from overflow.
 const LARGEST: f64 = 1e15;
 
-/// That numbers are finite.
+/// Checks that numbers are finite.
 pub(in crate::model) fn finite(
     numbers: &[f64],
     key: impl FnOnce() -> String,
 ) -> Result<(), ModelError> {
-    let wrong = numbers.iter().find(|number| !number.is_finite());
+    let invalid = numbers.iter().find(|number| !number.is_finite());
     require(
-        wrong.is_none(),
+        invalid.is_none(),
         key,
-        wrong.unwrap_or(&0.0),
+        invalid.unwrap_or(&0.0),
         "must be a finite number",
     )
 }
 
-/// That numbers are finite and of a size that a robot can have, so that their squares stay finite.
+/// Checks that numbers are finite and of a plausible size, so that their squares stay finite.
 pub(in crate::model) fn parameters(
     numbers: &[f64],
     key: impl FnOnce() -> String,
 ) -> Result<(), ModelError> {
-    let wrong = numbers
+    let invalid = numbers
         .iter()
         .find(|number| !(-LARGEST..=LARGEST).contains(*number));
     require(
-        wrong.is_none(),
+        invalid.is_none(),
         key,
-        wrong.unwrap_or(&0.0),
+        invalid.unwrap_or(&0.0),
         "must be a finite number of at most 1e15",
     )
 }
 
-/// Rows of a matrix, checked for sizes and finite numbers.
+/// Converts rows to a matrix, and checks sizes and finite numbers.
 pub(in crate::model) fn matrix(
     rows: &[Vec<f64>],
     height: usize,
     width: usize,
     key: impl Fn() -> String,
 ) -> Result<DMatrix<f64>, ModelError> {
-    let right = rows.len() == height && rows.iter().all(|row| row.len() == width);
+    let valid = rows.len() == height && rows.iter().all(|row| row.len() == width);
     let sizes: Vec<usize> = rows.iter().map(Vec::len).collect();
     let shown = format!("rows of {sizes:?} numbers");
     require(
-        right,
+        valid,
         &key,
         shown,
         "its size must follow the number of motors and outputs",
@@ -71,8 +71,8 @@ pub(in crate::model) fn matrix(
     ))
 }
 
-/// A covariance matrix: square, symmetric, with variances that are not negative. What rounding left
-/// of asymmetry is averaged away.
+/// Converts rows to a covariance matrix, and checks that it is square and symmetric, with variances
+/// that are not negative. The result is the symmetric part: rounding may leave a small asymmetry.
 pub(in crate::model) fn square(
     rows: &[Vec<f64>],
     size: usize,
@@ -84,7 +84,7 @@ pub(in crate::model) fn square(
             matrix[(i, i)] * matrix[(j, j)],
             matrix[(i, j)] - matrix[(j, i)],
         );
-        let place = || format!("{}[{i}][{j}]", key());
+        let entry_key = || format!("{}[{i}][{j}]", key());
         require(
             matrix[(i, i)] >= 0.0,
             || format!("{}[{i}][{i}]", key()),
@@ -94,7 +94,7 @@ pub(in crate::model) fn square(
         let symmetric = difference.abs() <= ROUNDING * variances.sqrt();
         require(
             symmetric,
-            place,
+            entry_key,
             matrix[(i, j)],
             "the matrix must be symmetric",
         )?;
@@ -102,8 +102,8 @@ pub(in crate::model) fn square(
     Ok((&matrix + matrix.transpose()) * 0.5)
 }
 
-/// That a symmetric matrix is positive definite with room for rounding, whatever the units of its
-/// variables.
+/// Checks that a symmetric matrix is positive definite with a margin for rounding. The check does
+/// not depend on the units of the variables.
 pub(in crate::model) fn positive_definite(
     matrix: &DMatrix<f64>,
     key: impl Fn() -> String,
@@ -135,15 +135,15 @@ pub(in crate::model) fn positive_definite(
     )
 }
 
-/// That a symmetric matrix has no negative eigenvalue, up to rounding.
+/// Checks that a symmetric matrix has no negative eigenvalue, up to rounding.
 pub(in crate::model) fn positive_semidefinite(
     matrix: &DMatrix<f64>,
     key: impl Fn() -> String,
 ) -> Result<(), ModelError> {
     let eigenvalues = matrix.symmetric_eigenvalues();
-    let right = eigenvalues.min() >= -ROUNDING * matrix.trace();
+    let valid = eigenvalues.min() >= -ROUNDING * matrix.trace();
     require(
-        right,
+        valid,
         key,
         format!("eigenvalue {:.1e}", eigenvalues.min()),
         "a covariance has no negative eigenvalue",

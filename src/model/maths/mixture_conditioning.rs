@@ -1,6 +1,6 @@
-//! A mixture with some of its variables known.
+//! A Gaussian mixture conditioned on some of its variables.
 //!
-//! For a component with blocks `s` (known) and `r` (the rest):
+//! For a component with blocks `s` (known) and `r` (remaining):
 //!
 //! ```text
 //! weight ~ w N(s; mu_s, S_ss)
@@ -8,29 +8,29 @@
 //! cov    = S_rr - S_rs S_ss^-1 S_sr
 //! ```
 //!
-//! Regression on the conditioned mixture is regression on the whole one with these inputs held
-//! fast.
+//! Regression on the conditioned mixture equals regression on the whole mixture with these inputs
+//! held constant.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::model::maths::gaussian_mixture::Component;
 
-/// A component whose weight is this far below the largest, as a logarithm, is left out: about where
-/// numbers end.
+/// A component whose log-weight is this far below the largest is left out: its weight is close to
+/// the least positive number.
 const LEAST_LOG_WEIGHT: f64 = -600.0;
 
-/// The mixture of the variables in `rest`, given the values of those in `known`; without any known
-/// it is the marginal. `None` where a covariance is not positive definite.
+/// The mixture of the variables in `remaining`, given the values of the variables in `known`.
+/// Without known variables it is the marginal. `None` if a covariance is not positive definite.
 pub(in crate::model) fn condition(
     components: &[Component],
-    rest: &[usize],
+    remaining: &[usize],
     known: &[(usize, f64)],
 ) -> Option<Vec<Component>> {
-    let places: Vec<usize> = known.iter().map(|(place, _)| *place).collect();
+    let known_indices: Vec<usize> = known.iter().map(|(index, _)| *index).collect();
     let values = DVector::from_iterator(known.len(), known.iter().map(|(_, value)| *value));
     let conditioned: Option<Vec<_>> = components
         .iter()
-        .map(|component| condition_one(component, rest, &places, &values))
+        .map(|component| condition_one(component, remaining, &known_indices, &values))
         .collect();
     let mut conditioned = conditioned?;
     let highest = conditioned
@@ -49,16 +49,16 @@ pub(in crate::model) fn condition(
     Some(conditioned.into_iter().map(weighted).collect())
 }
 
-/// The logarithm of the weight up to what all components share, and the component with its weight
-/// left to fill in.
+/// The logarithm of the weight, without the constant that all components share, and the conditioned
+/// component. Its weight is not valid yet.
 fn condition_one(
     component: &Component,
-    rest: &[usize],
+    remaining: &[usize],
     known: &[usize],
     values: &DVector<f64>,
 ) -> Option<(f64, Component)> {
-    let mean = component.mean.select_rows(rest);
-    let covariance = block(&component.covariance, rest, rest);
+    let mean = component.mean.select_rows(remaining);
+    let covariance = block(&component.covariance, remaining, remaining);
     let log_weight = component.weight.ln();
     if known.is_empty() {
         return Some((
@@ -71,16 +71,16 @@ fn condition_one(
         ));
     }
     let factor = block(&component.covariance, known, known).cholesky()?;
-    let apart = values - component.mean.select_rows(known);
-    let cross = block(&component.covariance, rest, known);
-    let distance = apart.dot(&factor.solve(&apart));
+    let difference = values - component.mean.select_rows(known);
+    let cross = block(&component.covariance, remaining, known);
+    let distance = difference.dot(&factor.solve(&difference));
     let log_density = -0.5 * (distance + factor.determinant().ln());
     let gain = factor.solve(&cross.transpose()).transpose();
     let narrowed = covariance - &gain * cross.transpose();
     let symmetric = (&narrowed + narrowed.transpose()) * 0.5;
     let component = Component {
         weight: component.weight,
-        mean: mean + gain * apart,
+        mean: mean + gain * difference,
         covariance: symmetric,
     };
     Some((log_weight + log_density, component))

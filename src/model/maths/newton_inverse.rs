@@ -1,13 +1,14 @@
-//! The counts that bring the outputs to a goal: damped Newton inside the hull.
+//! The inverse: damped Newton search inside the hull for the counts that bring the outputs to a
+//! goal.
 //!
 //! Minimises `|mean(x) - goal|^2` over the hull by Gauss-Newton steps with Levenberg-Marquardt
-//! damping (K. Levenberg 1944; D. Marquardt 1963; for a goal that can be reached the Gauss-Newton
-//! step is the Newton step). The hull is no afterthought: every step is the exact minimum of the
-//! damped quadratic over the hull, so the search slides along its sides to the nearest pose that
-//! can be reached. The damping grows when a step does not help and shrinks when it does.
+//! damping (K. Levenberg 1944; D. Marquardt 1963; for a reachable goal the Gauss-Newton step is the
+//! Newton step). Every step is the exact minimum of the damped quadratic over the hull, so the
+//! search moves along the sides of the hull to the nearest reachable pose. The damping increases
+//! after a step that does not reduce the error, and decreases after a step that does.
 //!
 //! The work is bounded: [`MAX_ITERATIONS`] evaluations from the warm start, and as many from the
-//! second start where the first does not reach the goal. Nothing is allocated.
+//! second start if the first does not reach the goal. Nothing is allocated.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -17,35 +18,36 @@ use crate::model::maths::quadratic::{Quadratic, subtract};
 use crate::model::maths::regression::{Local, Regression, array, rows, vector};
 use crate::units::{MotorVec, OutputVec};
 
-/// The most evaluations from one start. From the last tick's answer it takes two to four.
+/// The most evaluations from one start. From the result of the last tick the search takes two to
+/// four.
 pub(in crate::model) const MAX_ITERATIONS: u32 = 20;
 
-/// A step below this, in counts, or one that gains less than this many counts' worth, ends the
-/// search: well below the whole counts that a drive takes.
+/// A step below this, in counts, or with a gain of less than this many counts' worth, ends the
+/// search. The limit is well below the whole counts of a drive.
 const CONVERGED_COUNTS: f64 = 1e-3;
 
-/// A goal missed by less than this many counts' worth is reached.
+/// A goal is reached if the residual is below this many counts' worth.
 const REACHED_COUNTS: f64 = 0.05;
 
-/// A goal missed by less than this, rad (m), is reached, however little a count moves: the noise of
-/// the arithmetic.
+/// A goal is always reached if the residual is below this, rad (m): the rounding error of the
+/// arithmetic.
 const REACHED_FLOOR: f64 = 1e-9;
 
-/// The second start wins only if it comes nearer by this many counts' worth, so that the answer
-/// does not flip between two poses that are equally good.
+/// The second start is used only if its residual is smaller by this many counts' worth. Otherwise
+/// the result could alternate between two equally good poses.
 const BETTER_COUNTS: f64 = 1.0;
 
-/// Damping relative to the mean squared slope. The least keeps the quadratic definite where there
-/// are more motors than outputs: the step is then the shortest one that does.
+/// Damping relative to the mean squared slope. The least damping keeps the quadratic definite if
+/// there are more motors than outputs. The step is then the shortest step that reaches the goal.
 const LEAST_DAMPING: f64 = 1e-9;
-/// The damping after the first step that does not help.
+/// The damping after the first step that does not reduce the error.
 const FIRST_DAMPING: f64 = 1e-3;
 const DAMPING_FACTOR: f64 = 10.0;
 
-/// Goals are cut to this, rad (m): no robot reaches it, and squares stay finite.
+/// Goals are clamped to this, rad (m). No robot reaches it, and squares stay finite.
 const GOAL_LIMIT: f64 = 1e3;
 
-/// Searches the counts for a goal, from a start; see [`crate::model::Model::invert`].
+/// Searches the counts for a goal from a start; see [`crate::model::Model::invert`].
 pub(in crate::model) fn invert<const D: usize, const M: usize>(
     regression: &dyn Regression<D, M>,
     hull: &Hull,
@@ -70,20 +72,20 @@ pub(in crate::model) fn invert<const D: usize, const M: usize>(
     };
     let first = search.descend(start, 0);
     if first.reached() {
-        return first.answer(false);
+        return first.into_inverse(false);
     }
     let Some(second_start) = regression.second_start(&search.goal) else {
-        return first.answer(false);
+        return first.into_inverse(false);
     };
     let second = search.descend(hull.project(&array(&second_start)), first.iterations);
     if second.residual < first.residual - BETTER_COUNTS * first.one_count() {
-        second.answer(true)
+        second.into_inverse(true)
     } else {
         Attempt {
             iterations: second.iterations,
             ..first
         }
-        .answer(false)
+        .into_inverse(false)
     }
 }
 
@@ -93,7 +95,7 @@ struct Search<'a, const D: usize, const M: usize> {
     goal: SVector<f64, M>,
 }
 
-/// A position of the search, with its error.
+/// A position of the search and its error.
 #[derive(Clone, Copy)]
 struct Attempt<const D: usize, const M: usize> {
     counts: MotorVec,
@@ -102,32 +104,32 @@ struct Attempt<const D: usize, const M: usize> {
     error: SVector<f64, M>,
     /// Length of `error`.
     residual: f64,
-    /// How far outside the hull the last free step led, counts.
+    /// Distance of the last unconstrained step from the hull, counts.
     excess: f64,
     iterations: u32,
 }
 
 impl<const D: usize, const M: usize> Search<'_, D, M> {
     fn descend(&self, start: MotorVec, iterations_before: u32) -> Attempt<D, M> {
-        let mut here = self.attempt_at(start);
+        let mut current = self.attempt_at(start);
         let mut damping = LEAST_DAMPING;
         let mut iterations = 0;
         while iterations < MAX_ITERATIONS {
-            let step = here.step(self.hull, damping);
-            here.excess = step.excess;
-            let [along_0, along_1] = subtract(step.counts, here.counts);
+            let step = current.step(self.hull, damping);
+            current.excess = step.excess;
+            let [along_0, along_1] = subtract(step.counts, current.counts);
             if along_0.abs().max(along_1.abs()) < CONVERGED_COUNTS {
                 break;
             }
             iterations += 1;
-            let there = self.attempt_at(step.counts);
-            let gain = here.residual - there.residual;
+            let next = self.attempt_at(step.counts);
+            let gain = current.residual - next.residual;
             if gain > 0.0 {
-                here = Attempt {
-                    excess: here.excess,
-                    ..there
+                current = Attempt {
+                    excess: current.excess,
+                    ..next
                 };
-                if gain < CONVERGED_COUNTS * here.one_count() {
+                if gain < CONVERGED_COUNTS * current.one_count() {
                     break;
                 }
                 damping = (damping / DAMPING_FACTOR).max(LEAST_DAMPING);
@@ -137,7 +139,7 @@ impl<const D: usize, const M: usize> Search<'_, D, M> {
         }
         Attempt {
             iterations: iterations_before + iterations,
-            ..here
+            ..current
         }
     }
 
@@ -156,14 +158,14 @@ impl<const D: usize, const M: usize> Search<'_, D, M> {
 }
 
 impl<const D: usize, const M: usize> Attempt<D, M> {
-    /// The minimum over the hull of the quadratic that approximates the squared error from here.
+    /// The minimum over the hull of the quadratic approximation of the squared error.
     fn step(&self, hull: &Hull, damping: f64) -> Minimum {
         let jacobian = &self.local.jacobian;
         let gradient = jacobian.tr_mul(&self.error);
         let squared = jacobian.tr_mul(jacobian);
-        let lift = damping * squared.trace() / D as f64;
-        let quadratic = Quadratic::new(array(&gradient), rows(&squared), lift);
-        // No slope at all: nowhere to go.
+        let diagonal_damping = damping * squared.trace() / D as f64;
+        let quadratic = Quadratic::new(array(&gradient), rows(&squared), diagonal_damping);
+        // Without any slope there is no step.
         quadratic.map_or(
             Minimum {
                 counts: self.counts,
@@ -181,9 +183,9 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
         self.residual <= (REACHED_COUNTS * self.one_count()).max(REACHED_FLOOR)
     }
 
-    /// More outputs than motors miss almost every goal, so there only the hull tells whether it was
-    /// in the way.
-    fn answer(self, fell_back: bool) -> Inverse {
+    /// With more outputs than motors almost every goal is missed, so there `clipped` means that the
+    /// hull limits the last step.
+    fn into_inverse(self, fell_back: bool) -> Inverse {
         let clipped = if M > D {
             self.excess > REACHED_COUNTS
         } else {
@@ -199,7 +201,7 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
     }
 }
 
-/// What one count of the more effective motor moves, rad (m).
+/// The distance that one count of the more effective motor moves the outputs, rad (m).
 pub(in crate::model) fn one_count<const D: usize, const M: usize>(
     jacobian: &SMatrix<f64, M, D>,
 ) -> f64 {

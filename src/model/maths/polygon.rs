@@ -3,8 +3,8 @@
 use crate::model::maths::quadratic::subtract;
 use crate::units::MotorVec;
 
-/// How far outside a point may lie and still count as inside, in counts: rounding of the
-/// arithmetic, far below what a motor can be asked for.
+/// Tolerance of the containment test, in counts: the rounding error of the arithmetic, far below
+/// the resolution of a motor.
 pub const TOLERANCE_COUNTS: f64 = 1e-6;
 
 /// The points with the lowest and the highest first coordinate, if there are two.
@@ -15,8 +15,9 @@ pub(in crate::model) fn interval(points: &[MotorVec]) -> Vec<MotorVec> {
     }
 }
 
-/// The corners of the convex hull, counter-clockwise, without corners that stick out less than the
-/// tolerance; fewer than three if the points lie on a line. Coordinates must be finite.
+/// The corners of the convex hull, counter-clockwise, without corners that protrude by less than
+/// the tolerance. There are fewer than three if the points lie on a line. Coordinates must be
+/// finite.
 ///
 /// Andrew's monotone chain (A. M. Andrew, Information Processing Letters 9, 1979).
 pub(in crate::model) fn convex_hull(points: &[MotorVec]) -> Vec<MotorVec> {
@@ -30,7 +31,7 @@ pub(in crate::model) fn convex_hull(points: &[MotorVec]) -> Vec<MotorVec> {
     lower
 }
 
-/// Cuts off corners, the one that encloses least first, until `limit` are left. The result lies
+/// Removes the corner that encloses the least area until `limit` corners are left. The result lies
 /// inside the polygon.
 pub(in crate::model) fn thin(mut corners: Vec<MotorVec>, limit: usize) -> Vec<MotorVec> {
     while corners.len() > limit.max(3) {
@@ -51,7 +52,8 @@ fn sorted(points: &[MotorVec]) -> Vec<MotorVec> {
     sorted
 }
 
-/// The convex chain below points that come in order from left to right (above, from right to left).
+/// The convex chain below points in order from left to right, or above points in order from right
+/// to left.
 fn chain<'a>(points: impl Iterator<Item = &'a MotorVec>) -> Vec<MotorVec> {
     let mut chain: Vec<MotorVec> = Vec::new();
     for point in points {

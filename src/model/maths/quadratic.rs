@@ -1,4 +1,4 @@
-//! Vectors of motor space, and quadratics over it.
+//! Vectors of motor space, and quadratic functions of them.
 
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -8,7 +8,7 @@ pub(in crate::model) struct Quadratic {
     gradient: MotorVec,
     /// Symmetric, positive definite.
     hessian: [MotorVec; MAX_MOTORS],
-    /// Where it is least.
+    /// The step with the least value.
     minimum: MotorVec,
 }
 
@@ -20,8 +20,8 @@ impl Quadratic {
         minimum: [0.0; MAX_MOTORS],
     };
 
-    /// The quadratic with `lift` added to the diagonal of the hessian, of which a motor that does
-    /// not exist has an empty row. `None` if it is not positive definite then.
+    /// The quadratic with `lift` added to the diagonal of the Hessian. An absent motor has an empty
+    /// row in the Hessian. `None` if the result is not positive definite.
     pub(in crate::model) fn new(
         gradient: MotorVec,
         hessian: [MotorVec; MAX_MOTORS],
@@ -29,7 +29,7 @@ impl Quadratic {
     ) -> Option<Self> {
         let [[a, b], [_, c]] = hessian;
         let a = a + lift;
-        // Any positive number does for the motor that does not exist: its gradient is 0.
+        // Any positive number is valid for an absent motor: its gradient is 0.
         let c = c + lift;
         // Elimination: c - b^2 / a is the second pivot.
         let ratio = b / a;
@@ -47,7 +47,7 @@ impl Quadratic {
         })
     }
 
-    /// Where it is least.
+    /// The step with the least value.
     pub(in crate::model) fn minimum(&self) -> MotorVec {
         self.minimum
     }
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_quadratic_is_least_where_its_slope_vanishes() {
+    fn the_slope_vanishes_at_the_minimum() {
         let quadratic = Quadratic::new([3.0, -1.0], [[4.0, 1.0], [1.0, 2.0]], 0.5).unwrap();
         let least = quadratic.minimum();
         assert!(quadratic.slope(least).iter().all(|s| s.abs() < 1e-12));
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_convex_or_not_finite_is_none() {
+    fn non_convex_or_non_finite_input_gives_none() {
         assert_eq!(
             Quadratic::new([1.0, 0.0], [[0.0, 0.0], [0.0, 0.0]], 0.0),
             None
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motor_that_does_not_exist_takes_no_step() {
+    fn an_absent_motor_gets_a_zero_step() {
         let quadratic = Quadratic::new([-6.0, 0.0], [[2.0, 0.0], [0.0, 0.0]], 1.0).unwrap();
         assert_eq!(quadratic.minimum(), [2.0, 0.0]);
     }

@@ -1,4 +1,4 @@
-//! Regression in vectors whose sizes are types, and conversion to arrays of fixed size.
+//! Regression on vectors of static size, and conversion to arrays of fixed size.
 
 use std::fmt::Debug;
 
@@ -12,13 +12,14 @@ use crate::units::MotorVec;
 pub(in crate::model) trait Regression<const D: usize, const M: usize>:
     Debug + Send + Sync
 {
-    /// Mean and Jacobian: what the inverse needs.
+    /// Mean and Jacobian, for the inverse.
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M>;
 
     /// Mean and both covariances.
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M>;
 
-    /// Where else to start the search for the input of a goal, if its first start leads nowhere.
+    /// A second start of the search for the input of a goal, for use when the first start does not
+    /// reach the goal.
     fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>>;
 }
 
@@ -48,42 +49,40 @@ pub(in crate::model) fn estimate<const M: usize>(prediction: &Prediction<M>) -> 
     }
 }
 
-/// Keeps squares from overflowing; no drive reports more.
+/// Clamps counts to the range of a drive, so that squares do not overflow.
 pub(in crate::model) fn bounded(counts: &MotorVec) -> MotorVec {
     counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS))
 }
 
-/// The first entries of an array of fixed size.
+/// Converts the first entries of an array to a vector.
 pub(in crate::model) fn vector<const N: usize>(array: &[f64]) -> SVector<f64, N> {
     let mut vector = SVector::<f64, N>::zeros();
-    vector
-        .iter_mut()
-        .zip(array)
-        .for_each(|(to, from)| *to = *from);
+    for (to, from) in vector.iter_mut().zip(array) {
+        *to = *from;
+    }
     vector
 }
 
-/// A vector in an array of fixed size, filled up with 0.
+/// Converts a vector to an array of fixed size, padded with 0.
 pub(in crate::model) fn array<const N: usize, const F: usize>(
     vector: &SVector<f64, N>,
 ) -> [f64; F] {
     let mut array = [0.0; F];
-    array
-        .iter_mut()
-        .zip(vector.iter())
-        .for_each(|(to, from)| *to = *from);
+    for (to, from) in array.iter_mut().zip(vector.iter()) {
+        *to = *from;
+    }
     array
 }
 
-/// A matrix as rows of fixed size, filled up with 0.
+/// Converts a matrix to rows of fixed size, padded with 0.
 pub(in crate::model) fn rows<const R: usize, const C: usize, const FR: usize, const FC: usize>(
     matrix: &SMatrix<f64, R, C>,
 ) -> [[f64; FC]; FR] {
     let mut rows = [[0.0; FC]; FR];
     for (row, from) in rows.iter_mut().zip(matrix.row_iter()) {
-        row.iter_mut()
-            .zip(from.iter())
-            .for_each(|(to, from)| *to = *from);
+        for (to, from) in row.iter_mut().zip(from.iter()) {
+            *to = *from;
+        }
     }
     rows
 }

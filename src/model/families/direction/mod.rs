@@ -1,19 +1,19 @@
 //! Gaussian mixture regression on the counts and the direction of travel of every motor: hysteresis
 //! as two branches.
 //!
-//! The direction of a motor is one more input of the mixture, 1 upwards and -1 downwards, so a
-//! component says for itself how far its two branches lie apart, and the branches share what they
-//! have in common. Only the last turn of every motor is remembered: right on full strokes, wrong
-//! inside nested loops. (The way that is published for robots of this kind: learn the branches,
-//! switch by the sign of the velocity.)
+//! The direction of a motor is an additional input of the mixture, 1 upwards and -1 downwards.
+//! Every component has its own distance between the two branches, and both branches share the other
+//! parameters. The memory contains only the last reversal of every motor. This is accurate on full
+//! strokes and inaccurate inside nested loops. It is the published method for robots of this kind:
+//! fit the branches, and select one by the sign of the velocity.
 //!
-//! There are few directions, so the mixture is conditioned on each of them beforehand, and a tick
-//! costs what the memoryless regression costs. Where the direction of a motor is not known, its
-//! variable is left out (the marginal): the mean of both branches.
+//! There are few combinations of directions, so the mixture is conditioned on each of them in
+//! advance. A tick then costs as much as the memoryless regression. If the direction of a motor is
+//! unknown, its variable is marginalised: the mean of both branches.
 //!
-//! The inverse solves with the present directions first. If the way to the answer turns a motor,
-//! the answer does not hold, and the other directions are tried: at most 2^D solves in all, 3^D
-//! while no direction is known.
+//! The inverse first solves with the present directions. If the motion to the solution reverses a
+//! motor, the solution is invalid, and the other directions are tried: at most 2^D solves in total,
+//! 3^D while no direction is known.
 
 pub(in crate::model) mod travel;
 
@@ -36,21 +36,22 @@ use crate::model::maths::regression::{Local, Regression, array, bounded, estimat
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
-/// The narrowest dead-band, counts: a reading that flickers between two neighbours turns nothing.
+/// The narrowest dead-band, counts: a reading that alternates between two neighbouring counts
+/// causes no reversal.
 pub const LEAST_DEAD_BAND_COUNTS: f64 = 1.0;
 
 type Directions = [Direction; MAX_MOTORS];
 
-/// The order of the prepared regressions, one digit per motor.
-const EACH: [Direction; 3] = [Direction::Unknown, Direction::Up, Direction::Down];
+/// The order of the prepared regressions: one digit per motor.
+const DIRECTION_ORDER: [Direction; 3] = [Direction::Unknown, Direction::Up, Direction::Down];
 
 /// A prepared regression per direction of each of D motors.
 #[derive(Debug)]
 pub(in crate::model) struct DirectionGmr<const D: usize, const M: usize> {
     dead_bands: MotorVec,
-    /// Without any direction.
+    /// The regression without any direction.
     marginal: Gmr<D, M>,
-    /// By [`place`].
+    /// One regression per combination of directions, in the order of [`index_of`].
     conditioned: Vec<Gmr<D, M>>,
 }
 
@@ -84,21 +85,22 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         )?;
         let scale: Vec<f64> = (0..2 * D).map(|_| 1.0).chain((0..M).map(|_| si)).collect();
         let components = components(mixture, &scale)?;
-        let conditioned = all::<D>().map(|directions| given(&components, directions));
+        let conditioned =
+            all_directions::<D>().map(|directions| conditioned_on(&components, directions));
         Ok(Self {
             dead_bands: array(&vector::<D>(dead_bands)),
-            marginal: given(&components, [Direction::Unknown; MAX_MOTORS])?,
+            marginal: conditioned_on(&components, [Direction::Unknown; MAX_MOTORS])?,
             conditioned: conditioned.collect::<Result<_, _>>()?,
         })
     }
 
     fn regression(&self, directions: Directions) -> &Gmr<D, M> {
         self.conditioned
-            .get(place::<D>(directions))
+            .get(index_of::<D>(directions))
             .unwrap_or(&self.marginal)
     }
 
-    /// The travel after going straight to a position.
+    /// The travel after a straight motion to a position.
     fn advanced(&self, travels: &Travels, counts: &MotorVec) -> Travels {
         let mut advanced = *travels;
         for ((travel, at), dead_band) in
@@ -109,16 +111,15 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         advanced
     }
 
-    /// The directions after going straight to a position from where a memory says that the motors
-    /// are.
+    /// The directions after a straight motion from the present position in a memory to `counts`.
     fn directions(&self, memory: &Memory, counts: &MotorVec) -> Directions {
-        remembered(memory).map_or([Direction::Unknown; MAX_MOTORS], |travels| {
+        stored_travels(memory).map_or([Direction::Unknown; MAX_MOTORS], |travels| {
             self.advanced(&travels, counts).map(Travel::direction)
         })
     }
 
-    /// The inverse with memory: the first answer whose way there agrees with the directions that it
-    /// was found with, or else the nearest of all.
+    /// The inverse with memory: the first solution whose motion agrees with its assumed directions.
+    /// If there is none, the solution with the smallest residual.
     fn search(&self, goal: &OutputVec, travels: &Travels, hull: &Hull, start: MotorVec) -> Inverse {
         let present = travels.map(Travel::direction);
         let first = self.attempt(goal, travels, hull, start, present);
@@ -127,7 +128,9 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         }
         let mut best = first;
         let mut iterations = first.iterations;
-        for directions in from::<D>(present).filter(|directions| *directions != present) {
+        for directions in
+            reachable_directions::<D>(present).filter(|directions| *directions != present)
+        {
             let found = self.attempt(goal, travels, hull, first.counts, directions);
             iterations += found.iterations;
             if found.residual < best.residual {
@@ -141,7 +144,8 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         Inverse { iterations, ..best }
     }
 
-    /// The answer with given directions, judged by those that the motors have when they get there.
+    /// The solution with assumed directions. Its residual is computed with the directions of the
+    /// motors after the motion to it.
     fn attempt(
         &self,
         goal: &OutputVec,
@@ -167,11 +171,11 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
 impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         let counts = bounded(counts);
-        let travels = remembered(memory).unwrap_or_else(|| counts.map(Travel::begin));
+        let travels = stored_travels(memory).unwrap_or_else(|| counts.map(Travel::begin));
         memory.state = State::Travels(self.advanced(&travels, &counts));
     }
 
-    fn wipe_counts(&self) -> MotorVec {
+    fn conditioning_range(&self) -> MotorVec {
         self.dead_bands
     }
 
@@ -194,31 +198,30 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
         )
     }
 
-    /// The goal that lies across a gap is reached by the other branch. A part of the compensation
-    /// is a part of the way from the counts of a model without memory.
+    /// A goal on the other side of the backlash is reached on the other branch. Partial
+    /// compensation interpolates from the counts of the model without memory.
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        let without = || newton_inverse::invert(&self.marginal, hull, goal, &query.start);
-        let Some(travels) = remembered(memory) else {
-            return without();
+        let without_memory = || newton_inverse::invert(&self.marginal, hull, goal, &query.start);
+        let Some(travels) = stored_travels(memory) else {
+            return without_memory();
         };
-        let with = self.search(goal, &travels, hull, query.start);
-        if query.compensation >= 1.0 || !with.residual.is_finite() {
-            return with;
+        let full = self.search(goal, &travels, hull, query.start);
+        if query.compensation >= 1.0 || !full.residual.is_finite() {
+            return full;
         }
-        let from = without();
-        let mut counts = from.counts;
-        counts
-            .iter_mut()
-            .zip(with.counts)
-            .for_each(|(at, to)| *at += query.compensation * (to - *at));
+        let marginal = without_memory();
+        let mut counts = marginal.counts;
+        for (at, to) in counts.iter_mut().zip(full.counts) {
+            *at += query.compensation * (to - *at);
+        }
         Inverse {
             counts,
-            iterations: with.iterations + from.iterations,
-            ..with
+            iterations: full.iterations + marginal.iterations,
+            ..full
         }
     }
 
-    /// Every branch by itself.
+    /// Checks every branch separately.
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         self.conditioned.iter().try_for_each(|regression| {
             let local = |counts: &MotorVec| -> Option<Local<D, M>> {
@@ -231,19 +234,20 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
     }
 }
 
-fn remembered(memory: &Memory) -> Option<Travels> {
+/// The travels in a memory, if it belongs to this family.
+fn stored_travels(memory: &Memory) -> Option<Travels> {
     match memory.state {
         State::Travels(travels) => Some(travels),
         _ => None,
     }
 }
 
-/// The regression of the outputs on the counts when some directions are known.
-fn given<const D: usize, const M: usize>(
+/// The regression of the outputs on the counts, conditioned on the known directions.
+fn conditioned_on<const D: usize, const M: usize>(
     components: &[Component],
     directions: Directions,
 ) -> Result<Gmr<D, M>, ModelError> {
-    let rest: Vec<usize> = (0..D).chain(2 * D..2 * D + M).collect();
+    let remaining: Vec<usize> = (0..D).chain(2 * D..2 * D + M).collect();
     let variables = directions.iter().take(D).enumerate();
     let known: Vec<_> = variables
         .filter_map(|(motor, d)| Some((D + motor, d.variable()?)))
@@ -254,28 +258,34 @@ fn given<const D: usize, const M: usize>(
         reason: "the components cannot be told apart by direction: fit with more regularisation \
          or fewer components",
     };
-    Gmr::new(&condition(components, &rest, &known).ok_or_else(refused)?)
+    Gmr::new(&condition(components, &remaining, &known).ok_or_else(refused)?)
 }
 
-/// All directions of D motors, known or not, in the order of [`place`].
-fn all<const D: usize>() -> impl Iterator<Item = Directions> {
-    let second = if D == 2 { EACH.as_slice() } else { &EACH[..1] };
-    EACH.iter()
+/// All combinations of directions of D motors, known or not, in the order of [`index_of`].
+fn all_directions<const D: usize>() -> impl Iterator<Item = Directions> {
+    let second = if D == 2 {
+        DIRECTION_ORDER.as_slice()
+    } else {
+        &DIRECTION_ORDER[..1]
+    };
+    DIRECTION_ORDER
+        .iter()
         .flat_map(move |first| second.iter().map(move |second| [*first, *second]))
 }
 
-/// The directions that D motors can come to have: none that is known gets lost.
-fn from<const D: usize>(present: Directions) -> impl Iterator<Item = Directions> {
+/// The directions that D motors can have after any motion: a known direction never becomes unknown.
+fn reachable_directions<const D: usize>(present: Directions) -> impl Iterator<Item = Directions> {
     let possible = move |directions: &Directions| {
         present
             .iter()
             .zip(directions)
             .all(|(from, to)| *from == Direction::Unknown || *to != Direction::Unknown)
     };
-    all::<D>().filter(possible)
+    all_directions::<D>().filter(possible)
 }
 
-fn place<const D: usize>([first, second]: Directions) -> usize {
+/// The index of the regression for a combination of directions.
+fn index_of<const D: usize>([first, second]: Directions) -> usize {
     let digit = |direction| match direction {
         Direction::Unknown => 0,
         Direction::Up => 1,

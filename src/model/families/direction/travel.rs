@@ -1,44 +1,44 @@
-//! Which way a motor travels.
+//! The direction of travel of a motor.
 
 use serde::{Deserialize, Serialize};
 
 use crate::units::MAX_MOTORS;
 
-/// The travel of every motor. The entry of a motor that does not exist never changes.
+/// The travel of every motor. The entry of an absent motor never changes.
 pub(in crate::model) type Travels = [Travel; MAX_MOTORS];
 
-/// Which way a motor travels, with a dead-band: it has turned when it has come back by the
-/// dead-band, so a reading that flickers by a count turns nothing. The dead-band is in counts,
-/// above 0.
+/// The direction of travel of a motor, with a dead-band. A motor reverses when it moves back by the
+/// dead-band, so a reading that alternates by one count causes no reversal. The dead-band is in
+/// counts, above 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Travel {
-    /// Not known: so far the motor has stayed within less than the dead-band.
+    /// Unknown: the motor has stayed within less than the dead-band.
     Unknown {
         /// The lowest position so far, counts.
         low: f64,
-        /// The highest.
+        /// The highest position so far, counts.
         high: f64,
     },
     /// Towards higher counts.
     Up {
-        /// The highest position since it turned, counts.
+        /// The highest position since the reversal, counts.
         highest: f64,
     },
     /// Towards lower counts.
     Down {
-        /// The lowest position since it turned, counts.
+        /// The lowest position since the reversal, counts.
         lowest: f64,
     },
 }
 
 impl Travel {
-    /// At the first position of a motor.
+    /// The travel at the first position of a motor.
     #[must_use]
     pub fn begin(at: f64) -> Self {
         Self::Unknown { low: at, high: at }
     }
 
-    /// After the motor went straight to a position.
+    /// The travel after a straight motion to a position.
     #[must_use]
     pub fn advanced(self, at: f64, dead_band: f64) -> Self {
         match self {
@@ -73,7 +73,7 @@ impl Travel {
 /// A direction of travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// Not known.
+    /// Unknown.
     Unknown,
     /// Towards higher counts.
     Up,
@@ -82,7 +82,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// The variable of the mixture: 1 upwards, -1 downwards; `None` when not known.
+    /// The variable of the mixture: 1 upwards, -1 downwards; `None` when unknown.
     #[must_use]
     pub fn variable(self) -> Option<f64> {
         match self {
@@ -100,9 +100,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_motor_turns_when_it_has_come_back_by_the_dead_band() {
+    fn a_motor_reverses_after_moving_back_by_the_dead_band() {
         let mut travel = Travel::begin(10.0);
-        let way = [
+        let path = [
             (12.0, Direction::Unknown),
             (7.5, Direction::Unknown),
             (12.5, Direction::Up),
@@ -114,7 +114,7 @@ mod tests {
             (24.0, Direction::Down),
             (29.0, Direction::Up),
         ];
-        for (at, direction) in way {
+        for (at, direction) in path {
             travel = travel.advanced(at, 5.0);
             assert_eq!(travel.direction(), direction, "at {at}");
         }
@@ -122,17 +122,17 @@ mod tests {
 
     proptest! {
         #[test]
-        fn positions_within_a_straight_way_change_nothing(
-            way in prop::collection::vec(-50.0..50.0_f64, 1..20),
+        fn intermediate_positions_of_a_straight_motion_have_no_effect(
+            path in prop::collection::vec(-50.0..50.0_f64, 1..20),
             last in -50.0..50.0_f64,
             part in 0.0..1.0_f64,
         ) {
-            let before = way.iter().fold(
+            let before = path.iter().fold(
                 Travel::begin(0.0),
                 |travel,
                 at| travel.advanced(*at, 8.0),
             );
-            let from = way[way.len() - 1];
+            let from = path[path.len() - 1];
             let direct = before.advanced(last, 8.0);
             prop_assert_eq!(
                 before.advanced(from + part * (last - from), 8.0).advanced(last, 8.0),
@@ -141,16 +141,16 @@ mod tests {
         }
 
         #[test]
-        fn a_range_of_the_dead_band_makes_the_direction_known(
-            way in prop::collection::vec(-9.0..9.0_f64, 1..20),
+        fn the_direction_is_known_after_a_range_of_the_dead_band(
+            path in prop::collection::vec(-9.0..9.0_f64, 1..20),
         ) {
-            let travel = way.iter().skip(1).fold(
-                Travel::begin(way[0]),
+            let travel = path.iter().skip(1).fold(
+                Travel::begin(path[0]),
                 |travel,
                 at| travel.advanced(*at, 8.0),
             );
-            let (low, high) = way.iter().fold(
-                (way[0], way[0]),
+            let (low, high) = path.iter().fold(
+                (path[0], path[0]),
                 |(low, high),
                 at| (low.min(*at), high.max(*at)),
             );

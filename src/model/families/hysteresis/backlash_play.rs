@@ -1,16 +1,15 @@
-//! Play operators, one weighted sum per motor: the Prandtl-Ishlinskii model of hysteresis.
+//! Play operators: one weighted sum per motor, the Prandtl-Ishlinskii model of hysteresis.
 //!
-//! A play of threshold `r` is a gap of half-width `r`: its output `z` stays where it is until the
-//! input `q` pushes it, `z <- max(q - r, min(q + r, z))`. The virtual counts of a motor are
-//! `v = sum_j w_j z_j` with weights that are not negative and sum to 1; the first threshold is 0
-//! and its weight positive, so `v` grows with `q` and has an inverse (P. Krejci and K. Kuhnen
-//! 2001). Beside them, planar plays drag a disc over the plane of both motors: they show only in
-//! the lags.
+//! A play of threshold `r` is a backlash of half-width `r`. Its output `z` stays constant until the
+//! input `q` pushes it, `z <- max(q - r, min(q + r, z))`. The virtual counts of a motor are `v =
+//! sum_j w_j z_j`. The weights are not negative and sum to 1. The first threshold is 0 and its
+//! weight is positive, so `v` increases with `q` and has an inverse (P. Krejci and K. Kuhnen 2001).
+//! In addition, planar plays drag a disc over the plane of both motors. They affect only the lags.
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-use super::{Lags, Operator, Remember};
+use super::{Lags, Operator, StoredOperator};
 use crate::model::error::{ModelError, require};
 pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
 pub use crate::model::families::hysteresis::play_state::PlayState;
@@ -19,19 +18,19 @@ use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
 
-/// The least weight of the threshold 0: the inverse is steeper by its reciprocal at a turning
-/// point.
+/// The least weight of the threshold 0. At a turning point the slope of the inverse is its
+/// reciprocal.
 pub const LEAST_FIRST_WEIGHT: f64 = 1e-3;
 
-/// Play operators as they stand in a file.
+/// The parameters of play operators in a model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlayParameters {
-    /// Per motor, rising, the first 0, counts.
+    /// Per motor, increasing from 0, counts.
     pub thresholds_counts: Vec<Vec<f64>>,
-    /// Per motor, one per threshold, not negative, the sum 1.
+    /// Per motor, one per threshold, not negative, with sum 1.
     pub weights: Vec<Vec<f64>>,
-    /// Thresholds of the planar plays, rising, above 0, counts; none for one motor.
+    /// Thresholds of the planar plays, increasing, above 0, counts. Empty for one motor.
     pub planar_thresholds_counts: Vec<f64>,
 }
 
@@ -53,8 +52,8 @@ impl<const D: usize> Plays<D> {
     ///
     /// # Errors
     ///
-    /// When sizes differ, thresholds do not rise from 0, or weights are negative, do not sum to 1,
-    /// or leave nothing for the threshold 0.
+    /// When sizes differ, thresholds do not increase from 0, or weights are negative, do not sum to
+    /// 1, or are too small for the threshold 0.
     pub fn prepare(file: &PlayParameters) -> Result<Self, ModelError> {
         let key = || "family.plays".to_owned();
         let sizes = (file.thresholds_counts.len(), file.weights.len());
@@ -78,13 +77,18 @@ impl<const D: usize> Plays<D> {
             "at most 13 planar plays of two motors",
         )?;
         parameters(&planar, key)?;
-        let rising =
+        let increasing =
             planar.is_sorted_by(|a, b| a < b) && planar.first().is_none_or(|first| *first > 0.0);
-        require(rising, key, format!("{planar:?}"), "must rise from above 0")?;
+        require(
+            increasing,
+            key,
+            format!("{planar:?}"),
+            "must rise from above 0",
+        )?;
         Ok(Self { motors, planar })
     }
 
-    /// The plays of one motor and where they are, in order of the thresholds.
+    /// The plays of one motor and their outputs, in order of the thresholds.
     fn plays<'a>(
         &'a self,
         state: &'a PlayState,
@@ -103,22 +107,25 @@ impl<const D: usize> Plays<D> {
         plays.iter().zip(outputs.iter().copied())
     }
 
-    /// Sum and slope of one motor.
+    /// Virtual counts and their slope for one motor.
     fn sum(&self, state: &PlayState, motor: usize, counts: f64) -> (f64, f64) {
         self.plays(state, motor)
             .fold((0.0, 0.0), |(sum, slope), (play, output)| {
-                let moves = if play.drags(output, counts) {
+                let slope_share = if play.drags(output, counts) {
                     play.weight
                 } else {
                     0.0
                 };
-                (sum + play.weight * play.drag(output, counts), slope + moves)
+                (
+                    sum + play.weight * play.drag(output, counts),
+                    slope + slope_share,
+                )
             })
     }
 
-    /// Newton from where the motor is: upwards from there the sum is convex, downwards concave, so
-    /// after the first step the search never passes the goal again and ends, exactly, after one
-    /// step per play at the latest.
+    /// Newton's method from the present position. Above this position the sum is convex, below it
+    /// concave. After the first step the search therefore never passes the goal, and it ends
+    /// exactly after at most one step per play.
     fn invert_motor(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
         let mut counts = state.position.get(motor).copied().unwrap_or_default();
         for _ in 0..=MAX_PLAYS {
@@ -140,9 +147,9 @@ impl Play {
             .max(counts - self.threshold)
     }
 
-    /// Whether the input pushes an output. From the very sums of [`Play::drag`]: the distance of
-    /// input and output would be rounded, and a slope without one of its plays lets the inverse run
-    /// away.
+    /// Whether the input pushes an output. This uses the same sums as [`Play::drag`]. The rounded
+    /// distance of input and output would not do: a slope without one of its plays makes the
+    /// inverse diverge.
     fn drags(&self, output: f64, counts: f64) -> bool {
         counts - self.threshold >= output || counts + self.threshold <= output
     }
@@ -151,19 +158,20 @@ impl Play {
 fn one_motor(thresholds: &[f64], weights: &[f64], motor: usize) -> Result<Vec<Play>, ModelError> {
     let key = || format!("family.plays.thresholds_counts[{motor}]");
     parameters(thresholds, key)?;
-    let right = (1..=MAX_PLAYS).contains(&thresholds.len()) && thresholds.first() == Some(&0.0);
-    let rising = right && thresholds.is_sorted_by(|a, b| a < b);
+    let starts_at_zero =
+        (1..=MAX_PLAYS).contains(&thresholds.len()) && thresholds.first() == Some(&0.0);
+    let increasing = starts_at_zero && thresholds.is_sorted_by(|a, b| a < b);
     require(
-        rising,
+        increasing,
         key,
         format!("{thresholds:?}"),
         "must be 1 to 13 numbers that rise from 0",
     )?;
     let key = || format!("family.plays.weights[{motor}]");
     parameters(weights, key)?;
-    let fit = weights.len() == thresholds.len() && weights.iter().all(|w| *w >= 0.0);
+    let valid = weights.len() == thresholds.len() && weights.iter().all(|w| *w >= 0.0);
     require(
-        fit,
+        valid,
         key,
         format!("{weights:?}"),
         "must be one number per threshold, none negative",
@@ -202,19 +210,18 @@ impl<const D: usize> Operator<D> for Plays<D> {
         state.position = array(counts);
         let position = state.position;
         for ((outputs, plays), at) in state.outputs.iter_mut().zip(&self.motors).zip(position) {
-            outputs
-                .iter_mut()
-                .zip(plays)
-                .for_each(|(output, play)| *output = play.drag(*output, at));
+            for (output, play) in outputs.iter_mut().zip(plays) {
+                *output = play.drag(*output, at);
+            }
         }
         for (disc, threshold) in state.planar.iter_mut().zip(&self.planar) {
-            let apart = [position[0] - disc[0], position[1] - disc[1]];
-            let distance = apart[0].hypot(apart[1]);
+            let offset = [position[0] - disc[0], position[1] - disc[1]];
+            let distance = offset[0].hypot(offset[1]);
             if distance > *threshold {
                 let share = threshold / distance;
                 *disc = [
-                    position[0] - share * apart[0],
-                    position[1] - share * apart[1],
+                    position[0] - share * offset[0],
+                    position[1] - share * offset[1],
                 ];
             }
         }
@@ -246,7 +253,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
         counts
     }
 
-    /// Per motor one for every threshold above 0, then two for every planar play.
+    /// One lag per motor for every threshold above 0, then two for every planar play.
     fn lags(&self, state: &PlayState) -> Lags {
         let mut lags = Lags::default();
         for (motor, at) in state.position.into_iter().take(D).enumerate() {
@@ -255,11 +262,9 @@ impl<const D: usize> Operator<D> for Plays<D> {
             }
         }
         for (disc, threshold) in state.planar.iter().zip(&self.planar) {
-            state
-                .position
-                .iter()
-                .zip(disc)
-                .for_each(|(at, disc)| lags.push((at - disc) / threshold));
+            for (at, disc) in state.position.iter().zip(disc) {
+                lags.push((at - disc) / threshold);
+            }
         }
         lags
     }
@@ -275,7 +280,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
     }
 }
 
-impl<const D: usize> Remember<D> for Plays<D> {
+impl<const D: usize> StoredOperator<D> for Plays<D> {
     fn pack(state: PlayState) -> State {
         State::Plays(state)
     }
@@ -296,7 +301,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_inverse_is_exact_for_thresholds_that_are_not_round(
+        fn inverse_is_exact_for_non_integer_thresholds(
             low in 3.0..60.0_f64,
             ratio in 1.2..2.0_f64,
             first in 0.01..1.0_f64,
@@ -313,7 +318,9 @@ mod tests {
             };
             let plays = Plays::<1>::prepare(&file).unwrap();
             let mut state = plays.begin(&SVector::zeros());
-            past.iter().for_each(|counts| plays.advance(&mut state, &SVector::from([*counts])));
+            for counts in &past {
+                plays.advance(&mut state, &SVector::from([*counts]));
+            }
             let counts = plays.invert(&state, &SVector::from([goal]), 1.0);
             let reached = plays.local(&state, &counts).mean[0];
             prop_assert!((reached - goal).abs() < 1e-6, "{reached} instead of {goal}");

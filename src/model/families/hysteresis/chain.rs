@@ -2,7 +2,7 @@
 
 use nalgebra::SVector;
 
-use super::Remember;
+use super::StoredOperator;
 use super::residual::Residual;
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
@@ -27,8 +27,8 @@ pub(in crate::model) struct Chain<O, const D: usize, const M: usize> {
     pub virtual_hull: Hull,
 }
 
-impl<O: Remember<D>, const D: usize, const M: usize> Chain<O, D, M> {
-    /// The state of a memory, or what is known when only a position is.
+impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
+    /// The state in a memory. Without one, the state from the present position alone.
     fn state(&self, memory: &Memory) -> O::State {
         let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
         O::unpack(&memory.state)
@@ -74,17 +74,17 @@ impl<O: Remember<D>, const D: usize, const M: usize> Chain<O, D, M> {
             };
         }
         let virtual_counts = vector::<D>(&found.counts);
-        let free: MotorVec = array(&self.operator.invert(
+        let unconstrained: MotorVec = array(&self.operator.invert(
             state,
             &virtual_counts,
             query.compensation,
         ));
-        let counts = hull.project(&free);
-        let far = counts
+        let counts = hull.project(&unconstrained);
+        let outside_hull = counts
             .iter()
-            .zip(free)
-            .any(|(inside, free)| (inside - free).abs() > TOLERANCE_COUNTS);
-        if !far {
+            .zip(unconstrained)
+            .any(|(inside, outside)| (inside - outside).abs() > TOLERANCE_COUNTS);
+        if !outside_hull {
             return Inverse { counts, ..found };
         }
         let reached = self.local(state, &vector(&counts)).mean;
@@ -97,7 +97,7 @@ impl<O: Remember<D>, const D: usize, const M: usize> Chain<O, D, M> {
     }
 }
 
-impl<O: Remember<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> {
+impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> {
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         let counts = vector(&bounded(counts));
         memory.state = match O::unpack(&memory.state) {
@@ -109,7 +109,7 @@ impl<O: Remember<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> 
         };
     }
 
-    fn wipe_counts(&self) -> MotorVec {
+    fn conditioning_range(&self) -> MotorVec {
         self.operator.wipe_counts()
     }
 
@@ -147,16 +147,15 @@ impl<O: Remember<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> 
 
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
         let correction = query.correction.unwrap_or_else(|| self.correction(memory));
-        let mut without = *goal;
-        without
-            .iter_mut()
-            .zip(correction)
-            .for_each(|(goal, correction)| *goal -= correction);
-        self.invert_without_residual(&without, &self.state(memory), hull, query)
+        let mut goal = *goal;
+        for (output, correction) in goal.iter_mut().zip(correction) {
+            *output -= correction;
+        }
+        self.invert_without_residual(&goal, &self.state(memory), hull, query)
     }
 
-    /// From the middle of the hull, with nothing remembered. Virtual counts that calibration never
-    /// saw are left out.
+    /// Starts from the centre of the hull, without past motion. Virtual counts outside the
+    /// calibrated region are left out.
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         let state = self.operator.begin(&vector(&hull.centre()));
         let query = Query::new(hull.centre());

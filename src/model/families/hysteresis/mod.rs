@@ -1,19 +1,19 @@
-//! Hysteresis: the part of a model that remembers.
+//! Hysteresis: models whose outputs depend on past motion.
 //!
-//! A model with memory is a chain. A **hysteresis operator** turns encoder counts, and what it
-//! remembers of the past, into **virtual counts**: where the motors would have to stand to bend the
-//! snake so, were there no gap, slack or friction. A memoryless regression reads the outputs off
-//! the virtual counts. A **residual** that is linear in features of the operator's state takes up
-//! what is left; it changes slowly, so the inverse takes it as given.
+//! A model with memory is a chain. A **hysteresis operator** maps encoder counts and its state to
+//! **virtual counts**: the motor positions that would give the same bend without backlash, slack or
+//! friction. A memoryless regression maps the virtual counts to the outputs. A **residual**, linear
+//! in features of the operator's state, models the remaining error. The residual changes slowly, so
+//! the inverse treats it as constant.
 //!
 //! The inverse runs the chain backwards: subtract the residual, invert the regression, invert the
 //! operator.
 //!
-//! | file | holds |
+//! | file | contents |
 //! |---|---|
-//! | `chain` | the chain, forwards and backwards |
-//! | [`play`] | play operators |
-//! | [`read_out`] | the regression alone, for the fit |
+//! | `chain` | the chain and its inverse |
+//! | [`backlash_play`] | play operators |
+//! | [`read_out`] | the regression alone, for calibration |
 //! | [`stop`] | stop operators, in a balance of forces |
 //! | [`residual`] | the residual and its features |
 
@@ -32,33 +32,33 @@ use crate::model::families::memory::State;
 use crate::model::maths::regression::Local;
 use crate::units::MotorVec;
 
-/// The most normalised lags that an operator shows; see [`Lags`].
+/// The most normalised lags of an operator; see [`Lags`].
 pub const MAX_LAGS: usize = 64;
 
-/// A hysteresis operator on D motors. Rate-independent: what matters is where the motors went, not
-/// how fast.
+/// A hysteresis operator on D motors. It is rate-independent: its state depends on the path of the
+/// motors, not on their speed.
 ///
-/// All of it runs in the control loop: bounded work, no allocation, no panic, finite for finite
-/// counts.
+/// Every method is suitable for the control loop: bounded work, no allocation, no panic. Finite
+/// counts give finite results.
 pub trait Operator<const D: usize>: Debug + Send + Sync {
-    /// What it remembers, including where the motors are.
+    /// The state of the operator, including the present position of the motors.
     type State: Copy + Debug + PartialEq;
 
-    /// The state when nothing but the present position is known: friction and gaps centred as far
-    /// as they can be.
+    /// The state when only the present position is known. Friction and backlash are centred as far
+    /// as possible.
     fn begin(&self, counts: &SVector<f64, D>) -> Self::State;
 
-    /// The motors moved straight to `counts`.
+    /// Advances the state by a straight motion to `counts`.
     fn advance(&self, state: &mut Self::State, counts: &SVector<f64, D>);
 
-    /// The virtual counts, and their derivative, if the motors moved straight from the state to
-    /// `counts`. Increasing: the principal minors of the derivative are positive, so no two
-    /// positions have the same virtual counts (D. Gale and H. Nikaido 1965).
+    /// The virtual counts and their derivative after a straight motion from the state to `counts`.
+    /// They increase: the principal minors of the derivative are positive, so no two positions have
+    /// the same virtual counts (D. Gale and H. Nikaido 1965).
     fn local(&self, state: &Self::State, counts: &SVector<f64, D>) -> Local<D, D>;
 
     /// The counts that bring the virtual counts to `goal`, from the state. `compensation` scales
-    /// the part of the way that only crosses gaps and overcomes friction: 1 is the inverse of
-    /// [`Operator::local`]; 0 goes to where the counts would be without memory.
+    /// the part of the motion that only crosses backlash and overcomes friction. 1 is the inverse
+    /// of [`Operator::local`]. 0 gives the counts of a model without memory.
     fn invert(
         &self,
         state: &Self::State,
@@ -66,19 +66,20 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
         compensation: f64,
     ) -> SVector<f64, D>;
 
-    /// How far each part of the operator is from its middle, scaled to about -1...1: the features
-    /// of the residual.
+    /// The deflection of each part of the operator from its centre, scaled to about -1...1: the
+    /// features of the residual.
     fn lags(&self, state: &Self::State) -> Lags;
 
-    /// The range that every motor has to cover to wipe out what it remembered before, counts.
+    /// The conditioning range: the range that every motor must cover until earlier motion is
+    /// forgotten, counts.
     fn wipe_counts(&self) -> MotorVec;
 }
 
-/// An operator whose state finds room in a [`crate::model::Memory`].
-pub(in crate::model) trait Remember<const D: usize>: Operator<D> {
+/// An operator whose state can be stored in a [`crate::model::Memory`].
+pub(in crate::model) trait StoredOperator<const D: usize>: Operator<D> {
     fn pack(state: Self::State) -> State;
 
-    /// The state, if it is one of this operator.
+    /// The state, if it belongs to this operator.
     fn unpack(state: &State) -> Option<Self::State>;
 }
 
@@ -99,7 +100,7 @@ impl Default for Lags {
 }
 
 impl Lags {
-    /// Adds one; more than [`MAX_LAGS`] are dropped.
+    /// Adds a lag. Lags beyond [`MAX_LAGS`] are dropped.
     pub fn push(&mut self, lag: f64) {
         if let Some(value) = self.values.get_mut(self.len) {
             *value = lag;
@@ -107,7 +108,7 @@ impl Lags {
         }
     }
 
-    /// All of them.
+    /// All lags, in order.
     #[must_use]
     pub fn as_slice(&self) -> &[f64] {
         self.values.get(..self.len).unwrap_or_default()

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{MAX_MOTORS, MotorVec};
 
-/// The most plays per motor, that of threshold 0 included, and the most planar plays.
+/// The most plays per motor, including the play of threshold 0, and the most planar plays.
 pub const MAX_PLAYS: usize = 13;
 
-/// Where the motors are and where the plays are.
+/// The positions of the motors and the outputs of the plays.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PlayState {
     pub(super) position: MotorVec,

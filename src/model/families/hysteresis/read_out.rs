@@ -1,5 +1,5 @@
-//! The regression of a model with memory by itself, for the fit: with the very code that the
-//! controller runs.
+//! The regression of a model with memory alone. Calibration uses it so that the fit runs the same
+//! code as the controller.
 
 use nalgebra::SVector;
 

@@ -1,8 +1,8 @@
 //! The residual of a model with memory: linear in features of the operator's state.
 //!
 //! The features are the monomials of the scaled virtual counts up to a degree, and every lag times
-//! such monomials up to a lower degree: a friction force that grows with the bend is a lag times a
-//! shape. Fitted by ridge regression.
+//! such monomials up to a lower degree. A friction force that increases with the bend is a lag
+//! times a monomial. Ridge regression fits the coefficients.
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -14,13 +14,13 @@ use crate::model::maths::matrix_checks::{matrix, parameters};
 /// The highest degree of the monomials.
 pub const MAX_DEGREE: usize = 5;
 
-/// A residual as it stands in a file.
+/// The parameters of a residual in a model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResidualParameters {
-    /// Virtual counts are divided by this before powers are taken.
+    /// Scale of the virtual counts: powers are taken of virtual counts divided by it.
     pub scale_counts: f64,
-    /// Degree of the monomials that stand alone, up to [`MAX_DEGREE`].
+    /// Degree of the monomials without a lag, up to [`MAX_DEGREE`].
     pub shape_degree: usize,
     /// Degree of the monomials that multiply every lag, up to `shape_degree`.
     pub lag_degree: usize,
@@ -79,7 +79,7 @@ impl<const D: usize, const M: usize> Residual<D, M> {
         })
     }
 
-    /// The residual where the operator stands.
+    /// The residual at virtual counts and lags.
     pub fn at(&self, virtual_counts: &SVector<f64, D>, lags: &Lags) -> SVector<f64, M> {
         let mut coefficients = self.coefficients.iter();
         let mut sum = SVector::<f64, M>::zeros();
@@ -114,8 +114,8 @@ pub fn count<const D: usize>(shape_degree: usize, lag_degree: usize, lags: usize
     monomials::<D>(shape_degree) + lags.min(MAX_LAGS) * monomials::<D>(lag_degree)
 }
 
-/// Hands out the features in order: the monomials 1, x, y, x^2, xy, y^2, ... of the scaled virtual
-/// counts, then every lag times the same monomials up to the lag degree.
+/// Calls `take` with every feature in order: the monomials 1, x, y, x^2, xy, y^2, ... of the scaled
+/// virtual counts, then every lag times the same monomials up to the lag degree.
 pub fn features<const D: usize>(
     scaled: &SVector<f64, D>,
     lags: &Lags,
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_features_are_the_monomials_and_then_the_lags_times_monomials() {
+    fn features_are_monomials_followed_by_lags_times_monomials() {
         let mut lags = Lags::default();
         lags.push(10.0);
         let mut found = Vec::new();
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn the_residual_is_the_sum_of_the_features_times_their_coefficients_in_si() {
+    fn residual_is_the_sum_of_features_times_coefficients_in_si_units() {
         let file = ResidualParameters {
             scale_counts: 100.0,
             shape_degree: 1,

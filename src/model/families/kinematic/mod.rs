@@ -1,5 +1,5 @@
-//! The analytic chain of the robot: counts, shaft angle, wire travel, bend of the joints, pitch and
-//! yaw or the tip.
+//! The analytic kinematic chain of the robot: counts, shaft angle, wire travel, bend of the joints,
+//! pitch and yaw or the tip position.
 //!
 //! ```text
 //! shaft  = 2 pi counts / (counts_per_turn gear_ratio)
@@ -7,10 +7,11 @@
 //! [sin(pitch / 12), sin(yaw / 12)] = Rot(axis_rotation) travel / (12 sqrt(2) d)
 //! ```
 //!
-//! The snake has twelve rolling joints, six per axis, which share the bend alike; `joint` says how
-//! the wires turn one, and `tip` where the tip goes. Every motor has a pair of wires in opposite
-//! holes at `(+-d, +-d)`, `sqrt(2) d` from the middle and 45 degrees from both axes, unless the
-//! snake is mounted turned. A baseline: it knows no gap, friction or stretch.
+//! The snake has twelve rolling joints, six per axis, which share the bend equally. `joint`
+//! describes how the wires turn a joint, and `tip` computes the position of the tip. Every motor
+//! has a pair of wires in opposite holes at `(+-d, +-d)`, `sqrt(2) d` from the centre and 45
+//! degrees from both axes, unless the snake is mounted with a rotation. This family is a baseline
+//! without backlash, friction or stretch.
 
 mod joint;
 mod tip;
@@ -26,7 +27,7 @@ use crate::model::maths::regression::{Local, Prediction, Regression, vector};
 use crate::model::output_unit::OutputUnit;
 use crate::units::MAX_OUTPUTS;
 
-/// Joints that pitch, and as many that yaw (the robot's drawing).
+/// Number of pitch joints, and of yaw joints (the robot's drawing).
 const JOINTS_PER_AXIS: usize = 6;
 
 /// Numbers of the chain that differ from robot to robot.
@@ -37,17 +38,17 @@ pub struct KinematicParameters {
     pub counts_per_turn: f64,
     /// Turns of a motor per turn of its pulley.
     pub gear_ratio: f64,
-    /// One per motor; negative where higher counts bend the other way. mm.
+    /// One per motor, mm; negative if higher counts bend in the negative direction.
     pub pulley_radii_mm: Vec<f64>,
-    /// How far the plane of the first motor's wires is turned from pitch towards yaw; that of the
-    /// second motor's is turned by 90 degrees more.
+    /// Rotation of the plane of the first motor's wires from pitch towards yaw. The plane of the
+    /// second motor's wires is rotated by 90 degrees more.
     pub axis_rotation_deg: f64,
 }
 
-/// The chain of a robot with D motors; the other wires hold still where there is one.
+/// The chain of a robot with D motors. With one motor, the other wires do not move.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kinematics<const D: usize> {
-    /// From counts to the sine of half the angle of a joint that pitches, and one that yaws.
+    /// Maps counts to the sine of half the angle of a pitch joint and of a yaw joint.
     half_sines: SMatrix<f64, 2, D>,
 }
 
@@ -56,7 +57,8 @@ impl<const D: usize> Kinematics<D> {
     ///
     /// # Errors
     ///
-    /// When sizes differ, or a number is not finite, or 0 where something would stand still.
+    /// When sizes differ, a number is not finite, or a gear ratio, encoder resolution or pulley
+    /// radius is 0.
     pub fn prepare(file: &KinematicParameters) -> Result<Self, ModelError> {
         let KinematicParameters {
             counts_per_turn,
@@ -91,20 +93,21 @@ impl<const D: usize> Kinematics<D> {
             "a pulley must have a radius",
         )?;
         let (sin, cos) = axis_rotation_deg.to_radians().sin_cos();
-        let turned = Matrix2::new(cos, -sin, sin, cos);
-        let arm = (2 * JOINTS_PER_AXIS) as f64 * SQRT_2 * joint::HOLE_OFFSET_MM;
+        let rotation = Matrix2::new(cos, -sin, sin, cos);
+        let half_sine_lever = (2 * JOINTS_PER_AXIS) as f64 * SQRT_2 * joint::HOLE_OFFSET_MM;
         let travel = |motor: usize| {
             radii
                 .get(motor)
                 .map_or(0.0, |r| r * TAU / (counts_per_turn * gear_ratio))
         };
-        let half_sines =
-            SMatrix::from_fn(|axis, motor| turned[(axis, motor)] * travel(motor) / arm);
+        let half_sines = SMatrix::from_fn(|axis, motor| {
+            rotation[(axis, motor)] * travel(motor) / half_sine_lever
+        });
         Ok(Self { half_sines })
     }
 
-    /// Outputs at counts: pitch and yaw, rad, with a third that is always 0; or the tip's x, y and
-    /// z, m.
+    /// Outputs at counts: pitch and yaw, rad, and a third that is always 0; or the x, y and z of
+    /// the tip, m.
     #[must_use]
     pub fn at(&self, counts: &SVector<f64, D>, unit: OutputUnit) -> Local<D, MAX_OUTPUTS> {
         let half_sines = self.half_sines * counts;
@@ -132,8 +135,8 @@ impl<const D: usize> Kinematics<D> {
         }
     }
 
-    /// The counts that come nearest to bending the snake by a pitch and a yaw, rad. The columns of
-    /// the chain's matrix are at right angles to each other.
+    /// The counts that come nearest to a pitch and a yaw, rad. The columns of the matrix of the
+    /// chain are orthogonal.
     fn counts(&self, pitch: f64, yaw: f64) -> SVector<f64, D> {
         let joints = JOINTS_PER_AXIS as f64;
         let half_sines = Vector2::new(
@@ -147,7 +150,7 @@ impl<const D: usize> Kinematics<D> {
     }
 }
 
-/// The family: the chain, where the outputs have their zero, and one covariance everywhere.
+/// The family: the chain, the offset of the outputs, and one constant covariance.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::model) struct Kinematic<const D: usize, const M: usize> {
     chain: Kinematics<D>,
@@ -161,7 +164,7 @@ impl<const D: usize, const M: usize> Kinematic<D, M> {
     ///
     /// # Errors
     ///
-    /// When sizes differ, a number makes no sense, or there are three angles.
+    /// When sizes differ, a number is out of its range, or there are three angles.
     pub(in crate::model) fn prepare(
         file: &KinematicParameters,
         offset: &[f64],
@@ -214,8 +217,8 @@ impl<const D: usize, const M: usize> Regression<D, M> for Kinematic<D, M> {
         }
     }
 
-    /// The answer itself for pitch and yaw. For the tip the straight pose: the joints turn freely
-    /// there.
+    /// For pitch and yaw, the solution itself. For the tip, the straight pose, where the joints
+    /// turn freely.
     fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
         let bend = goal - self.offset;
         Some(match (self.unit, bend.as_slice()) {

@@ -1,12 +1,13 @@
 //! From the angles of the joints to the position of the tip.
 //!
-//! Along the snake joints that pitch take turns with joints that yaw, the first one pitches. When a
-//! joint turns by `theta`, the point where its surfaces touched goes with the upper one: from the
-//! lower centre of curvature, `R` below, half the angle, `2 R` along, half the angle, and `R` back.
-//! With `u(a) = (sin a, cos a)` in the plane of the joint it comes to lie at
-//! `R (2 u(theta / 2) - u(theta) - u(0))`, and the direction of the snake turns by `theta`.
+//! Pitch joints and yaw joints alternate along the snake, beginning with a pitch joint. When a
+//! joint turns by `theta`, the point of contact moves with the upper surface. The path to its new
+//! position is: `R` back to the lower centre of curvature, a turn by half the angle, `2 R` forward,
+//! a turn by half the angle, and `R` back. With `u(a) = (sin a, cos a)` in the plane of the joint,
+//! its new position is `R (2 u(theta / 2) - u(theta) - u(0))`, and the direction of the snake turns
+//! by `theta`.
 //!
-//! Axes at the base: z along the straight snake, yaw bends it towards x, pitch towards y.
+//! Axes at the base: z is along the straight snake, yaw bends the snake towards x, pitch towards y.
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -16,8 +17,8 @@ use super::joint::ROLLING_RADIUS_MM;
 /// Distance of neighbouring joints when straight, mm (the robot's drawing).
 const JOINT_PITCH_MM: f64 = 0.1495;
 
-/// Where the tip is, mm, and its derivative with respect to pitch and yaw of a single joint, mm per
-/// rad.
+/// The position of the tip, mm, and its derivative with respect to pitch and yaw of a single joint,
+/// mm per rad.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::model) struct Tip {
     pub position_mm: Vector3<f64>,
@@ -25,7 +26,7 @@ pub(in crate::model) struct Tip {
     pub slope: SMatrix<f64, 3, 2>,
 }
 
-/// The tip of a snake all of whose joints of an axis turn by the same angle, rad.
+/// The tip of a snake whose joints of an axis all turn by the same angle, rad.
 pub(in crate::model) fn tip(pitch: f64, yaw: f64) -> Tip {
     let joints = [
         Joint::new(pitch, Vector3::y()),
@@ -43,7 +44,7 @@ pub(in crate::model) fn tip(pitch: f64, yaw: f64) -> Tip {
     }
 }
 
-/// What a joint does to the frame before it, and the derivatives of that.
+/// The motion of a joint relative to the frame before it, and its derivatives.
 struct Joint {
     shift: Vector3<f64>,
     shift_slope: Vector3<f64>,
@@ -52,26 +53,27 @@ struct Joint {
 }
 
 impl Joint {
-    /// Bends by an angle towards an axis that is perpendicular to z.
+    /// A joint that bends by an angle towards an axis perpendicular to z.
     fn new(angle: f64, towards: Vector3<f64>) -> Self {
         let z = Vector3::z();
         let along = |a: f64| towards * a.sin() + z * a.cos();
         let across = |a: f64| towards * a.cos() - z * a.sin();
-        let still = towards.cross(&z);
-        // Columns: where the axes go that the joint bends from, bends towards, and bends about.
-        let turned = |along: Vector3<f64>, across: Vector3<f64>, still: Vector3<f64>| {
-            along * z.transpose() + across * towards.transpose() + still * still.transpose()
+        let bend_axis = towards.cross(&z);
+        // Columns: the images of the axes that the joint bends from, bends towards, and bends
+        // about.
+        let rotated = |along: Vector3<f64>, across: Vector3<f64>, bend_axis: Vector3<f64>| {
+            along * z.transpose() + across * towards.transpose() + bend_axis * bend_axis.transpose()
         };
         Self {
             shift: (along(0.5 * angle) * 2.0 - along(angle) - z) * ROLLING_RADIUS_MM,
             shift_slope: (across(0.5 * angle) - across(angle)) * ROLLING_RADIUS_MM,
-            turn: turned(along(angle), across(angle), still),
-            turn_slope: turned(across(angle), -along(angle), Vector3::zeros()),
+            turn: rotated(along(angle), across(angle), bend_axis),
+            turn_slope: rotated(across(angle), -along(angle), Vector3::zeros()),
         }
     }
 }
 
-/// A link, and how it depends on pitch and yaw.
+/// The frame of a link, and its derivatives with respect to pitch and yaw.
 struct Frame {
     at: Vector3<f64>,
     axes: Matrix3<f64>,
@@ -91,7 +93,7 @@ impl Default for Frame {
 }
 
 impl Frame {
-    /// Goes over a joint of an axis to the end of the next link.
+    /// Moves the frame over a joint of an axis to the end of the next link.
     fn cross(&mut self, axis: usize, joint: &Joint) {
         let link = Vector3::z() * JOINT_PITCH_MM;
         for (slope_of, (at, axes)) in self
@@ -121,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_straight_snake_is_as_long_as_its_links() {
+    fn a_straight_snake_has_the_length_of_its_links() {
         let straight = tip(0.0, 0.0);
         assert!(
             (straight.position_mm - Vector3::new(0.0, 0.0, 12.0 * JOINT_PITCH_MM)).norm() < 1e-12
@@ -129,27 +131,27 @@ mod tests {
     }
 
     #[test]
-    fn pitch_goes_to_y_and_yaw_to_x() {
+    fn pitch_bends_towards_y_and_yaw_towards_x() {
         let (pitched, yawed) = (tip(0.1, 0.0).position_mm, tip(0.0, -0.1).position_mm);
         assert!(pitched.x.abs() < 1e-12 && pitched.y > 0.4, "{pitched}");
         assert!(yawed.y.abs() < 1e-12 && yawed.x < -0.4, "{yawed}");
     }
 
-    /// In one plane, complex numbers do: every joint turns the rest of the snake.
+    /// In one plane every joint turns the remaining snake.
     #[test]
-    fn a_planar_bend_is_a_sum_of_turned_links() {
+    fn a_planar_bend_is_the_sum_of_the_rotated_links() {
         let theta = 0.12_f64;
         let unit = |a: f64| [a.sin(), a.cos()];
         let mut sum = [0.0; 2];
         for joint in 0..6 {
             let before = f64::from(joint) * theta;
-            let (half, whole, none) = (
+            let (half, whole, start) = (
                 unit(before + 0.5 * theta),
                 unit(before + theta),
                 unit(before),
             );
             for (i, sum) in sum.iter_mut().enumerate() {
-                let rolled = 2.0 * half[i] - whole[i] - none[i];
+                let rolled = 2.0 * half[i] - whole[i] - start[i];
                 *sum += ROLLING_RADIUS_MM * rolled + 2.0 * JOINT_PITCH_MM * whole[i];
             }
         }
@@ -162,7 +164,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_slope_is_that_of_the_position(pitch in -0.16..0.16_f64, yaw in -0.16..0.16_f64) {
+        fn slope_matches_the_numerical_derivative_of_the_position(
+            pitch in -0.16..0.16_f64,
+            yaw in -0.16..0.16_f64,
+        ) {
             const STEP: f64 = 1e-6;
             let slope = tip(pitch, yaw).slope;
             let ahead = [tip(pitch + STEP, yaw), tip(pitch, yaw + STEP)];

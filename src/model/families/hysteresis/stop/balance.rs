@@ -1,160 +1,169 @@
-//! The balance of forces: wires against the segments, which bend one after the other by the same
-//! forces.
+//! The balance of forces between the wires and the segments. The same force bends every segment.
 //!
-//! Both searches are Newton's method on the slope of a convex function of the bends of all
-//! segments. A step takes no matrix larger than D x D: the segments hang together only through the
-//! sum of their bends, so with `H_s` the slope of segment `s` and `C = sum_s 1 / H_s` the whole is
-//! solved by the formula of Woodbury (1950).
+//! Both searches apply Newton's method to the slope of a convex function of the bends of all
+//! segments. No step needs a matrix larger than D x D, because the segments are coupled only by the
+//! sum of their bends. With the slope `H_s` of segment `s` and `C = sum_s 1 / H_s`, the formula of
+//! Woodbury (1950) solves the whole system.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::Stops;
 use super::parameters::MAX_SEGMENTS;
-use super::segment::{Bends, Holds, Pull};
+use super::segment::{Bends, Reactions, WireForce};
 
-/// The most evaluations of one balance. In steps of the control loop it takes two to four.
+/// The most evaluations of one search. A step of the control loop takes two to four.
 const MAX_EVALUATIONS: u32 = 40;
 
-/// A balance that is off by less than this part of the wire travel is found: far below what a count
-/// moves.
-const BALANCED: f64 = 1e-10;
+/// Tolerance of a balance relative to the wire travel: far below the effect of one count.
+const BALANCE_TOLERANCE: f64 = 1e-10;
 
-/// A Newton step that does not help is shortened by this, at most so many times.
-const SHORTENING: f64 = 0.4;
-const LEAST_STEP: f64 = 0.01;
+/// Line search: a Newton step that does not improve the residual is scaled by this factor, down to
+/// the least share.
+const STEP_REDUCTION: f64 = 0.4;
+const LEAST_STEP_SHARE: f64 = 0.01;
 
-/// Bends, and what every segment holds against its own.
+/// The bends of all segments, and the force of each segment at its bend.
 #[derive(Debug, Clone, Copy)]
-struct Stand<const D: usize> {
+struct OperatingPoint<const D: usize> {
     bends: Bends<D>,
-    pulls: [Pull<D>; MAX_SEGMENTS],
+    forces: [WireForce<D>; MAX_SEGMENTS],
 }
 
-/// Where the balance is, and what the wires pull there.
+/// The solution of a balance, and the wire forces there.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::model) struct Settled<const D: usize> {
+pub(in crate::model) struct Equilibrium<const D: usize> {
     pub bends: Bends<D>,
-    /// Of the wires, per motor.
+    /// Force of the wires, per motor.
     pub force: SVector<f64, D>,
-    /// How the whole bend follows the wire travel of the motors.
-    pub follow: SMatrix<f64, D, D>,
+    /// Derivative of the total bend with respect to the wire travel of the motors.
+    pub bend_per_travel: SMatrix<f64, D, D>,
 }
 
-/// Force of the wires along the axes of the bend, what it would lose with more bend, and the same
-/// per motor.
+/// Force of the wires at a bend.
 struct Wires<const D: usize> {
-    pull: Pull<D>,
+    /// Along the axes of the bend; the slope is the loss of force per bend.
+    along_axes: WireForce<D>,
+    /// Force and its slope per stretch, per motor.
     force: SVector<f64, D>,
     slope: SVector<f64, D>,
 }
 
 impl<const D: usize> Stops<D> {
-    /// The bends at which the wires, pulled so far, balance all segments. There is one such
-    /// balance, and a Newton step that is short enough always helps.
-    pub(in crate::model) fn settle(
+    /// The bends at which the wires, at the given wire travel, balance all segments. The balance is
+    /// unique, and a short enough Newton step always reduces the residual.
+    pub(in crate::model) fn find_equilibrium(
         &self,
-        holds: Option<&Holds<D>>,
+        reactions: Option<&Reactions<D>>,
         travel: &SVector<f64, D>,
         start: &Bends<D>,
-    ) -> Settled<D> {
-        let near = BALANCED * (1.0 + travel.amax());
-        let mut here = self.stand(holds, *start);
-        let mut wires = self.wires(travel, &here);
+    ) -> Equilibrium<D> {
+        let tolerance = BALANCE_TOLERANCE * (1.0 + travel.amax());
+        let mut current = self.operating_point(reactions, *start);
+        let mut wires = self.wires(travel, &current);
         let mut evaluations = 1;
-        while evaluations < MAX_EVALUATIONS && self.rest(&here, &wires.pull.force) > near {
-            let Some(step) = self.towards_balance(&here, &wires.pull) else {
+        while evaluations < MAX_EVALUATIONS
+            && self.residual_norm(&current, &wires.along_axes.force) > tolerance
+        {
+            let Some(step) = self.balance_step(&current, &wires.along_axes) else {
                 break;
             };
-            let before = self.rest(&here, &wires.pull.force);
-            let tried = self.shorten(holds, &here, &step, &mut evaluations, |there| {
-                let wires = self.wires(travel, there);
-                (self.rest(there, &wires.pull.force) < before).then_some(wires)
+            let before = self.residual_norm(&current, &wires.along_axes.force);
+            let trial = self.shorten_step(reactions, &current, &step, &mut evaluations, |next| {
+                let wires = self.wires(travel, next);
+                (self.residual_norm(next, &wires.along_axes.force) < before).then_some(wires)
             });
-            let Some((there, there_wires)) = tried else {
+            let Some((next, next_wires)) = trial else {
                 break;
             };
-            (here, wires) = (there, there_wires);
+            (current, wires) = (next, next_wires);
         }
-        let follow = self
-            .compliance(&here)
+        let bend_per_travel = self
+            .compliance(&current)
             .map_or_else(SMatrix::zeros, |compliance| {
-                let yielding = (SMatrix::identity() + compliance * wires.pull.slope).try_inverse();
-                yielding.unwrap_or_else(SMatrix::zeros)
+                let wire_yield =
+                    (SMatrix::identity() + compliance * wires.along_axes.slope).try_inverse();
+                wire_yield.unwrap_or_else(SMatrix::zeros)
                     * compliance
                     * self.axes
                     * SMatrix::from_diagonal(&wires.slope)
             });
-        Settled {
-            bends: here.bends,
+        Equilibrium {
+            bends: current.bends,
             force: wires.force,
-            follow,
+            bend_per_travel,
         }
     }
 
-    /// The force along the axes that holds a whole bend, with stops as they are held; without a
-    /// hold, against the springs alone. One segment has the whole bend; of several, each takes as
-    /// much as that force gives it.
-    pub(in crate::model) fn holding(
+    /// The force along the axes that holds a total bend against springs and stops; without
+    /// reactions, against the springs alone. A single segment takes the total bend. Of several
+    /// segments, each takes the bend that the common force gives it.
+    pub(in crate::model) fn holding_force(
         &self,
-        holds: Option<&Holds<D>>,
+        reactions: Option<&Reactions<D>>,
         bend: &SVector<f64, D>,
     ) -> SVector<f64, D> {
-        let mut bends = holds.map_or([SVector::zeros(); MAX_SEGMENTS], |holds| {
-            holds.each_ref().map(|hold| hold.bend)
+        let mut bends = reactions.map_or([SVector::zeros(); MAX_SEGMENTS], |reactions| {
+            reactions.each_ref().map(|reaction| reaction.bend)
         });
         if self.segments.len() == 1 {
             bends[0] = *bend;
-            return self.stand(holds, bends).pulls[0].force;
+            return self.operating_point(reactions, bends).forces[0].force;
         }
-        let near = BALANCED * (1.0 + bend.amax());
-        let mut here = self.stand(holds, bends);
+        let tolerance = BALANCE_TOLERANCE * (1.0 + bend.amax());
+        let mut current = self.operating_point(reactions, bends);
         let mut evaluations = 1;
-        // The first step closes the gap between the bend and the sum; all others keep it closed.
+        // The first step makes the sum of the bends equal to the total bend. All later steps keep
+        // it.
         let mut first = true;
-        while evaluations < MAX_EVALUATIONS && (first || self.apart(&here) > near) {
-            let Some(step) = self.towards_agreement(&here, bend) else {
+        while evaluations < MAX_EVALUATIONS && (first || self.force_mismatch(&current) > tolerance)
+        {
+            let Some(step) = self.common_force_step(&current, bend) else {
                 break;
             };
             let before = if first {
                 f64::INFINITY
             } else {
-                self.apart(&here)
+                self.force_mismatch(&current)
             };
-            let tried = self.shorten(holds, &here, &step, &mut evaluations, |there| {
-                (self.apart(there) < before).then_some(())
+            let trial = self.shorten_step(reactions, &current, &step, &mut evaluations, |next| {
+                (self.force_mismatch(next) < before).then_some(())
             });
-            let Some((there, ())) = tried else { break };
-            here = there;
+            let Some((next, ())) = trial else { break };
+            current = next;
             first = false;
         }
-        self.mean_force(&here)
+        self.mean_force(&current)
     }
 
-    fn stand(&self, holds: Option<&Holds<D>>, bends: Bends<D>) -> Stand<D> {
-        let mut pulls = [Pull::default(); MAX_SEGMENTS];
-        for (s, (segment, pull)) in self.segments.iter().zip(&mut pulls).enumerate() {
-            *pull = segment.resistance(
+    fn operating_point(
+        &self,
+        reactions: Option<&Reactions<D>>,
+        bends: Bends<D>,
+    ) -> OperatingPoint<D> {
+        let mut forces = [WireForce::default(); MAX_SEGMENTS];
+        for (s, (segment, segment_force)) in self.segments.iter().zip(&mut forces).enumerate() {
+            *segment_force = segment.resistance(
                 &self.elements,
                 &self.axes,
-                holds.and_then(|holds| holds.get(s)),
+                reactions.and_then(|reactions| reactions.get(s)),
                 &bends[s],
             );
         }
-        Stand { bends, pulls }
+        OperatingPoint { bends, forces }
     }
 
-    fn wires(&self, travel: &SVector<f64, D>, stand: &Stand<D>) -> Wires<D> {
+    fn wires(&self, travel: &SVector<f64, D>, point: &OperatingPoint<D>) -> Wires<D> {
         let stretch = travel
             - self
                 .axes
-                .tr_mul(&stand.bends.iter().sum::<SVector<f64, D>>());
+                .tr_mul(&point.bends.iter().sum::<SVector<f64, D>>());
         let (mut force, mut slope) = (SVector::<f64, D>::zeros(), SVector::<f64, D>::zeros());
         for (i, motor) in self.motors.iter().enumerate() {
-            (force[i], slope[i]) = motor.wire.pull(stretch[i]);
+            (force[i], slope[i]) = motor.wire.force(stretch[i]);
         }
         let along = self.axes * SMatrix::from_diagonal(&slope) * self.axes.transpose();
         Wires {
-            pull: Pull {
+            along_axes: WireForce {
                 force: self.axes * force,
                 slope: along,
             },
@@ -163,92 +172,103 @@ impl<const D: usize> Stops<D> {
         }
     }
 
-    fn pulls<'a>(&self, stand: &'a Stand<D>) -> impl Iterator<Item = &'a Pull<D>> + use<'a, D> {
-        stand.pulls.iter().take(self.segments.len())
+    fn forces<'a>(
+        &self,
+        point: &'a OperatingPoint<D>,
+    ) -> impl Iterator<Item = &'a WireForce<D>> + use<'a, D> {
+        point.forces.iter().take(self.segments.len())
     }
 
-    /// How far all segments are from holding a force.
-    fn rest(&self, stand: &Stand<D>, force: &SVector<f64, D>) -> f64 {
-        self.pulls(stand)
-            .map(|pull| (pull.force - force).norm_squared())
+    /// Norm of the differences between the segment forces and a common force.
+    fn residual_norm(&self, point: &OperatingPoint<D>, force: &SVector<f64, D>) -> f64 {
+        self.forces(point)
+            .map(|segment_force| (segment_force.force - force).norm_squared())
             .sum::<f64>()
             .sqrt()
     }
 
-    fn mean_force(&self, stand: &Stand<D>) -> SVector<f64, D> {
-        self.pulls(stand)
-            .map(|pull| pull.force)
+    fn mean_force(&self, point: &OperatingPoint<D>) -> SVector<f64, D> {
+        self.forces(point)
+            .map(|segment_force| segment_force.force)
             .sum::<SVector<f64, D>>()
             / self.segments.len() as f64
     }
 
-    /// How far the segments are from holding the same force.
-    fn apart(&self, stand: &Stand<D>) -> f64 {
-        self.rest(stand, &self.mean_force(stand))
+    /// Norm of the differences between the segment forces and their mean.
+    fn force_mismatch(&self, point: &OperatingPoint<D>) -> f64 {
+        self.residual_norm(point, &self.mean_force(point))
     }
 
-    /// Bend of all segments per force.
-    fn compliance(&self, stand: &Stand<D>) -> Option<SMatrix<f64, D, D>> {
-        self.pulls(stand).map(|pull| pull.slope.try_inverse()).sum()
+    /// Total bend per force.
+    fn compliance(&self, point: &OperatingPoint<D>) -> Option<SMatrix<f64, D, D>> {
+        self.forces(point)
+            .map(|segment_force| segment_force.slope.try_inverse())
+            .sum()
     }
 
-    /// The Newton step of all segments towards what the wires pull.
-    fn towards_balance(&self, stand: &Stand<D>, wires: &Pull<D>) -> Option<Bends<D>> {
-        let coupled =
-            (SMatrix::identity() + self.compliance(stand)? * wires.slope).try_inverse()?;
-        let alone = self.each(stand, |pull| wires.force - pull.force)?;
-        let whole = coupled * alone.iter().sum::<SVector<f64, D>>();
-        self.each(stand, |pull| wires.force - pull.force - wires.slope * whole)
+    /// The Newton step of all segments towards a balance with the wires.
+    fn balance_step(&self, point: &OperatingPoint<D>, wires: &WireForce<D>) -> Option<Bends<D>> {
+        let coupling =
+            (SMatrix::identity() + self.compliance(point)? * wires.slope).try_inverse()?;
+        let uncoupled =
+            self.per_segment(point, |segment_force| wires.force - segment_force.force)?;
+        let total_change = coupling * uncoupled.iter().sum::<SVector<f64, D>>();
+        self.per_segment(point, |segment_force| {
+            wires.force - segment_force.force - wires.slope * total_change
+        })
     }
 
-    /// The Newton step of all segments towards one force, whose sum closes the gap to the whole
+    /// The Newton step of all segments towards a common force. After it the bends sum to the total
     /// bend.
-    fn towards_agreement(&self, stand: &Stand<D>, bend: &SVector<f64, D>) -> Option<Bends<D>> {
-        let gap = bend - stand.bends.iter().sum::<SVector<f64, D>>();
-        let alone = self.each(stand, |pull| pull.force)?;
-        let force =
-            self.compliance(stand)?.try_inverse()? * (gap + alone.iter().sum::<SVector<f64, D>>());
-        self.each(stand, |pull| force - pull.force)
+    fn common_force_step(
+        &self,
+        point: &OperatingPoint<D>,
+        bend: &SVector<f64, D>,
+    ) -> Option<Bends<D>> {
+        let bend_error = bend - point.bends.iter().sum::<SVector<f64, D>>();
+        let uncoupled = self.per_segment(point, |segment_force| segment_force.force)?;
+        let force = self.compliance(point)?.try_inverse()?
+            * (bend_error + uncoupled.iter().sum::<SVector<f64, D>>());
+        self.per_segment(point, |segment_force| force - segment_force.force)
     }
 
-    /// What a force on every segment moves it.
-    fn each(
+    /// The linear change of every bend under a force on each segment.
+    fn per_segment(
         &self,
-        stand: &Stand<D>,
-        force: impl Fn(&Pull<D>) -> SVector<f64, D>,
+        point: &OperatingPoint<D>,
+        force: impl Fn(&WireForce<D>) -> SVector<f64, D>,
     ) -> Option<Bends<D>> {
         let mut bends = [SVector::zeros(); MAX_SEGMENTS];
-        for (bend, pull) in bends.iter_mut().zip(self.pulls(stand)) {
-            *bend = pull.slope.try_inverse()? * force(pull);
+        for (bend, segment_force) in bends.iter_mut().zip(self.forces(point)) {
+            *bend = segment_force.slope.try_inverse()? * force(segment_force);
         }
         Some(bends)
     }
 
-    /// The longest part of a step that is accepted, and what accepted it.
-    fn shorten<T>(
+    /// Shortens a step until `accept` returns a value. Returns the accepted point and that value.
+    fn shorten_step<T>(
         &self,
-        holds: Option<&Holds<D>>,
-        from: &Stand<D>,
+        reactions: Option<&Reactions<D>>,
+        from: &OperatingPoint<D>,
         step: &Bends<D>,
         evaluations: &mut u32,
-        accept: impl Fn(&Stand<D>) -> Option<T>,
-    ) -> Option<(Stand<D>, T)> {
+        accept: impl Fn(&OperatingPoint<D>) -> Option<T>,
+    ) -> Option<(OperatingPoint<D>, T)> {
         let mut share = 1.0;
         loop {
             let mut bends = from.bends;
-            bends
-                .iter_mut()
-                .zip(step)
-                .for_each(|(bend, step)| *bend += step * share);
-            let there = self.stand(holds, bends);
-            *evaluations += 1;
-            if let Some(accepted) = accept(&there) {
-                return Some((there, accepted));
+            for (bend, step) in bends.iter_mut().zip(step) {
+                *bend += step * share;
             }
-            if *evaluations >= MAX_EVALUATIONS || share < LEAST_STEP {
+            let next = self.operating_point(reactions, bends);
+            *evaluations += 1;
+            if let Some(accepted) = accept(&next) {
+                return Some((next, accepted));
+            }
+            if *evaluations >= MAX_EVALUATIONS || share < LEAST_STEP_SHARE {
                 return None;
             }
-            share *= SHORTENING;
+            share *= STEP_REDUCTION;
         }
     }
 }

@@ -1,25 +1,26 @@
-//! Stop operators on the bend: friction that holds the snake, between wires that hang loose before
-//! they pull.
+//! Stop operators on the bend: friction that resists the bend of the snake, and wires that are
+//! slack before they pull.
 //!
-//! Where plays act on the motors and superpose, this operator balances forces. A wire pulls only
-//! when it is taut, and friction holds the bend by a sum of **stops** (Maxwell slip; the elements
-//! of A. Y. Ishlinskii 1944 and L. Prandtl 1928), whose reach grows with the pull of the wires: a
-//! loop is wide where the snake is bent far, and narrow where it is straight.
+//! Play operators act on the motors and superpose. This operator balances forces. A wire pulls only
+//! when it is taut. Friction resists the bend by a sum of **stops** (Maxwell slip; the elements of
+//! A. Y. Ishlinskii 1944 and L. Prandtl 1928), whose reach grows with the force of the wires. A
+//! loop is therefore wide where the bend is large, and narrow where the snake is straight.
 //!
-//! # Words
+//! # Terms
 //!
-//! - **bend** `b`: how far the snake bends along its D axes, in units in which a taut wire
-//!   stretches by 1 under a force of 1; nominally degrees.
-//! - **wire travel**: how far a motor has pulled its wires, `c_i (q_i - n_i)`, in the unit of the
-//!   bend. A motor bends the snake in the direction `A_i`, of length 1.
-//! - **stretch** `e_i = c_i (q_i - n_i) - A_i . b`: wire travel that the bend has not taken up.
-//! - **stop**: an elastic hair of stiffness `kappa`. It follows the bend until it reaches `rho`,
+//! - **bend** `b`: the bend of the snake along its D axes, in units in which a taut wire stretches
+//!   by 1 under a force of 1; nominally degrees.
+//! - **wire travel**: the length of wire that a motor has pulled, `c_i (q_i - n_i)`, in the unit of
+//!   the bend. A motor bends the snake in the direction `A_i`, of length 1.
+//! - **stretch** `e_i = c_i (q_i - n_i) - A_i . b`: the wire travel minus the part that the bend
+//!   takes up.
+//! - **stop**: an elastic element of stiffness `kappa`. It follows the bend until it reaches `rho`,
 //!   then slips: `sigma <- clip(sigma + movement, -rho, rho)`.
-//! - **own, shared**: an own stop holds one motor's direction; a shared one holds the plane, and
-//!   its reach is a disc.
-//! - **segment**: a stretch of the snake with stiffness, ends and friction of its own. All segments
-//!   are bent by the same forces, and their bends add up: they begin to move one after the other,
-//!   so one stroke has several slopes.
+//! - **own, shared**: an own stop acts in the direction of one motor. A shared stop acts in the
+//!   plane, and its reach is a disc.
+//! - **segment**: a part of the snake with its own stiffness, limits and friction. The same forces
+//!   bend all segments, and their bends add up. The segments begin to move one after the other, so
+//!   one motion has several slopes.
 //!
 //! # Balance
 //!
@@ -31,22 +32,21 @@
 //!                                                    (shared: l = |(l_1, l_2)|)
 //! ```
 //!
-//! with the forces `F_i` of the step before, and `mu` one of two numbers by the sign of the force.
-//! Given what the stops remember, both sides are gradients of convex functions of the bends: there
-//! is one balance, it grows with every motor, and Newton's method finds it. Backwards, a bend gives
-//! the force that holds it (of one segment without a search), the forces of the wires, their
-//! stretch, and so the counts.
+//! `F_i` are the forces of the previous step, and `mu` is one of two numbers by the sign of the
+//! force. Given the state of the stops, both sides are gradients of convex functions of the bends.
+//! The balance is therefore unique, it increases with every motor, and Newton's method finds it. In
+//! the inverse direction, a bend gives the force that holds it (for one segment without a search),
+//! then the forces of the wires, their stretch, and the counts.
 //!
-//! **Virtual counts** are the bend in counts: `v_i = n_i + A_i . b / c'_i`, where `c'_i` is what
-//! the bend in direction `i` gains per count of motor `i` with taut wires and without friction,
-//! `c_i [A^T (diag(k) + A A^T)^-1 A]_ii` with the stiffness `k` of all segments in a row. So a
-//! motor moves its virtual counts by one per count, on the whole, and tolerances in counts mean the
-//! same as elsewhere.
+//! **Virtual counts** are the bend in counts: `v_i = n_i + A_i . b / c'_i`. Here `c'_i` is the gain
+//! of the bend in direction `i` per count of motor `i`, with taut wires and without friction: `c_i
+//! [A^T (diag(k) + A A^T)^-1 A]_ii` with the stiffness `k` of all segments in series. On average a
+//! motor moves its virtual counts by one per count, so tolerances in counts have their usual
+//! meaning.
 //!
-//! The emulator's snakes are of the same kind of physics, bristles under a load that grows with
-//! tension, written independently and in more detail (gears with friction of their own, drag,
-//! creep, drift). How well this operator fits them says less about another robot than its fit to a
-//! recording of that robot does.
+//! The emulator models the same kind of physics: bristles under a load that grows with tension. It
+//! is independent code with more detail (friction of the gears, drag, creep, drift). A good fit to
+//! the emulator is therefore weaker evidence than a good fit to a recording of a robot.
 
 mod balance;
 mod parameters;
@@ -56,7 +56,7 @@ mod wire;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::{Lags, Operator, Remember};
+use super::{Lags, Operator, StoredOperator};
 use crate::model::error::ModelError;
 use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
@@ -68,27 +68,29 @@ use segment::{Element, Segment};
 pub use state::StopState;
 use wire::Wire;
 
-/// Wire travel of one step, in the unit of the bend: the reach of the stops follows the forces from
+/// Wire travel of one step, in the unit of the bend. The reach of the stops follows the forces from
 /// step to step.
 const STEP: f64 = 0.2;
 
-/// The most steps of one advance; a longer way is taken in longer steps.
+/// The most steps of one advance. A longer motion uses longer steps.
 const MAX_STEPS: u32 = 64;
 
-/// What a stop has to be dragged through to forget, in its widest reach: from one end to the other,
-/// and a shared one on until what was across its way has died out.
-const WIPE_OWN: f64 = 2.0;
-const WIPE_SHARED: f64 = 5.0;
+/// Drag after which a stop has forgotten the past, relative to its widest reach. An own stop needs
+/// the distance from one end to the other. A shared stop needs more, until its deflection across
+/// the motion has decayed.
+const FORGET_DRAG_OWN: f64 = 2.0;
+const FORGET_DRAG_SHARED: f64 = 5.0;
 
-/// Room for what the estimate of the range leaves out: the other motor, the ends of the joints.
-const WIPE_MARGIN: f64 = 1.25;
+/// Safety factor for effects outside the estimate of the conditioning range: the other motor, and
+/// the limits of the joints.
+const CONDITIONING_MARGIN: f64 = 1.25;
 
 /// Prepared stop operators of D motors.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stops<const D: usize> {
     motors: [Motor; D],
     segments: Vec<Segment<D>>,
-    /// One column per motor: where it bends to.
+    /// The directions of the motors, one column per motor.
     axes: SMatrix<f64, D, D>,
     /// From forces along the axes of the bend to forces of the motors.
     to_motors: SMatrix<f64, D, D>,
@@ -97,8 +99,9 @@ pub struct Stops<const D: usize> {
     elements: Vec<Element>,
     base_friction: f64,
     friction_growth: f64,
-    /// What holds the snake at the ends of its joints: lags of forces are scaled by it.
-    usual_force: f64,
+    /// Scale of the lags of forces: the friction without load plus the largest spring force at a
+    /// limit of the joints.
+    reference_force: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -106,8 +109,8 @@ struct Motor {
     neutral: f64,
     travel: f64,
     wire: Wire,
-    /// From one wire taut to the other taut, wire travel.
-    gap: f64,
+    /// Wire travel between one wire taut and the other wire taut.
+    slack_travel: f64,
     friction: [f64; 2],
 }
 
@@ -128,9 +131,11 @@ impl<const D: usize> Stops<D> {
             .map(Segment::compliance)
             .sum::<SVector<f64, D>>()
             .map(|c| 1.0 / c);
-        let yielding = inverse(&(SMatrix::from_diagonal(&stiffness) + axes * axes.transpose()));
-        let taut = axes.tr_mul(&(yielding * axes));
-        let per_count = SVector::<f64, D>::from_fn(|i, _| motors[i].travel * taut[(i, i)]);
+        let total_compliance =
+            inverse(&(SMatrix::from_diagonal(&stiffness) + axes * axes.transpose()));
+        let gain_when_taut = axes.tr_mul(&(total_compliance * axes));
+        let per_count =
+            SVector::<f64, D>::from_fn(|i, _| motors[i].travel * gain_when_taut[(i, i)]);
         let element = |stop: &StopElement| Element {
             own: stop.stiffness * (1.0 - file.shared),
             shared: stop.stiffness * file.shared,
@@ -139,10 +144,10 @@ impl<const D: usize> Stops<D> {
         Ok(Self {
             to_motors: inverse(&axes),
             to_counts: SMatrix::from_diagonal(&per_count.map(|c| 1.0 / c)) * axes.transpose(),
-            usual_force: file.base_friction
+            reference_force: file.base_friction
                 + segments
                     .iter()
-                    .map(|segment| segment.ends().1)
+                    .map(|segment| segment.limits().1)
                     .fold(0.0, f64::max),
             motors,
             segments,
@@ -159,7 +164,7 @@ impl<const D: usize> Stops<D> {
         state.bend()
     }
 
-    /// What the bend in the direction of every motor gains per count of it, with taut wires and
+    /// Gain of the bend in the direction of every motor per count of the motor, with taut wires and
     /// without friction.
     #[must_use]
     pub fn gains(&self) -> SVector<f64, D> {
@@ -169,14 +174,13 @@ impl<const D: usize> Stops<D> {
     /// Wire travel of all motors at counts.
     fn travel(&self, counts: &SVector<f64, D>) -> SVector<f64, D> {
         let mut travel = *counts;
-        travel
-            .iter_mut()
-            .zip(&self.motors)
-            .for_each(|(c, motor)| *c = motor.travel * (*c - motor.neutral));
+        for (travel, motor) in travel.iter_mut().zip(&self.motors) {
+            *travel = motor.travel * (*travel - motor.neutral);
+        }
         travel
     }
 
-    /// The counts at which the wires hold a force along the axes of the bend.
+    /// The counts at which the wires hold a bend with a force along its axes.
     fn counts(&self, bend: &SVector<f64, D>, force: &SVector<f64, D>) -> SVector<f64, D> {
         let along = self.axes.tr_mul(bend);
         let mut counts = self.to_motors * force;
@@ -201,13 +205,14 @@ impl Motor {
             neutral: file.neutral_counts,
             travel: file.travel_per_count,
             wire: Wire::new(file.slack, all.softness, all.loose_stiffness),
-            gap: file.slack.iter().sum::<f64>() + 2.0 * all.softness,
+            slack_travel: file.slack.iter().sum::<f64>() + 2.0 * all.softness,
             friction: file.friction,
         }
     }
 }
 
-/// The directions of the motors. Those of a file that passed its checks have an inverse.
+/// The directions of the motors as columns. The checks of a file make sure that the matrix has an
+/// inverse.
 fn directions<const D: usize>(motors: &[StopMotor]) -> SMatrix<f64, D, D> {
     SMatrix::from_fn(|axis, motor| {
         let (sin, cos) = motors[motor].axis_deg.to_radians().sin_cos();
@@ -222,11 +227,11 @@ fn inverse<const D: usize>(matrix: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
 impl<const D: usize> Operator<D> for Stops<D> {
     type State = StopState;
 
-    /// With all stops in their middle.
+    /// All stops are centred.
     fn begin(&self, counts: &SVector<f64, D>) -> StopState {
         StopState::centred(
             counts,
-            &self.settle(
+            &self.find_equilibrium(
                 None,
                 &self.travel(counts),
                 &[SVector::zeros(); MAX_SEGMENTS],
@@ -236,33 +241,42 @@ impl<const D: usize> Operator<D> for Stops<D> {
 
     fn advance(&self, state: &mut StopState, counts: &SVector<f64, D>) {
         let from = vector::<D>(&state.position);
-        let way = counts - from;
+        let motion = counts - from;
         let longest = self
             .motors
             .iter()
-            .zip(way.iter())
-            .map(|(motor, way)| motor.travel * way.abs());
+            .zip(motion.iter())
+            .map(|(motor, motion)| motor.travel * motion.abs());
         let steps = (longest.fold(0.0, f64::max) / STEP)
             .ceil()
             .clamp(1.0, f64::from(MAX_STEPS)) as u32;
         for step in 1..=steps {
-            let position = from + way * (f64::from(step) / f64::from(steps));
-            let holds = self.hold(state);
-            let settled = self.settle(Some(&holds), &self.travel(&position), &Self::bends(&holds));
-            self.commit(state, &holds, &settled);
+            let position = from + motion * (f64::from(step) / f64::from(steps));
+            let reactions = self.reactions(state);
+            let equilibrium = self.find_equilibrium(
+                Some(&reactions),
+                &self.travel(&position),
+                &Self::bends(&reactions),
+            );
+            self.store(state, &reactions, &equilibrium);
         }
         state.position = array(counts);
     }
 
-    /// In one step, with the reach that the stops have now: exact for the short way of a tick, near
-    /// for a long one.
+    /// Computed in one step, with the present reach of the stops. This is exact for the short
+    /// motion of a tick, and approximate for a long motion.
     fn local(&self, state: &StopState, counts: &SVector<f64, D>) -> Local<D, D> {
-        let holds = self.hold(state);
-        let settled = self.settle(Some(&holds), &self.travel(counts), &Self::bends(&holds));
+        let reactions = self.reactions(state);
+        let equilibrium = self.find_equilibrium(
+            Some(&reactions),
+            &self.travel(counts),
+            &Self::bends(&reactions),
+        );
         let travels = SVector::<f64, D>::from_fn(|i, _| self.motors[i].travel);
-        let jacobian = self.to_counts * settled.follow * SMatrix::from_diagonal(&travels);
+        let jacobian =
+            self.to_counts * equilibrium.bend_per_travel * SMatrix::from_diagonal(&travels);
         Local {
-            mean: self.virtual_counts(&settled.bends.iter().sum()),
+            mean: self.virtual_counts(&equilibrium.bends.iter().sum()),
             jacobian,
         }
     }
@@ -274,26 +288,29 @@ impl<const D: usize> Operator<D> for Stops<D> {
         compensation: f64,
     ) -> SVector<f64, D> {
         let bend = inverse(&self.to_counts) * (goal - self.neutral());
-        let full = self.counts(&bend, &self.holding(Some(&self.hold(state)), &bend));
+        let with_friction = self.counts(
+            &bend,
+            &self.holding_force(Some(&self.reactions(state)), &bend),
+        );
         if compensation == 1.0 {
-            return full;
+            return with_friction;
         }
-        let middle = self.counts(&bend, &self.holding(None, &bend));
-        middle + (full - middle) * compensation
+        let without_friction = self.counts(&bend, &self.holding_force(None, &bend));
+        without_friction + (with_friction - without_friction) * compensation
     }
 
-    /// Per segment and stop one for every motor and, of two motors, two for the shared one; then
-    /// one for the force of every motor.
+    /// One lag per segment, stop and motor. With two motors, two more per segment and stop for the
+    /// shared stop. One for the force of every motor at the end.
     fn lags(&self, state: &StopState) -> Lags {
         self.all_lags(state)
     }
 
-    /// Estimated for the friction at the ends of the joints, with room: what it takes to drag every
-    /// segment through its stops, the hardest one last. Exact for own stops under a load that does
-    /// not change; shared stops and loads forget exponentially, and the rest is far below the error
-    /// of a model.
+    /// An estimate for the friction at the limits of the joints, with a safety factor: the range
+    /// that drags every segment through its stops, including the one with the most friction. It is
+    /// exact for own stops under a constant load. Shared stops and loads decay exponentially; the
+    /// remaining difference is far below the error of a model.
     fn wipe_counts(&self) -> MotorVec {
-        let furthest: f64 = self.segments.iter().map(|segment| segment.ends().0).sum();
+        let furthest: f64 = self.segments.iter().map(|segment| segment.limits().0).sum();
         let growth = 1.0 + self.friction_growth * furthest;
         let widest = self
             .elements
@@ -301,27 +318,32 @@ impl<const D: usize> Operator<D> for Stops<D> {
             .map(|element| element.reach)
             .fold(0.0, f64::max);
         let shared = self.elements.iter().any(|element| element.shared > 0.0);
-        let drag = widest * if shared { WIPE_SHARED } else { WIPE_OWN };
+        let drag = widest
+            * if shared {
+                FORGET_DRAG_SHARED
+            } else {
+                FORGET_DRAG_OWN
+            };
         let range = self.motors.map(|motor| {
             let coefficient = motor.friction.iter().copied().fold(0.0, f64::max);
-            let friction = self.base_friction + coefficient * growth * self.usual_force;
+            let friction = self.base_friction + coefficient * growth * self.reference_force;
             let force = self
                 .segments
                 .iter()
-                .map(|segment| segment.force_of_swing(friction, drag))
+                .map(|segment| segment.force_for_swing(friction, drag))
                 .fold(0.0, f64::max);
             let swing: f64 = self
                 .segments
                 .iter()
-                .map(|segment| segment.swing_of_force(friction, force))
+                .map(|segment| segment.swing_at_force(friction, force))
                 .sum();
-            WIPE_MARGIN * (swing + motor.gap + 2.0 * force) / motor.travel
+            CONDITIONING_MARGIN * (swing + motor.slack_travel + 2.0 * force) / motor.travel
         });
         array(&vector::<D>(&range))
     }
 }
 
-impl<const D: usize> Remember<D> for Stops<D> {
+impl<const D: usize> StoredOperator<D> for Stops<D> {
     fn pack(state: StopState) -> State {
         State::Stops(state)
     }

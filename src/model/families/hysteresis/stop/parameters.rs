@@ -1,46 +1,46 @@
-//! The parameters of stop operators as they stand in a file, and what they must fulfil.
+//! The parameters of stop operators in a model file, and their checks.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::error::{ModelError, require};
 use crate::model::maths::matrix_checks::parameters;
 
-/// The most stops.
+/// The most stops per segment.
 pub const MAX_STOPS: usize = 5;
 
 /// The most segments.
 pub const MAX_SEGMENTS: usize = 3;
 
-/// The least stiffness of loose wires and the least softness: the inverse is steeper by the
-/// reciprocal in a gap.
+/// The least stiffness of slack wires and the least softness. Inside the backlash the slope of the
+/// inverse is the reciprocal.
 pub const LEAST: f64 = 1e-3;
 
-/// The largest length, force or stiffness: squares and cubes stay far from overflow.
+/// The largest length, force or stiffness. It keeps squares and cubes far from overflow.
 const LARGEST: f64 = 1e4;
 
 /// The least sine of the angle between the axes of two motors.
 const LEAST_SINE: f64 = 0.2;
 
-/// Stop operators as they stand in a file.
+/// The parameters of stop operators in a model file.
 ///
-/// Lengths are in units of the bend, nominally degrees; forces in units of wire stretch, that is,
-/// lengths too, and so stiffnesses are ratios to that of a taut wire.
+/// Lengths are in units of the bend, nominally degrees. Forces are in units of wire stretch, so
+/// they are lengths too. Stiffnesses are ratios to the stiffness of a taut wire.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StopParameters {
     /// One per motor.
     pub motors: Vec<StopMotor>,
-    /// One to [`MAX_SEGMENTS`], which bend by the same forces and add up.
+    /// One to [`MAX_SEGMENTS`]. The same forces bend all segments, and their bends add up.
     pub segments: Vec<StopSegment>,
-    /// Half the length over which a wire goes from loose to taut, `s`, at least [`LEAST`].
+    /// Half the length of the transition of a wire from slack to taut, `s`, at least [`LEAST`].
     pub softness: f64,
-    /// Stiffness of loose wires, `eps`, [`LEAST`] to 1.
+    /// Stiffness of slack wires, `eps`, [`LEAST`] to 1.
     pub loose_stiffness: f64,
     /// Friction without load, a force, above 0.
     pub base_friction: f64,
-    /// How much the friction under load grows per unit of bend, `nu`, 0 to 1.
+    /// Relative growth of the load-dependent friction per unit of bend, `nu`, 0 to 1.
     pub friction_growth: f64,
-    /// Share of the friction that the axes have in common, `eta`, 0 to 1; 0 for one motor.
+    /// Share of the friction in the shared stops, `eta`, 0 to 1; 0 for one motor.
     pub shared: f64,
     /// One to [`MAX_STOPS`].
     pub stops: Vec<StopElement>,
@@ -50,26 +50,25 @@ pub struct StopParameters {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StopMotor {
-    /// Where the wires pull neither way, counts.
+    /// Position without wire force, counts.
     pub neutral_counts: f64,
     /// Wire travel per count, above 0.
     pub travel_per_count: f64,
-    /// Direction of the bend that the wires pull to, degrees from the first axis; 0 for one motor.
+    /// Direction of the bend under this motor, degrees from the first axis; 0 for one motor.
     pub axis_deg: f64,
-    /// How far the wire that pulls forwards, and the one that pulls back, hangs loose at the
-    /// neutral position.
+    /// Slack of the forward wire and of the backward wire at the neutral position.
     pub slack: [f64; 2],
-    /// Friction per force of the wires, `mu`, forwards and back, 0 to 1.
+    /// Friction per force of the wires, `mu`, forward and backward, 0 to 1.
     pub friction: [f64; 2],
 }
 
-/// A stretch of the snake.
+/// A segment of the snake.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StopSegment {
     /// One per axis of the bend, as many as motors.
     pub axes: Vec<StopAxis>,
-    /// Its friction over what the stops say, above 0.
+    /// Factor on the friction of the stops, above 0.
     pub friction: f64,
 }
 
@@ -81,7 +80,7 @@ pub struct StopAxis {
     pub stiffness: f64,
     /// Force per cube of the bend.
     pub stiffening: f64,
-    /// Where the joints meet their ends, either way, above 0.
+    /// Limit of the joints in both directions, above 0.
     pub limit: f64,
 }
 
@@ -89,16 +88,18 @@ pub struct StopAxis {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StopElement {
-    /// Force per bend while it holds, above 0.
+    /// Force per bend until the stop slips, above 0.
     pub stiffness: f64,
-    /// Its part of the friction; all of them sum to 1.
+    /// Share of the friction. The shares of all stops sum to 1.
     pub share: f64,
 }
 
 impl StopParameters {
+    /// Checks all parameters.
+    ///
     /// # Errors
     ///
-    /// When a size, a range or a sum is wrong.
+    /// When a size or a sum is wrong, or a value is out of its range.
     pub(in crate::model) fn check<const D: usize>(&self) -> Result<(), ModelError> {
         let motors = self.motors.len();
         require(
@@ -124,35 +125,35 @@ impl StopParameters {
             .enumerate()
             .try_for_each(|(i, segment)| segment.check::<D>(i))?;
         self.check_directions::<D>()?;
-        within(
+        require_within(
             self.softness,
             LEAST,
             LARGEST,
             "softness",
             "must be 0.001 to 10000",
         )?;
-        within(
+        require_within(
             self.loose_stiffness,
             LEAST,
             1.0,
             "loose_stiffness",
             "must be 0.001 to 1",
         )?;
-        within(
+        require_within(
             self.base_friction,
             1e-9,
             LARGEST,
             "base_friction",
             "must be above 0 and at most 10000",
         )?;
-        within(
+        require_within(
             self.friction_growth,
             0.0,
             1.0,
             "friction_growth",
             "must be 0 to 1",
         )?;
-        within(
+        require_within(
             self.shared,
             0.0,
             if D == 1 { 0.0 } else { 1.0 },
@@ -165,7 +166,7 @@ impl StopParameters {
     fn check_directions<const D: usize>(&self) -> Result<(), ModelError> {
         let first = self.motors.first().map_or(0.0, |motor| motor.axis_deg);
         let between = self.motors.last().map_or(0.0, |motor| motor.axis_deg) - first;
-        let (right, shown, reason) = if D == 1 {
+        let (valid, shown, reason) = if D == 1 {
             (first == 0.0, first, "the axis of a single motor is 0")
         } else {
             (
@@ -174,7 +175,7 @@ impl StopParameters {
                 "the motors must pull in different directions",
             )
         };
-        require(right, || format!("{KEY}.motors.axis_deg"), shown, reason)
+        require(valid, || format!("{KEY}.motors.axis_deg"), shown, reason)
     }
 
     fn check_stops(&self) -> Result<(), ModelError> {
@@ -186,14 +187,14 @@ impl StopParameters {
             "there must be 1 to 5",
         )?;
         for (i, stop) in self.stops.iter().enumerate() {
-            within(
+            require_within(
                 stop.stiffness,
                 1e-4,
                 LARGEST,
                 &format!("stops[{i}].stiffness"),
                 "must be 0.0001 to 10000",
             )?;
-            within(
+            require_within(
                 stop.share,
                 0.0,
                 1.0 + 1e-6,
@@ -217,14 +218,14 @@ impl StopMotor {
             format!("{KEY}.motors[{motor}].neutral_counts")
         })?;
         let name = |field: &str| format!("motors[{motor}].{field}");
-        within(
+        require_within(
             self.travel_per_count,
             1e-9,
             LARGEST,
             &name("travel_per_count"),
             "must be above 0",
         )?;
-        within(
+        require_within(
             self.axis_deg,
             -360.0,
             360.0,
@@ -232,8 +233,8 @@ impl StopMotor {
             "must be -360 to 360",
         )?;
         for (slack, friction) in self.slack.into_iter().zip(self.friction) {
-            within(slack, 0.0, LARGEST, &name("slack"), "must be 0 to 10000")?;
-            within(friction, 0.0, 1.0, &name("friction"), "must be 0 to 1")?;
+            require_within(slack, 0.0, LARGEST, &name("slack"), "must be 0 to 10000")?;
+            require_within(friction, 0.0, 1.0, &name("friction"), "must be 0 to 1")?;
         }
         Ok(())
     }
@@ -249,7 +250,7 @@ impl StopSegment {
             axes,
             "must be as many as there are motors",
         )?;
-        within(
+        require_within(
             self.friction,
             1e-3,
             LARGEST,
@@ -266,21 +267,21 @@ impl StopSegment {
 impl StopAxis {
     fn check(&self, axis: &str) -> Result<(), ModelError> {
         let name = |field: &str| format!("{axis}.{field}");
-        within(
+        require_within(
             self.stiffness,
             1e-9,
             LARGEST,
             &name("stiffness"),
             "must be above 0 and at most 10000",
         )?;
-        within(
+        require_within(
             self.stiffening,
             0.0,
             LARGEST,
             &name("stiffening"),
             "must be 0 to 10000",
         )?;
-        within(
+        require_within(
             self.limit,
             LEAST,
             LARGEST,
@@ -290,11 +291,11 @@ impl StopAxis {
     }
 }
 
-/// Where the parameters stand in a file.
+/// Path of the parameters in a model file.
 const KEY: &str = "family.stops";
 
-/// NaN lies within nothing.
-fn within(
+/// Checks that a value lies in a range. NaN lies in no range.
+fn require_within(
     value: f64,
     least: f64,
     most: f64,

@@ -1,22 +1,23 @@
-//! What one segment of the snake holds against its bend: springs with ends, and stops.
+//! The resistance of one segment of the snake against its bend: springs with limits, and stops.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::parameters::{MAX_SEGMENTS, MAX_STOPS, StopAxis, StopSegment};
 use super::wire::contact;
 
-/// Stiffness of the ends of the joints, and the part of the limit over which they are met.
+/// Stiffness beyond the limit of the joints, and the range around the limit, as a part of it, over
+/// which the stiffness sets in.
 const LIMIT_STIFFNESS: f64 = 3.0;
 const LIMIT_SOFTNESS: f64 = 0.1;
 
-/// Bends of the segments; unused ones are 0.
+/// The bends of the segments. Unused entries are 0.
 pub(in crate::model) type Bends<const D: usize> = [SVector<f64, D>; MAX_SEGMENTS];
 
 /// A prepared segment.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::model) struct Segment<const D: usize> {
     springs: [Spring; D],
-    /// Reach of its stops over what they say.
+    /// Factor on the reach of the stops.
     pub friction: f64,
 }
 
@@ -27,7 +28,7 @@ struct Spring {
     limit: f64,
 }
 
-/// A stop of every segment.
+/// The parameters of a stop. Every segment has one stop of each element.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::model) struct Element {
     /// Stiffness of the own stops and of the shared stop.
@@ -37,29 +38,30 @@ pub(in crate::model) struct Element {
     pub reach: f64,
 }
 
-/// What stays put while the balance is sought: the bend and the stops before the step, and how far
-/// stops reach.
+/// The reaction of a segment: the part of its state that a balance keeps constant. It contains the
+/// bend and the stops before the step, and the reach of the stops.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::model) struct Hold<const D: usize> {
+pub(in crate::model) struct Reaction<const D: usize> {
     pub bend: SVector<f64, D>,
-    /// Stops of the motors, one row of motors per stop.
+    /// Own stops: one row of motors per stop.
     pub own: [SVector<f64, D>; MAX_STOPS],
     pub shared: [SVector<f64, D>; MAX_STOPS],
     pub own_reach: [SVector<f64, D>; MAX_STOPS],
     pub shared_reach: [f64; MAX_STOPS],
 }
 
-/// What stays put in every segment.
-pub(in crate::model) type Holds<const D: usize> = [Hold<D>; MAX_SEGMENTS];
+/// The reactions of all segments.
+pub(in crate::model) type Reactions<const D: usize> = [Reaction<D>; MAX_SEGMENTS];
 
-/// A force and its slope.
+/// A force along the axes of the bend and its slope: of the wires, or of a segment against the
+/// wires.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::model) struct Pull<const D: usize> {
+pub(in crate::model) struct WireForce<const D: usize> {
     pub force: SVector<f64, D>,
     pub slope: SMatrix<f64, D, D>,
 }
 
-impl<const D: usize> Default for Pull<D> {
+impl<const D: usize> Default for WireForce<D> {
     fn default() -> Self {
         Self {
             force: SVector::zeros(),
@@ -76,23 +78,25 @@ impl<const D: usize> Segment<D> {
         }
     }
 
-    /// What springs and stops hold against a bend; without a hold, the springs alone. `axes` are
-    /// the directions of the motors, one column each.
+    /// The force of springs and stops at a bend; without a reaction, of the springs alone. `axes`
+    /// are the directions of the motors, one column each.
     pub fn resistance(
         &self,
         elements: &[Element],
         axes: &SMatrix<f64, D, D>,
-        hold: Option<&Hold<D>>,
+        reaction: Option<&Reaction<D>>,
         bend: &SVector<f64, D>,
-    ) -> Pull<D> {
-        let mut pull = self.elastic(bend);
-        let Some(hold) = hold else { return pull };
-        let moved = bend - hold.bend;
+    ) -> WireForce<D> {
+        let mut total = self.elastic(bend);
+        let Some(reaction) = reaction else {
+            return total;
+        };
+        let moved = bend - reaction.bend;
         let along = axes.tr_mul(&moved);
         let mut own = SVector::<f64, D>::zeros();
         let mut own_slope = SVector::<f64, D>::zeros();
         for (k, stop) in elements.iter().enumerate() {
-            let (Some(at), Some(reach)) = (hold.own.get(k), hold.own_reach.get(k)) else {
+            let (Some(at), Some(reach)) = (reaction.own.get(k), reaction.own_reach.get(k)) else {
                 break;
             };
             for i in 0..D {
@@ -100,37 +104,38 @@ impl<const D: usize> Segment<D> {
                 own[i] += stop.own * free.clamp(-reach[i], reach[i]);
                 own_slope[i] += if free.abs() < reach[i] { stop.own } else { 0.0 };
             }
-            if let (Some(at), Some(reach)) = (hold.shared.get(k), hold.shared_reach.get(k)) {
-                disc(stop.shared, &(at + moved), *reach, &mut pull);
+            if let (Some(at), Some(reach)) = (reaction.shared.get(k), reaction.shared_reach.get(k))
+            {
+                add_shared_stop(stop.shared, &(at + moved), *reach, &mut total);
             }
         }
-        pull.force += axes * own;
-        pull.slope += axes * SMatrix::from_diagonal(&own_slope) * axes.transpose();
-        pull
+        total.force += axes * own;
+        total.slope += axes * SMatrix::from_diagonal(&own_slope) * axes.transpose();
+        total
     }
 
-    /// Springs along the axes of the bend, with the ends of the joints.
-    fn elastic(&self, bend: &SVector<f64, D>) -> Pull<D> {
-        let mut pull = Pull::default();
+    /// The force of the springs along the axes of the bend, with the limits of the joints.
+    fn elastic(&self, bend: &SVector<f64, D>) -> WireForce<D> {
+        let mut total = WireForce::default();
         for (axis, spring) in self.springs.iter().enumerate() {
             let b = bend[axis];
-            let (over, over_slope) = contact(b - spring.limit, LIMIT_SOFTNESS * spring.limit);
-            let (under, under_slope) = contact(-b - spring.limit, LIMIT_SOFTNESS * spring.limit);
+            let (above, above_slope) = contact(b - spring.limit, LIMIT_SOFTNESS * spring.limit);
+            let (below, below_slope) = contact(-b - spring.limit, LIMIT_SOFTNESS * spring.limit);
             let cubed = spring.stiffening * b * b;
-            pull.force[axis] = (spring.stiffness + cubed) * b + LIMIT_STIFFNESS * (over - under);
-            pull.slope[(axis, axis)] =
-                spring.stiffness + 3.0 * cubed + LIMIT_STIFFNESS * (over_slope + under_slope);
+            total.force[axis] = (spring.stiffness + cubed) * b + LIMIT_STIFFNESS * (above - below);
+            total.slope[(axis, axis)] =
+                spring.stiffness + 3.0 * cubed + LIMIT_STIFFNESS * (above_slope + below_slope);
         }
-        pull
+        total
     }
 
-    /// Bend per force of a straight segment without friction.
+    /// Bend per force of the straight segment without friction.
     pub fn compliance(&self) -> SVector<f64, D> {
         SVector::from_fn(|axis, _| 1.0 / self.springs[axis].stiffness)
     }
 
-    /// The force that swings the segment to and fro through `drag` times its friction.
-    pub fn force_of_swing(&self, friction: f64, drag: f64) -> f64 {
+    /// The force amplitude that moves the segment back and forth through `drag` times its friction.
+    pub fn force_for_swing(&self, friction: f64, drag: f64) -> f64 {
         let friction = self.friction * friction;
         let stiffest = self
             .springs
@@ -140,8 +145,8 @@ impl<const D: usize> Segment<D> {
         friction + 0.5 * stiffest * drag * friction
     }
 
-    /// How far a force swings the segment against friction, from end to end.
-    pub fn swing_of_force(&self, friction: f64, force: f64) -> f64 {
+    /// The range, from end to end, over which a force amplitude moves the segment against friction.
+    pub fn swing_at_force(&self, friction: f64, force: f64) -> f64 {
         let beyond = (force - self.friction * friction).max(0.0);
         2.0 * self
             .springs
@@ -150,11 +155,11 @@ impl<const D: usize> Segment<D> {
             .fold(0.0, f64::max)
     }
 
-    /// The furthest end of a joint, and the largest force at one.
-    pub fn ends(&self) -> (f64, f64) {
+    /// The largest limit of the axes, and the largest spring force at a limit.
+    pub fn limits(&self) -> (f64, f64) {
         let force = |s: &Spring| (s.stiffness + s.stiffening * s.limit * s.limit) * s.limit;
-        let most = |of: &dyn Fn(&Spring) -> f64| self.springs.iter().map(of).fold(0.0, f64::max);
-        (most(&|spring| spring.limit), most(&force))
+        let largest = |of: &dyn Fn(&Spring) -> f64| self.springs.iter().map(of).fold(0.0, f64::max);
+        (largest(&|spring| spring.limit), largest(&force))
     }
 }
 
@@ -168,9 +173,9 @@ impl Spring {
     }
 }
 
-impl<const D: usize> Hold<D> {
-    /// Own stops and shared stop of one element after the bend went to `bend`.
-    pub fn moved(
+impl<const D: usize> Reaction<D> {
+    /// Own stops and shared stop of one element after a movement of the bend.
+    pub fn advanced(
         &self,
         stop: usize,
         along: &SVector<f64, D>,
@@ -192,16 +197,21 @@ impl<const D: usize> Hold<D> {
     }
 }
 
-/// Adds the force of a stop whose reach is a disc.
-fn disc<const D: usize>(stiffness: f64, free: &SVector<f64, D>, reach: f64, pull: &mut Pull<D>) {
+/// Adds the force of a shared stop, whose reach is a disc.
+fn add_shared_stop<const D: usize>(
+    stiffness: f64,
+    free: &SVector<f64, D>,
+    reach: f64,
+    total: &mut WireForce<D>,
+) {
     let length = free.norm();
     if length <= reach {
-        pull.force += free * stiffness;
-        pull.slope += SMatrix::identity() * stiffness;
+        total.force += free * stiffness;
+        total.slope += SMatrix::identity() * stiffness;
         return;
     }
     let direction = free / length;
-    pull.force += direction * (stiffness * reach);
+    total.force += direction * (stiffness * reach);
     let across = SMatrix::identity() - direction * direction.transpose();
-    pull.slope += across * (stiffness * reach / length);
+    total.slope += across * (stiffness * reach / length);
 }

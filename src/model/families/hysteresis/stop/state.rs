@@ -1,12 +1,12 @@
-//! What stop operators remember, and how it moves on.
+//! The state of stop operators, and its update.
 
 use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::Stops;
-use super::balance::Settled;
+use super::balance::Equilibrium;
 use super::parameters::{MAX_SEGMENTS, MAX_STOPS};
-use super::segment::{Bends, Hold, Holds};
+use super::segment::{Bends, Reaction, Reactions};
 use crate::model::families::hysteresis::Lags;
 use crate::model::maths::regression::{array, vector};
 use crate::units::{MAX_MOTORS, MotorVec};
@@ -14,7 +14,7 @@ use crate::units::{MAX_MOTORS, MotorVec};
 /// One value per axis of the bend or per motor.
 type Pair = [f64; MAX_MOTORS];
 
-/// Where the motors are, what the wires pull, how far every segment bends, and where its stops are.
+/// The positions of the motors, the forces of the wires, and the state of every segment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StopState {
     pub(in crate::model) position: MotorVec,
@@ -22,7 +22,7 @@ pub struct StopState {
     pub(in crate::model) segments: [SegmentState; MAX_SEGMENTS],
 }
 
-/// What a segment remembers.
+/// The bend of a segment and the positions of its stops.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(in crate::model) struct SegmentState {
     pub bend: Pair,
@@ -31,23 +31,23 @@ pub(in crate::model) struct SegmentState {
 }
 
 impl StopState {
-    /// All stops in their middle.
+    /// The state at an equilibrium with all stops centred.
     pub(in crate::model) fn centred<const D: usize>(
         position: &SVector<f64, D>,
-        settled: &Settled<D>,
+        equilibrium: &Equilibrium<D>,
     ) -> Self {
-        let segments = settled.bends.map(|bend| SegmentState {
+        let segments = equilibrium.bends.map(|bend| SegmentState {
             bend: array(&bend),
             ..SegmentState::default()
         });
         Self {
             position: array(position),
-            force: array(&settled.force),
+            force: array(&equilibrium.force),
             segments,
         }
     }
 
-    /// Of the whole snake.
+    /// The total bend of the snake.
     pub(in crate::model) fn bend<const D: usize>(&self) -> SVector<f64, D> {
         self.segments
             .iter()
@@ -57,35 +57,42 @@ impl StopState {
 }
 
 impl<const D: usize> Stops<D> {
-    /// What stays put in the next step. The reach of the stops follows the forces of the last one.
-    pub(in crate::model) fn hold(&self, state: &StopState) -> Holds<D> {
+    /// The reactions for the next step. The reach of the stops follows the forces of the last step.
+    pub(in crate::model) fn reactions(&self, state: &StopState) -> Reactions<D> {
         let load = self.load(&vector(&state.force), &state.bend());
         let mut friction = [0.0; MAX_SEGMENTS];
-        friction
-            .iter_mut()
-            .zip(&self.segments)
-            .for_each(|(friction, segment)| *friction = segment.friction);
-        std::array::from_fn(|s| self.hold_segment(&state.segments[s], &load, friction[s]))
+        for (friction, segment) in friction.iter_mut().zip(&self.segments) {
+            *friction = segment.friction;
+        }
+        std::array::from_fn(|s| self.segment_reaction(&state.segments[s], &load, friction[s]))
     }
 
-    fn hold_segment(&self, state: &SegmentState, load: &SVector<f64, D>, friction: f64) -> Hold<D> {
-        let mut hold = Hold {
+    fn segment_reaction(
+        &self,
+        state: &SegmentState,
+        load: &SVector<f64, D>,
+        friction: f64,
+    ) -> Reaction<D> {
+        let mut reaction = Reaction {
             bend: vector(&state.bend),
             own: state.own.map(|own| vector(&own)),
             shared: state.shared.map(|shared| vector(&shared)),
             own_reach: [SVector::zeros(); MAX_STOPS],
             shared_reach: [0.0; MAX_STOPS],
         };
-        let reaches = hold.own_reach.iter_mut().zip(&mut hold.shared_reach);
+        let reaches = reaction
+            .own_reach
+            .iter_mut()
+            .zip(&mut reaction.shared_reach);
         for ((own, shared), element) in reaches.zip(&self.elements) {
             let reach = friction * element.reach;
             *own = load.map(|load| reach * (self.base_friction + load));
             *shared = reach * (self.base_friction + load.norm());
         }
-        hold
+        reaction
     }
 
-    /// Friction under load, per motor, a force.
+    /// Load-dependent friction per motor, a force.
     fn load(&self, force: &SVector<f64, D>, bend: &SVector<f64, D>) -> SVector<f64, D> {
         let growth = 1.0 + self.friction_growth * bend.norm();
         let mut load = *force;
@@ -96,61 +103,64 @@ impl<const D: usize> Stops<D> {
         load
     }
 
-    /// The bends before a step, as a start for the search of those after it.
-    pub(in crate::model) fn bends(holds: &Holds<D>) -> Bends<D> {
-        holds.each_ref().map(|hold| hold.bend)
+    /// The bends before a step. They start the search for the bends after it.
+    pub(in crate::model) fn bends(reactions: &Reactions<D>) -> Bends<D> {
+        reactions.each_ref().map(|reaction| reaction.bend)
     }
 
-    /// Makes a balance the state.
-    pub(in crate::model) fn commit(
+    /// Stores an equilibrium in the state.
+    pub(in crate::model) fn store(
         &self,
         state: &mut StopState,
-        holds: &Holds<D>,
-        settled: &Settled<D>,
+        reactions: &Reactions<D>,
+        equilibrium: &Equilibrium<D>,
     ) {
-        let segments = state.segments.iter_mut().zip(holds).zip(&settled.bends);
-        for ((segment, hold), bend) in segments.take(self.segments.len()) {
-            let moved = bend - hold.bend;
-            let along = self.axes.tr_mul(&moved);
+        let segments = state
+            .segments
+            .iter_mut()
+            .zip(reactions)
+            .zip(&equilibrium.bends);
+        for ((segment, reaction), bend) in segments.take(self.segments.len()) {
+            let movement = bend - reaction.bend;
+            let along = self.axes.tr_mul(&movement);
             let stops = segment.own.iter_mut().zip(&mut segment.shared);
             for (k, (own, shared)) in stops.take(self.elements.len()).enumerate() {
-                if let Some((own_now, shared_now)) = hold.moved(k, &along, &moved) {
-                    (*own, *shared) = (array(&own_now), array(&shared_now));
+                if let Some((next_own, next_shared)) = reaction.advanced(k, &along, &movement) {
+                    (*own, *shared) = (array(&next_own), array(&next_shared));
                 }
             }
             segment.bend = array(bend);
         }
-        state.force = array(&settled.force);
+        state.force = array(&equilibrium.force);
     }
 
-    /// Segment by segment every stop over its reach, own ones before shared ones; then the forces.
+    /// The lags, segment by segment: every stop relative to its reach, own stops before the shared
+    /// stop. The forces of the motors follow, relative to the reference force.
     pub(in crate::model) fn all_lags(&self, state: &StopState) -> Lags {
         let mut lags = Lags::default();
-        for hold in self.hold(state).iter().take(self.segments.len()) {
-            let stops = hold
+        for reaction in self.reactions(state).iter().take(self.segments.len()) {
+            let stops = reaction
                 .own
                 .iter()
-                .zip(&hold.shared)
-                .zip(hold.own_reach.iter().zip(hold.shared_reach));
+                .zip(&reaction.shared)
+                .zip(reaction.own_reach.iter().zip(reaction.shared_reach));
             for ((own, shared), (own_reach, shared_reach)) in stops.take(self.elements.len()) {
-                own.iter()
-                    .zip(own_reach.iter())
-                    .for_each(|(own, reach)| lags.push(own / reach.max(LEAST_REACH)));
+                for (own, reach) in own.iter().zip(own_reach.iter()) {
+                    lags.push(own / reach.max(LEAST_REACH));
+                }
                 if D > 1 {
-                    shared
-                        .iter()
-                        .for_each(|shared| lags.push(shared / shared_reach.max(LEAST_REACH)));
+                    for shared in shared.iter() {
+                        lags.push(shared / shared_reach.max(LEAST_REACH));
+                    }
                 }
             }
         }
-        state
-            .force
-            .iter()
-            .take(D)
-            .for_each(|force| lags.push(force / self.usual_force));
+        for force in state.force.iter().take(D) {
+            lags.push(force / self.reference_force);
+        }
         lags
     }
 }
 
-/// A reach below this is no reach.
+/// Least reach that a lag is divided by.
 const LEAST_REACH: f64 = 1e-9;
