@@ -36,21 +36,21 @@ pub enum NetworkError {
     /// A thread could not be started.
     #[error("cannot start a thread: {0}")]
     Thread(io::Error),
-    /// The gate speaks another version.
+    /// The server speaks another version.
     #[error(
         "the other end has interface version {theirs}, this program {ours}; build both from one \
          release"
     )]
     Interface {
-        /// The gate's.
+        /// The server's.
         theirs: u32,
         /// Ours.
         ours: u32,
     },
-    /// The console's domain cannot be used.
+    /// The client's domain cannot be used.
     #[error(transparent)]
     Domain(#[from] DomainError),
-    /// The console's domain cannot be served.
+    /// The client's domain cannot be served.
     #[error(transparent)]
     Serve(#[from] IpcError),
 }

@@ -1,4 +1,4 @@
-//! The key that both ends share, and the seal under every packet.
+//! The key that both ends share, and the mac under every packet.
 
 use std::fmt::Write as _;
 use std::fs::{self, File, OpenOptions};
@@ -15,8 +15,8 @@ use crate::NetworkError;
 const MADE: usize = 32;
 /// Bytes that a key must have: what can be tried out is none.
 const SHORTEST: usize = 16;
-/// Bytes of a seal. Half of an HMAC-SHA256 is what RFC 2104 (section 5) allows at least.
-pub const SEAL: usize = 16;
+/// Bytes of a mac. Half of an HMAC-SHA256 is what RFC 2104 (section 5) allows at least.
+pub const MAC_LENGTH: usize = 16;
 
 /// The key that both ends share.
 #[derive(Clone)]
@@ -32,7 +32,7 @@ impl std::fmt::Debug for Key {
 }
 
 impl Key {
-    /// No secret: seals are checksums. For the computer itself only.
+    /// No secret: MACs are checksums. For the computer itself only.
     #[must_use]
     pub fn open() -> Self {
         Self {
@@ -134,25 +134,25 @@ impl Key {
         })
     }
 
-    /// The seal of some bytes.
-    pub(crate) fn seal(&self, bytes: &[u8]) -> [u8; SEAL] {
-        let mut seal = [0; SEAL];
-        if let Some(mac) = self.mac(bytes) {
-            seal.copy_from_slice(&mac.finalize().into_bytes()[..SEAL]);
+    /// The mac of some bytes.
+    pub(crate) fn mac(&self, bytes: &[u8]) -> [u8; MAC_LENGTH] {
+        let mut mac = [0; MAC_LENGTH];
+        if let Some(hmac) = self.hmac(bytes) {
+            mac.copy_from_slice(&hmac.finalize().into_bytes()[..MAC_LENGTH]);
         }
-        seal
+        mac
     }
 
-    /// Whether this is their seal. Takes as long for a wrong one as for the right one.
-    pub(crate) fn fits(&self, bytes: &[u8], seal: &[u8]) -> bool {
-        seal.len() == SEAL
+    /// Whether this is their mac. Takes as long for a wrong one as for the right one.
+    pub(crate) fn verify_mac(&self, bytes: &[u8], mac: &[u8]) -> bool {
+        mac.len() == MAC_LENGTH
             && self
-                .mac(bytes)
-                .is_some_and(|mac| mac.verify_truncated_left(seal).is_ok())
+                .hmac(bytes)
+                .is_some_and(|hmac| hmac.verify_truncated_left(mac).is_ok())
     }
 
     /// HMAC takes keys of any length, so there always is one.
-    fn mac(&self, bytes: &[u8]) -> Option<Hmac<Sha256>> {
+    fn hmac(&self, bytes: &[u8]) -> Option<Hmac<Sha256>> {
         let mut mac = <Hmac<Sha256> as KeyInit>::new_from_slice(&self.secret).ok()?;
         mac.update(bytes);
         Some(mac)
@@ -177,17 +177,17 @@ mod tests {
 
     /// RFC 4231, test case 2.
     #[test]
-    fn the_seal_is_half_of_hmac_sha256() {
+    fn the_mac_is_half_of_hmac_sha256() {
         let key = Key::of(b"Jefe");
-        let seal = key.seal(b"what do ya want for nothing?");
-        assert_eq!(seal[..8], [0x5b, 0xdc, 0xc1, 0x46, 0xbf, 0x60, 0x75, 0x4e]);
-        assert!(key.fits(b"what do ya want for nothing?", &seal));
-        assert!(!key.fits(b"what do ya want for nothing!", &seal));
+        let mac = key.mac(b"what do ya want for nothing?");
+        assert_eq!(mac[..8], [0x5b, 0xdc, 0xc1, 0x46, 0xbf, 0x60, 0x75, 0x4e]);
+        assert!(key.verify_mac(b"what do ya want for nothing?", &mac));
+        assert!(!key.verify_mac(b"what do ya want for nothing!", &mac));
         assert!(
-            !key.fits(b"what do ya want for nothing?", &seal[..8]),
-            "a short seal could be guessed"
+            !key.verify_mac(b"what do ya want for nothing?", &mac[..8]),
+            "a short mac could be guessed"
         );
-        assert!(!Key::of(b"jefe").fits(b"what do ya want for nothing?", &seal));
+        assert!(!Key::of(b"jefe").verify_mac(b"what do ya want for nothing?", &mac));
     }
 
     #[test]
@@ -196,11 +196,11 @@ mod tests {
         let path = folder.path().join("key");
         let made = Key::make(&path).unwrap();
         assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
-        assert_eq!(Key::load(&path).unwrap().seal(b"x"), made.seal(b"x"));
+        assert_eq!(Key::load(&path).unwrap().mac(b"x"), made.mac(b"x"));
         assert!(Key::make(&path).is_err());
         assert_ne!(
-            Key::make(&folder.path().join("other")).unwrap().seal(b"x"),
-            made.seal(b"x")
+            Key::make(&folder.path().join("other")).unwrap().mac(b"x"),
+            made.mac(b"x")
         );
     }
 

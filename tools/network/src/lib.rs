@@ -1,7 +1,7 @@
-//! A console on another computer.
+//! A client on another computer.
 //!
-//! Two ends over UDP. The [`gate`] runs beside the controller and is a client of it. The
-//! [`console`] runs on the other computer and serves a domain there as a controller would, so
+//! Two ends over UDP. The [`server`] runs beside the controller and is a client of it. The
+//! [`client`] runs on the other computer and serves a domain there as a controller would, so
 //! `i2ris command`, `i2ris monitor`, `i2ris record`, Python and C++ work there unchanged. The
 //! controller knows nothing of either.
 //!
@@ -25,7 +25,7 @@
 //! |---|---|
 //! | 0-3 | `I2N1` |
 //! | 4 | kind: [`packet::Kind`]; 5-7 are 0 |
-//! | 8-15 | session; in a hello, a number chosen by the console |
+//! | 8-15 | session; in a hello, a number chosen by the client |
 //! | 16-23 | number of the packet, rising by one per sender and session |
 //! | 24-31 | `now`, ns |
 //! | 32-39 | `echo`, ns; 0: nothing received yet |
@@ -35,26 +35,26 @@
 //!
 //! | kind | from | body |
 //! |---|---|---|
-//! | hello | console | version of the interface (u32), 0 (u32) |
-//! | welcome | gate | number of the hello (u64), interface version (u32), 1: commands pass (u32) |
-//! | refused | gate | number of the hello (u64), why (u32), version of the interface (u32) |
-//! | beat | console | nothing; 50 times a second, so that the gate knows it lives |
-//! | state | gate | payload bits (u32), 1: a controller is there (u32), payloads in bit order |
-//! | servo, counts | console | `ServoJp`, `ServoActuator` |
-//! | request | console | number (u64), `now` of the request (u64), service (u32), 0, payload |
-//! | reply | gate | number (u64), what became of it (u32), 0 (u32), the payload |
+//! | hello | client | version of the interface (u32), 0 (u32) |
+//! | welcome | server | number of the hello (u64), interface version (u32), 1: commands (u32) |
+//! | refused | server | number of the hello (u64), why (u32), version of the interface (u32) |
+//! | heartbeat | client | nothing; 50 times a second, so that the server knows it lives |
+//! | state | server | payload bits (u32), 1: a controller is there (u32), payloads in bit order |
+//! | servo, counts | client | `ServoJp`, `ServoActuator` |
+//! | request | client | number (u64), `now` of the request (u64), service (u32), 0, payload |
+//! | reply | server | number (u64), what became of it (u32), 0 (u32), the payload |
 //! | end | both | nothing |
 //!
 //! Streams are not repeated when lost: the next one is newer. Requests are repeated every 50 ms
-//! until they are answered; the gate knows their numbers and carries each out once. One that is
+//! until they are answered; the server knows their numbers and carries each out once. One that is
 //! older than half a second when it arrives is not carried out, since nobody waits for it any more,
 //! unless it is one that stops.
 //!
 //! # When the link is cut
 //!
 //! The controller stops the snake by the deadline of the last command, as when a commander dies.
-//! After the span of silence that is agreed on ([`Console::lost_after`], [`Gate::lost_after`]) both
-//! ends forget the session and the console's domain ends, so programs there see a controller that
+//! After the agreed silence ([`BridgeClient::lost_after`], [`BridgeServer::lost_after`]) both
+//! ends forget the session and the client's domain ends, so programs there see a controller that
 //! is gone. When the link is back they see one that was started anew, and nothing that was in
 //! motion goes on by itself.
 //!
@@ -64,22 +64,27 @@
 //! Packets are not encrypted: who can listen can watch the snake. A packet that is recorded and
 //! sent again is refused by its number.
 
-pub mod console;
+pub mod client;
 mod error;
-pub mod gate;
+mod event;
 mod key;
 pub mod packet;
 mod peer;
 mod request;
+pub mod server;
 mod state;
-mod told;
 mod wire;
 
-pub use console::Console;
+pub use client::BridgeClient;
 pub use error::NetworkError;
-pub use gate::Gate;
+pub use server::BridgeServer;
+
+#[doc(hidden)]
+pub use client::BridgeClient as Console;
+pub use event::BridgeEvent;
 pub use key::Key;
-pub use told::Told;
+#[doc(hidden)]
+pub use server::BridgeServer as Gate;
 
 #[cfg(target_endian = "big")]
 compile_error!("payloads go over the wire as they stand in memory, little endian");

@@ -9,7 +9,7 @@ use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 
 use i2ris::units::Nanos;
-use i2ris_network::{Console, Gate, Key, Told};
+use i2ris_network::{BridgeClient, BridgeEvent, BridgeServer, Key};
 
 use clap::Parser;
 use i2ris_terminal::Failure;
@@ -110,7 +110,7 @@ struct ServeArguments {
 struct ConnectArguments {
     /// Where the other end listens
     #[arg(value_name = "ADDRESS:PORT")]
-    gate: String,
+    server: String,
     #[command(flatten)]
     shared: Shared,
 }
@@ -138,7 +138,7 @@ fn make_key(file: &Path) -> Result<(), Failure> {
 
 fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
-    let gate = Gate {
+    let server = BridgeServer {
         domain: shared.domain.domain()?,
         listen: arguments.listen,
         key: shared.key()?,
@@ -147,7 +147,7 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
         lost_after: shared.lost_after(),
     };
     let interrupt = Interrupt::catch()?;
-    let gate = gate.open()?;
+    let server = server.open()?;
     let access = if arguments.command {
         "to watch and to command"
     } else {
@@ -156,34 +156,34 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     let mut output = Output::new();
     output.say(&format!(
         "listening at {}, {access}; Ctrl-C ends",
-        gate.address()
+        server.address()
     ));
-    gate.run(|| interrupt.came(), |told| output.report(&told));
+    server.run(|| interrupt.came(), |event| output.report(&event));
     Ok(())
 }
 
 fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
     let address = arguments
-        .gate
+        .server
         .to_socket_addrs()
-        .map_err(|error| format!("{}: {error}", arguments.gate))?
+        .map_err(|error| format!("{}: {error}", arguments.server))?
         .next();
-    let gate = address.ok_or_else(|| format!("{}: no such address", arguments.gate))?;
+    let server = address.ok_or_else(|| format!("{}: no such address", arguments.server))?;
     let domain = shared.domain.domain()?;
     let mut output = Output::new();
     let interrupt = Interrupt::catch()?;
     output.say(&format!(
-        "calling {gate} for domain {}; Ctrl-C ends",
+        "connecting to {server} for domain {}; Ctrl-C ends",
         domain.name()
     ));
-    let console = Console {
+    let client = BridgeClient {
         domain,
-        gate,
+        gate: server,
         key: shared.key()?,
         lost_after: shared.lost_after(),
     };
-    Ok(console.run(|| interrupt.came(), |told| output.report(&told))?)
+    Ok(client.run(|| interrupt.came(), |event| output.report(&event))?)
 }
 
 /// Messages on standard output. A reader that went away does not end the bridge: the robot may
@@ -203,14 +203,14 @@ impl Output {
         let _ = self.screen.say(line);
     }
 
-    fn report(&mut self, told: &Told) {
-        match told {
+    fn report(&mut self, event: &BridgeEvent) {
+        match event {
             // Once a second, on a terminal that shows the latest one only.
-            Told::RoundTrip(_) if self.screen.is_terminal() => {
-                drop(self.screen.draw(&[told.to_string()]))
+            BridgeEvent::RoundTrip(_) if self.screen.is_terminal() => {
+                drop(self.screen.draw(&[event.to_string()]))
             }
-            Told::RoundTrip(_) => {}
-            told => self.say(&told.to_string()),
+            BridgeEvent::RoundTrip(_) => {}
+            event => self.say(&event.to_string()),
         }
     }
 }

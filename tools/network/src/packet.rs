@@ -2,7 +2,7 @@
 
 use i2ris::units::Nanos;
 
-use crate::key::{Key, SEAL};
+use crate::key::{Key, MAC_LENGTH};
 
 /// Bytes of a packet at most: less than what an Ethernet carries in one piece, with room for
 /// tunnels.
@@ -15,14 +15,14 @@ const MAGIC: [u8; 4] = *b"I2N1";
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {
-    /// A console wants to join.
+    /// A client wants to join.
     Hello = 1,
     /// It may.
     Welcome = 2,
     /// It may not.
     Refused = 3,
-    /// The console lives.
-    Beat = 4,
+    /// The client lives.
+    Heartbeat = 4,
     /// The newest of every stream.
     State = 5,
     /// A command in angles.
@@ -42,7 +42,7 @@ impl Kind {
         Self::Hello,
         Self::Welcome,
         Self::Refused,
-        Self::Beat,
+        Self::Heartbeat,
         Self::State,
         Self::ServoJp,
         Self::ServoActuator,
@@ -73,7 +73,7 @@ pub struct Header {
     pub held: u64,
 }
 
-/// A packet whose seal is right.
+/// A packet whose mac is right.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packet<'a> {
     /// What it says of itself.
@@ -85,7 +85,7 @@ pub struct Packet<'a> {
 /// The bytes of a packet.
 #[must_use]
 pub fn write(header: &Header, body: &[u8], key: &Key) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(HEADER + body.len() + SEAL);
+    let mut bytes = Vec::with_capacity(HEADER + body.len() + MAC_LENGTH);
     bytes.extend(MAGIC);
     bytes.extend([header.kind as u8, 0, 0, 0]);
     for number in [
@@ -98,17 +98,17 @@ pub fn write(header: &Header, body: &[u8], key: &Key) -> Vec<u8> {
         bytes.extend(number.to_le_bytes());
     }
     bytes.extend(body);
-    bytes.extend(key.seal(&bytes));
+    bytes.extend(key.mac(&bytes));
     bytes
 }
 
 /// The packet that these bytes are; `None` for everything else.
 #[must_use]
 pub fn read<'a>(bytes: &'a [u8], key: &Key) -> Option<Packet<'a>> {
-    let (rest, seal) = bytes.split_at_checked(bytes.len().checked_sub(SEAL)?)?;
+    let (rest, mac) = bytes.split_at_checked(bytes.len().checked_sub(MAC_LENGTH)?)?;
     let (head, body) = rest.split_at_checked(HEADER)?;
     let known = head.starts_with(&MAGIC) && head[5..8] == [0; 3] && bytes.len() <= LONGEST;
-    if !known || !key.fits(rest, seal) {
+    if !known || !key.verify_mac(rest, mac) {
         return None;
     }
     let mut numbers = head[8..]
@@ -127,7 +127,7 @@ pub fn read<'a>(bytes: &'a [u8], key: &Key) -> Option<Packet<'a>> {
     Some(Packet { header, body })
 }
 
-/// How the clock of the sender stands to ours, as far as one packet tells.
+/// How the clock of the sender stands to ours, as far as one packet shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shift {
     /// Our clock, before which the packet was not sent.

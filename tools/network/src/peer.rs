@@ -94,14 +94,14 @@ mod tests {
         let key = Key::open();
         let (mut here, mut there) = (Peer::new(&key, 7, at(0)), Peer::new(&key, 7, at(0)));
         let packets: Vec<Vec<u8>> = (0..3)
-            .map(|_| there.write(Kind::Beat, &[], at(1)))
+            .map(|_| there.write(Kind::Heartbeat, &[], at(1)))
             .collect();
         let mut take =
             |number: usize| here.accept(&packet::read(&packets[number], &key).unwrap(), at(2));
         assert!(take(0) && !take(0), "not twice");
         assert!(take(2) && !take(1), "not behind a newer one");
         let mut stranger = Peer::new(&key, 8, at(0));
-        let bytes = stranger.write(Kind::Beat, &[], at(1));
+        let bytes = stranger.write(Kind::Heartbeat, &[], at(1));
         assert!(
             !here.accept(&packet::read(&bytes, &key).unwrap(), at(2)),
             "not of another session"
@@ -112,7 +112,7 @@ mod tests {
     fn echoes_carry_how_long_they_were_held() {
         let key = Key::open();
         let (mut here, mut there) = (Peer::new(&key, 7, at(0)), Peer::new(&key, 7, at(0)));
-        let first = there.write(Kind::Beat, &[], Nanos(500));
+        let first = there.write(Kind::Heartbeat, &[], Nanos(500));
         assert_eq!(packet::read(&first, &key).unwrap().header.echo, 0);
         assert!(here.accept(&packet::read(&first, &key).unwrap(), at(0)));
         let answer = here.write(Kind::State, &[], at(30));

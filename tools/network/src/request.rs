@@ -43,7 +43,7 @@ impl Service {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Question {
     pub number: u64,
-    /// When it was asked; on the wire by the clock of the console.
+    /// When it was asked; on the wire by the clock of the client.
     pub asked: u64,
     pub service: Service,
     pub payload: Vec<u8>,
@@ -142,7 +142,7 @@ pub(crate) enum Outcome {
     Answered = 1,
     /// It did not.
     Silent = 2,
-    /// The gate passes no commands on.
+    /// The server passes no commands on.
     Watching = 3,
     /// It came too late and was not carried out.
     Late = 4,
@@ -155,7 +155,7 @@ impl Outcome {
             .find(|it| *it as u32 == number)
     }
 
-    /// What the client is told instead of an answer; `None`: nothing, so that it finds out by
+    /// What the client receives instead of an answer; `None`: nothing, so that it finds out by
     /// itself.
     fn excuse(self) -> Option<&'static str> {
         match self {
@@ -224,7 +224,7 @@ impl Answer {
         self.outcome.excuse().map(refused).or_else(|| self.value())
     }
 
-    /// The answer to a wish for a black box.
+    /// The answer to a request for a black box.
     pub fn black_box(&self) -> Option<BlackBoxReply> {
         let refused = |why: &str| BlackBoxReply {
             ticks: 0,
@@ -240,7 +240,7 @@ impl Answer {
 
 /// The longest answer fits into a packet.
 const _: () = assert!(
-    16 + size_of::<ModelReply>() + crate::packet::HEADER + crate::key::SEAL
+    16 + size_of::<ModelReply>() + crate::packet::HEADER + crate::key::MAC_LENGTH
         <= crate::packet::LONGEST
 );
 

@@ -1,4 +1,4 @@
-//! What the controller tells, in one packet: the newest of every stream.
+//! What the controller reports, in one packet: the newest of every stream.
 
 use std::mem::size_of;
 
@@ -155,7 +155,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::key::SEAL;
+    use crate::key::MAC_LENGTH;
     use crate::packet::{HEADER, LONGEST};
 
     fn full() -> State {
@@ -199,7 +199,11 @@ mod tests {
     #[test]
     fn everything_fits_into_one_packet() {
         let body = full().write();
-        assert!(HEADER + body.len() + SEAL <= LONGEST, "{}", body.len());
+        assert!(
+            HEADER + body.len() + MAC_LENGTH <= LONGEST,
+            "{}",
+            body.len()
+        );
         assert_eq!(State::read(&body), Some(full()));
         for length in 0..body.len() {
             assert_eq!(State::read(&body[..length]), None, "cut to {length}");

@@ -1,4 +1,4 @@
-//! `i2ris bridge`: both ends as processes, with the tools of a console unchanged on the far side.
+//! `i2ris bridge`: both ends as processes, with the tools of a client unchanged on the far side.
 #![allow(clippy::unwrap_used)]
 
 use std::io::{BufRead, BufReader};
@@ -39,7 +39,7 @@ impl End {
     }
 
     /// The next line that holds these words.
-    fn hear(&mut self, words: &str) -> String {
+    fn receive(&mut self, words: &str) -> String {
         let mut line = String::new();
         while self.said.read_line(&mut line).unwrap() > 0 {
             if line.contains(words) {
@@ -65,26 +65,26 @@ fn bridge(controller: &Controller, far: &Far, more: &[&str]) -> (End, End) {
         more,
     ]
     .concat();
-    let mut gate = End::start(&controller.domain, &arguments);
-    let line = gate.hear("listening at");
+    let mut server = End::start(&controller.domain, &arguments);
+    let line = server.receive("listening at");
     let address = line
         .trim_start_matches("listening at ")
         .split(',')
         .next()
         .unwrap()
         .to_owned();
-    let mut console = End::start(
+    let mut client = End::start(
         &far.0,
         &["bridge", "connect", &address, "--lost-ms", "2000"],
     );
-    console.hear("the controller is there");
-    (gate, console)
+    client.receive("the controller is there");
+    (server, client)
 }
 
 #[test]
 fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
     let (controller, far) = (Controller::start(), Far::new());
-    let (gate, mut console) = bridge(&controller, &far, &["--command"]);
+    let (server, mut client) = bridge(&controller, &far, &["--command"]);
     let arguments = [
         "command",
         "pose",
@@ -123,23 +123,23 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
         success && output.contains("+3.00") && output.contains("ENABLED"),
         "{output}{error}"
     );
-    // A gate that is killed is found out by silence, and programs see a controller that is gone.
-    drop(gate);
-    console.hear("taken for lost");
+    // A server that is killed is found out by silence, and programs see a controller that is gone.
+    drop(server);
+    client.receive("connection lost");
     let (success, _, error) = Program::run(&far.0, &["command", "hold"]);
     assert!(
         !success && error.contains("no controller serves domain"),
         "{error}"
     );
-    console.program.interrupt();
-    let (success, _, error) = console.program.end();
+    client.program.interrupt();
+    let (success, _, error) = client.program.end();
     assert!(success, "{error}");
 }
 
 #[test]
 fn without_leave_to_command_others_can_only_watch() {
     let (controller, far) = (Controller::start(), Far::new());
-    let (_gate, _console) = bridge(&controller, &far, &[]);
+    let (_server, _client) = bridge(&controller, &far, &[]);
     let (success, _, error) = Program::run(&far.0, &["command", "state", "home"]);
     assert!(!success && error.contains("not supported"), "{error}");
     let (success, _, error) = Program::run(&far.0, &["model", "stage", "any.json"]);
@@ -153,21 +153,21 @@ fn without_leave_to_command_others_can_only_watch() {
 }
 
 #[test]
-fn a_console_that_starts_first_waits_and_finds_a_controller_that_comes_later() {
+fn a_client_that_starts_first_waits_and_finds_a_controller_that_comes_later() {
     let (controller, far) = (Controller::start(), Far::new());
-    // The port of a gate that was there before, and is gone.
+    // The port of a server that was there before, and is gone.
     let port = std::net::UdpSocket::bind("127.0.0.1:0")
         .unwrap()
         .local_addr()
         .unwrap();
-    let mut console = End::start(&far.0, &["bridge", "connect", &port.to_string()]);
-    console.hear("calling");
+    let mut client = End::start(&far.0, &["bridge", "connect", &port.to_string()]);
+    client.receive("connecting to");
     clock::sleep(Nanos::from_millis(300));
-    let _gate = End::start(
+    let _server = End::start(
         &controller.domain,
         &["bridge", "serve", "--listen", &port.to_string()],
     );
-    console.hear("the controller is there");
+    client.receive("the controller is there");
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn networks_need_a_key_and_the_wrong_one_never_joins() {
             "a key is never overwritten: {error}"
         );
     }
-    let mut gate = End::start(
+    let mut server = End::start(
         &controller.domain,
         &[
             "bridge",
@@ -204,7 +204,7 @@ fn networks_need_a_key_and_the_wrong_one_never_joins() {
             &keys[0],
         ],
     );
-    let line = gate.hear("listening at");
+    let line = server.receive("listening at");
     let address = line
         .trim_start_matches("listening at ")
         .split(',')
@@ -223,5 +223,5 @@ fn networks_need_a_key_and_the_wrong_one_never_joins() {
         &other.0,
         &["bridge", "connect", &address, "--key", &keys[0]],
     );
-    friend.hear("the controller is there");
+    friend.receive("the controller is there");
 }

@@ -1,5 +1,5 @@
 //! A thread that asks the controller what it is. It may have to wait for a controller that hangs,
-//! and the gate may not.
+//! and the server may not.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
@@ -10,7 +10,7 @@ use i2ris::ipc::payload::Version;
 
 use crate::NetworkError;
 
-/// Asks `version` when told to. Ends when dropped.
+/// Asks `version` on request. Ends when dropped.
 #[derive(Debug)]
 pub(super) struct Describer {
     ask: SyncSender<()>,
@@ -24,7 +24,7 @@ impl Describer {
         let controller = RequestForwarder::new(domain);
         let work = move || serve(controller, &asked, &answered);
         thread::Builder::new()
-            .name("gate-version".to_owned())
+            .name("server-version".to_owned())
             .spawn(work)
             .map_err(NetworkError::Thread)?;
         Ok(Self { ask, answers })

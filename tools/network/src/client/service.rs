@@ -1,4 +1,4 @@
-//! The domain on the console's computer.
+//! The domain on the client's computer.
 
 use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::payload::{ExternalPosition, ServoActuator, ServoJp};
@@ -16,9 +16,9 @@ pub(super) struct Service {
     server: Server,
     external: ExternalPublisher,
     boot_id: u64,
-    /// The client that commands, as the controller told last.
+    /// The client that commands, as the controller last reported.
     lease: u64,
-    /// The state, as the controller told last.
+    /// The state, as the controller last reported.
     state: u32,
 }
 
@@ -40,7 +40,7 @@ impl Service {
         self.boot_id
     }
 
-    /// Shows clients what the controller tells.
+    /// Shows clients what the controller reports.
     pub fn show(&mut self, state: &State) {
         if let Some(version) = &state.version {
             self.server

@@ -1,4 +1,4 @@
-//! One console that has joined, or is about to.
+//! One client that has joined, or is about to.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -17,7 +17,7 @@ use zerocopy::FromBytes;
 /// can be under way.
 const REMEMBERED: usize = 128;
 
-/// One console.
+/// One client.
 #[derive(Debug)]
 pub(super) struct Session {
     pub peer: Peer,
@@ -26,8 +26,8 @@ pub(super) struct Session {
     pub call: u64,
     /// It has answered to its welcome, so it is there and not a recording.
     pub confirmed: bool,
-    /// It has been told everything that is known.
-    pub greeted: bool,
+    /// It has received everything that is known.
+    pub synchronized: bool,
     /// Requests by their number; `None`: under way.
     requests: BTreeMap<u64, Option<Answer>>,
 }
@@ -40,13 +40,13 @@ impl Session {
             address,
             call,
             confirmed: false,
-            greeted: false,
+            synchronized: false,
             requests: BTreeMap::new(),
         }
     }
 
     /// Does what a packet asks for. The answer is one that is known already.
-    pub fn hear(
+    pub fn receive(
         &mut self,
         packet: &Packet<'_>,
         controller: &mut Controller,
@@ -109,7 +109,7 @@ impl Session {
             self.answered(answer.clone());
             return Some(answer);
         }
-        // Where too many wait already it is dropped; the console will ask again.
+        // Where too many wait already it is dropped; the client will ask again.
         if controller.ask(self.peer.session(), question) {
             self.requests.insert(number, None);
         }

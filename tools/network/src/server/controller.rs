@@ -1,4 +1,4 @@
-//! The controller, as the gate sees it.
+//! The controller, as the server sees it.
 
 use i2ris::ipc::client::{ClientError, Forwarder, Subscription, Watcher};
 use i2ris::ipc::payload::{
@@ -17,7 +17,7 @@ use crate::state::State;
 /// How often the controller is asked what it is: the model may have changed.
 const VERSION_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// The controller, as the gate sees it.
+/// The controller, as the server sees it.
 #[derive(Debug)]
 pub(super) struct Controller {
     operating: Subscription<OperatingStateMsg>,
@@ -48,8 +48,8 @@ impl Controller {
             statistics: watcher.period_statistics(),
             external: watcher.external(),
             forwarder: Forwarder::new(domain),
-            quick: Worker::start(domain, "gate-quick")?,
-            slow: Worker::start(domain, "gate-slow")?,
+            quick: Worker::start(domain, "server-quick")?,
+            slow: Worker::start(domain, "server-slow")?,
             describer: Describer::start(domain)?,
             known: State::default(),
             next_version: Nanos::ZERO,

@@ -1,6 +1,6 @@
 //! The end on the other computer: serves a domain there as the controller would.
 
-mod asked;
+mod pending_requests;
 mod service;
 
 use std::io::ErrorKind;
@@ -13,51 +13,51 @@ use i2ris::ipc::{Domain, random_id};
 use i2ris::units::Nanos;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-use crate::gate::{REFUSED_FULL, REFUSED_INTERFACE};
 use crate::key::Key;
 use crate::packet::{self, Kind, LONGEST, Packet};
 use crate::peer::{self, Peer};
 use crate::request::Answer;
+use crate::server::{REFUSED_FULL, REFUSED_INTERFACE};
 use crate::state::State;
 use crate::wire::Rest;
-use crate::{NetworkError, Told};
-use asked::Asked;
+use crate::{BridgeEvent, NetworkError};
+use pending_requests::PendingRequests;
 use service::Service;
 use zerocopy::IntoBytes;
 
-/// How often the gate is called while it does not answer.
-const CALL_PERIOD: Nanos = Nanos::from_millis(250);
-/// How often the gate is told that the console lives, and so gets an echo.
-const BEAT_PERIOD: Nanos = Nanos::from_millis(20);
-/// How often the round trip is told.
+/// How often the server is called while it does not answer.
+const CONNECT_PERIOD: Nanos = Nanos::from_millis(250);
+/// How often the server receives a heartbeat. It answers with an echo.
+const HEARTBEAT_PERIOD: Nanos = Nanos::from_millis(20);
+/// How often the round trip is reported.
 const ROUND_TRIP_PERIOD: Nanos = Nanos::from_millis(1000);
 /// Packets that are read before anything else is done again.
 const AT_ONCE: usize = 64;
 
-/// How a console is run.
+/// How a client is run.
 #[derive(Debug, Clone)]
-pub struct Console {
+pub struct BridgeClient {
     /// The domain to serve, on this computer.
     pub domain: Domain,
-    /// Where the gate listens.
+    /// Where the server listens.
     pub gate: SocketAddr,
     /// The key.
     pub key: Key,
-    /// Silence after which the gate is taken for lost.
+    /// Silence after which the server counts as lost.
     pub lost_after: Nanos,
 }
 
-impl Console {
-    /// Serves until `stop`. A gate that is not there, or no longer, is waited for.
+impl BridgeClient {
+    /// Serves until `stop`. A server that is not there, or no longer, is waited for.
     ///
     /// # Errors
     ///
-    /// When the address is one of a network and there is no key, the gate is of another version, or
-    /// the domain cannot be served, because a controller runs in it for one.
+    /// When the address is one of a network and there is no key, when the server is of another
+    /// version, or when the domain cannot be served because a controller runs in it.
     pub fn run(
         self,
         stop: impl Fn() -> bool,
-        mut tell: impl FnMut(Told),
+        mut report: impl FnMut(BridgeEvent),
     ) -> Result<(), NetworkError> {
         let mut end = End::open(self)?;
         let mut buffer = [0; 2 * LONGEST];
@@ -66,13 +66,13 @@ impl Console {
             end.pass_on(clock::now());
             for _ in 0..AT_ONCE {
                 match end.socket.recv(&mut buffer) {
-                    Ok(length) => end.hear(&buffer[..length], &mut tell)?,
+                    Ok(length) => end.receive(&buffer[..length], &mut report)?,
                     // Nobody listened there when an earlier packet arrived.
                     Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
                     Err(_) => break,
                 }
             }
-            end.keep_up(clock::now(), &mut tell);
+            end.keep_up(clock::now(), &mut report);
         }
         end.leave(clock::now());
         Ok(())
@@ -81,7 +81,7 @@ impl Console {
 
 #[derive(Debug)]
 struct End {
-    options: Console,
+    options: BridgeClient,
     socket: UdpSocket,
     stage: Stage,
 }
@@ -89,8 +89,8 @@ struct End {
 #[derive(Debug)]
 enum Stage {
     /// Nobody has answered yet.
-    Calling {
-        /// Tells the answer to this call from those to others.
+    Connecting {
+        /// Distinguishes the answer to this call from those to others.
         call: u64,
         next: Nanos,
     },
@@ -103,15 +103,15 @@ struct Joined {
     peer: Peer,
     /// The domain, while there is a controller at the other end.
     service: Option<Service>,
-    asked: Asked,
-    next_beat: Nanos,
+    pending: PendingRequests,
+    next_heartbeat: Nanos,
     next_round_trip: Nanos,
     controller: Option<bool>,
 }
 
 impl Stage {
-    fn calling() -> Self {
-        Self::Calling {
+    fn connecting() -> Self {
+        Self::Connecting {
             call: random_id(),
             next: Nanos::ZERO,
         }
@@ -119,7 +119,7 @@ impl Stage {
 }
 
 impl End {
-    fn open(options: Console) -> Result<Self, NetworkError> {
+    fn open(options: BridgeClient) -> Result<Self, NetworkError> {
         let address = options.gate;
         if options.key.is_open() && !address.ip().is_loopback() {
             return Err(NetworkError::KeyNeeded(address));
@@ -142,7 +142,7 @@ impl End {
         Ok(Self {
             options,
             socket,
-            stage: Stage::calling(),
+            stage: Stage::connecting(),
         })
     }
 
@@ -174,13 +174,13 @@ impl End {
             );
         }
         service.questions(now, |token, kind, payload| {
-            joined.asked.take(token, kind, payload, now)
+            joined.pending.take(token, kind, payload, now)
         });
-        joined.asked.due(now, |question| {
+        joined.pending.due(now, |question| {
             packets.push(joined.peer.write(Kind::Request, &question.write(), now))
         });
         if !packets.is_empty() {
-            joined.next_beat = now + BEAT_PERIOD;
+            joined.next_heartbeat = now + HEARTBEAT_PERIOD;
         }
         for packet in packets {
             // A link that is cut is found out by silence.
@@ -189,16 +189,20 @@ impl End {
         service.maintain(now);
     }
 
-    fn hear(&mut self, bytes: &[u8], tell: &mut impl FnMut(Told)) -> Result<(), NetworkError> {
+    fn receive(
+        &mut self,
+        bytes: &[u8],
+        report: &mut impl FnMut(BridgeEvent),
+    ) -> Result<(), NetworkError> {
         let now = clock::now();
         let key = self.options.key.clone();
         let Some(packet) = packet::read(bytes, &key) else {
             return Ok(());
         };
         let joined = match &mut self.stage {
-            Stage::Calling { call, .. } => {
+            Stage::Connecting { call, .. } => {
                 let call = *call;
-                return self.answered(call, &packet, now, tell);
+                return self.answered(call, &packet, now, report);
             }
             Stage::Joined(joined) => joined,
         };
@@ -206,20 +210,20 @@ impl End {
             return Ok(());
         }
         if packet.header.kind == Kind::End {
-            self.stage = Stage::calling();
-            tell(Told::Left(self.options.gate));
+            self.stage = Stage::connecting();
+            report(BridgeEvent::Left(self.options.gate));
             return Ok(());
         }
-        joined.hear(&packet, &self.options.domain, now, tell)
+        joined.receive(&packet, &self.options.domain, now, report)
     }
 
-    /// The gate has answered to a call.
+    /// The server has answered to a call.
     fn answered(
         &mut self,
         call: u64,
         packet: &Packet<'_>,
         now: Nanos,
-        tell: &mut impl FnMut(Told),
+        report: &mut impl FnMut(BridgeEvent),
     ) -> Result<(), NetworkError> {
         let mut rest = Rest(packet.body);
         let (Some(to), Some(first), Some(second)) = (rest.u64(), rest.u32(), rest.u32()) else {
@@ -235,8 +239,8 @@ impl End {
                 ours: INTERFACE_VERSION,
             }),
             Kind::Refused if first == REFUSED_FULL => {
-                tell(Told::Full(address));
-                self.stage = Stage::Calling {
+                report(BridgeEvent::Full(address));
+                self.stage = Stage::Connecting {
                     call: random_id(),
                     next: now + Nanos::from_millis(2000),
                 };
@@ -245,7 +249,7 @@ impl End {
             Kind::Welcome => {
                 let mut joined = Joined::new(&self.options.key, packet.header.session, now);
                 if joined.peer.accept(packet, now) {
-                    tell(Told::Joined {
+                    report(BridgeEvent::Joined {
                         address,
                         commands: second == 1,
                     });
@@ -257,26 +261,28 @@ impl End {
         }
     }
 
-    /// Calls, beats, and gives a gate up that is silent.
-    fn keep_up(&mut self, now: Nanos, tell: &mut impl FnMut(Told)) {
+    /// Sends connection requests and heartbeats, and gives up a silent server.
+    fn keep_up(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
         match &mut self.stage {
-            Stage::Calling { call, next } if now >= *next => {
-                *next = now + CALL_PERIOD;
+            Stage::Connecting { call, next } if now >= *next => {
+                *next = now + CONNECT_PERIOD;
                 let mut body = INTERFACE_VERSION.to_le_bytes().to_vec();
                 body.extend([0; 4]);
                 let hello = Peer::new(&self.options.key, *call, now).write(Kind::Hello, &body, now);
                 let _ = self.socket.send(&hello);
             }
-            Stage::Calling { .. } => {}
+            Stage::Connecting { .. } => {}
             Stage::Joined(joined) if joined.peer.silence(now) > self.options.lost_after => {
                 // With the domain goes whatever was in motion: clients see a controller that is
                 // gone.
-                self.stage = Stage::calling();
-                tell(Told::Lost(self.options.gate));
+                self.stage = Stage::connecting();
+                report(BridgeEvent::Lost(self.options.gate));
             }
-            Stage::Joined(joined) if now >= joined.next_beat => {
-                joined.next_beat = now + BEAT_PERIOD;
-                let _ = self.socket.send(&joined.peer.write(Kind::Beat, &[], now));
+            Stage::Joined(joined) if now >= joined.next_heartbeat => {
+                joined.next_heartbeat = now + HEARTBEAT_PERIOD;
+                let _ = self
+                    .socket
+                    .send(&joined.peer.write(Kind::Heartbeat, &[], now));
             }
             Stage::Joined(_) => {}
         }
@@ -294,19 +300,19 @@ impl Joined {
         Self {
             peer: Peer::new(key, session, now),
             service: None,
-            asked: Asked::default(),
-            next_beat: Nanos::ZERO,
+            pending: PendingRequests::default(),
+            next_heartbeat: Nanos::ZERO,
             next_round_trip: Nanos::ZERO,
             controller: None,
         }
     }
 
-    fn hear(
+    fn receive(
         &mut self,
         packet: &Packet<'_>,
         domain: &Domain,
         now: Nanos,
-        tell: &mut impl FnMut(Told),
+        report: &mut impl FnMut(BridgeEvent),
     ) -> Result<(), NetworkError> {
         let Some(shift) = peer::shift(packet, now) else {
             return Ok(());
@@ -318,14 +324,14 @@ impl Joined {
                 };
                 if now >= self.next_round_trip {
                     self.next_round_trip = now + ROUND_TRIP_PERIOD;
-                    tell(Told::RoundTrip(shift.round_trip(now)));
+                    report(BridgeEvent::RoundTrip(shift.round_trip(now)));
                 }
-                self.show(&state.here(&shift), domain, tell)
+                self.show(&state.here(&shift), domain, report)
             }
             Kind::Reply => {
                 if let (Some(answer), Some(service)) =
                     (Answer::read(packet.body), &mut self.service)
-                    && let Some((token, kind)) = self.asked.answered(answer.number)
+                    && let Some((token, kind)) = self.pending.answered(answer.number)
                 {
                     service.answer(token, kind, &answer);
                 }
@@ -335,20 +341,20 @@ impl Joined {
         }
     }
 
-    /// Shows clients here what the controller tells; another start of the controller is another
+    /// Shows clients here what the controller reports; another start of the controller is another
     /// start of the domain.
     fn show(
         &mut self,
         state: &State,
         domain: &Domain,
-        tell: &mut impl FnMut(Told),
+        report: &mut impl FnMut(BridgeEvent),
     ) -> Result<(), NetworkError> {
         if self.controller != Some(state.controller) {
             self.controller = Some(state.controller);
-            tell(if state.controller {
-                Told::Serving
+            report(if state.controller {
+                BridgeEvent::Serving
             } else {
-                Told::NoController
+                BridgeEvent::NoController
             });
         }
         let boot = state.operating.map(|message| message.boot_id);
@@ -358,7 +364,7 @@ impl Joined {
             .is_some_and(|service| boot.is_some_and(|boot| boot != service.boot_id()));
         if !state.controller || other {
             self.service = None;
-            self.asked = Asked::default();
+            self.pending = PendingRequests::default();
         }
         if let (None, Some(boot)) = (&self.service, boot) {
             self.service = Some(Service::start(domain, boot)?);

@@ -14,7 +14,7 @@ const SLOW_PATIENCE: Nanos = Nanos::from_millis(31_000);
 
 /// Requests under way, by their number.
 #[derive(Debug, Default)]
-pub(super) struct Asked {
+pub(super) struct PendingRequests {
     next: u64,
     waiting: BTreeMap<u64, Waiting>,
 }
@@ -26,7 +26,7 @@ struct Waiting {
     send: Nanos,
 }
 
-impl Asked {
+impl PendingRequests {
     /// A client asks. `token` is what its answer wants.
     pub fn take(&mut self, token: u64, service: Service, payload: &[u8], now: Nanos) {
         self.next += 1;
@@ -82,30 +82,30 @@ mod tests {
         Nanos::from_millis(1_000 + milliseconds)
     }
 
-    fn sent(asked: &mut Asked, now: Nanos) -> Vec<u64> {
+    fn sent(pending: &mut PendingRequests, now: Nanos) -> Vec<u64> {
         let mut numbers = Vec::new();
-        asked.due(now, |question| numbers.push(question.number));
+        pending.due(now, |question| numbers.push(question.number));
         numbers
     }
 
     #[test]
     fn a_request_is_repeated_until_its_answer_comes() {
-        let mut asked = Asked::default();
-        asked.take(40, Service::StateCommand, &[], at(0));
-        assert_eq!(sent(&mut asked, at(0)), [1]);
-        assert!(sent(&mut asked, at(49)).is_empty());
-        assert_eq!(sent(&mut asked, at(50)), [1]);
-        assert_eq!(asked.answered(1), Some((40, Service::StateCommand)));
-        assert_eq!(asked.answered(1), None);
-        assert!(sent(&mut asked, at(200)).is_empty());
+        let mut pending = PendingRequests::default();
+        pending.take(40, Service::StateCommand, &[], at(0));
+        assert_eq!(sent(&mut pending, at(0)), [1]);
+        assert!(sent(&mut pending, at(49)).is_empty());
+        assert_eq!(sent(&mut pending, at(50)), [1]);
+        assert_eq!(pending.answered(1), Some((40, Service::StateCommand)));
+        assert_eq!(pending.answered(1), None);
+        assert!(sent(&mut pending, at(200)).is_empty());
     }
 
     #[test]
     fn what_nobody_waits_for_is_forgotten() {
-        let mut asked = Asked::default();
-        asked.take(40, Service::Move, &[], at(0));
-        asked.take(41, Service::Model, &[], at(0));
-        assert_eq!(sent(&mut asked, at(1600)), [2]);
-        assert!(sent(&mut asked, at(32_000)).is_empty());
+        let mut pending = PendingRequests::default();
+        pending.take(40, Service::Move, &[], at(0));
+        pending.take(41, Service::Model, &[], at(0));
+        assert_eq!(sent(&mut pending, at(1600)), [2]);
+        assert!(sent(&mut pending, at(32_000)).is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! The end beside the controller: a client that speaks for consoles elsewhere.
+//! The end beside the controller: a client that speaks for clients elsewhere.
 
 mod controller;
 mod describe;
@@ -18,45 +18,45 @@ use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use crate::key::Key;
 use crate::packet::{self, Kind, LONGEST, Packet};
 use crate::wire::Rest;
-use crate::{NetworkError, Told};
+use crate::{BridgeEvent, NetworkError};
 use controller::Controller;
 use session::Session;
 
-/// Consoles at the same time.
-const CONSOLES: usize = 4;
+/// Clients at the same time.
+const CLIENTS: usize = 4;
 /// Sessions at the same time: an old one may still be waiting for its end.
-const SESSIONS: usize = 2 * CONSOLES;
+const SESSIONS: usize = 2 * CLIENTS;
 /// Packets that are read before anything else is done again.
 const AT_ONCE: usize = 64;
-/// Why a console is refused.
+/// Why a client is refused.
 pub(crate) const REFUSED_FULL: u32 = 1;
 pub(crate) const REFUSED_INTERFACE: u32 = 2;
 
-/// How a gate is run.
+/// How a server is run.
 #[derive(Debug, Clone)]
-pub struct Gate {
+pub struct BridgeServer {
     /// The controller's domain.
     pub domain: Domain,
     /// Where to listen.
     pub listen: SocketAddr,
     /// The key.
     pub key: Key,
-    /// Whether commands and requests are passed on; otherwise consoles can only watch.
+    /// Whether commands and requests are passed on; otherwise clients can only watch.
     pub commands: bool,
     /// How often the state is sent.
     pub period: Nanos,
-    /// Silence after which a console is taken for lost.
+    /// Silence after which a client counts as lost.
     pub lost_after: Nanos,
 }
 
-impl Gate {
+impl BridgeServer {
     /// Opens the socket.
     ///
     /// # Errors
     ///
     /// When the address is one of a network and there is no key, the address cannot be used, or no
     /// thread can be started.
-    pub fn open(self) -> Result<OpenGate, NetworkError> {
+    pub fn open(self) -> Result<OpenServer, NetworkError> {
         if self.key.is_open() && !self.listen.ip().is_loopback() {
             return Err(NetworkError::KeyNeeded(self.listen));
         }
@@ -71,7 +71,7 @@ impl Gate {
         let socket = UdpSocket::bind(address).map_err(failed("listen at"))?;
         socket.set_nonblocking(true).map_err(failed("listen at"))?;
         let controller = Controller::new(&self.domain)?;
-        Ok(OpenGate {
+        Ok(OpenServer {
             options: self,
             socket,
             controller,
@@ -81,31 +81,31 @@ impl Gate {
     }
 }
 
-/// A gate that listens.
+/// A server that listens.
 #[derive(Debug)]
-pub struct OpenGate {
-    options: Gate,
+pub struct OpenServer {
+    options: BridgeServer,
     socket: UdpSocket,
     controller: Controller,
     sessions: Vec<Session>,
     next_state: Nanos,
 }
 
-impl OpenGate {
-    /// Where it listens; tells the port if the system chose it.
+impl OpenServer {
+    /// Where it listens, including the port if the system chose it.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.socket.local_addr().unwrap_or(self.options.listen)
     }
 
     /// Serves until `stop`.
-    pub fn run(mut self, stop: impl Fn() -> bool, mut tell: impl FnMut(Told)) {
+    pub fn run(mut self, stop: impl Fn() -> bool, mut report: impl FnMut(BridgeEvent)) {
         let mut buffer = [0; 2 * LONGEST];
         while !stop() {
             self.wait();
             for _ in 0..AT_ONCE {
                 match self.socket.recv_from(&mut buffer) {
-                    Ok((length, from)) => self.hear(&buffer[..length], from, &mut tell),
+                    Ok((length, from)) => self.receive(&buffer[..length], from, &mut report),
                     // An earlier packet found nobody; that says nothing of this one.
                     Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
                     Err(_) => break,
@@ -115,9 +115,9 @@ impl OpenGate {
             self.answer(now);
             if now >= self.next_state {
                 self.next_state = now + self.options.period;
-                self.tell_state(now);
+                self.send_state(now);
             }
-            self.bury(now, &mut tell);
+            self.expire(now, &mut report);
         }
         let now = clock::now();
         for session in &mut self.sessions {
@@ -135,14 +135,14 @@ impl OpenGate {
         }
     }
 
-    fn hear(&mut self, bytes: &[u8], from: SocketAddr, tell: &mut impl FnMut(Told)) {
+    fn receive(&mut self, bytes: &[u8], from: SocketAddr, report: &mut impl FnMut(BridgeEvent)) {
         let now = clock::now();
         let key = self.options.key.clone();
         let Some(packet) = packet::read(bytes, &key) else {
             return;
         };
         if packet.header.kind == Kind::Hello {
-            return self.greet(&packet, from, now, tell);
+            return self.accept(&packet, from, now, report);
         }
         let Some(place) = self
             .sessions
@@ -157,16 +157,16 @@ impl OpenGate {
         }
         if !session.confirmed && packet.header.echo != 0 {
             session.confirmed = true;
-            tell(Told::Joined {
+            report(BridgeEvent::Joined {
                 address: from,
                 commands: self.options.commands,
             });
         }
         if packet.header.kind == Kind::End {
             self.sessions.remove(place);
-            return tell(Told::Left(from));
+            return report(BridgeEvent::Left(from));
         }
-        let reply = session.hear(&packet, &mut self.controller, self.options.commands, now);
+        let reply = session.receive(&packet, &mut self.controller, self.options.commands, now);
         if let Some(reply) = reply {
             let bytes = session.peer.write(Kind::Reply, &reply.write(), now);
             let _ = self.socket.send_to(&bytes, from);
@@ -174,13 +174,13 @@ impl OpenGate {
     }
 
     /// A hello may be an old one that someone sends again: it gets an answer, and nothing else
-    /// changes until the console has shown that it got it.
-    fn greet(
+    /// changes until the client has shown that it got it.
+    fn accept(
         &mut self,
         packet: &Packet<'_>,
         from: SocketAddr,
         now: Nanos,
-        tell: &mut impl FnMut(Told),
+        report: &mut impl FnMut(BridgeEvent),
     ) {
         let Some(interface) = Rest(packet.body).u32() else {
             return;
@@ -193,24 +193,24 @@ impl OpenGate {
         session.peer.note(&packet.header, now);
         let joined = self.sessions.iter().filter(|it| it.confirmed).count();
         let refusal = match interface {
-            INTERFACE_VERSION if joined < CONSOLES && self.sessions.len() < SESSIONS => None,
-            INTERFACE_VERSION => Some((REFUSED_FULL, Told::Full(from))),
+            INTERFACE_VERSION if joined < CLIENTS && self.sessions.len() < SESSIONS => None,
+            INTERFACE_VERSION => Some((REFUSED_FULL, BridgeEvent::Full(from))),
             interface => Some((
                 REFUSED_INTERFACE,
-                Told::Foreign {
+                BridgeEvent::Foreign {
                     address: from,
                     interface,
                 },
             )),
         };
         let mut body = call.to_le_bytes().to_vec();
-        if let Some((reason, told)) = refusal {
+        if let Some((reason, event)) = refusal {
             body.extend(reason.to_le_bytes());
             body.extend(INTERFACE_VERSION.to_le_bytes());
             let _ = self
                 .socket
                 .send_to(&session.peer.write(Kind::Refused, &body, now), from);
-            return tell(told);
+            return report(event);
         }
         self.welcome(&mut session, now);
         self.sessions.push(session);
@@ -261,24 +261,24 @@ impl OpenGate {
         }
     }
 
-    fn tell_state(&mut self, now: Nanos) {
+    fn send_state(&mut self, now: Nanos) {
         let new = self.controller.look(now);
         let known = self.controller.known();
         for session in self.sessions.iter_mut().filter(|session| session.confirmed) {
-            let state = if session.greeted { &new } else { known };
-            session.greeted = true;
+            let state = if session.synchronized { &new } else { known };
+            session.synchronized = true;
             let bytes = session.peer.write(Kind::State, &state.write(), now);
             // A link that is cut is found out by silence.
             let _ = self.socket.send_to(&bytes, session.address);
         }
     }
 
-    fn bury(&mut self, now: Nanos, tell: &mut impl FnMut(Told)) {
+    fn expire(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
         let limit = self.options.lost_after;
         self.sessions.retain(|session| {
             let lost = session.peer.silence(now) > limit;
             if lost && session.confirmed {
-                tell(Told::Lost(session.address));
+                report(BridgeEvent::Lost(session.address));
             }
             !lost
         });

@@ -1,13 +1,13 @@
-//! What either end tells people while it runs.
+//! What either end reports while it runs.
 
 use std::fmt;
 use std::net::SocketAddr;
 
 use i2ris::units::Nanos;
 
-/// What either end tells people while it runs.
+/// What either end reports while it runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Told {
+pub enum BridgeEvent {
     /// The other end is there.
     Joined {
         /// Where.
@@ -19,16 +19,16 @@ pub enum Told {
     Left(SocketAddr),
     /// The other end has been silent for too long.
     Lost(SocketAddr),
-    /// The gate serves as many consoles as it can.
+    /// The server serves as many clients as it can.
     Full(SocketAddr),
-    /// A console of another version of the interface was refused.
+    /// A client of another version of the interface was refused.
     Foreign {
         /// Where it is.
         address: SocketAddr,
         /// Its version.
         interface: u32,
     },
-    /// The console's domain is served.
+    /// The client's domain is served.
     Serving,
     /// There is no controller at the other end.
     NoController,
@@ -36,7 +36,7 @@ pub enum Told {
     RoundTrip(Nanos),
 }
 
-impl fmt::Display for Told {
+impl fmt::Display for BridgeEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Joined {
@@ -48,10 +48,10 @@ impl fmt::Display for Told {
                 commands: false,
             } => write!(f, "{address}: joined, to watch only"),
             Self::Left(address) => write!(f, "{address}: left"),
-            Self::Lost(address) => write!(f, "{address}: silent, taken for lost"),
+            Self::Lost(address) => write!(f, "{address}: silent, connection lost"),
             Self::Full(address) => write!(
                 f,
-                "{address}: refused, as many consoles as possible are joined"
+                "{address}: refused, as many clients as possible are joined"
             ),
             Self::Foreign { address, interface } => {
                 write!(
