@@ -16,7 +16,7 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::{Domain, OperatingState, Refusal};
 use i2ris::units::Nanos;
-use i2ris_network::{Console, Gate, Key};
+use i2ris_network::{BridgeClient, BridgeServer, Key};
 
 use crate::rig::motion::{
     SEND_PERIOD, assert_constant, assert_stopped_within, setpoints_after, stream_counts, swing,
@@ -51,7 +51,7 @@ impl Drop for Running {
 }
 
 fn start_server(rig: &Rig, listen: SocketAddr) -> (SocketAddr, Running) {
-    let gate = Gate {
+    let server = BridgeServer {
         domain: rig.domain(),
         listen,
         key: Key::of(SECRET),
@@ -59,22 +59,22 @@ fn start_server(rig: &Rig, listen: SocketAddr) -> (SocketAddr, Running) {
         period: Nanos::from_millis(5),
         lost_after: LOST_AFTER,
     };
-    let gate = gate.open().unwrap();
-    let address = gate.address();
+    let server = server.open().unwrap();
+    let address = server.address();
     (
         address,
-        Running::start(move |stop| gate.run(|| stop.load(Ordering::Relaxed), drop)),
+        Running::start(move |stop| server.run(|| stop.load(Ordering::Relaxed), drop)),
     )
 }
 
-fn start_client(domain: &Domain, gate: SocketAddr) -> Running {
-    let console = Console {
+fn start_client(domain: &Domain, server: SocketAddr) -> Running {
+    let client = BridgeClient {
         domain: domain.clone(),
-        gate,
+        server,
         key: Key::of(SECRET),
         lost_after: LOST_AFTER,
     };
-    Running::start(move |stop| console.run(|| stop.load(Ordering::Relaxed), drop).unwrap())
+    Running::start(move |stop| client.run(|| stop.load(Ordering::Relaxed), drop).unwrap())
 }
 
 /// A network between client and server that can be cut and delayed. Only the direction to the

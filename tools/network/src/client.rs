@@ -40,7 +40,7 @@ pub struct BridgeClient {
     /// The domain to serve, on this computer.
     pub domain: Domain,
     /// Where the server listens.
-    pub gate: SocketAddr,
+    pub server: SocketAddr,
     /// The key.
     pub key: Key,
     /// Silence after which the server counts as lost.
@@ -120,7 +120,7 @@ impl Stage {
 
 impl End {
     fn open(options: BridgeClient) -> Result<Self, NetworkError> {
-        let address = options.gate;
+        let address = options.server;
         if options.key.is_open() && !address.ip().is_loopback() {
             return Err(NetworkError::KeyNeeded(address));
         }
@@ -211,7 +211,7 @@ impl End {
         }
         if packet.header.kind == Kind::End {
             self.stage = Stage::connecting();
-            report(BridgeEvent::Left(self.options.gate));
+            report(BridgeEvent::Left(self.options.server));
             return Ok(());
         }
         joined.receive(&packet, &self.options.domain, now, report)
@@ -232,7 +232,7 @@ impl End {
         if to != call {
             return Ok(());
         }
-        let address = self.options.gate;
+        let address = self.options.server;
         match packet.header.kind {
             Kind::Refused if first == REFUSED_INTERFACE => Err(NetworkError::Interface {
                 theirs: second,
@@ -276,7 +276,7 @@ impl End {
                 // With the domain goes whatever was in motion: clients see a controller that is
                 // gone.
                 self.stage = Stage::connecting();
-                report(BridgeEvent::Lost(self.options.gate));
+                report(BridgeEvent::Lost(self.options.server));
             }
             Stage::Joined(joined) if now >= joined.next_heartbeat => {
                 joined.next_heartbeat = now + HEARTBEAT_PERIOD;

@@ -77,14 +77,9 @@ mod wire;
 
 pub use client::BridgeClient;
 pub use error::NetworkError;
-pub use server::BridgeServer;
-
-#[doc(hidden)]
-pub use client::BridgeClient as Console;
 pub use event::BridgeEvent;
 pub use key::Key;
-#[doc(hidden)]
-pub use server::BridgeServer as Gate;
+pub use server::BridgeServer;
 
 #[cfg(target_endian = "big")]
 compile_error!("payloads go over the wire as they stand in memory, little endian");

@@ -179,7 +179,7 @@ fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     ));
     let client = BridgeClient {
         domain,
-        gate: server,
+        server,
         key: shared.key()?,
         lost_after: shared.lost_after(),
     };
