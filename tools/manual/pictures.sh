@@ -37,7 +37,7 @@ rsvg-convert --width 900 --background-color white "$work/loop.svg" --output "$im
 i2ris model stage "$work/first.json"
 i2ris model activate --force
 i2ris command state condition
-i2ris command hold --duration-s 30
+sleep 30
 i2ris command circle --radius-deg 10 --period-s 6 --duration-s 40 > "$work/circle.log" 2>&1 &
 i2ris monitor --web 8799 --model "$work/first.json" > "$work/monitor.log" 2>&1 &
 sleep 14
