@@ -153,7 +153,7 @@ impl Model {
     }
 
     /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m).
-    /// See [`hysteresis`].
+    /// See [`crate::model::hysteresis`].
     #[must_use]
     pub fn correction(&self, memory: &Memory) -> OutputVec {
         self.runtime.correction(memory)

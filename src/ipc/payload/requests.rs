@@ -17,7 +17,7 @@ payload! {
     }
 
     /// `state_command`, reply, within a few ticks. Longer operations continue after it: see
-    /// [`OperatingStateMsg::BUSY`].
+    /// [`BUSY`](super::OperatingStateMsg::BUSY).
     StateCommandReply "I2risStateCommandReplyV1" {
         /// [`crate::robot::Refusal`]; 0: accepted.
         pub refusal: u32,

@@ -45,9 +45,10 @@ payload! {
         pub measured_stamp_ns: [u64; MAX_MOTORS],
         /// Time of writing each setpoint to the operating system. 0: never.
         pub written_stamp_ns: [u64; MAX_MOTORS],
-        /// [`ServoJp::stamp_ns`] of the command that led to the written setpoint. 0: none.
+        /// [`stamp_ns`](super::ServoJp::stamp_ns) of the command that led to the written setpoint.
+        /// 0: none.
         pub command_stamp_ns: [u64; MAX_MOTORS],
-        /// [`ServoJp::sequence`] of the command that led to the written setpoint.
+        /// [`sequence`](super::ServoJp::sequence) of the command that led to the written setpoint.
         pub command_sequence: [u64; MAX_MOTORS],
         /// Replies from each drive since the start.
         pub exchanges: [u64; MAX_MOTORS],
@@ -63,7 +64,7 @@ payload! {
         pub statusword: [u16; MAX_MOTORS],
         /// Error codes (0x603F).
         pub error_code: [u16; MAX_MOTORS],
-        /// Phase of each drive: [`crate::ipc::drive_phase::axis_phase`].
+        /// Phase of each drive: [`crate::ipc::drive_phase::phase_number`].
         pub phase: [u8; MAX_MOTORS],
         /// 0.
         pub reserved: [u8; 2],

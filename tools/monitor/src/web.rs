@@ -1,10 +1,10 @@
 //! The read-only page for a browser.
 //!
 //! That nothing can be done through it is how it is built, not how it is configured. The server
-//! knows one method, GET, and answers from a [`Dashboard`], which holds numbers; no type of the
-//! client library is within its reach. The thread that fills the dashboard subscribes to streams
-//! and opens no publisher. What it asks for is the list of models, by a connection of its own that
-//! is closed again.
+//! knows one method, GET, and answers from a [`Dashboard`](crate::dashboard::Dashboard), which
+//! holds numbers; no type of the client library is within its reach. The thread that fills the
+//! dashboard subscribes to streams and opens no publisher. What it asks for is the list of models,
+//! by a connection of its own that is closed again.
 //!
 //! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a
 //! vanished one costs nothing: the server remembers nothing about any of them.

@@ -150,7 +150,7 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// [`SessionError::Rest`] when the first frames give no reference,
+    /// [`SessionError::RestPose`] when the first frames give no reference,
     /// [`SessionError::NoPicture`] at an end without any.
     pub fn rows(&mut self) -> Result<Vec<AngleRow>, SessionError> {
         let mut rows = Vec::new();

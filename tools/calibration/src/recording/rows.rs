@@ -45,7 +45,7 @@ pub struct PathPoint {
     pub counts: MotorVec,
 }
 
-/// A recording that has been checked: at least [`MIN_ROWS`] rows, every number finite and within
+/// A recording that has been checked: at least `MIN_ROWS` rows, every number finite and within
 /// its range, no motor and no output constant, time (where there is one) strictly
 /// increasing.
 #[derive(Debug, Clone, PartialEq)]
