@@ -128,7 +128,7 @@ mod tests {
             }
             assert!(
                 text.contains("# cpu =\n")
-                    && text.contains("# \"stop-positive\": At the hard stop"),
+                    && text.contains("# \"stop-positive\": The hard stop"),
                 "{text}"
             );
         }
