@@ -16,7 +16,10 @@ use nix::unistd::Pid;
 use super::markdown::{Document, root};
 
 /// What a background program prints when the next command may start.
-const READY: [(&str, &str); 2] = [("i2ris emulate", "axis1"), ("i2ris-control", "DISABLED")];
+const READY: [(&str, &str); 2] = [
+    ("i2ris emulate", "ready:"),
+    ("i2ris-control", "motor 1: Starting -> Disabled"),
+];
 /// Margin for a loaded machine.
 const READY_TIMEOUT: Duration = Duration::from_secs(60);
 
