@@ -127,8 +127,7 @@ mod tests {
                 assert!(line.len() <= WIDTH);
             }
             assert!(
-                text.contains("# cpu =\n")
-                    && text.contains("# \"stop-positive\": The hard stop"),
+                text.contains("# cpu =\n") && text.contains("# \"stop-positive\": The hard stop"),
                 "{text}"
             );
         }
