@@ -1,8 +1,12 @@
 //! Exclusive possession of a domain: one controller at a time, a clean start, no leftovers.
 //!
-//! The lock is an open-file-description lock on the lock file. The kernel releases it when the
-//! process ends for any reason. Unlike `flock(2)` it can be queried without taking it, so a client
-//! that checks for a controller never delays the start of one.
+//! The lock is an open-file-description lock on the first byte of the lock file. The kernel releases
+//! it when the process ends for any reason. Unlike `flock(2)` it can be queried without taking it, so
+//! a client that checks for a controller never delays the start of one.
+//!
+//! A controller that also serves holds a second lock, on the second byte. Only this one makes an
+//! announcement valid: between the start of a controller and its clean-up, the announcement of a
+//! killed predecessor is still there.
 
 use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io::{self, Read, Write};
@@ -87,6 +91,16 @@ impl DomainLock {
         Ok(())
     }
 
+    /// Makes the announcement valid.
+    ///
+    /// # Errors
+    ///
+    /// When the system call fails.
+    pub(super) fn serve(&self) -> io::Result<()> {
+        set_lock(&self.lock, LockedByte::Serves, libc::F_WRLCK)?;
+        Ok(())
+    }
+
     /// Removes the access of other users to files that iceoryx2 creates for everyone: its counter
     /// of nodes.
     ///
@@ -115,28 +129,40 @@ impl Drop for DomainLock {
         let _ = self.remove_files();
         let _ = fs::remove_file(self.domain.lock_file());
         let _ = fs::remove_dir(self.domain.directory());
-        let _ = fcntl(
-            &self.lock,
-            FcntlArg::F_OFD_SETLK(&whole_file(libc::F_UNLCK)),
-        );
+        for byte in [LockedByte::Serves, LockedByte::Held] {
+            let _ = set_lock(&self.lock, byte, libc::F_UNLCK);
+        }
     }
 }
 
-/// Whether a controller holds the lock of this domain.
-pub(super) fn is_locked(domain: &Domain) -> bool {
-    let mut probe = whole_file(libc::F_WRLCK);
+/// The bytes of the lock file that are locked.
+#[derive(Debug, Clone, Copy)]
+enum LockedByte {
+    /// A controller holds the domain.
+    Held = 0,
+    /// It serves: its announcement is valid.
+    Serves = 1,
+}
+
+/// Whether the controller that holds this domain serves.
+pub(super) fn is_served(domain: &Domain) -> bool {
+    let mut probe = lock_range(LockedByte::Serves, libc::F_WRLCK);
     File::open(domain.lock_file()).is_ok_and(|file| {
         fcntl(file, FcntlArg::F_OFD_GETLK(&mut probe)).is_ok()
             && probe.l_type != libc::F_UNLCK as i16
     })
 }
 
-fn whole_file(kind: i32) -> flock {
+fn set_lock(file: &File, byte: LockedByte, kind: i32) -> nix::Result<i32> {
+    fcntl(file, FcntlArg::F_OFD_SETLK(&lock_range(byte, kind)))
+}
+
+fn lock_range(byte: LockedByte, kind: i32) -> flock {
     flock {
         l_type: kind as i16,
         l_whence: libc::SEEK_SET as i16,
-        l_start: 0,
-        l_len: 0,
+        l_start: byte as i64,
+        l_len: 1,
         l_pid: 0,
     }
 }
@@ -181,7 +207,7 @@ fn lock_domain(domain: &Domain) -> Result<File, DomainError> {
             }
             Err(error) => return Err(DomainError::io("open", &path)(error)),
         };
-        match fcntl(&file, FcntlArg::F_OFD_SETLK(&whole_file(libc::F_WRLCK))) {
+        match set_lock(&file, LockedByte::Held, libc::F_WRLCK) {
             Ok(_) => {}
             Err(Errno::EACCES | Errno::EAGAIN) => {
                 let (name, pid) = (domain.name().to_owned(), read_pid(&mut file));

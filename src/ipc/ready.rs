@@ -2,14 +2,15 @@
 //!
 //! Clients read it every few milliseconds, which costs three small file operations on a tmpfs. It
 //! distinguishes a controller that serves, one that has ended, one that was killed (the file is
-//! there, the lock is free), and one that was restarted (another boot id).
+//! there, the lock is free or its successor does not serve yet), and one that was restarted (another
+//! boot id).
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 
 use super::domain::{Domain, DomainError};
-use super::domain_lock::{DomainLock, is_locked};
+use super::domain_lock::{DomainLock, is_served};
 
 /// Version of the payloads and services. A client of another version gets an error.
 pub const INTERFACE_VERSION: u32 = 1;
@@ -40,7 +41,8 @@ impl Ready {
                 options.open(&draft)?,
                 "{boot_id:016x} {INTERFACE_VERSION} {pid}"
             )?;
-            fs::rename(&draft, &path)
+            fs::rename(&draft, &path)?;
+            lock.serve()
         };
         write().map_err(DomainError::io("write", &path))
     }
@@ -60,6 +62,30 @@ impl Ready {
             interface: words.next()?.parse().ok()?,
             pid: words.next()?.parse().ok()?,
         };
-        is_locked(domain).then_some(ready)
+        is_served(domain).then_some(ready)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_announcement_of_a_killed_controller_is_void_until_its_successor_serves() {
+        let domain = Domain::new(&format!("ready-{}", std::process::id())).unwrap();
+        let lock = DomainLock::acquire(&domain).unwrap();
+        Ready::announce(&lock).unwrap();
+        let killed = fs::read(domain.file(FILE)).unwrap();
+        drop(lock);
+        // The successor holds the lock and has not removed the files yet.
+        let successor = DomainLock::acquire(&domain).unwrap();
+        fs::write(domain.file(FILE), killed).unwrap();
+        assert_eq!(Ready::read(&domain), None);
+        Ready::announce(&successor).unwrap();
+        let boot_id = successor.boot_id();
+        assert_eq!(
+            Ready::read(&domain).map(|ready| ready.boot_id),
+            Some(boot_id)
+        );
     }
 }
