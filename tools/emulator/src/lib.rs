@@ -13,6 +13,7 @@
 //! | module | content |
 //! |---|---|
 //! | [`snake`] | motor positions to angles, with hysteresis; pure |
+//! | [`zoo`] | snakes of other physics, drawn by a seed; pure |
 //! | [`frame`] | V2 frames of the serial line; pure |
 //! | [`drive`] | an EPOS4 or EPOS2: objects, states, modes, motor; pure |
 //! | [`camera`] | measured angles of the snake; pure |
@@ -41,6 +42,7 @@ mod scenario_player;
 mod shared;
 pub mod snake;
 mod wire;
+pub mod zoo;
 
 pub use config::{DEFAULT_FOLDER, EmulatorConfig};
 pub use emulator::{AxisSnapshot, Emulator, EmulatorError, Snapshot};

@@ -50,6 +50,6 @@ pub use device::{Drive, DriveSnapshot};
 pub use family::Family;
 pub use fault::{Fault, Reaction};
 pub use mode::Mode;
-pub use motor::{Motor, MotorConfig};
+pub use motor::{Limits, Motor, MotorConfig};
 pub use service::Reply;
 pub use state::State;

@@ -1,0 +1,122 @@
+//! A snake of any physics in time steps.
+
+use super::draw::Draw;
+use super::frame::Frame;
+use super::hysteresis::Hysteresis;
+use super::pair::{Pair, between, subtract};
+use super::physics::Physics;
+use super::prandtl_ishlinskii::PrandtlIshlinskii;
+use super::preisach::Preisach;
+use crate::snake::Snake;
+
+/// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
+const MAX_INNER_STEPS: u32 = 1000;
+
+/// A snake of any physics: motor positions in, pitch and yaw of the tip out. Pure: the same steps
+/// give the same angles to the bit.
+#[derive(Debug, Clone)]
+pub struct AnySnake(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Springs(Box<Snake>),
+    Drawn(ZooSnake),
+}
+
+#[derive(Debug, Clone)]
+struct ZooSnake {
+    frame: Frame,
+    /// Counts, the last finite ones.
+    counts: Pair,
+    /// Degrees.
+    travel: Pair,
+    mechanism: Mechanism,
+}
+
+#[derive(Debug, Clone)]
+enum Mechanism {
+    PrandtlIshlinskii(PrandtlIshlinskii),
+    Preisach(Preisach),
+}
+
+impl Mechanism {
+    fn hysteresis(&self) -> &dyn Hysteresis {
+        match self {
+            Self::PrandtlIshlinskii(plays) => plays,
+            Self::Preisach(relays) => relays,
+        }
+    }
+
+    fn hysteresis_mut(&mut self) -> &mut dyn Hysteresis {
+        match self {
+            Self::PrandtlIshlinskii(plays) => plays,
+            Self::Preisach(relays) => relays,
+        }
+    }
+}
+
+impl From<Snake> for AnySnake {
+    fn from(snake: Snake) -> Self {
+        Self(Kind::Springs(Box::new(snake)))
+    }
+}
+
+impl AnySnake {
+    /// Straight and at rest. `physics` is not [`Physics::Springs`], which has a frame of its own.
+    pub(super) fn drawn(physics: Physics, draw: &mut Draw) -> Self {
+        let frame = Frame::draw(draw);
+        let gain = frame.deg_per_count;
+        let mechanism = match physics {
+            Physics::Springs | Physics::PrandtlIshlinskii => {
+                Mechanism::PrandtlIshlinskii(PrandtlIshlinskii::draw(draw, gain))
+            }
+            Physics::Preisach => Mechanism::Preisach(Preisach::draw(draw, gain)),
+        };
+        Self(Kind::Drawn(ZooSnake {
+            frame,
+            counts: Pair::default(),
+            travel: Pair::default(),
+            mechanism,
+        }))
+    }
+
+    /// Moves the motors uniformly to `motor_counts` within `dt_s` seconds. Counts may be
+    /// fractional: they are positions of the motor, not of the encoder. A value that is not finite
+    /// leaves its motor in place; a time that is not finite or below 0 counts as 0.
+    pub fn step(&mut self, dt_s: f64, motor_counts: [f64; 2]) {
+        match &mut self.0 {
+            Kind::Springs(snake) => snake.step(dt_s, motor_counts),
+            Kind::Drawn(snake) => snake.step(dt_s, motor_counts),
+        }
+    }
+
+    /// Pitch and yaw of the tip, degrees.
+    #[must_use]
+    pub fn angles_deg(&self) -> [f64; 2] {
+        match &self.0 {
+            Kind::Springs(snake) => snake.angles_deg(),
+            Kind::Drawn(snake) => {
+                let bend = snake.mechanism.hysteresis().bend();
+                snake.frame.angles_deg(bend)
+            }
+        }
+    }
+}
+
+impl ZooSnake {
+    fn step(&mut self, dt_s: f64, motor_counts: Pair) {
+        let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
+        let from = self.travel;
+        self.travel = self.frame.travel(motor_counts, &mut self.counts);
+        let way = subtract(self.travel, from);
+        let hysteresis = self.mechanism.hysteresis_mut();
+        let longest = way[0].abs().max(way[1].abs());
+        let steps = (longest / hysteresis.largest_step_deg()).ceil() as u32;
+        let steps = steps.clamp(1, MAX_INNER_STEPS);
+        let inner_s = dt_s / f64::from(steps);
+        for step in 1..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            hysteresis.advance(inner_s, between(from, self.travel, share));
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! The zoo: snakes of different physics, their parameters drawn at random by a seed.
+//!
+//! A model that was made with one emulated snake in view may have learned the emulator. So there
+//! are many, each with the hysteresis of another theory, from the literature. Nothing is shared
+//! between them except for the geometry around the hysteresis, and nothing at all with the models
+//! of the controller.
+//!
+//! ```text
+//! counts -> gain, pull (frame) -> hysteresis (a file each) -> planes, shape (frame) -> angles
+//! ```
+//!
+//! Parameters are those of robots of this kind: half of the lost motion is 20 to 120 counts, one
+//! motor pulls on the other by up to an eighth, and 1800 counts bend the snake by about 40 degrees.
+//!
+//! | file | content |
+//! |---|---|
+//! | `physics` | names, and drawing by a seed |
+//! | `any_snake` | a snake of any physics in time steps |
+//! | `frame` | gains, planes and shape, common to all but `springs` |
+//! | `draw`, `pair` | random parameters; pairs of values |
+//! | `hysteresis` | what a physics has to do |
+//! | `springs` | the snake of [`crate::snake`] |
+//! | `prandtl_ishlinskii` | generalised, asymmetric Prandtl-Ishlinskii |
+//! | `preisach` | a plane of relays with a density |
+
+mod any_snake;
+mod draw;
+mod frame;
+mod hysteresis;
+mod pair;
+mod physics;
+mod prandtl_ishlinskii;
+mod preisach;
+mod springs;
+#[cfg(test)]
+mod tests;
+
+pub use any_snake::AnySnake;
+pub use physics::{DrawnSnake, ParseDrawnSnakeError, Physics};
