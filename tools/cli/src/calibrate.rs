@@ -6,6 +6,7 @@ mod fit;
 mod fit_report;
 mod merge;
 mod progress_bar;
+mod zoo;
 
 use i2ris_terminal::Failure;
 
@@ -24,6 +25,8 @@ pub enum Command {
     Fit(fit::Arguments),
     /// Put angles that were measured in pictures in the place of those of a recording
     Merge(merge::Arguments),
+    /// Judge the fit on emulated snakes of many physics, in simulated time
+    Zoo(zoo::Arguments),
 }
 
 impl Command {
@@ -40,5 +43,6 @@ pub fn run(command: Command) -> Result<(), Failure> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
+        Command::Zoo(arguments) => zoo::run(&arguments),
     }
 }

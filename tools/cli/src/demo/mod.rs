@@ -20,7 +20,7 @@ mod steps;
 mod summary;
 mod through_images;
 mod tracking;
-mod unseen_motion;
+pub(crate) mod unseen_motion;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

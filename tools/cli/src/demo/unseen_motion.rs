@@ -30,6 +30,8 @@ pub enum Motion {
     Square,
     /// From point to point, with a rest at each
     Points,
+    /// At four poses to and fro in one direction, by less and less
+    MinorLoops,
 }
 
 impl fmt::Display for Motion {
@@ -39,13 +41,23 @@ impl fmt::Display for Motion {
             Self::Circle => "circle",
             Self::Square => "square",
             Self::Points => "points",
+            Self::MinorLoops => "minor-loops",
         })
     }
 }
 
 impl Motion {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Teleoperation,
+        Self::MinorLoops,
+        Self::Circle,
+        Self::Square,
+        Self::Points,
+    ];
+
     /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and
-    /// `seed` are those of teleoperation; the points have a seed too.
+    /// `seed` are those of teleoperation; the points and the minor loops have a seed too.
     pub fn path(self, duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         match self {
             Self::Teleoperation => teleoperation(duration_s, seed),
@@ -63,6 +75,7 @@ impl Motion {
                 let mut random = Pcg64::seed_from_u64(seed);
                 visit((0..12).map(|_| [0, 1].map(|_| random.random_range(-22.0..22.0))))
             }
+            Self::MinorLoops => visit(minor_loops(seed).into_iter()),
         }
     }
 }
@@ -80,6 +93,20 @@ fn circle() -> Vec<[f64; 2]> {
         ]
     };
     samples(34.0).map(at).collect()
+}
+
+/// Turning points around four poses, nested in each other.
+fn minor_loops(seed: u64) -> Vec<[f64; 2]> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut turns = Vec::new();
+    for _ in 0..4 {
+        let middle = [0, 1].map(|_| random.random_range(-14.0..14.0));
+        let (sin, cos) = random.random_range(0.0..TAU).sin_cos();
+        for size in [7.0, -5.0, 4.0, -3.0, 2.0, -1.5, 1.0, -0.6, 0.0] {
+            turns.push([middle[0] + size * cos, middle[1] + size * sin]);
+        }
+    }
+    turns
 }
 
 /// Straight lines between points, with a rest of half a second at each.
@@ -217,12 +244,7 @@ mod tests {
 
     #[test]
     fn every_motion_starts_straight_and_keeps_its_limits_of_range_and_speed() {
-        for motion in [
-            Motion::Teleoperation,
-            Motion::Circle,
-            Motion::Square,
-            Motion::Points,
-        ] {
+        for motion in Motion::ALL {
             let path = motion.path(30.0, 5);
             let far = path.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
             assert!(

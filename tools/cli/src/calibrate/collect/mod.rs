@@ -13,9 +13,9 @@
 
 mod frame_queue;
 mod latency;
-mod paced_motion;
+pub(super) mod paced_motion;
 mod printed_report;
-mod protocol;
+pub(super) mod protocol;
 mod recorder;
 mod recording_flag;
 mod reversals;

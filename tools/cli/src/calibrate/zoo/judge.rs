@@ -1,0 +1,208 @@
+//! One snake, from the recording to the errors.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use i2ris::config::Config;
+use i2ris::model::Model;
+use i2ris_calibration::fit::{Choice, Family, FitOptions, FitOutcome, fit};
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_emulator::zoo::DrawnSnake;
+use i2ris_terminal::Failure;
+use serde::Serialize;
+
+use super::Arguments;
+use super::controller::Controller;
+use super::recording::{RecordingPlan, condition};
+use super::robot::SimulatedRobot;
+use super::tracking::{ExactPilot, Tracking, follow};
+use crate::demo::unseen_motion::Motion;
+
+/// The configuration that goes with the emulator.
+const CONFIG: &str = include_str!("../../../../../config/emulator.toml");
+
+/// Offset of the seeds of motions: no calibration has the same seed.
+const MOTION_SEEDS: u64 = 1000;
+
+/// How a model follows a motion on a snake.
+#[derive(Debug, Clone, Serialize)]
+pub struct Judgement {
+    pub physics: String,
+    pub seed: u64,
+    /// As asked for: `best` or the name of a family.
+    pub family: String,
+    /// The family of the model, or why there is none.
+    pub model: String,
+    /// Seconds of the fit. `best` fits all families.
+    pub fit_s: f64,
+    pub motion: String,
+    /// Absent: there is no model, or the robot could not follow.
+    pub tracking: Option<Tracking>,
+    pub linear: Option<Tracking>,
+    pub exact: Tracking,
+}
+
+/// Everything that is the same for all snakes.
+pub struct Judge {
+    config: Config,
+    plan: RecordingPlan,
+    families: Vec<Choice>,
+    each: bool,
+    motions: Vec<(Motion, Vec<[f64; 2]>)>,
+    folder: PathBuf,
+}
+
+/// A model to be judged.
+struct Candidate {
+    family: String,
+    model: Result<Arc<Model>, String>,
+    fit_s: f64,
+    name: String,
+}
+
+impl Judge {
+    pub fn new(arguments: &Arguments, folder: PathBuf) -> Result<Self, Failure> {
+        let seed = arguments.first_seed;
+        let path = |motion: &Motion| {
+            let path = motion.path(arguments.motion_s, MOTION_SEEDS + seed);
+            (*motion, path)
+        };
+        Ok(Self {
+            config: Config::parse(CONFIG, "config/emulator.toml".as_ref())?,
+            plan: RecordingPlan {
+                protocol: arguments.protocol,
+                duration_s: arguments.duration_s,
+                noise_deg: arguments.camera_noise_deg,
+                latency_ms: arguments.camera_latency_ms,
+                seed,
+            },
+            families: arguments.families.clone(),
+            each: arguments.each,
+            motions: arguments.motions.iter().map(path).collect(),
+            folder,
+        })
+    }
+
+    /// Records, fits and follows. The error says why there is nothing to judge.
+    pub fn judge(&self, snake: DrawnSnake) -> Result<Vec<Judgement>, String> {
+        let plan = RecordingPlan {
+            seed: self.plan.seed + snake.seed,
+            ..self.plan
+        };
+        let name = format!("{}-{}.csv", snake.physics, snake.seed);
+        let file = self.folder.join(name);
+        plan.record(&mut SimulatedRobot::new(snake.build()), &file)
+            .map_err(|error| format!("cannot record: {error}"))?;
+        let (recording, _) = Recording::read(&file, &ColumnMap::default())
+            .map_err(|error| format!("cannot read the recording: {error}"))?;
+        let candidates = self.candidates(&recording)?;
+        let exact = self.exact(snake)?;
+        let follow = |candidate: &Candidate| self.follow(snake, candidate);
+        let linear = candidates.first().map(follow);
+        let linear = linear.and_then(|(_, tracked)| tracked);
+        let mut judgements = Vec::new();
+        for candidate in &candidates {
+            let (model, tracked) = match &linear {
+                Some(tracked) if candidate.family == "linear" => {
+                    (candidate.name.clone(), Some(tracked.clone()))
+                }
+                _ => follow(candidate),
+            };
+            for (number, (motion, _)) in self.motions.iter().enumerate() {
+                judgements.push(Judgement {
+                    physics: snake.physics.to_string(),
+                    seed: snake.seed,
+                    family: candidate.family.clone(),
+                    model: model.clone(),
+                    fit_s: candidate.fit_s,
+                    motion: motion.to_string(),
+                    tracking: tracked.as_ref().map(|tracked| tracked[number]),
+                    linear: linear.as_ref().map(|linear| linear[number]),
+                    exact: exact[number],
+                });
+            }
+        }
+        Ok(judgements)
+    }
+
+    /// The first is `linear`.
+    fn candidates(&self, recording: &Recording) -> Result<Vec<Candidate>, String> {
+        let attempt = |choice: Choice| {
+            let options = FitOptions {
+                robot_id: self.config.robot_id.clone(),
+                choice,
+                ..FitOptions::default()
+            };
+            let begun = Instant::now();
+            let outcome = fit(recording, &options, &Silent).map_err(|error| error.to_string());
+            (outcome, begun.elapsed().as_secs_f64())
+        };
+        let (linear, seconds) = attempt(Choice::One(Family::Linear));
+        let linear = linear.map_err(|error| format!("cannot fit: {error}"))?;
+        let mut found = vec![Candidate::new("linear", Ok(&linear), seconds)];
+        for choice in self.families.iter().copied() {
+            if choice == Choice::One(Family::Linear) {
+                continue;
+            }
+            let (outcome, seconds) = attempt(choice);
+            let name = choice.to_string();
+            found.push(Candidate::new(&name, outcome.as_ref(), seconds));
+            if let (Choice::Best, true, Ok(outcome)) = (choice, self.each, &outcome) {
+                found.extend(Candidate::each(outcome));
+            }
+        }
+        Ok(found)
+    }
+
+    fn exact(&self, snake: DrawnSnake) -> Result<Vec<Tracking>, String> {
+        let mut robot = SimulatedRobot::new(snake.build());
+        let mut pilot = ExactPilot::new(&self.config, &robot);
+        condition(&mut robot);
+        follow(&mut pilot, &mut robot, &self.motions)
+    }
+
+    /// The model, or why it does not follow.
+    fn follow(&self, snake: DrawnSnake, candidate: &Candidate) -> (String, Option<Vec<Tracking>>) {
+        let tracked = candidate.model.clone().and_then(|model| {
+            let mut robot = SimulatedRobot::new(snake.build());
+            let mut controller = Controller::start(&self.config, &model, &mut robot)?;
+            follow(&mut controller, &mut robot, &self.motions)
+        });
+        match tracked {
+            Ok(tracked) => (candidate.name.clone(), Some(tracked)),
+            Err(reason) => (reason, None),
+        }
+    }
+}
+
+impl Candidate {
+    fn new(family: &str, outcome: Result<&FitOutcome, &String>, fit_s: f64) -> Self {
+        Self {
+            family: family.to_owned(),
+            model: outcome
+                .map(|outcome| Arc::clone(&outcome.model))
+                .map_err(Clone::clone),
+            fit_s,
+            name: outcome.map_or_else(|_| "none".to_owned(), |found| found.family.to_string()),
+        }
+    }
+
+    /// All families of one fit but `linear`.
+    fn each(outcome: &FitOutcome) -> Vec<Self> {
+        let families = outcome.families.iter();
+        families
+            .filter(|found| found.family != Family::Linear)
+            .map(|found| Self {
+                family: found.family.to_string(),
+                model: match &found.result {
+                    Ok(model) => Ok(Arc::clone(model)),
+                    Err(error) => Err(error.to_string()),
+                },
+                fit_s: found.seconds,
+                name: found.family.to_string(),
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,64 @@
+//! A robot in simulated time: motors of the emulated drives with a snake behind them.
+
+use i2ris::units::MotorVec;
+use i2ris_emulator::drive::{Limits, Motor, MotorConfig};
+use i2ris_emulator::zoo::AnySnake;
+
+/// Length of a tick, s.
+pub const TICK_S: f64 = 1e-3;
+
+/// Steps of the motors in a tick: the emulator's own step is half a millisecond.
+const STEPS: usize = 2;
+
+/// The drives as the emulator's configuration has them: 300 mA, 3000 rpm of a motor with 1024
+/// counts a turn.
+const LIMITS: Limits = Limits {
+    current_ma: 300.0,
+    speed: 51_200.0,
+};
+
+/// Two motors and a snake.
+#[derive(Debug, Clone)]
+pub struct SimulatedRobot {
+    config: MotorConfig,
+    motors: [Motor; 2],
+    snake: AnySnake,
+}
+
+impl SimulatedRobot {
+    /// At rest at 0.
+    pub fn new(snake: AnySnake) -> Self {
+        Self {
+            config: MotorConfig::default(),
+            motors: [Motor::default(); 2],
+            snake,
+        }
+    }
+
+    /// One tick with these set-points.
+    pub fn tick(&mut self, setpoints: MotorVec) {
+        let step_s = TICK_S / STEPS as f64;
+        for _ in 0..STEPS {
+            for (motor, setpoint) in self.motors.iter_mut().zip(setpoints) {
+                motor.follow(&self.config, setpoint, LIMITS, step_s);
+            }
+            self.snake
+                .step(step_s, self.motors.map(|motor| motor.position));
+        }
+    }
+
+    /// Encoder counts.
+    pub fn encoders(&self) -> MotorVec {
+        self.motors.map(|motor| motor.position.round())
+    }
+
+    /// True pitch and yaw, deg.
+    pub fn angles_deg(&self) -> [f64; 2] {
+        self.snake.angles_deg()
+    }
+
+    /// The snake as it is now.
+    pub fn snake(&self) -> &AnySnake {
+        &self.snake
+    }
+}
