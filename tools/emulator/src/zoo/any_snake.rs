@@ -1,12 +1,17 @@
 //! A snake of any physics in time steps.
 
+use super::bouc_wen::BoucWen;
+use super::dahl::Dahl;
 use super::draw::Draw;
 use super::frame::Frame;
+use super::gear::Gears;
 use super::hysteresis::Hysteresis;
+use super::lugre::LuGre;
 use super::pair::{Pair, between, subtract};
 use super::physics::Physics;
 use super::prandtl_ishlinskii::PrandtlIshlinskii;
 use super::preisach::Preisach;
+use super::wire::Wires;
 use crate::snake::Snake;
 
 /// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
@@ -37,6 +42,11 @@ struct ZooSnake {
 enum Mechanism {
     PrandtlIshlinskii(PrandtlIshlinskii),
     Preisach(Preisach),
+    BoucWen(BoucWen),
+    Dahl(Dahl),
+    LuGre(LuGre),
+    Wires(Wires),
+    Gears(Gears),
 }
 
 impl Mechanism {
@@ -44,6 +54,11 @@ impl Mechanism {
         match self {
             Self::PrandtlIshlinskii(plays) => plays,
             Self::Preisach(relays) => relays,
+            Self::BoucWen(equation) => equation,
+            Self::Dahl(friction) => friction,
+            Self::LuGre(friction) => friction,
+            Self::Wires(wires) => wires,
+            Self::Gears(gears) => gears,
         }
     }
 
@@ -51,6 +66,11 @@ impl Mechanism {
         match self {
             Self::PrandtlIshlinskii(plays) => plays,
             Self::Preisach(relays) => relays,
+            Self::BoucWen(equation) => equation,
+            Self::Dahl(friction) => friction,
+            Self::LuGre(friction) => friction,
+            Self::Wires(wires) => wires,
+            Self::Gears(gears) => gears,
         }
     }
 }
@@ -71,6 +91,11 @@ impl AnySnake {
                 Mechanism::PrandtlIshlinskii(PrandtlIshlinskii::draw(draw, gain))
             }
             Physics::Preisach => Mechanism::Preisach(Preisach::draw(draw, gain)),
+            Physics::BoucWen => Mechanism::BoucWen(BoucWen::draw(draw, gain)),
+            Physics::Dahl => Mechanism::Dahl(Dahl::draw(draw, gain)),
+            Physics::LuGre => Mechanism::LuGre(LuGre::draw(draw, gain)),
+            Physics::Wire => Mechanism::Wires(Wires::draw(draw, gain)),
+            Physics::Gear => Mechanism::Gears(Gears::draw(draw, gain)),
         };
         Self(Kind::Drawn(ZooSnake {
             frame,

@@ -22,11 +22,20 @@
 //! | `springs` | the snake of [`crate::snake`] |
 //! | `prandtl_ishlinskii` | generalised, asymmetric Prandtl-Ishlinskii |
 //! | `preisach` | a plane of relays with a density |
+//! | `bouc_wen` | Bouc-Wen in two axes |
+//! | `dahl` | Dahl's friction behind an elastic wire |
+//! | `lugre` | LuGre friction behind an elastic wire: depends on speed |
+//! | `wire` | a wire in pieces with capstan friction |
+//! | `gear` | a gear with lost motion and compliance |
 
 mod any_snake;
+mod bouc_wen;
+mod dahl;
 mod draw;
 mod frame;
+mod gear;
 mod hysteresis;
+mod lugre;
 mod pair;
 mod physics;
 mod prandtl_ishlinskii;
@@ -34,6 +43,7 @@ mod preisach;
 mod springs;
 #[cfg(test)]
 mod tests;
+mod wire;
 
 pub use any_snake::AnySnake;
 pub use physics::{DrawnSnake, ParseDrawnSnakeError, Physics};

@@ -33,6 +33,17 @@ pub enum Physics {
     PrandtlIshlinskii,
     /// Relays with a density.
     Preisach,
+    /// A differential equation of the lost travel, in two axes.
+    BoucWen,
+    /// Friction that grows with the way since a reversal.
+    Dahl,
+    /// Bristles with the Stribeck effect: depends on speed.
+    #[strum(serialize = "lugre")]
+    LuGre,
+    /// A wire in pieces with capstan friction.
+    Wire,
+    /// A gear with lost motion and compliance.
+    Gear,
 }
 
 impl Physics {
@@ -45,7 +56,7 @@ impl Physics {
     /// Whether the angles depend on the way of the motors alone, at whatever speed.
     #[must_use]
     pub fn is_rate_independent(self) -> bool {
-        !matches!(self, Self::Springs)
+        !matches!(self, Self::Springs | Self::LuGre)
     }
 
     /// What it is, in a few words.
@@ -55,6 +66,11 @@ impl Physics {
             Self::Springs => "gear, loose wires, friction by bristles, segments",
             Self::PrandtlIshlinskii => "plays with different rising and falling branches",
             Self::Preisach => "relays with a density",
+            Self::BoucWen => "a differential equation of the lost travel",
+            Self::Dahl => "friction that grows with the way since a reversal",
+            Self::LuGre => "bristles with the Stribeck effect; depends on speed",
+            Self::Wire => "a wire in pieces with capstan friction",
+            Self::Gear => "a gear with lost motion and compliance",
         }
     }
 }

@@ -1,0 +1,118 @@
+//! A gear with lost motion and compliance in front of a snake with dry friction.
+//!
+//! Sources: M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash - a survey",
+//! Automatica 38, 2002 (an elastic shaft behind a dead zone); teeth that stiffen with load, as in
+//! the models of strain wave gears since T. D. Tuttle, W. P. Seering, "A nonlinear model of a
+//! harmonic drive gear transmission", IEEE Transactions on Robotics and Automation 12(3), 1996.
+//!
+//! The gap is crossed only where the load changes its flank: where the spring of the snake cannot
+//! overcome the friction. So the loop is widest around the straight pose.
+
+use super::draw::Draw;
+use super::hysteresis::Hysteresis;
+use super::pair::Pair;
+
+/// Bend at which the growth of the friction is counted, degrees.
+const FULL_BEND_DEG: f64 = 40.0;
+
+/// A flank: the force at a deflection `e` is `stiffness e + hardening e^2`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Flank {
+    stiffness: f64,
+    hardening: f64,
+}
+
+impl Flank {
+    /// Deflection at which flank and snake together take a way of `beyond` the gap.
+    fn deflection(&self, beyond: f64) -> f64 {
+        let linear = self.stiffness + 1.0;
+        // The root of the quadratic in the form that has no cancellation.
+        2.0 * beyond / (linear + (linear * linear + 4.0 * self.hardening * beyond).sqrt())
+    }
+}
+
+/// The gear of one motor and what it drives; the stiffness of the snake is 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Gear {
+    /// Half of the gap, degrees.
+    half_gap: f64,
+    /// For rising and for falling load.
+    flanks: [Flank; 2],
+    friction: f64,
+    /// Growth of the friction at full bend of this motor and of the other.
+    growth: Pair,
+    /// Bend per travel of one flank.
+    gain: f64,
+    /// Degrees, before the gain.
+    at: f64,
+}
+
+impl Gear {
+    fn draw(draw: &mut Draw, half_lost: f64) -> Self {
+        let stiffness = draw.uniform(3.0, 7.0);
+        let flanks = [0, 1].map(|_| Flank {
+            stiffness: stiffness * draw.uniform(0.85, 1.15),
+            hardening: draw.uniform(0.0, 0.25),
+        });
+        Self {
+            half_gap: half_lost * draw.uniform(0.25, 0.5),
+            flanks,
+            friction: half_lost * draw.uniform(0.5, 0.7) * stiffness,
+            growth: [draw.uniform(0.0, 0.5), draw.uniform(0.0, 0.3)],
+            gain: stiffness / (stiffness + 1.0),
+            at: 0.0,
+        }
+    }
+
+    /// Where the snake is when the gear leaves a force of `friction` for it.
+    fn balance(&self, travel: f64, friction: f64) -> f64 {
+        let way = travel + friction;
+        if way.abs() <= self.half_gap {
+            return -friction;
+        }
+        let flank = self.flanks[usize::from(way < 0.0)];
+        let deflection = flank.deflection(way.abs() - self.half_gap);
+        travel - (self.half_gap + deflection).copysign(way)
+    }
+
+    fn advance(&mut self, travel: f64, other: f64) {
+        let [own_growth, other_growth] = self.growth;
+        let load = own_growth * self.at.abs() + other_growth * other.abs();
+        let friction = self.friction * (1.0 + load / FULL_BEND_DEG);
+        let pushed = self.balance(travel, friction);
+        let pulled = self.balance(travel, -friction);
+        self.at = self.at.max(pushed).min(pulled);
+    }
+
+    fn bend(&self) -> f64 {
+        self.at / self.gain
+    }
+}
+
+/// Both motors.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Gears([Gear; 2]);
+
+impl Gears {
+    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
+        let gaps = draw.half_gaps_deg(deg_per_count);
+        Self(gaps.map(|half_lost| Gear::draw(draw, half_lost)))
+    }
+}
+
+impl Hysteresis for Gears {
+    fn largest_step_deg(&self) -> f64 {
+        0.05
+    }
+
+    fn advance(&mut self, _dt_s: f64, travel: Pair) {
+        let before = self.0.map(|gear| gear.at);
+        for motor in 0..2 {
+            self.0[motor].advance(travel[motor], before[1 - motor]);
+        }
+    }
+
+    fn bend(&self) -> Pair {
+        self.0.each_ref().map(Gear::bend)
+    }
+}
