@@ -11,8 +11,10 @@ use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use i2ris_emulator::camera::CameraConfig;
 use i2ris_emulator::drive::Family;
-use i2ris_emulator::snake::SnakeConfig;
-use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, Snapshot};
+use i2ris_emulator::zoo::Physics;
+use i2ris_emulator::{
+    DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, SnakeSource, Snapshot,
+};
 
 use i2ris_terminal::Failure;
 
@@ -26,13 +28,20 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris emulate --snake config/snakes/steel.toml --log setpoints.csv
+  i2ris emulate --snake bouc-wen:7
   i2ris emulate --family epos2
 
 Then, in another terminal: i2ris-control --config config/emulator.toml")]
 pub struct Arguments {
-    /// Parameters of the snake
-    #[arg(long, value_name = "FILE", default_value = "config/snakes/steel.toml")]
-    snake: PathBuf,
+    /// The snake: steel, brass or multi; the name of a physics and a seed for its parameters, such
+    /// as preisach:3; or a file of parameters
+    #[arg(
+        long,
+        value_name = "NAME[:SEED]|FILE",
+        default_value = "steel",
+        long_help = snake_help()
+    )]
+    snake: String,
     /// Folder in which the ports appear as axis0 and axis1
     #[arg(
         long,
@@ -95,6 +104,19 @@ enum FramingName {
     V1,
 }
 
+/// The names of the snakes.
+pub fn snake_help() -> String {
+    let mut text = String::from(
+        "The snake: steel, brass or multi; NAME:SEED with the name of a physics and a seed for \
+         its parameters (seed 1 where there is none); or a file of parameters (a path, or a name \
+         that ends in .toml). Physics:",
+    );
+    for physics in Physics::ALL {
+        let _ = write!(text, "\n- {physics}: {}", physics.summary());
+    }
+    text
+}
+
 /// What a request to a node behind another takes over CAN, there and back, microseconds.
 const GATEWAY_US: u64 = 600;
 
@@ -103,7 +125,7 @@ impl Arguments {
         if (self.family, self.framing) == (FamilyName::Epos4, FramingName::V1) {
             return Err("--framing v1 is spoken by --family epos2 only".into());
         }
-        let mut config = EmulatorConfig::new(SnakeConfig::load(&self.snake)?, &self.ports);
+        let mut config = EmulatorConfig::new(SnakeSource::load(&self.snake)?, &self.ports);
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
@@ -137,7 +159,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))?;
 
     let serial_numbers = [0, 1].map(|axis: usize| config.drives[axis].serial_number);
-    let name = config.snake.name.clone();
+    let name = config.snake.name();
     let mut emulator = Emulator::start(config)?;
     if !arguments.no_camera {
         emulator.publish_camera(&domain)?;

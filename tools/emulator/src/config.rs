@@ -6,7 +6,7 @@ use crate::camera::CameraConfig;
 use crate::drive::DriveConfig;
 use crate::port::LineConfig;
 use crate::scenario::Scenario;
-use crate::snake::SnakeConfig;
+use crate::snake_source::SnakeSource;
 
 /// Default folder of the ports.
 pub const DEFAULT_FOLDER: &str = "/tmp/i2ris-emulator";
@@ -15,7 +15,7 @@ pub const DEFAULT_FOLDER: &str = "/tmp/i2ris-emulator";
 #[derive(Debug, Clone, PartialEq)]
 pub struct EmulatorConfig {
     /// The snake.
-    pub snake: SnakeConfig,
+    pub snake: SnakeSource,
     /// Folder for the links to the ports, `axis0` and `axis1`.
     pub folder: PathBuf,
     /// Determines everything random.
@@ -38,11 +38,11 @@ pub struct EmulatorConfig {
 impl EmulatorConfig {
     /// Two default drives and this snake. Their serial numbers are 62000001 and 62000002.
     #[must_use]
-    pub fn new(snake: SnakeConfig, folder: &Path) -> Self {
+    pub fn new(snake: impl Into<SnakeSource>, folder: &Path) -> Self {
         let mut drives = [DriveConfig::default(), DriveConfig::default()];
         drives[1].serial_number += 1;
         Self {
-            snake,
+            snake: snake.into(),
             folder: folder.to_owned(),
             seed: 1,
             line: LineConfig::default(),

@@ -24,7 +24,6 @@ use crate::port::{FolderError, Port, PortFolder};
 use crate::scenario::Scenario;
 use crate::scenario_player;
 use crate::shared::Shared;
-use crate::snake::Snake;
 
 /// How often the plant advances when no request advances it.
 const PLANT_PERIOD: Nanos = Nanos::from_millis(2);
@@ -95,7 +94,7 @@ impl Emulator {
             .drives
             .each_ref()
             .map(|config| Drive::new(config, 0.0));
-        let snake = Snake::new(&config.snake, config.seed);
+        let snake = config.snake.build(config.seed);
         let gateway = config.gateway_us.map(Nanos::from_micros);
         let plant = Plant::new(drives, snake, gateway, Arc::clone(&log), clock::now());
         let shared = Arc::new(Shared::new(plant, log, gateway.is_some()));

@@ -16,6 +16,7 @@
 //! | [`zoo`] | snakes of other physics, drawn by a seed; pure |
 //! | [`frame`] | V2 frames of the serial line; pure |
 //! | [`drive`] | an EPOS4 or EPOS2: objects, states, modes, motor; pure |
+//! | `snake_source` | snakes by name, by physics and seed, or from a file |
 //! | [`camera`] | measured angles of the snake; pure |
 //! | `wire`, `plant` | the wires; drives, wires and snake in time steps; pure |
 //! | [`injection`], [`scenario`] | fault injection, and files with injection times |
@@ -41,6 +42,7 @@ pub mod scenario;
 mod scenario_player;
 mod shared;
 pub mod snake;
+mod snake_source;
 mod wire;
 pub mod zoo;
 
@@ -49,3 +51,4 @@ pub use emulator::{AxisSnapshot, Emulator, EmulatorError, Snapshot};
 pub use injection::Injection;
 pub use port::{FolderError, Framing, LineConfig};
 pub use scenario::{Scenario, ScenarioError};
+pub use snake_source::{SnakeSource, SnakeSourceError};

@@ -8,8 +8,8 @@ use crate::drive::event::EventKind;
 use crate::drive::{Drive, Reply};
 use crate::frame::Incoming;
 use crate::log::{Event, Log};
-use crate::snake::Snake;
 use crate::wire::Wire;
+use crate::zoo::AnySnake;
 
 /// Time step of the plant: a tenth of the time constant of a position loop.
 const STEP: Nanos = Nanos::from_micros(500);
@@ -21,7 +21,7 @@ const MAX_CATCH_UP: Nanos = Nanos::from_millis(2000);
 #[derive(Debug)]
 pub(crate) struct Plant {
     pub(crate) drives: [Drive; 2],
-    pub(crate) snake: Snake,
+    pub(crate) snake: AnySnake,
     /// The wires between motors and snake.
     pub(crate) wires: [Wire; 2],
     /// The first drive forwards requests to the second over CAN, with this round-trip time.
@@ -34,7 +34,7 @@ impl Plant {
     /// Starts at `now` with a straight snake and the motors at the positions of the drives.
     pub(crate) fn new(
         drives: [Drive; 2],
-        snake: Snake,
+        snake: AnySnake,
         gateway: Option<Nanos>,
         log: Arc<Log>,
         now: Nanos,
@@ -120,12 +120,13 @@ mod tests {
     use super::*;
     use crate::drive::DriveConfig;
     use crate::frame::Request;
+    use crate::snake::Snake;
     use crate::snake::tests::config;
 
     fn plant(log: &Arc<Log>) -> Plant {
         let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0));
         let snake = Snake::new(&config("steel"), 1);
-        Plant::new(drives, snake, None, Arc::clone(log), Nanos::ZERO)
+        Plant::new(drives, snake.into(), None, Arc::clone(log), Nanos::ZERO)
     }
 
     fn write(plant: &mut Plant, now: Nanos, index: u16, value: u8) {

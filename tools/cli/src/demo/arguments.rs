@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::setup::Snake;
 use super::unseen_motion::Motion;
+use crate::emulate::snake_help;
 
 /// Arguments of `i2ris demo`.
 #[derive(Debug, clap::Args)]
@@ -11,11 +11,19 @@ use super::unseen_motion::Motion;
   i2ris demo
   i2ris demo --through-images --calibration-s 300 --motion-s 60 --seed 7
   i2ris demo --snake brass --calibration-s 300 --motions teleoperation,circle,square,points \
-  --motion-s 60")]
+  --motion-s 60
+  i2ris demo --snake preisach:3 --calibration-s 300 --families best")]
 pub struct Arguments {
-    /// The snake behind the drives
-    #[arg(long, value_enum, default_value_t = Snake::Steel)]
-    pub snake: Snake,
+    /// The snake behind the drives, as for `i2ris emulate`: steel (mild), brass (a wide, asymmetric
+    /// gap, and slack around the straight pose), multi (several slopes on one stroke), NAME:SEED
+    /// of a physics, or a file
+    #[arg(
+        long,
+        value_name = "NAME[:SEED]|FILE",
+        default_value = "steel",
+        long_help = snake_help()
+    )]
+    pub snake: String,
     /// How long to calibrate
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     pub calibration_s: f64,

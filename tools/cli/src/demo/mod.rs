@@ -25,6 +25,7 @@ pub(crate) mod unseen_motion;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use i2ris_emulator::SnakeSource;
 use i2ris_terminal::{Failure, programs};
 
 pub use arguments::Arguments;
@@ -34,11 +35,17 @@ use steps::{calibrate, fit_to, follow};
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    SnakeSource::load(&arguments.snake)?;
     catch_interrupts()?;
     let this_program = std::env::current_exe()?;
     let controller_program = controller_program(&this_program, arguments.through_images.is_some())?;
     let folder = demo_folder(&this_program)?;
-    let demo = DemoSetup::new(folder, arguments.snake, this_program, controller_program)?;
+    let demo = DemoSetup::new(
+        folder,
+        arguments.snake.clone(),
+        this_program,
+        controller_program,
+    )?;
     let outcome = match &arguments.through_images {
         None => show(&demo, &arguments),
         Some(size) => through_images::show(&demo, &arguments, size),

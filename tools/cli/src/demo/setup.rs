@@ -26,32 +26,13 @@ const REPLY_TIMEOUT_MS: u64 = 500;
 /// Time limit of a conditioning cycle.
 const CONDITIONING_TIMEOUT: Nanos = Nanos::from_millis(120_000);
 
-/// An emulated snake.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Snake {
-    /// Mild
-    Steel,
-    /// A wide, asymmetric gap, and slack around the straight pose
-    Brass,
-    /// Several slopes on one stroke
-    Multi,
-}
-
-impl Snake {
-    fn config(self) -> &'static str {
-        match self {
-            Self::Steel => include_str!("../../../../config/snakes/steel.toml"),
-            Self::Brass => include_str!("../../../../config/snakes/brass.toml"),
-            Self::Multi => include_str!("../../../../config/snakes/multi.toml"),
-        }
-    }
-}
-
 /// Folder, domain and programs of one demo.
 pub struct DemoSetup {
     folder: PathBuf,
     domain: String,
     config: Config,
+    /// As `i2ris emulate` takes it.
+    snake: String,
     this_program: PathBuf,
     controller_program: PathBuf,
 }
@@ -60,13 +41,12 @@ impl DemoSetup {
     /// Prepares an empty folder with the configuration of the emulated snake.
     pub fn new(
         folder: PathBuf,
-        snake: Snake,
+        snake: String,
         this_program: PathBuf,
         controller_program: PathBuf,
     ) -> Result<Self, Failure> {
         fs::create_dir_all(&folder)
             .map_err(|error| format!("cannot create {}: {error}", folder.display()))?;
-        fs::write(folder.join("snake.toml"), snake.config())?;
         let domain = format!("demo-{}", std::process::id());
         let mut config = Config::parse(CONTROLLER_CONFIG, Path::new("config/emulator.toml"))?;
         config.ipc.domain.clone_from(&domain);
@@ -80,6 +60,7 @@ impl DemoSetup {
             folder,
             domain,
             config,
+            snake,
             this_program,
             controller_program,
         })
@@ -154,12 +135,19 @@ impl DemoSetup {
 
     /// Starts the emulator, with more options if need be, and waits for its ports.
     pub fn start_emulator(&self, seed: u64, options: &[&str]) -> Result<Process, Failure> {
-        let snake = text(&self.path("snake.toml"))?;
         let ports = text(&self.folder)?;
         let seed = seed.to_string();
         let log = text(&self.path("setpoints.csv"))?;
         let arguments = [
-            "emulate", "--snake", &snake, "--ports", &ports, "--seed", &seed, "--log", &log,
+            "emulate",
+            "--snake",
+            &self.snake,
+            "--ports",
+            &ports,
+            "--seed",
+            &seed,
+            "--log",
+            &log,
         ];
         let mut emulator = self.tool_in_domain("emulator", &[&arguments[..], options].concat())?;
         let start = i2ris::clock::now();

@@ -120,6 +120,14 @@ fn bad_input_is_refused_with_a_reason() {
         ),
         (vec!["--snake", &bad], vec!["bad.toml", "drag"]),
         (
+            vec!["--snake", "adder:1"],
+            vec!["`adder:1` names no snake", "brass", "preisach:SEED"],
+        ),
+        (
+            vec!["--snake", "dahl:x"],
+            vec!["`x` is no seed", "a whole number"],
+        ),
+        (
             vec!["--snake", &steel, "--ports", &in_the_way],
             vec!["file", "--ports"],
         ),
@@ -254,4 +262,31 @@ fn the_doctor_names_a_port_that_is_not_there() {
         said.contains("FAIL") && said.contains("axis0") && said.contains("-> plug in the drive"),
         "{said}"
     );
+}
+
+#[test]
+fn snakes_by_name_are_there_in_every_folder() {
+    for name in ["brass", "springs:2", "lugre:3", "wire"] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = emulate(&["--no-camera", "--duration", "0.2", "--snake", name]);
+        command
+            .current_dir(folder.path())
+            .args(["--ports", "ports"]);
+        let output = command.output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout);
+        let shown = text.contains(&format!("ready: snake {name}"));
+        assert!(output.status.success() && shown, "{name}: {output:?}");
+    }
+}
+
+#[test]
+fn help_names_every_physics() {
+    let output = emulate(&["--help"]).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    for physics in i2ris_emulator::zoo::Physics::NAMES {
+        assert!(
+            text.contains(&format!("- {physics}: ")),
+            "{physics} in {text}"
+        );
+    }
 }
