@@ -10,6 +10,7 @@ use crate::model::families::direction::DirectionGmr;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
+use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskii;
 use crate::model::families::hysteresis::residual::{Residual, ResidualParameters};
 use crate::model::families::hysteresis::stop::Stops;
 use crate::model::families::kinematic::Kinematic;
@@ -141,7 +142,7 @@ impl Model {
     /// is true after the first position.
     #[must_use]
     pub fn knows(&self, memory: &Memory) -> bool {
-        memory.covered(&self.conditioning_range)
+        self.runtime.is_known(memory, &self.conditioning_range)
     }
 
     /// The conditioning range: the range that every motor must cover until earlier motion is
@@ -267,6 +268,18 @@ fn prepare_sized<const D: usize, const M: usize>(
             virtual_hull,
         } => Box::new(prepare_chain::<_, D, M>(
             Plays::prepare(plays)?,
+            mixture,
+            residual.as_ref(),
+            virtual_hull,
+            si,
+        )?),
+        FamilyParameters::GmrPrandtlIshlinskii {
+            operator,
+            mixture,
+            residual,
+            virtual_hull,
+        } => Box::new(prepare_chain::<_, D, M>(
+            PrandtlIshlinskii::prepare(operator)?,
             mixture,
             residual.as_ref(),
             virtual_hull,

@@ -9,6 +9,7 @@ mod inverse;
 mod kinematic;
 mod linear;
 mod plays;
+mod prandtl_ishlinskii;
 mod refusals;
 mod samples;
 mod stop;

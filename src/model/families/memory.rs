@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::families::direction::travel::Travels;
 use crate::model::families::hysteresis::play_state::PlayState;
+use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiState;
 use crate::model::families::hysteresis::stop::state::StopState;
 use crate::units::MotorVec;
 
@@ -57,6 +58,8 @@ pub(in crate::model) enum State {
     Travels(Travels),
     /// The state of play operators.
     Plays(PlayState),
+    /// The state of generalised play operators.
+    PrandtlIshlinskii(PrandtlIshlinskiiState),
     /// The state of stop operators.
     Stops(StopState),
 }

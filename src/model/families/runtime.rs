@@ -23,6 +23,11 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         MotorVec::default()
     }
 
+    /// See [`crate::model::Model::knows`]. `range` is the conditioning range, limited to the hull.
+    fn is_known(&self, memory: &Memory, range: &MotorVec) -> bool {
+        memory.covered(range)
+    }
+
     /// See [`crate::model::Model::correction`].
     fn correction(&self, _memory: &Memory) -> OutputVec {
         OutputVec::default()

@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::families::hysteresis::backlash_play::PlayParameters;
+use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::hysteresis::stop::StopParameters;
 use crate::model::families::kinematic::KinematicParameters;
@@ -85,6 +86,17 @@ pub enum FamilyParameters {
     GmrPlay {
         /// From counts to virtual counts.
         plays: PlayParameters,
+        /// Mixture over `[virtual counts; outputs]`.
+        mixture: MixtureParameters,
+        /// The remaining error; absent without a residual.
+        residual: Option<ResidualParameters>,
+        /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
+    },
+    /// Generalised play operators along directions of the motor plane, then the same.
+    GmrPrandtlIshlinskii {
+        /// From counts to virtual counts.
+        operator: PrandtlIshlinskiiParameters,
         /// Mixture over `[virtual counts; outputs]`.
         mixture: MixtureParameters,
         /// The remaining error; absent without a residual.

@@ -113,6 +113,13 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
         self.operator.wipe_counts()
     }
 
+    /// An operator that forgets only over more than the hull is taken as known when the hull has
+    /// been covered: calibration cannot cover more.
+    fn is_known(&self, memory: &Memory, range: &MotorVec) -> bool {
+        let limited = self.operator.wipe_counts() != *range;
+        memory.covered(range) && (limited || self.operator.has_forgotten(&self.state(memory)))
+    }
+
     fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
         array(
             &self

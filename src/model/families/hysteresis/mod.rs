@@ -13,6 +13,7 @@
 //! |---|---|
 //! | `chain` | the chain and its inverse |
 //! | [`backlash_play`] | play operators |
+//! | [`prandtl_ishlinskii`] | play operators along directions, with widths that grow |
 //! | [`read_out`] | the regression alone, for calibration |
 //! | [`stop`] | stop operators, in a balance of forces |
 //! | [`residual`] | the residual and its features |
@@ -20,6 +21,7 @@
 pub mod backlash_play;
 pub(in crate::model) mod chain;
 pub(in crate::model) mod play_state;
+pub mod prandtl_ishlinskii;
 pub mod read_out;
 pub mod residual;
 pub mod stop;
@@ -69,6 +71,12 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// The deflection of each part of the operator from its centre, scaled to about -1...1: the
     /// features of the residual.
     fn lags(&self, state: &Self::State) -> Lags;
+
+    /// Whether the state does not depend on motion before it began, given that every motor has
+    /// covered the conditioning range.
+    fn has_forgotten(&self, _state: &Self::State) -> bool {
+        true
+    }
 
     /// The conditioning range: the range that every motor must cover until earlier motion is
     /// forgotten, counts.

@@ -7,6 +7,7 @@
 //! | `operator_trace` | hysteresis operators along the path of a series |
 //! | `chain` | regression and residual behind a hysteresis operator |
 //! | `play` | play operators |
+//! | `prandtl_ishlinskii` | generalised play operators along directions |
 //! | `stop` | stop operators |
 
 pub mod chain;
@@ -14,4 +15,5 @@ pub mod direction;
 pub mod kinematic;
 pub mod operator_trace;
 pub mod play;
+pub mod prandtl_ishlinskii;
 pub mod stop;

@@ -2,6 +2,9 @@
 
 use i2ris::model::ModelError;
 use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
+use i2ris::model::hysteresis::prandtl_ishlinskii::{
+    PrandtlIshlinskii, PrandtlIshlinskiiParameters,
+};
 use i2ris::model::hysteresis::residual::{count, features};
 use i2ris::model::hysteresis::stop::{StopParameters, Stops};
 use i2ris::model::hysteresis::{Lags, Operator};
@@ -43,6 +46,22 @@ pub fn trace_plays(
     Ok(match series.motors() {
         1 => trace::<_, 1>(series, &Plays::prepare(plays)?, unknown),
         _ => trace::<_, 2>(series, &Plays::prepare(plays)?, unknown),
+    })
+}
+
+/// Runs generalised play operators along the path, without samples before the memory is known.
+///
+/// # Errors
+///
+/// When the operator is refused.
+pub fn trace_prandtl_ishlinskii(
+    series: &Series,
+    operator: &PrandtlIshlinskiiParameters,
+) -> Result<Vec<TracePoint>, ModelError> {
+    let unknown = UnknownMemory::LeaveOut;
+    Ok(match series.motors() {
+        1 => trace::<_, 1>(series, &PrandtlIshlinskii::prepare(operator)?, unknown),
+        _ => trace::<_, 2>(series, &PrandtlIshlinskii::prepare(operator)?, unknown),
     })
 }
 

@@ -16,6 +16,8 @@ pub enum Family {
     GmrDirection,
     /// Play operators, then Gaussian mixture regression and a residual.
     GmrPlay,
+    /// Generalised play operators along directions of the motor plane, then the same.
+    GmrPrandtlIshlinskii,
     /// Stop operators with friction that grows with the wire force, then the same.
     GmrStop,
 }
@@ -28,6 +30,7 @@ impl fmt::Display for Family {
             Self::Gmr => "gmr",
             Self::GmrDirection => "gmr-direction",
             Self::GmrPlay => "gmr-play",
+            Self::GmrPrandtlIshlinskii => "gmr-prandtl-ishlinskii",
             Self::GmrStop => "gmr-stop",
         })
     }
@@ -35,19 +38,20 @@ impl fmt::Display for Family {
 
 impl Family {
     /// All of them, the simplest first.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Linear,
         Self::Kinematic,
         Self::Gmr,
         Self::GmrDirection,
         Self::GmrPlay,
+        Self::GmrPrandtlIshlinskii,
         Self::GmrStop,
     ];
 
     /// Whether models of the family have memory.
     #[must_use]
     pub fn has_memory(self) -> bool {
-        matches!(self, Self::GmrDirection | Self::GmrPlay | Self::GmrStop)
+        !matches!(self, Self::Linear | Self::Kinematic | Self::Gmr)
     }
 }
 

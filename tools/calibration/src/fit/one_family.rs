@@ -18,6 +18,7 @@ use crate::families::direction::{DirectionOptions, fit_direction};
 use crate::families::kinematic::{KinematicOptions, fit_kinematic};
 use crate::families::operator_trace::trace_stops;
 use crate::families::play::play_fit::fit_play;
+use crate::families::prandtl_ishlinskii::operator_fit::fit_operator;
 use crate::families::stop::stop_fit::{StopOptions, fit_stop};
 use crate::progress::Progress;
 use crate::regression::component_choice::fewer;
@@ -73,6 +74,7 @@ impl FamilyFitter<'_> {
             Family::Gmr => self.gmr(),
             Family::GmrDirection => self.with_inverse(family, &|k| self.direction(k)),
             Family::GmrPlay => self.play(mechanism),
+            Family::GmrPrandtlIshlinskii => self.prandtl_ishlinskii(mechanism),
             Family::GmrStop => self.stop(mechanism),
         }
     }
@@ -136,6 +138,21 @@ impl FamilyFitter<'_> {
     fn play(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
         let family = Family::GmrPlay;
         let first = fit_play(&self.series, &self.chain(None), self.progress);
+        let first = first.map_err(|source| failed(family, source))?;
+        *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
+        self.with_inverse(family, &|components| {
+            let fit = match components {
+                None => first.clone(),
+                fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
+            };
+            let quality = (fit.chain.log_likelihood, fit.chain.bic);
+            Ok(self.mixture_model(fit.family(), fit.chain.mixture.weights.len(), quality))
+        })
+    }
+
+    fn prandtl_ishlinskii(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+        let family = Family::GmrPrandtlIshlinskii;
+        let first = fit_operator(&self.series, &self.chain(None), self.progress);
         let first = first.map_err(|source| failed(family, source))?;
         *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         self.with_inverse(family, &|components| {

@@ -95,4 +95,14 @@ impl Recording {
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
+
+    /// The first rows, with the path up to the last of them.
+    #[must_use]
+    pub fn first_rows(&self, count: usize) -> Self {
+        let mut part = self.clone();
+        part.rows.truncate(count);
+        let end = part.rows.last().map_or(0, |row| row.path_index + 1);
+        part.path.truncate(end);
+        part
+    }
 }

@@ -197,6 +197,7 @@ fn mixture(family: &FamilyParameters) -> Option<&MixtureParameters> {
         FamilyParameters::Gmr { mixture }
         | FamilyParameters::GmrDirection { mixture, .. }
         | FamilyParameters::GmrPlay { mixture, .. }
+        | FamilyParameters::GmrPrandtlIshlinskii { mixture, .. }
         | FamilyParameters::GmrStop { mixture, .. } => Some(mixture),
     }
 }
@@ -209,6 +210,7 @@ fn virtual_hull(family: &FamilyParameters) -> Option<&HullParameters> {
         | FamilyParameters::Gmr { .. }
         | FamilyParameters::GmrDirection { .. } => None,
         FamilyParameters::GmrPlay { virtual_hull, .. }
+        | FamilyParameters::GmrPrandtlIshlinskii { virtual_hull, .. }
         | FamilyParameters::GmrStop { virtual_hull, .. } => Some(virtual_hull),
     }
 }

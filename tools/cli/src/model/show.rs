@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, FitMetrics};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::model::hysteresis::stop::StopParameters;
 use serde_json::json;
@@ -171,6 +172,16 @@ fn family(model: &Model) {
             residual_line(residual.as_ref());
             play_table(plays, &gains);
         }
+        FamilyParameters::GmrPrandtlIshlinskii {
+            operator,
+            mixture,
+            residual,
+            ..
+        } => {
+            println!("mixture    K = {} on virtual counts", mixture.weights.len());
+            residual_line(residual.as_ref());
+            generalised_play_table(operator);
+        }
         FamilyParameters::GmrStop {
             stops,
             mixture,
@@ -220,6 +231,28 @@ fn play_table(plays: &PlayParameters, gains: &[f64]) {
     }
     for threshold in &plays.planar_thresholds_counts {
         println!("{:<8}{:>14.1}", "planar", 2.0 * threshold);
+    }
+}
+
+/// The half-width of a play is its threshold at the centre of the hull.
+fn generalised_play_table(operator: &PrandtlIshlinskiiParameters) {
+    println!(
+        "\n{:<22}{:>14}{:>20}{:>22}",
+        "plays along", "gap (counts)", "growth per count", "weight"
+    );
+    for play in operator
+        .plays
+        .iter()
+        .filter(|play| play.weight.iter().any(|w| *w != 0.0))
+    {
+        let [above, below] = play.growth;
+        println!(
+            "{:<22}{:>14.1}{:>20}{:>22}",
+            format!("{:.3?}", play.direction),
+            2.0 * play.threshold_counts,
+            format!("{above:.3}, {below:.3}"),
+            format!("{:.4?}", play.weight)
+        );
     }
 }
 

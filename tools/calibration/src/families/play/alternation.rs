@@ -3,7 +3,6 @@
 
 use nalgebra::DMatrix;
 
-use super::polynomial::Polynomial;
 use super::states::{PlayStates, motor_vectors};
 use super::threshold_search::{BLOCKS, ROWS};
 use super::weights::{Linearised, Weights, fit_weights};
@@ -13,6 +12,7 @@ use crate::em::restarts::fit_mixture;
 use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::regression::mixture::MixtureRegression;
+use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
 use crate::table::DataTable;
 

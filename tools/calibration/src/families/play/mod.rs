@@ -14,9 +14,7 @@
 //! | `thresholds` | thresholds, and the range of them that a path can show |
 //! | `threshold_search` | how many thresholds, and up to where |
 //! | `states` | the states of the plays at every sample |
-//! | `polynomial` | the polynomial |
 //! | `weights` | variable projection |
-//! | [`nnls`] | least squares with unknowns that must not be negative |
 //! | `alternation` | weights behind a mixture |
 //! | [`play_mechanism`] | properties of the mechanism that the plays show |
 //! | [`linear_baseline`] | plays with a linear read-out, to compare with |
@@ -24,10 +22,8 @@
 
 mod alternation;
 pub mod linear_baseline;
-pub mod nnls;
 pub mod play_fit;
 pub mod play_mechanism;
-mod polynomial;
 mod states;
 #[cfg(test)]
 mod tests;

@@ -8,9 +8,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::nnls::nnls;
-use super::polynomial::Polynomial;
 use super::states::PlayStates;
+use crate::regression::nnls::nnls;
+use crate::regression::polynomial::Polynomial;
 
 /// Steps of a fit.
 const STEPS: usize = 4;

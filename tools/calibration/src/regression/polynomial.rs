@@ -13,7 +13,7 @@ const ROWS_PER_MONOMIAL: usize = 15;
 const REGULARISATION: f64 = 1e-10;
 
 /// Monomials of the virtual counts, at every sample.
-pub(super) struct Polynomial {
+pub(crate) struct Polynomial {
     /// Powers of every variable.
     exponents: Vec<Vec<i32>>,
     /// Row: sample, column: monomial.

@@ -1,0 +1,319 @@
+//! Generalised play operators along directions in the plane of the motors: the generalised
+//! Prandtl-Ishlinskii model of hysteresis.
+//!
+//! The input of a play is `u = d' (q - centre)`. Its half-width is `r(u) = threshold + a max(u, 0) +
+//! b max(-u, 0)`: friction grows with the force in the wires. Its output stays constant until the
+//! input pushes it, `z <- max(u - r(u), min(u + r(u), z))`. The virtual counts are `v = centre + S (q
+//! - centre) + sum_k w_k z_k`, with a diagonal `S`.
+//!
+//! Sources: P. Krejci and K. Kuhnen 2001 (weights and inverse); M. Al Janaideh, S. Rakheja and C.-Y.
+//! Su 2011 (envelope functions in place of a constant threshold).
+
+mod parameters;
+mod state;
+
+use nalgebra::{SMatrix, SVector};
+
+pub use self::parameters::{LEAST_DIRECT_WEIGHT, PlayParameters, PrandtlIshlinskiiParameters};
+pub use self::state::{MAX_DIRECTIONS, MAX_PLAYS, PrandtlIshlinskiiState};
+use super::{Lags, Operator, StoredOperator};
+use crate::model::error::{ModelError, require};
+use crate::model::families::memory::State;
+use crate::model::maths::regression::{Local, array, bounded, vector};
+use crate::units::MotorVec;
+
+/// The most steps of the inverse. From the last tick it takes one to three.
+const MAX_STEPS: usize = 30;
+
+/// Halvings of a step that does not come closer.
+const MAX_HALVINGS: i32 = 8;
+
+/// The inverse ends at this distance, counts.
+const CONVERGED_COUNTS: f64 = 1e-7;
+
+/// Prepared operators of D motors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrandtlIshlinskii<const D: usize> {
+    centre: SVector<f64, D>,
+    direct: SVector<f64, D>,
+    directions: Vec<SVector<f64, D>>,
+    plays: Vec<Play<D>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Play<const D: usize> {
+    /// Index of the direction.
+    direction: usize,
+    threshold: f64,
+    growth: [f64; 2],
+    weight: SVector<f64, D>,
+    /// The change of the virtual counts per count of every motor while the play follows with slope
+    /// 1.
+    slope: SMatrix<f64, D, D>,
+}
+
+impl<const D: usize> Play<D> {
+    fn is_weighted(&self) -> bool {
+        self.weight.iter().any(|weight| *weight != 0.0)
+    }
+
+    fn half_width(&self, input: f64) -> f64 {
+        let [above, below] = self.growth;
+        self.threshold + above * input.max(0.0) - below * input.min(0.0)
+    }
+
+    fn follow(&self, output: f64, input: f64) -> f64 {
+        let half_width = self.half_width(input);
+        output.min(input + half_width).max(input - half_width)
+    }
+
+    /// The output at an input, and its slope: 0 where the play does not move. The comparison uses
+    /// the same sums as [`Play::follow`].
+    fn follow_with_slope(&self, output: f64, input: f64) -> (f64, f64) {
+        let half_width = self.half_width(input);
+        let growth = if input > 0.0 {
+            self.growth[0]
+        } else {
+            -self.growth[1]
+        };
+        if input - half_width >= output {
+            (input - half_width, 1.0 - growth)
+        } else if input + half_width <= output {
+            (input + half_width, 1.0 + growth)
+        } else {
+            (output, 0.0)
+        }
+    }
+
+    /// Whether the output does not depend on its past once the input has covered a range.
+    fn has_forgotten(&self, low: f64, high: f64) -> bool {
+        high - self.half_width(high) >= low + self.half_width(low)
+    }
+}
+
+impl<const D: usize> PrandtlIshlinskii<D> {
+    /// Checks the parameters of a file.
+    ///
+    /// # Errors
+    ///
+    /// When sizes differ, numbers are out of range, or the virtual counts have no inverse.
+    pub fn prepare(file: &PrandtlIshlinskiiParameters) -> Result<Self, ModelError> {
+        file.check(D)?;
+        let mut directions: Vec<SVector<f64, D>> = Vec::new();
+        let mut plays = Vec::with_capacity(file.plays.len());
+        for play in &file.plays {
+            let direction = vector::<D>(&play.direction);
+            let known = directions.iter().position(|other| *other == direction);
+            let index = known.unwrap_or_else(|| {
+                directions.push(direction);
+                directions.len() - 1
+            });
+            let weight = vector::<D>(&play.weight);
+            plays.push(Play {
+                direction: index,
+                threshold: play.threshold_counts,
+                growth: play.growth,
+                weight,
+                slope: weight * direction.transpose(),
+            });
+        }
+        let count = directions.len();
+        require(
+            count <= MAX_DIRECTIONS,
+            || "family.operator.plays".to_owned(),
+            count,
+            "must have at most 16 directions",
+        )?;
+        Ok(Self {
+            centre: vector(&file.centre_counts),
+            direct: vector(&file.direct_weights),
+            directions,
+            plays,
+        })
+    }
+
+    /// The input of every direction.
+    fn inputs(&self, counts: &SVector<f64, D>) -> [f64; MAX_DIRECTIONS] {
+        let from_centre = counts - self.centre;
+        let mut inputs = [0.0; MAX_DIRECTIONS];
+        for (input, direction) in inputs.iter_mut().zip(&self.directions) {
+            *input = direction.dot(&from_centre);
+        }
+        inputs
+    }
+
+    /// Plays and outputs, with the input of every play.
+    fn each<'a>(
+        &'a self,
+        state: &'a PrandtlIshlinskiiState,
+        inputs: &'a [f64; MAX_DIRECTIONS],
+    ) -> impl Iterator<Item = (&'a Play<D>, f64, f64)> {
+        let plays = self.plays.iter().zip(state.outputs());
+        plays.map(|(play, output)| {
+            let input = inputs.get(play.direction).copied().unwrap_or_default();
+            (play, *output, input)
+        })
+    }
+
+    /// A step from `counts` towards the goal that comes closer, and the error after it.
+    fn step(
+        &self,
+        state: &PrandtlIshlinskiiState,
+        goal: &SVector<f64, D>,
+        counts: &SVector<f64, D>,
+    ) -> Option<(SVector<f64, D>, f64)> {
+        let here = self.local(state, counts);
+        let error = goal - here.mean;
+        let mut slope = here.jacobian;
+        // At the corner of a play the slope depends on the direction of the step: a step that does
+        // not come closer is tried again with the slope that it finds.
+        for _ in 0..4 {
+            let step = solve(&slope, &error)?;
+            let mut part = 1.0;
+            for _ in 0..MAX_HALVINGS {
+                let next = vector::<D>(&bounded(&array(&(counts + step * part))));
+                let left = (goal - self.local(state, &next).mean).norm();
+                if left < error.norm() {
+                    return Some((next, left));
+                }
+                part *= 0.5;
+            }
+            slope = self.local(state, &(counts + step * part)).jacobian;
+        }
+        None
+    }
+}
+
+/// The solution of a system of one or two equations.
+fn solve<const D: usize>(
+    slope: &SMatrix<f64, D, D>,
+    error: &SVector<f64, D>,
+) -> Option<SVector<f64, D>> {
+    let mut solution = SVector::<f64, D>::zeros();
+    if D == 1 {
+        solution[0] = error[0] / slope[(0, 0)];
+    } else {
+        let (a, b) = (slope[(0, 0)], slope[(0, D - 1)]);
+        let (c, d) = (slope[(D - 1, 0)], slope[(D - 1, D - 1)]);
+        let determinant = a * d - b * c;
+        solution[0] = (d * error[0] - b * error[D - 1]) / determinant;
+        solution[D - 1] = (a * error[D - 1] - c * error[0]) / determinant;
+    }
+    solution
+        .iter()
+        .all(|value| value.is_finite())
+        .then_some(solution)
+}
+
+impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
+    type State = PrandtlIshlinskiiState;
+
+    fn begin(&self, counts: &SVector<f64, D>) -> PrandtlIshlinskiiState {
+        let mut state = PrandtlIshlinskiiState::at(array(counts));
+        let inputs = self.inputs(counts);
+        for (output, play) in state.outputs_mut().iter_mut().zip(&self.plays) {
+            *output = inputs.get(play.direction).copied().unwrap_or_default();
+        }
+        (state.low, state.high) = (inputs, inputs);
+        state
+    }
+
+    fn advance(&self, state: &mut PrandtlIshlinskiiState, counts: &SVector<f64, D>) {
+        state.position = array(counts);
+        let inputs = self.inputs(counts);
+        for (output, play) in state.outputs_mut().iter_mut().zip(&self.plays) {
+            let input = inputs.get(play.direction).copied().unwrap_or_default();
+            *output = play.follow(*output, input);
+        }
+        let ranges = state.low.iter_mut().zip(&mut state.high);
+        for ((low, high), input) in ranges.zip(inputs) {
+            *low = low.min(input);
+            *high = high.max(input);
+        }
+    }
+
+    fn local(&self, state: &PrandtlIshlinskiiState, counts: &SVector<f64, D>) -> Local<D, D> {
+        let inputs = self.inputs(counts);
+        let mut mean = self.centre + self.direct.component_mul(&(counts - self.centre));
+        let mut jacobian = SMatrix::from_diagonal(&self.direct);
+        for (play, output, input) in self.each(state, &inputs) {
+            let (output, slope) = play.follow_with_slope(output, input);
+            mean += play.weight * output;
+            if slope != 0.0 {
+                jacobian += play.slope * slope;
+            }
+        }
+        Local { mean, jacobian }
+    }
+
+    /// Newton's method from the present position. The virtual counts are piecewise linear in the
+    /// counts, so the search ends exactly in the piece that contains the goal.
+    fn invert(
+        &self,
+        state: &PrandtlIshlinskiiState,
+        goal: &SVector<f64, D>,
+        compensation: f64,
+    ) -> SVector<f64, D> {
+        let mut counts = vector::<D>(&state.position);
+        for _ in 0..MAX_STEPS {
+            let Some((next, left)) = self.step(state, goal, &counts) else {
+                break;
+            };
+            counts = next;
+            if left < CONVERGED_COUNTS {
+                break;
+            }
+        }
+        goal + (counts - goal) * compensation
+    }
+
+    fn lags(&self, state: &PrandtlIshlinskiiState) -> Lags {
+        let inputs = self.inputs(&vector(&state.position));
+        let mut lags = Lags::default();
+        for (play, output, input) in self.each(state, &inputs) {
+            lags.push((input - play.follow(output, input)) / play.half_width(input));
+        }
+        lags
+    }
+
+    fn wipe_counts(&self) -> MotorVec {
+        let mut ranges = MotorVec::default();
+        for play in self.plays.iter().filter(|play| play.is_weighted()) {
+            let Some(direction) = self.directions.get(play.direction) else {
+                continue;
+            };
+            let [above, below] = play.growth;
+            // The range of an input around the centre that forgets: `(1 - a) high = r + ...`.
+            let range = play.threshold / (1.0 - above) + play.threshold / (1.0 - below);
+            let strongest = direction.amax();
+            for (motor, part) in direction.iter().enumerate() {
+                if part.abs() == strongest {
+                    ranges[motor] = ranges[motor].max(range / strongest);
+                }
+            }
+        }
+        ranges
+    }
+
+    fn has_forgotten(&self, state: &PrandtlIshlinskiiState) -> bool {
+        let mut weighted = self.plays.iter().filter(|play| play.is_weighted());
+        weighted.all(|play| {
+            let range = |bounds: &[f64; MAX_DIRECTIONS]| bounds.get(play.direction).copied();
+            let (low, high) = (range(&state.low), range(&state.high));
+            play.has_forgotten(low.unwrap_or_default(), high.unwrap_or_default())
+        })
+    }
+}
+
+impl<const D: usize> StoredOperator<D> for PrandtlIshlinskii<D> {
+    fn pack(state: PrandtlIshlinskiiState) -> State {
+        State::PrandtlIshlinskii(state)
+    }
+
+    fn unpack(state: &State) -> Option<PrandtlIshlinskiiState> {
+        match state {
+            State::PrandtlIshlinskii(state) => Some(*state),
+            _ => None,
+        }
+    }
+}
