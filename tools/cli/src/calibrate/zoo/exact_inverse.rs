@@ -113,3 +113,28 @@ impl Search {
         self.at = (self.at + step).clamp(-LIMIT_COUNTS, LIMIT_COUNTS);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use i2ris_emulator::zoo::{DrawnSnake, Physics};
+
+    use super::*;
+
+    /// Around a lissajous figure with every motor at once where the inverse wants it.
+    #[test]
+    fn it_meets_its_goals_on_every_physics() {
+        for physics in Physics::ALL.iter().copied() {
+            let mut snake = DrawnSnake { physics, seed: 2 }.build();
+            let mut inverse = ExactInverse::new(&snake);
+            for tick in 0..2000 {
+                let phase = f64::from(tick) * 0.01;
+                let goal = [15.0 * phase.sin(), 12.0 * (1.3 * phase).sin()];
+                let counts = inverse.solve(&snake, goal);
+                snake.step(STEP_S, counts);
+                let [pitch, yaw] = snake.angles_deg();
+                let apart = (pitch - goal[0]).hypot(yaw - goal[1]);
+                assert!(apart < 0.02, "{physics} at {tick}: {apart}");
+            }
+        }
+    }
+}
