@@ -449,3 +449,55 @@ fn the_laboratorys_recording_is_fitted_as_it_is() {
     );
     assert_eq!(Model::load(&model).unwrap().outputs(), 2);
 }
+
+fn zoo(options: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_i2ris"))
+        .args(["calibrate", "zoo"])
+        .args(options.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn the_zoo_judges_a_snake_beside_linear_and_the_exact_inverse() {
+    let folder = tempfile::tempdir().unwrap();
+    let [json, kept] = ["zoo.json", "kept"].map(|name| folder.path().join(name));
+    let output = zoo(&format!(
+        "--physics preisach --draws 1 --first-seed 4 --families linear --motions points \
+         --duration-s 60 --json {} --keep {}",
+        json.display(),
+        kept.display()
+    ));
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success(), "{output:?}");
+    assert!(text.contains("preisach           linear"), "{text}");
+    let judged: serde_json::Value = serde_json::from_slice(&fs::read(json).unwrap()).unwrap();
+    let [judged] = judged.as_array().unwrap().as_slice() else {
+        panic!("{judged}")
+    };
+    let rms = |of: &str| judged[of]["rms_deg"].as_f64().unwrap();
+    // The exact inverse leaves what the limits of the motors cost.
+    assert!(rms("exact") < 0.15, "{judged}");
+    assert!((0.3..5.0).contains(&rms("linear")), "{judged}");
+    assert_eq!(judged["tracking"], judged["linear"]);
+    assert!(kept.join("preisach-4.csv").exists());
+}
+
+#[test]
+fn the_zoo_refuses_what_it_does_not_have() {
+    for (options, words) in [
+        ("--physics adder", ["adder", "--physics"]),
+        ("--families best,worst", ["worst", "gmr-play"]),
+        ("--motions sleep", ["sleep", "minor-loops"]),
+        ("--draws 0", ["--draws", "0"]),
+        ("--duration-s 0", ["--duration-s", "above 0"]),
+        ("--json /does/not/exist/zoo.json", ["cannot write", "exist"]),
+    ] {
+        let output = zoo(options);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success(), "{options}");
+        for word in words {
+            assert!(text.contains(word), "{options}: {text}");
+        }
+    }
+}

@@ -17,7 +17,7 @@ const EMBEDDED: [(&str, &str); 3] = [
 #[derive(Debug, Clone, PartialEq)]
 pub enum SnakeSource {
     /// By the parameters of a file.
-    Described(SnakeConfig),
+    Described(Box<SnakeConfig>),
     /// By a physics and a seed.
     Drawn(DrawnSnake),
 }
@@ -96,7 +96,7 @@ impl SnakeSource {
 
 impl From<SnakeConfig> for SnakeSource {
     fn from(config: SnakeConfig) -> Self {
-        Self::Described(config)
+        Self::Described(Box::new(config))
     }
 }
 

@@ -25,7 +25,7 @@ pub struct AnySnake(Kind);
 #[derive(Debug, Clone)]
 enum Kind {
     Springs(Box<Snake>),
-    Drawn(ZooSnake),
+    Drawn(Box<ZooSnake>),
 }
 
 #[derive(Debug, Clone)]
@@ -40,7 +40,7 @@ struct ZooSnake {
 
 #[derive(Debug, Clone)]
 enum Mechanism {
-    PrandtlIshlinskii(PrandtlIshlinskii),
+    PrandtlIshlinskii(Box<PrandtlIshlinskii>),
     Preisach(Preisach),
     BoucWen(BoucWen),
     Dahl(Dahl),
@@ -52,7 +52,7 @@ enum Mechanism {
 impl Mechanism {
     fn hysteresis(&self) -> &dyn Hysteresis {
         match self {
-            Self::PrandtlIshlinskii(plays) => plays,
+            Self::PrandtlIshlinskii(plays) => plays.as_ref(),
             Self::Preisach(relays) => relays,
             Self::BoucWen(equation) => equation,
             Self::Dahl(friction) => friction,
@@ -64,7 +64,7 @@ impl Mechanism {
 
     fn hysteresis_mut(&mut self) -> &mut dyn Hysteresis {
         match self {
-            Self::PrandtlIshlinskii(plays) => plays,
+            Self::PrandtlIshlinskii(plays) => plays.as_mut(),
             Self::Preisach(relays) => relays,
             Self::BoucWen(equation) => equation,
             Self::Dahl(friction) => friction,
@@ -88,7 +88,7 @@ impl AnySnake {
         let gain = frame.deg_per_count;
         let mechanism = match physics {
             Physics::Springs | Physics::PrandtlIshlinskii => {
-                Mechanism::PrandtlIshlinskii(PrandtlIshlinskii::draw(draw, gain))
+                Mechanism::PrandtlIshlinskii(Box::new(PrandtlIshlinskii::draw(draw, gain)))
             }
             Physics::Preisach => Mechanism::Preisach(Preisach::draw(draw, gain)),
             Physics::BoucWen => Mechanism::BoucWen(BoucWen::draw(draw, gain)),
@@ -97,12 +97,12 @@ impl AnySnake {
             Physics::Wire => Mechanism::Wires(Wires::draw(draw, gain)),
             Physics::Gear => Mechanism::Gears(Gears::draw(draw, gain)),
         };
-        Self(Kind::Drawn(ZooSnake {
+        Self(Kind::Drawn(Box::new(ZooSnake {
             frame,
             counts: Pair::default(),
             travel: Pair::default(),
             mechanism,
-        }))
+        })))
     }
 
     /// Moves the motors uniformly to `motor_counts` within `dt_s` seconds. Counts may be

@@ -9,7 +9,7 @@
 //! counts -> gain, pull (frame) -> hysteresis (a file each) -> planes, shape (frame) -> angles
 //! ```
 //!
-//! Parameters are those of robots of this kind: half of the lost motion is 20 to 120 counts, one
+//! Parameters are those of robots of this kind: half of the lost motion is 20 to 110 counts, one
 //! motor pulls on the other by up to an eighth, and 1800 counts bend the snake by about 40 degrees.
 //!
 //! | file | content |

@@ -88,7 +88,7 @@ impl DrawnSnake {
     /// The snake, straight and at rest.
     #[must_use]
     pub fn build(self) -> AnySnake {
-        let mut draw = Draw::new(self.seed);
+        let mut draw = Draw::new(self.seed, self.physics as u64);
         match self.physics {
             Physics::Springs => {
                 let config = springs::draw(&mut draw, self.to_string());

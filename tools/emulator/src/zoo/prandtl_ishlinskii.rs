@@ -57,7 +57,7 @@ impl Plays {
         let decay = draw.uniform(-0.5, 2.0);
         let density: [f64; PLAYS] = std::array::from_fn(|play| (-decay * part(play)).exp());
         let total: f64 = density.iter().sum();
-        let largest = thresholds[0];
+        let largest = 0.7 * thresholds[0];
         Self {
             rising: Envelope::draw(draw, largest),
             falling: Envelope::draw(draw, largest),

@@ -116,7 +116,7 @@ pub struct Arguments {
     json: bool,
 }
 
-fn above_zero(text: &str) -> Result<f64, String> {
+pub(super) fn above_zero(text: &str) -> Result<f64, String> {
     let number = text
         .parse()
         .ok()

@@ -8,14 +8,17 @@ use i2ris_emulator::zoo::AnySnake;
 /// Goals are met this well, deg.
 const TOLERANCE_DEG: f64 = 0.003;
 
-/// Steps of the search. Crossing a gap takes about ten.
-const MAX_STEPS: usize = 50;
+/// Steps of the search. Crossing a gap takes about ten, a turn of two coupled motors more.
+const MAX_STEPS: usize = 150;
 
 /// How long a copy is given to get there, s: a jump within a tick would be slowed by drag.
 const STEP_S: f64 = 0.02;
 
 /// Longer strokes than this are outside the position limits, counts.
 const LIMIT_COUNTS: f64 = 2400.0;
+
+/// An interval this narrow, or one that is upside down, no longer holds: the other motor moved.
+const NARROW_COUNTS: f64 = 0.02;
 
 /// Growth of the step of a motor that has not come nearer.
 const GROWTH: f64 = 2.5;
@@ -89,6 +92,9 @@ struct Search {
     last: f64,
     /// How far to go per count of error.
     factor: f64,
+    /// Too little and too much, as far as known. They move with the other motor.
+    low: Option<f64>,
+    high: Option<f64>,
 }
 
 impl Search {
@@ -97,6 +103,8 @@ impl Search {
             at,
             last: 0.0,
             factor: 1.0,
+            low: None,
+            high: None,
         }
     }
 
@@ -109,7 +117,46 @@ impl Search {
             self.factor *= GROWTH;
         }
         self.last = missing;
+        let end = if missing > 0.0 {
+            &mut self.low
+        } else {
+            &mut self.high
+        };
+        *end = Some(self.at);
         let step = (self.factor * missing).clamp(-200.0, 200.0);
-        self.at = (self.at + step).clamp(-LIMIT_COUNTS, LIMIT_COUNTS);
+        let mut next = self.at + step;
+        if let (Some(low), Some(high)) = (self.low, self.high) {
+            if high - low < NARROW_COUNTS {
+                (self.low, self.high, self.factor) = (None, None, 1.0);
+            } else if next <= low || next >= high {
+                next = 0.5 * (low + high);
+            }
+        }
+        self.at = next.clamp(-LIMIT_COUNTS, LIMIT_COUNTS);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris_emulator::zoo::{DrawnSnake, Physics};
+
+    use super::*;
+
+    /// Around a lissajous figure with every motor at once where the inverse wants it.
+    #[test]
+    fn it_meets_its_goals_on_every_physics() {
+        for physics in Physics::ALL.iter().copied() {
+            let mut snake = DrawnSnake { physics, seed: 2 }.build();
+            let mut inverse = ExactInverse::new(&snake);
+            for tick in 0..2000 {
+                let phase = f64::from(tick) * 0.01;
+                let goal = [15.0 * phase.sin(), 12.0 * (1.3 * phase).sin()];
+                let counts = inverse.solve(&snake, goal);
+                snake.step(STEP_S, counts);
+                let [pitch, yaw] = snake.angles_deg();
+                let apart = (pitch - goal[0]).hypot(yaw - goal[1]);
+                assert!(apart < 0.02, "{physics} at {tick}: {apart}");
+            }
+        }
     }
 }

@@ -29,6 +29,7 @@ use i2ris_calibration::parallel;
 use i2ris_emulator::zoo::{DrawnSnake, Physics};
 use i2ris_terminal::Failure;
 
+use super::collect::above_zero;
 use super::collect::protocol::Protocol;
 use crate::demo::unseen_motion::Motion;
 use judge::{Judge, Judgement};
@@ -71,19 +72,20 @@ pub struct Arguments {
           default_values_t = Motion::ALL)]
     motions: Vec<Motion>,
     /// How long teleoperation lasts
-    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = above_zero)]
     motion_s: f64,
     /// Motion of the calibration
     #[arg(long, value_enum, default_value_t = Protocol::Reversals)]
     protocol: Protocol,
     /// How long the calibration takes
-    #[arg(long, value_name = "S", default_value_t = 300.0)]
+    #[arg(long, value_name = "S", default_value_t = 300.0, value_parser = above_zero)]
     duration_s: f64,
     /// Standard deviation of the angles of the camera
-    #[arg(long, value_name = "DEG", default_value_t = 0.07)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.07, value_parser = above_zero)]
     camera_noise_deg: f64,
     /// How late the stamps of the camera are
-    #[arg(long, value_name = "MS", default_value_t = 0)]
+    #[arg(long, value_name = "MS", default_value_t = 0,
+          value_parser = clap::value_parser!(u64).range(..=1000))]
     camera_latency_ms: u64,
     /// Keep the recordings in this folder, as PHYSICS-SEED.csv
     #[arg(long, value_name = "FOLDER")]
@@ -95,6 +97,14 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let write = |file: &PathBuf, text: &str| {
+        fs::write(file, text)
+            .map_err(|error| Failure::from(format!("cannot write {}: {error}", file.display())))
+    };
+    // What cannot be written is found before the long work.
+    if let Some(file) = &arguments.json {
+        write(file, "")?;
+    }
     let folder = Folder::new(arguments.keep.as_ref())?;
     let judge = Judge::new(arguments, folder.path.clone())?;
     let snakes = snakes(arguments);
@@ -105,8 +115,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     });
     let judgements: Vec<Judgement> = judged.iter().flatten().flatten().cloned().collect();
     if let Some(file) = &arguments.json {
-        fs::write(file, serde_json::to_string_pretty(&judgements)?)
-            .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+        write(file, &serde_json::to_string_pretty(&judgements)?)?;
     }
     print!("{}", table::table(&judgements));
     match judged.iter().filter(|judged| judged.is_err()).count() {

@@ -105,7 +105,8 @@ impl Camera {
             let stamp = tick + self.latency_ticks;
             self.pending.push_back((stamp, robot.angles_deg()));
         }
-        let (_, [pitch, yaw]) = self.pending.pop_front_if(|(stamp, _)| *stamp == tick)?;
+        let (_, [pitch, yaw]) = *self.pending.front().filter(|(stamp, _)| *stamp == tick)?;
+        self.pending.pop_front();
         let mut noise = || self.noise_deg * normal(&mut self.random);
         Some([pitch + noise(), yaw + noise(), 0.0])
     }

@@ -134,3 +134,46 @@ fn write_row(text: &mut String, (physics, family, motion): Row<'_>, judged: &[&J
         travel.worst,
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judgement(physics: &str, rms_deg: Option<f64>) -> Judgement {
+        let tracking = |rms_deg| Tracking {
+            rms_deg,
+            travel_counts_s: 100.0 * rms_deg,
+        };
+        Judgement {
+            physics: physics.to_owned(),
+            seed: 1,
+            family: "best".to_owned(),
+            model: "gmr-play".to_owned(),
+            fit_s: 1.0,
+            motion: "circle".to_owned(),
+            tracking: rms_deg.map(tracking),
+            linear: Some(tracking(2.0)),
+            exact: tracking(0.1),
+        }
+    }
+
+    fn row(table: &str, physics: &str) -> Vec<String> {
+        let of = |line: &&str| line.starts_with(physics) && line.contains("circle");
+        let line = table.lines().find(of).unwrap();
+        line.split_whitespace().map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn median_and_worst_are_over_the_draws() {
+        let of = |rms| judgement("gear", Some(rms));
+        let table = table(&[of(0.2), of(0.3), of(1.0)]);
+        let expected = "gear best circle 3 0.300 1.000 85.0% 50.0% 0.100 0.100 3.00 10.00";
+        assert_eq!(row(&table, "gear").join(" "), expected);
+    }
+
+    #[test]
+    fn a_robot_that_does_not_follow_is_the_worst() {
+        let table = table(&[judgement("gear", Some(0.2)), judgement("gear", None)]);
+        assert_eq!(row(&table, "all")[5], "inf");
+    }
+}
