@@ -26,7 +26,7 @@ fn main() {
     if let Some(snake) = read("i2ris/output_w_angles.csv") {
         println!("i2ris: trained on three turns, tested on the fourth");
         let split = Split::new(&snake, HoldOut::LastCycle).unwrap();
-        later_rows(&snake, split.training().len());
+        later_rows(&snake, split.training().count());
     }
     if let (Some(first), Some(second)) = (
         read("tee_probe/motor1_first.csv"),

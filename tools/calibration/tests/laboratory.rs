@@ -70,7 +70,7 @@ fn the_fourth_turn_is_held_out_and_fitted_better_than_by_a_straight_model() {
         ..FitOptions::default()
     };
     let outcome = fit(&recording, &options, &Silent).unwrap();
-    assert_eq!(outcome.report.split.held_out().len(), 63);
+    assert_eq!(outcome.report.split.held_out().count(), 63);
     for (gmr, linear) in outcome
         .model
         .file()

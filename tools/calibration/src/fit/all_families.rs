@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use i2ris::model::file::HullParameters;
 use i2ris::model::{Hull, Model};
 
+use super::choice::{Score, best, scores};
 use super::drift::Drift;
 use super::error::{FitError, refused};
 use super::family::{Choice, Family};
@@ -14,9 +16,10 @@ use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
 use super::split::Split;
 use crate::progress::Progress;
 use crate::recording::Recording;
-use crate::regression::linear::fit_linear;
+use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
 use crate::survey::overview::{Survey, inputs, outputs};
+use crate::table::DataTable;
 
 /// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller
 /// checks, and measures.
@@ -32,49 +35,35 @@ pub fn fit(
 ) -> Result<FitOutcome, FitError> {
     let survey = Survey::new(recording, &options.spikes)?;
     let split = Split::new(recording, options.hold_out)?;
-    if options.choice == Choice::Best && split.held_out().is_empty() {
+    if options.choice == Choice::Best && split.is_empty() {
         return Err(FitError::NothingToChooseBy);
     }
     let usable = |row: &usize| options.spikes.keep || !survey.is_flagged(*row);
     let training: Vec<usize> = split.training().filter(usable).collect();
     outputs_change(recording, &training)?;
-    let inputs = inputs(recording, training.iter().copied());
-    let outputs = outputs(recording, training.iter().copied());
-    let straight = fit_linear(&inputs, &outputs)?;
-    let visited: Vec<_> = training
-        .iter()
-        .map(|row| recording.rows()[*row].counts)
-        .collect();
-    let hull = Hull::from_points(recording.motors(), &visited)
-        .map_err(|source| refused(Family::Linear, source))?
-        .parameters();
-    let context = FileContext {
-        recording,
-        split: &split,
-        training: &training,
-        hull: &hull,
-        robot_id: &options.robot_id,
-        seed: options.em.seed,
-    };
-    let series = Series::new(recording, &training);
-    let hidden = survey.hides_hysteresis();
-    let mut fitter = FamilyFitter {
-        context,
-        series,
-        hidden,
-        inputs,
-        outputs,
-        straight,
-        options,
-        progress,
-        candidates: Vec::new(),
-    };
+    let data = TrainingData::new(recording, training)?;
+    let fitter = data.fitter(&survey, &split, options, progress);
     let wanted = Family::ALL
         .into_iter()
         .filter(|family| options.choice.includes(*family));
+    let mut fitter = fitter;
     let mut families: Vec<FamilyOutcome> = wanted.map(|family| fitter.attempt(family)).collect();
-    let candidates = fitter.candidates;
-    let (linear, family, model) = choose(&mut families, options.choice)?;
+    let candidates = std::mem::take(&mut fitter.candidates);
+    let (linear, family, judged, scores) = choose(&mut families, options.choice)?;
+    let training: Vec<usize> = fitter.context.training.to_vec();
+    let all: Vec<usize> = (0..recording.rows().len()).filter(usable).collect();
+    let model = match refit(
+        recording,
+        all,
+        family,
+        &judged,
+        (&survey, &split),
+        options,
+        progress,
+    ) {
+        Some(model) => Arc::new(model),
+        None => judged,
+    };
     let drift = Drift::new(&model, recording, &usable);
     Ok(FitOutcome {
         model,
@@ -87,27 +76,122 @@ pub fn fit(
             training,
             drift,
             candidates,
+            scores,
         },
     })
 }
 
-/// The affine model, and the family and model to take. An error where there is none.
-fn choose(
-    families: &mut Vec<FamilyOutcome>,
-    choice: Choice,
-) -> Result<(Arc<Model>, Family, Arc<Model>), FitError> {
-    let model =
-        |outcome: &FamilyOutcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone()));
-    let eligible = |outcome: &&FamilyOutcome| match choice {
-        Choice::Best => true,
-        Choice::One(family) => family == outcome.family,
+/// The rows of a fit, and what all families take from them.
+struct TrainingData<'a> {
+    recording: &'a Recording,
+    rows: Vec<usize>,
+    hull: HullParameters,
+    inputs: DataTable,
+    outputs: DataTable,
+    straight: LinearFit,
+}
+
+impl<'a> TrainingData<'a> {
+    fn new(recording: &'a Recording, rows: Vec<usize>) -> Result<Self, FitError> {
+        let inputs = inputs(recording, rows.iter().copied());
+        let outputs = outputs(recording, rows.iter().copied());
+        let straight = fit_linear(&inputs, &outputs)?;
+        let visited: Vec<_> = rows
+            .iter()
+            .map(|row| recording.rows()[*row].counts)
+            .collect();
+        let hull = Hull::from_points(recording.motors(), &visited)
+            .map_err(|source| refused(Family::Linear, source))?
+            .parameters();
+        Ok(Self {
+            recording,
+            rows,
+            hull,
+            inputs,
+            outputs,
+            straight,
+        })
+    }
+
+    fn fitter(
+        &'a self,
+        survey: &Survey,
+        split: &'a Split,
+        options: &'a FitOptions,
+        progress: &'a dyn Progress,
+    ) -> FamilyFitter<'a> {
+        FamilyFitter {
+            context: FileContext {
+                recording: self.recording,
+                split,
+                training: &self.rows,
+                hull: &self.hull,
+                robot_id: &options.robot_id,
+                seed: options.em.seed,
+            },
+            series: Series::new(self.recording, &self.rows),
+            hidden: survey.hides_hysteresis(),
+            one_axis: survey.shows_one_axis_at_a_time(),
+            inputs: &self.inputs,
+            outputs: &self.outputs,
+            straight: &self.straight,
+            options,
+            progress,
+            candidates: Vec::new(),
+        }
+    }
+}
+
+/// The chosen family, fitted to all rows: the rows held out have done their work. The metrics on
+/// them stay those of the fit that had not seen them. `None` where that gives no model.
+fn refit(
+    recording: &Recording,
+    rows: Vec<usize>,
+    family: Family,
+    judged: &Model,
+    (survey, split): (&Survey, &Split),
+    options: &FitOptions,
+    progress: &dyn Progress,
+) -> Option<Model> {
+    if split.is_empty() {
+        return None;
+    }
+    let data = TrainingData::new(recording, rows).ok()?;
+    let mut fitter = data.fitter(survey, split, options, progress);
+    let model = fitter.attempt(family).result.ok()?;
+    let mut file = model.file().clone();
+    let honest = file.metrics.iter_mut().zip(&judged.file().metrics);
+    for (metrics, judged) in honest {
+        metrics.held_out = judged.held_out;
+    }
+    Model::from_file(file).ok()
+}
+
+/// The affine model, the family and model to take, and why. An error where there is none.
+type Choosing = (Arc<Model>, Family, Arc<Model>, Vec<Score>);
+
+fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<Choosing, FitError> {
+    let fitted: Vec<(Family, Arc<Model>)> = families
+        .iter()
+        .filter_map(|outcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone())))
+        .collect();
+    let models: Vec<(Family, &Model)> = fitted
+        .iter()
+        .map(|(family, model)| (*family, &**model))
+        .collect();
+    let (scores, family) = match choice {
+        Choice::Best => {
+            let scores = scores(&models);
+            let best = best(&scores);
+            (scores, best)
+        }
+        Choice::One(family) => (Vec::new(), Some(family)),
     };
-    let is_linear = |outcome: &&FamilyOutcome| outcome.family == Family::Linear;
-    let linear = families.iter().find(is_linear).and_then(model);
-    let models = families.iter().filter(eligible).filter_map(model);
-    let best = models.min_by(|a, b| held_out_error(&a.1).total_cmp(&held_out_error(&b.1)));
-    match (linear, best) {
-        (Some((_, linear)), Some((family, model))) => Ok((linear, family, model)),
+    let of = |wanted: Family| fitted.iter().find(|(family, _)| *family == wanted);
+    match (of(Family::Linear), family.and_then(of)) {
+        (Some((_, linear)), Some((family, model))) => {
+            Ok((linear.clone(), *family, model.clone(), scores))
+        }
         _ => {
             let failed = families.iter().position(|outcome| outcome.result.is_err());
             let reason = families
@@ -117,14 +201,6 @@ fn choose(
             Err(reason.unwrap_or(FitError::NothingToChooseBy))
         }
     }
-}
-
-/// Mean square over the held-out rows of the length of the error, in the unit of the outputs.
-fn held_out_error(model: &Model) -> f64 {
-    let metrics = model.file().metrics.iter();
-    metrics
-        .map(|output| output.held_out.map_or(0.0, |fit| fit.rmsd * fit.rmsd))
-        .sum()
 }
 
 fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitError> {

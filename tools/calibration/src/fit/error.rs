@@ -53,6 +53,9 @@ pub enum FitError {
     /// The recording cannot show hysteresis, and the family needs it.
     #[error("{0}")]
     NoHysteresis(Finding),
+    /// The recording does not show the plane between the axes, and the family needs it.
+    #[error("{0}")]
+    OneAxisAtATime(Finding),
     /// Nothing is held out to choose by.
     #[error(
         "choosing the best family takes rows held out; name a family with --family, or hold \

@@ -12,10 +12,12 @@
 //! | `gmr` | mixtures on the counts, and their number of components |
 //! | `one_family` | the fit of each family |
 //! | `all_families` | all of it in order, and the choice |
+//! | [`choice`] | scores of the families: errors held out, and tracking on other families |
 //! | `outcome` | models, and how they were found |
 //! | `error` | why there is no model |
 
 mod all_families;
+pub mod choice;
 pub mod drift;
 pub mod error;
 pub mod family;

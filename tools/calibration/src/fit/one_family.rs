@@ -8,7 +8,7 @@ use i2ris::model::file::{FamilyParameters, OutputUnit};
 use i2ris::model::{Model, ModelError};
 
 use super::error::{FitError, refused};
-use super::family::Family;
+use super::family::{Choice, Family};
 use super::gmr::{self, Candidate, GmrData};
 use super::model_file::{FileContext, Fitted};
 use super::options::FitOptions;
@@ -18,7 +18,7 @@ use crate::families::direction::{DirectionOptions, fit_direction};
 use crate::families::kinematic::{KinematicOptions, fit_kinematic};
 use crate::families::operator_trace::trace_stops;
 use crate::families::play::play_fit::fit_play;
-use crate::families::prandtl_ishlinskii::operator_fit::fit_operator;
+use crate::families::prandtl_ishlinskii::operator_fit::{ShapeKind, fit_operator};
 use crate::families::stop::stop_fit::{StopOptions, fit_stop};
 use crate::progress::Progress;
 use crate::regression::component_choice::fewer;
@@ -36,9 +36,11 @@ pub(super) struct FamilyFitter<'a> {
     pub series: Series,
     /// Why the recording cannot show hysteresis, if it cannot.
     pub hidden: Option<Finding>,
-    pub inputs: DataTable,
-    pub outputs: DataTable,
-    pub straight: LinearFit,
+    /// Why the recording shows nothing between the axes of the motors, if it does not.
+    pub one_axis: Option<Finding>,
+    pub inputs: &'a DataTable,
+    pub outputs: &'a DataTable,
+    pub straight: &'a LinearFit,
     pub options: &'a FitOptions,
     pub progress: &'a dyn Progress,
     pub candidates: Vec<Candidate>,
@@ -68,8 +70,14 @@ impl FamilyFitter<'_> {
         {
             return Err(FitError::NoHysteresis(reason));
         }
+        if let Some(reason) = self.one_axis
+            && self.options.choice == Choice::Best
+            && !family.is_separable()
+        {
+            return Err(FitError::OneAxisAtATime(reason));
+        }
         match family {
-            Family::Linear => self.checked(family, &Fitted::from(&self.straight)),
+            Family::Linear => self.checked(family, &Fitted::from(self.straight)),
             Family::Kinematic => self.checked(family, &self.kinematic()?),
             Family::Gmr => self.gmr(),
             Family::GmrDirection => self.with_inverse(family, &|k| self.direction(k)),
@@ -108,9 +116,9 @@ impl FamilyFitter<'_> {
 
     fn gmr(&mut self) -> Result<Model, FitError> {
         let data = GmrData {
-            inputs: &self.inputs,
-            outputs: &self.outputs,
-            straight: &self.straight,
+            inputs: self.inputs,
+            outputs: self.outputs,
+            straight: self.straight,
         };
         let (model, candidates) = gmr::fit(&self.context, data, self.options, self.progress)?;
         self.candidates = candidates;
@@ -152,7 +160,11 @@ impl FamilyFitter<'_> {
 
     fn prandtl_ishlinskii(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
         let family = Family::GmrPrandtlIshlinskii;
-        let first = fit_operator(&self.series, &self.chain(None), self.progress);
+        let shape = match self.one_axis {
+            Some(_) => ShapeKind::Separable,
+            None => ShapeKind::Plane,
+        };
+        let first = fit_operator(&self.series, shape, &self.chain(None), self.progress);
         let first = first.map_err(|source| failed(family, source))?;
         *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         self.with_inverse(family, &|components| {

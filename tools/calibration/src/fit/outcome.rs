@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use i2ris::model::Model;
 
+use super::choice::Score;
 use super::drift::Drift;
 use super::error::FitError;
 use super::family::Family;
@@ -75,6 +76,9 @@ pub struct FitReport {
     /// Numbers of components that were tried for `gmr`, in rising order; none where it was not
     /// fitted.
     pub candidates: Vec<Candidate>,
+    /// Scores of the families that could be fitted, the simplest first; none where a family was
+    /// asked for.
+    pub scores: Vec<Score>,
 }
 
 impl FitReport {

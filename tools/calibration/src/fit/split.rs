@@ -1,6 +1,6 @@
-//! Training rows, and rows held out to test the fit: whole cycles or one
-//! block at the end, never single rows in between. Neighbouring rows are nearly the same, so a fit
-//! tested on rows between those that it was trained on would be tested on its own training.
+//! Training rows, and rows held out to test the fit: blocks all over the recording, whole cycles or
+//! one block at the end, never single rows in between. Neighbouring rows are nearly the same, so a
+//! fit tested on rows between those that it was trained on would be tested on its own training.
 
 use std::fmt;
 use std::ops::Range;
@@ -9,14 +9,20 @@ use std::str::FromStr;
 use crate::recording::{MIN_ROWS, Recording};
 use crate::survey::cycle::{Cycle, last_cycle};
 
-/// Fraction of the rows that is held out where there are no cycles.
-const WITHOUT_CYCLES: f64 = 0.25;
+/// Fraction of the rows that is held out in blocks, or where there are no cycles.
+const PART: f64 = 0.25;
+
+/// Blocks that are held out all over a recording. One block at the end would judge by one part of
+/// the motion.
+const BLOCKS: usize = 5;
 
 /// What to hold out.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum HoldOut {
-    /// The last cycle of the motion; without cycles the last quarter of the rows.
+    /// A quarter of the rows, in blocks all over the recording.
     #[default]
+    Blocks,
+    /// The last cycle of the motion; without cycles the last quarter of the rows.
     LastCycle,
     /// The last part of the rows, as a fraction above 0 and below 1.
     Fraction(f64),
@@ -26,7 +32,7 @@ pub enum HoldOut {
 
 /// Text that does not name what to hold out.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is neither `last-cycle`, `none` nor a fraction between 0 and 1")]
+#[error("`{0}` is neither `blocks`, `last-cycle`, `none` nor a fraction between 0 and 1")]
 pub struct ParseHoldOutError(String);
 
 impl FromStr for HoldOut {
@@ -34,6 +40,7 @@ impl FromStr for HoldOut {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text {
+            "blocks" => Ok(Self::Blocks),
             "last-cycle" => Ok(Self::LastCycle),
             "none" => Ok(Self::Nothing),
             other => match other.parse::<f64>() {
@@ -47,6 +54,7 @@ impl FromStr for HoldOut {
 impl fmt::Display for HoldOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Blocks => f.write_str("blocks"),
             Self::LastCycle => f.write_str("last-cycle"),
             Self::Fraction(fraction) => write!(f, "{fraction}"),
             Self::Nothing => f.write_str("none"),
@@ -54,11 +62,11 @@ impl fmt::Display for HoldOut {
     }
 }
 
-/// A recording, cut in two: the rows before `boundary` are for training, those from it on are held
-/// out.
+/// A recording, cut into rows for training and rows held out.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Split {
-    boundary: usize,
+    /// Blocks of rows that are held out, in order.
+    held_out: Vec<Range<usize>>,
     rows: usize,
     kind: SplitKind,
 }
@@ -66,6 +74,8 @@ pub struct Split {
 /// What the held-out rows are.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SplitKind {
+    /// Blocks all over the recording.
+    Blocks,
     /// The last of so many cycles.
     LastCycle {
         /// Cycles in the recording, not always whole.
@@ -82,6 +92,7 @@ pub enum SplitKind {
 impl fmt::Display for SplitKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Blocks => write!(f, "{BLOCKS} blocks all over the recording"),
             Self::LastCycle { cycles } => write!(f, "the last of {cycles:.2} cycles"),
             Self::NoCycles => f.write_str("the last quarter, for the motion has no cycles"),
             Self::Fraction => f.write_str("the last part"),
@@ -111,39 +122,54 @@ impl Split {
     pub fn new(recording: &Recording, hold_out: HoldOut) -> Result<Self, SplitError> {
         let rows = recording.rows().len();
         let before = |fraction: f64| rows - (rows as f64 * fraction).round() as usize;
-        let (boundary, kind) = match hold_out {
-            HoldOut::Nothing => (rows, SplitKind::Nothing),
-            HoldOut::Fraction(fraction) => (before(fraction.clamp(0.0, 1.0)), SplitKind::Fraction),
+        let from = |row: usize| vec![row..rows];
+        let (held_out, kind) = match hold_out {
+            HoldOut::Nothing => (Vec::new(), SplitKind::Nothing),
+            HoldOut::Blocks => (blocks(rows), SplitKind::Blocks),
+            HoldOut::Fraction(fraction) => {
+                (from(before(fraction.clamp(0.0, 1.0))), SplitKind::Fraction)
+            }
             HoldOut::LastCycle => match last_cycle(recording) {
-                Some(Cycle { start, cycles }) => (start, SplitKind::LastCycle { cycles }),
-                None => (before(WITHOUT_CYCLES), SplitKind::NoCycles),
+                Some(Cycle { start, cycles }) => (from(start), SplitKind::LastCycle { cycles }),
+                None => (from(before(PART)), SplitKind::NoCycles),
             },
         };
-        if boundary < MIN_ROWS {
-            let (held_out, training) = (rows - boundary, boundary);
+        let split = Self {
+            held_out,
+            rows,
+            kind,
+        };
+        let (held_out, training) = (split.held_out().count(), split.training().count());
+        if training < MIN_ROWS {
             return Err(SplitError {
                 rows,
                 held_out,
                 training,
             });
         }
-        Ok(Self {
-            boundary,
-            rows,
-            kind,
-        })
+        Ok(split)
     }
 
-    /// Indices of the rows for training.
-    #[must_use]
-    pub fn training(&self) -> Range<usize> {
-        0..self.boundary
+    /// Indices of the rows for training, in order.
+    pub fn training(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.rows).filter(|row| !self.held_out.iter().any(|block| block.contains(row)))
     }
 
-    /// Indices of the rows held out.
+    /// Indices of the rows held out, in order.
+    pub fn held_out(&self) -> impl Iterator<Item = usize> + '_ {
+        self.held_out.iter().cloned().flatten()
+    }
+
+    /// The blocks that are held out, in order.
     #[must_use]
-    pub fn held_out(&self) -> Range<usize> {
-        self.boundary..self.rows
+    pub fn blocks(&self) -> &[Range<usize>] {
+        &self.held_out
+    }
+
+    /// Whether nothing is held out.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.held_out().next().is_none()
     }
 
     /// What the held-out rows are.
@@ -151,6 +177,17 @@ impl Split {
     pub fn kind(&self) -> SplitKind {
         self.kind
     }
+}
+
+/// Blocks in the middle of equal parts.
+fn blocks(rows: usize) -> Vec<Range<usize>> {
+    let part = |block: usize| {
+        let (start, end) = (block * rows / BLOCKS, (block + 1) * rows / BLOCKS);
+        let held_out = ((end - start) as f64 * PART).round() as usize;
+        let first = start + (end - start - held_out) / 2;
+        first..first + held_out
+    };
+    (0..BLOCKS).map(part).collect()
 }
 
 #[cfg(test)]
@@ -167,9 +204,17 @@ mod tests {
             (HoldOut::Nothing, 0),
         ] {
             let split = Split::new(&wandering(200), hold_out).unwrap();
-            assert_eq!(split.training(), 0..200 - held_out);
-            assert_eq!(split.held_out(), 200 - held_out..200);
+            assert!(split.training().eq(0..200 - held_out));
+            assert!(split.held_out().eq(200 - held_out..200));
         }
+    }
+
+    #[test]
+    fn blocks_are_spread_over_the_recording() {
+        let split = Split::new(&wandering(200), HoldOut::Blocks).unwrap();
+        let expected = [15..25, 55..65, 95..105, 135..145, 175..185];
+        assert_eq!(split.blocks(), expected);
+        assert_eq!(split.training().count() + split.held_out().count(), 200);
     }
 
     #[test]
@@ -181,7 +226,7 @@ mod tests {
             panic!("{split:?}")
         };
         assert_near(cycles, 4.97, 0.05);
-        assert!((39..=41).contains(&split.held_out().len()));
+        assert!((39..=41).contains(&split.held_out().count()));
     }
 
     #[test]
@@ -196,7 +241,7 @@ mod tests {
 
     #[test]
     fn texts_are_parsed() {
-        for text in ["last-cycle", "none", "0.25"] {
+        for text in ["blocks", "last-cycle", "none", "0.25"] {
             assert_eq!(text.parse::<HoldOut>().unwrap().to_string(), text);
         }
         for text in ["", "0", "1", "1.5", "-0.1", "NaN", "last"] {

@@ -117,21 +117,26 @@ pub struct Track {
     /// Indices of the rows used for training, in rising order.
     pub training: Vec<usize>,
     /// The first row held out; the number of rows if none is.
-    pub held_out_from: usize,
+    pub held_out: Vec<std::ops::Range<usize>>,
 }
 
 impl Track {
     /// The rows held out.
+    pub fn held_out(&self) -> impl Iterator<Item = usize> + '_ {
+        self.held_out.iter().cloned().flatten()
+    }
+
+    /// Whether no rows are held out.
     #[must_use]
-    pub fn held_out(&self) -> std::ops::Range<usize> {
-        self.held_out_from.min(self.time.len())..self.time.len()
+    pub fn holds_nothing_out(&self) -> bool {
+        self.held_out().next().is_none()
     }
 
     /// The rows that the error of a fit counts on: those held out, or those used for training where
     /// none are.
     #[must_use]
     pub fn judged(&self) -> Vec<usize> {
-        if self.held_out().is_empty() {
+        if self.holds_nothing_out() {
             self.training.clone()
         } else {
             self.held_out().collect()

@@ -135,7 +135,7 @@ fn track(recording: &Recording, split: &Split, training: &[usize], facts: &[Outp
         rising: rising(recording, facts),
         measured: rows.iter().map(|row| row.outputs).collect(),
         training: training.to_vec(),
-        held_out_from: split.held_out().next().unwrap_or(rows.len()),
+        held_out: split.blocks().to_vec(),
     }
 }
 

@@ -38,7 +38,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     )
     .row(HEIGHTS[0], histograms)
     .row(HEIGHTS[1] * data.families.len() as f64 + HEIGHTS[2], boxes);
-    let on = if data.track.held_out().is_empty() {
+    let on = if data.track.holds_nothing_out() {
         "used for training"
     } else {
         "held out"

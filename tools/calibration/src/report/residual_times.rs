@@ -59,8 +59,15 @@ fn panel(
         x,
         Axis::linear(format!("residual ({})", output.unit)),
     );
-    if let Some(from) = track.held_out().next().and_then(|row| track.time.get(row)) {
-        panel = panel.with(ShadedInterval::new(*from, ends.1, Color::FAINT).label("held out"));
+    for (index, block) in track.held_out.iter().enumerate() {
+        let last = block.end.saturating_sub(1);
+        if let (Some(from), Some(to)) = (track.time.get(block.start), track.time.get(last)) {
+            let shaded = ShadedInterval::new(*from, *to, Color::FAINT);
+            panel = panel.with(match index {
+                0 => shaded.label("held out"),
+                _ => shaded,
+            });
+        }
     }
     if let Some(family) = compared {
         panel = panel

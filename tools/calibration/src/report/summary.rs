@@ -73,7 +73,7 @@ fn what_was_read(data: &ReportData) -> String {
         Some(seconds) if track.timed => format!(" over {} s", fixed(*seconds, 0)),
         _ => String::new(),
     };
-    let held_out = match track.held_out().len() {
+    let held_out = match track.held_out().count() {
         0 => "none were held out".to_owned(),
         rows => format!(
             "{} were held out ({})",
@@ -100,7 +100,7 @@ fn what_was_read(data: &ReportData) -> String {
 /// Warnings that follow from the scores.
 fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
     let mut findings = Vec::new();
-    if data.track.held_out().is_empty() {
+    if data.track.holds_nothing_out() {
         findings.push(
             "No rows were held out: nothing here shows how the model does on other motion, and the \
              family with the most parameters looks best."

@@ -230,7 +230,7 @@ fn empty_data_make_a_report_too() {
     for family in &mut data.families {
         family.chosen = false;
     }
-    data.track.held_out_from = data.track.time.len();
+    data.track.held_out.clear();
     let text = html(&data);
     assert_valid(&text);
     assert!(text.contains("No rows were held out"));
@@ -266,7 +266,7 @@ fn thirty_thousand_rows_stay_below_two_megabytes() {
         .map(|_| [20.0 * noise(), 20.0 * noise(), 0.0])
         .collect();
     track.training = (0..rows * 3 / 4).collect();
-    track.held_out_from = rows * 3 / 4;
+    track.held_out = std::iter::once(rows * 3 / 4..rows).collect();
     let measured = track.measured.clone();
     data.families.extend(data.families.clone());
     data.families.extend(data.families[..2].to_vec());

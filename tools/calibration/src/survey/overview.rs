@@ -96,6 +96,15 @@ impl Survey {
         })
     }
 
+    /// Why the recording shows nothing between the axes of the motors, if it does not.
+    #[must_use]
+    pub fn shows_one_axis_at_a_time(&self) -> Option<Finding> {
+        self.warnings.iter().find_map(|warning| match warning {
+            Warning::Hysteresis(finding @ Finding::OneAxisAtATime { .. }) => Some(*finding),
+            _ => None,
+        })
+    }
+
     /// Whether a row was flagged, for any output.
     #[must_use]
     pub fn is_flagged(&self, row: usize) -> bool {

@@ -71,7 +71,7 @@ struct ModelArguments {
      PART", default_value_t = EmOptions::default().shrinkage, value_parser = part)]
     shrinkage: f64,
     /// What to hold out for testing: `last-cycle`, a fraction of the rows at the end, or `none`
-    #[arg(long, value_name = "WHAT", default_value_t = HoldOut::LastCycle)]
+    #[arg(long, value_name = "WHAT", default_value_t = HoldOut::Blocks)]
     hold_out: HoldOut,
     /// Train on readings that are flagged as spikes, too
     #[arg(long)]

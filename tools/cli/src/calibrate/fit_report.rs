@@ -113,7 +113,7 @@ impl Report<'_> {
         writeln!(f, "noise      {}", noise.collect::<Vec<_>>().join(", "))?;
         self.latency(f)?;
         self.drift(f)?;
-        let (training, held_out) = (report.training.len(), report.split.held_out().len());
+        let (training, held_out) = (report.training.len(), report.split.held_out().count());
         writeln!(f, "training   {training} row(s)")?;
         match report.split.kind() {
             SplitKind::Nothing => writeln!(f, "held out   nothing"),
@@ -261,7 +261,7 @@ impl Report<'_> {
         let Some(metrics) = model.file().metrics.get(output) else {
             return Ok(());
         };
-        let taken = if model.id() == self.outcome.model.id() {
+        let taken = if family == self.outcome.family {
             "*"
         } else {
             ""
@@ -271,7 +271,7 @@ impl Report<'_> {
             &format!("{name:<12}{:<15}training", format!("{family}{taken}")),
             Some(&metrics.training),
         )?;
-        if self.outcome.report.split.held_out().is_empty() {
+        if self.outcome.report.split.is_empty() {
             return Ok(());
         }
         metrics_line(f, &format!("{:<27}held out", ""), metrics.held_out.as_ref())

@@ -77,6 +77,15 @@ impl OperatorFit {
     }
 }
 
+/// What the recording shows of the shape behind the operator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShapeKind {
+    /// The plane of the motors: the shape is free.
+    Plane,
+    /// One axis at a time: no plays between the axes, and a straight regression.
+    Separable,
+}
+
 struct Candidate {
     structure: &'static Structure,
     plays: Vec<PlayParameters>,
@@ -92,6 +101,7 @@ struct Candidate {
 /// See [`PlayError`].
 pub fn fit_operator(
     series: &Series,
+    shape: ShapeKind,
     options: &ChainOptions,
     progress: &dyn Progress,
 ) -> Result<OperatorFit, PlayError> {
@@ -108,10 +118,11 @@ pub fn fit_operator(
     });
     let suitable = STRUCTURES
         .iter()
-        .filter(|structure| structure.is_for(series.motors()));
+        .filter(|structure| structure.is_for(series.motors()))
+        .filter(|structure| shape == ShapeKind::Plane || structure.is_of_axes());
     let mut best: Option<Candidate> = None;
     for structure in suitable {
-        let Some(candidate) = candidate(structure, series, &ranges, &outputs) else {
+        let Some(candidate) = candidate(structure, series, shape, &ranges, &outputs) else {
             continue;
         };
         let error = |of: &Candidate| of.found.left_out_error.sqrt();
@@ -123,14 +134,18 @@ pub fn fit_operator(
         }
     }
     let best = best.ok_or(PlayError::Degenerate)?;
-    let operator = operator(&best, &ranges, &outputs)?;
+    let operator = operator(&best, shape, &ranges, &outputs)?;
     let mechanism = mechanism(&operator, &best, &outputs)?;
+    let mut options = options.clone();
+    if shape == ShapeKind::Separable {
+        (options.components, options.residual) = (Some(1), false);
+    }
     let plain = ChainOptions {
         residual: false,
         ..options.clone()
     };
     let first = chain(&operator, series, &plain, progress)?;
-    let (operator, chain) = with_residual(operator, first, series, &ranges, options, progress)?;
+    let (operator, chain) = with_residual(operator, first, series, &ranges, &options, progress)?;
     Ok(OperatorFit {
         operator,
         chain,
@@ -143,6 +158,7 @@ pub fn fit_operator(
 fn candidate(
     structure: &'static Structure,
     series: &Series,
+    shape: ShapeKind,
     ranges: &[[f64; 2]],
     outputs: &DMatrix<f64>,
 ) -> Option<Candidate> {
@@ -157,7 +173,7 @@ fn candidate(
     plays = moves.iter().map(|play| plays[*play].clone()).collect();
     signals = signals.select_columns(&moves);
     let columns = columns(count_columns(series, &centre), &signals, &plays);
-    let found = fit_weights(&columns, outputs)?;
+    let found = fit_weights(&columns, outputs, shape)?;
     Some(Candidate {
         structure,
         plays,
@@ -194,6 +210,7 @@ fn columns(counts: DMatrix<f64>, plays: &DMatrix<f64>, parameters: &[PlayParamet
 /// The plays that matter, with weights fitted to them alone.
 fn operator(
     best: &Candidate,
+    shape: ShapeKind,
     ranges: &[[f64; 2]],
     outputs: &DMatrix<f64>,
 ) -> Result<PrandtlIshlinskiiParameters, PlayError> {
@@ -220,7 +237,7 @@ fn operator(
         .collect();
     let signals = best.columns.signals.select_columns(&kept);
     let columns = columns(best.columns.counts.clone(), &signals, &plays);
-    let found = fit_weights(&columns, outputs).ok_or(PlayError::Degenerate)?;
+    let found = fit_weights(&columns, outputs, shape).ok_or(PlayError::Degenerate)?;
     for (play, weight) in plays.iter_mut().zip(found.weights.iter().skip(motors)) {
         for part in &mut play.weight {
             *part *= weight;

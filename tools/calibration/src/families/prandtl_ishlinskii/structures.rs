@@ -64,6 +64,11 @@ impl Structure {
         motors == 2 || self.shares.is_empty()
     }
 
+    /// Whether its plays are on the counts of one motor each.
+    pub fn is_of_axes(&self) -> bool {
+        self.shares.is_empty()
+    }
+
     /// The plays for motors with given half ranges, with weight 1.
     pub fn plays(&self, half_ranges: &[f64]) -> Vec<PlayParameters> {
         let directions = directions(half_ranges.len(), self.shares);

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::operator_fit::ShapeKind;
 use crate::regression::nnls::nnls;
 use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
@@ -59,12 +60,19 @@ struct Search<'a> {
 
 /// Fits weights, with the penalty that does best on blocks left out. `None` when the outputs cannot
 /// be regressed on the counts.
-pub(super) fn fit_weights(columns: &Columns, outputs: &DMatrix<f64>) -> Option<Weights> {
+pub(super) fn fit_weights(
+    columns: &Columns,
+    outputs: &DMatrix<f64>,
+    kind: ShapeKind,
+) -> Option<Weights> {
     let search = Search::new(columns, outputs);
     let mut slope = search.straight_slope()?;
     let mut target = outputs.clone();
     for _ in 0..PASSES {
         let normal = search.normal(&slope, &target);
+        if kind == ShapeKind::Separable {
+            break;
+        }
         let weights = normal.solve(None, PENALTIES[1]);
         let virtual_counts = columns.virtual_counts(&weights);
         let shape = Shape::new(&virtual_counts, outputs)?;
