@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use i2ris::config::Config;
-use i2ris::model::Model;
+use i2ris::model::{Model, Query};
 use i2ris_calibration::fit::{Choice, Family, FitOptions, FitOutcome, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
@@ -44,13 +44,39 @@ pub struct Judgement {
     pub exact: Tracking,
 }
 
+/// A motion and its goals, deg.
+type Path = (Motion, Vec<[f64; 2]>);
+
+/// A goal has to be this much inside the reach of the linear model: gaps need room, too.
+const MARGIN: f64 = 1.15;
+
+/// The motions, made smaller where the calibrated hull does not reach: what is judged is the model,
+/// not the size of the hull.
+fn within_reach(motions: &[Path], linear: &Model) -> Vec<Path> {
+    let memory = linear.new_memory();
+    let reached = |goal: &[f64; 2], size: f64| {
+        let goal = [goal[0], goal[1], 0.0].map(|angle| (angle * size * MARGIN).to_radians());
+        !linear.invert(&goal, &memory, &Query::new([0.0; 2])).clipped
+    };
+    let smaller = |(motion, path): &Path| {
+        let sizes = (4..=20).rev().map(|step| f64::from(step) / 20.0);
+        let size = sizes
+            .into_iter()
+            .find(|size| path.iter().all(|goal| reached(goal, *size)))
+            .unwrap_or(0.2);
+        let scaled = path.iter().map(|goal| goal.map(|angle| angle * size));
+        (*motion, scaled.collect())
+    };
+    motions.iter().map(smaller).collect()
+}
+
 /// Everything that is the same for all snakes.
 pub struct Judge {
     config: Config,
     plan: RecordingPlan,
     families: Vec<Choice>,
     each: bool,
-    motions: Vec<(Motion, Vec<[f64; 2]>)>,
+    motions: Vec<Path>,
     folder: PathBuf,
 }
 
@@ -98,8 +124,12 @@ impl Judge {
         let (recording, _) = Recording::read(&file, &ColumnMap::default())
             .map_err(|error| format!("cannot read the recording: {error}"))?;
         let candidates = self.candidates(&recording)?;
-        let exact = self.exact(snake)?;
-        let follow = |candidate: &Candidate| self.follow(snake, candidate);
+        let linear = candidates
+            .first()
+            .and_then(|first| first.model.as_ref().ok());
+        let motions = within_reach(&self.motions, linear.ok_or("there is no linear model")?);
+        let exact = self.exact(snake, &motions)?;
+        let follow = |candidate: &Candidate| self.follow(snake, candidate, &motions);
         let linear = candidates.first().map(follow);
         let linear = linear.and_then(|(_, tracked)| tracked);
         let mut judgements = Vec::new();
@@ -156,19 +186,24 @@ impl Judge {
         Ok(found)
     }
 
-    fn exact(&self, snake: DrawnSnake) -> Result<Vec<Tracking>, String> {
+    fn exact(&self, snake: DrawnSnake, motions: &[Path]) -> Result<Vec<Tracking>, String> {
         let mut robot = SimulatedRobot::new(snake.build());
         let mut pilot = ExactPilot::new(&self.config, &robot);
         condition(&mut robot);
-        follow(&mut pilot, &mut robot, &self.motions)
+        follow(&mut pilot, &mut robot, motions)
     }
 
     /// The model, or why it does not follow.
-    fn follow(&self, snake: DrawnSnake, candidate: &Candidate) -> (String, Option<Vec<Tracking>>) {
+    fn follow(
+        &self,
+        snake: DrawnSnake,
+        candidate: &Candidate,
+        motions: &[Path],
+    ) -> (String, Option<Vec<Tracking>>) {
         let tracked = candidate.model.clone().and_then(|model| {
             let mut robot = SimulatedRobot::new(snake.build());
             let mut controller = Controller::start(&self.config, &model, &mut robot)?;
-            follow(&mut controller, &mut robot, &self.motions)
+            follow(&mut controller, &mut robot, motions)
         });
         match tracked {
             Ok(tracked) => (candidate.name.clone(), Some(tracked)),
