@@ -21,6 +21,13 @@ use super::transport::Transport;
 /// bytes and a request has tens, so waiting means that the port hangs.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
+/// How long a port may stay in exclusive use after its user was killed: the watchdog ends that, and
+/// looks for it every 100 ms.
+const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(500);
+
+/// Period of trying to open a port in use.
+const BUSY_PERIOD: Nanos = Nanos::from_millis(20);
+
 /// A serial port, opened exclusively.
 #[derive(Debug)]
 pub struct SerialTransport {
@@ -36,10 +43,18 @@ impl SerialTransport {
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        Ok(Self {
-            port: open(config)?,
-            config: config.clone(),
-        })
+        let end = clock::now() + RELEASE_TIMEOUT;
+        loop {
+            match open(config) {
+                Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
+                opened => {
+                    return Ok(Self {
+                        port: opened?,
+                        config: config.clone(),
+                    });
+                }
+            }
+        }
     }
 
     /// Waits for bytes. Does not use the timeout of `TTYPort`, which allocates its error every

@@ -13,7 +13,8 @@
 //!
 //! The watchdog opens its ports before the controller does and keeps them open: a port that the
 //! controller has opened is locked for later processes, also when the controller hangs. So the
-//! watchdog starts first, and retries ports that it cannot open yet.
+//! watchdog starts first, and retries ports that it cannot open yet. While it keeps them open, the
+//! kernel does not end the exclusive use by a killed controller, so the watchdog does.
 //!
 //! Limits: the watchdog is ineffective when the host loses power, hangs as a whole, or its cable is
 //! disconnected. That needs a hardware watchdog on the safe-torque-off input of the drives, see the
@@ -38,7 +39,7 @@ pub use shared_port::SharedPort;
 /// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// Period of trying to open ports.
+/// Period of trying to open ports, and of looking for ports that were abandoned in exclusive use.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Default silence of the loop after which the watchdog acts.
@@ -63,6 +64,9 @@ pub fn run(
             for event in ports.iter_mut().filter_map(SharedPort::open) {
                 report(event);
             }
+            for port in &ports {
+                port.release_if_abandoned();
+            }
         }
         let heartbeat = reader.read();
         let status = monitor.update(heartbeat, clock::now());
@@ -73,7 +77,7 @@ pub fn run(
             ControllerStatus::Died | ControllerStatus::Hangs => {
                 let age = monitor.age(clock::now());
                 // Sends quick stop to every axis before it reports: the log may block.
-                let stopped: Vec<_> = ports.iter_mut().map(SharedPort::quick_stop).collect();
+                let stopped: Vec<_> = ports.iter().map(SharedPort::quick_stop).collect();
                 report(WatchdogEvent::ControllerLost(status, age));
                 for event in stopped {
                     report(event);

@@ -69,17 +69,31 @@ impl SharedPort {
     }
 
     /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
-    pub fn quick_stop(&mut self) -> WatchdogEvent {
+    pub fn quick_stop(&self) -> WatchdogEvent {
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
         let stopped = match file {
             Some(file) => self.stop_axes(file),
             None => self.for_each_axis(|_| Err(QuickStopError::NotHeld)),
         };
         if let Some(file) = &self.file {
-            // SAFETY: the request takes no argument, and the descriptor is open.
-            let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
+            end_exclusive_use(file);
         }
         WatchdogEvent::Stopped(self.config.device.clone(), stopped)
+    }
+
+    /// Ends the exclusive use of the port by a process that was killed. The kernel does so only when
+    /// no descriptor of the port is open any more, and this one is.
+    ///
+    /// A controller also locks the file, and the kernel releases that lock with the process. One
+    /// that tries to lock the file at this moment tries again.
+    pub fn release_if_abandoned(&self) {
+        if let Some(file) = &self.file
+            && is_exclusive(file)
+            && file.try_lock_shared().is_ok()
+        {
+            end_exclusive_use(file);
+            let _ = file.unlock();
+        }
     }
 
     fn stop_axes(&self, file: File) -> Vec<AxisStop> {
@@ -122,6 +136,18 @@ fn open(device: &Path) -> io::Result<File> {
         .write(true)
         .custom_flags(flags)
         .open(device)
+}
+
+fn is_exclusive(file: &File) -> bool {
+    let mut flag: libc::c_int = 0;
+    // SAFETY: the request writes an `int`, and the descriptor is open.
+    let answer = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCGEXCL, &raw mut flag) };
+    answer == 0 && flag != 0
+}
+
+fn end_exclusive_use(file: &File) {
+    // SAFETY: the request takes no argument, and the descriptor is open.
+    let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
 }
 
 fn explain(error: &io::Error) -> String {

@@ -1,9 +1,14 @@
 //! The watchdog and the controller as real processes: if the controller dies or hangs, the watchdog
 //! stops the drives.
 //!
+//! Exclusive use of a port does not bind root. So these tests run as another user if root starts
+//! them.
+//!
 //! Latency: `cargo test --test drive -- --ignored --nocapture stop_latency`.
 
 use std::fs;
+use std::io;
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
@@ -13,6 +18,7 @@ use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
 use nix::sys::signal::Signal;
+use nix::unistd::geteuid;
 
 use crate::controller_rig::{Rig, TIMEOUT};
 
@@ -21,7 +27,7 @@ struct WatchedRig {
     rig: Rig,
     watchdog: Child,
     log: PathBuf,
-    _client: Client,
+    client: Option<Client>,
 }
 
 impl WatchedRig {
@@ -31,7 +37,14 @@ impl WatchedRig {
         Self::with(Rig::new(), silence_ms)
     }
 
-    fn with(mut rig: Rig, silence_ms: u64) -> Self {
+    fn with(rig: Rig, silence_ms: u64) -> Self {
+        let mut watched = Self::without_controller(rig, silence_ms);
+        watched.enable();
+        watched.until_logged("watching");
+        watched
+    }
+
+    fn without_controller(rig: Rig, silence_ms: u64) -> Self {
         let file = rig.folder.path().join("watched.toml");
         let log = rig.folder.path().join("watchdog.log");
         fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
@@ -48,15 +61,18 @@ impl WatchedRig {
             let text = fs::read_to_string(&log).unwrap();
             text.matches("holding").count() == 2
         });
-        let client = rig.enabled();
-        let watched = Self {
+        Self {
             rig,
             watchdog,
             log,
-            _client: client,
-        };
-        watched.until_logged("watching");
-        watched
+            client: None,
+        }
+    }
+
+    /// Starts a controller and enables its drives.
+    fn enable(&mut self) {
+        self.client = Some(self.rig.enabled());
+        assert_eq!(self.states(), [State::OperationEnabled; 2]);
     }
 
     /// Sends a signal that ends the controller, and waits for the end.
@@ -79,6 +95,12 @@ impl WatchedRig {
             .snapshot()
             .axes
             .map(|axis| axis.drive.state)
+    }
+
+    fn until_watching_again(&self) {
+        until("the watchdog watches again", || {
+            self.log_text().matches("watching").count() == 2
+        });
     }
 
     fn until_stopped(&self) {
@@ -115,6 +137,36 @@ impl Drop for WatchedRig {
     }
 }
 
+const UNPRIVILEGED: &str = "I2RIS_TEST_UNPRIVILEGED";
+
+/// The user and group "nobody".
+const NOBODY: u32 = 65534;
+
+/// Runs a test of this file in a process of an unprivileged user. A process that is not root runs
+/// it itself.
+fn unprivileged(name: &str, test: fn()) {
+    if !geteuid().is_root() {
+        return test();
+    }
+    assert!(std::env::var_os(UNPRIVILEGED).is_none(), "still root");
+    let output = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", &format!("watchdog::{name}"), "--nocapture"])
+        .env(UNPRIVILEGED, "")
+        // The folder of root's temporary files may be closed to others.
+        .env("TMPDIR", "/tmp")
+        .current_dir("/")
+        .uid(NOBODY)
+        .gid(NOBODY)
+        .output()
+        .expect("the user nobody can execute the test");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && text.contains("1 passed"),
+        "as nobody:\n{text}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
 fn until(what: &str, mut is_true: impl FnMut() -> bool) {
     let start = clock::now();
     while !is_true() {
@@ -125,45 +177,85 @@ fn until(what: &str, mut is_true: impl FnMut() -> bool) {
 
 #[test]
 fn h03_the_drives_of_a_killed_controller_are_stopped() {
-    let mut watched = WatchedRig::new(3000);
-    assert_eq!(watched.states(), [State::OperationEnabled; 2]);
-    watched.end_with(Signal::SIGKILL);
-    watched.until_stopped();
-    watched.until_logged("the controller is gone");
-    // The watchdog releases the ports, and watches the next controller.
-    let _client = watched.rig.enabled();
-    until("the watchdog watches again", || {
-        watched.log_text().matches("watching").count() == 2
+    unprivileged("h03_the_drives_of_a_killed_controller_are_stopped", || {
+        let mut watched = WatchedRig::new(3000);
+        watched.end_with(Signal::SIGKILL);
+        watched.until_stopped();
+        watched.until_logged("the controller is gone");
+        // The watchdog releases the ports, and watches the next controller.
+        watched.enable();
+        watched.until_watching_again();
     });
-    assert_eq!(watched.states(), [State::OperationEnabled; 2]);
 }
 
 #[test]
 fn h03_the_drives_of_a_hanging_controller_are_stopped() {
-    let watched = WatchedRig::new(3000);
-    watched.rig.signal(Signal::SIGSTOP);
-    watched.until_stopped();
-    watched.until_logged("the controller hangs");
-    // It continues: it must not enable the drives again.
-    watched.rig.signal(Signal::SIGCONT);
-    clock::sleep(Nanos::from_millis(500));
-    assert!(
-        watched
-            .states()
-            .iter()
-            .all(|state| *state != State::OperationEnabled),
-        "{:?}",
-        watched.states()
-    );
+    unprivileged("h03_the_drives_of_a_hanging_controller_are_stopped", || {
+        let watched = WatchedRig::new(3000);
+        watched.rig.signal(Signal::SIGSTOP);
+        watched.until_stopped();
+        watched.until_logged("the controller hangs");
+        // It continues: it must not enable the drives again.
+        watched.rig.signal(Signal::SIGCONT);
+        clock::sleep(Nanos::from_millis(500));
+        assert!(
+            watched
+                .states()
+                .iter()
+                .all(|state| *state != State::OperationEnabled),
+            "{:?}",
+            watched.states()
+        );
+    });
 }
 
 #[test]
 fn an_orderly_end_of_the_controller_stops_nothing() {
-    let mut watched = WatchedRig::new(3000);
-    watched.end_with(Signal::SIGTERM);
-    watched.until_logged("ended with its drives off");
-    assert_eq!(watched.stops(), [None; 2]);
-    assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
+    unprivileged("an_orderly_end_of_the_controller_stops_nothing", || {
+        let mut watched = WatchedRig::new(3000);
+        watched.end_with(Signal::SIGTERM);
+        watched.until_logged("ended with its drives off");
+        assert_eq!(watched.stops(), [None; 2]);
+        assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
+        watched.enable();
+    });
+}
+
+#[test]
+fn h03_a_controller_killed_while_disabled_starts_again() {
+    unprivileged(
+        "h03_a_controller_killed_while_disabled_starts_again",
+        || {
+            let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+            watched.rig.start_controller();
+            drop(watched.rig.client());
+            watched.until_logged("watching");
+            watched.end_with(Signal::SIGKILL);
+            watched.enable();
+            watched.until_watching_again();
+        },
+    );
+}
+
+#[test]
+fn h03_a_controller_killed_before_it_serves_starts_again() {
+    unprivileged(
+        "h03_a_controller_killed_before_it_serves_starts_again",
+        || {
+            let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+            // It waits for replies with its ports open.
+            watched.rig.emulator.mute(0, true);
+            watched.rig.start_controller();
+            let device = watched.rig.config.ports[0].device.clone();
+            until("the controller has opened its port", || {
+                let opened = fs::File::open(&device);
+                opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
+            });
+            watched.end_with(Signal::SIGKILL);
+            watched.rig.emulator.mute(0, false);
+            watched.enable();
+        },
+    );
 }
 
 /// Prints the time from the signal to the quick stop in the drives, with the default silence of the
