@@ -252,14 +252,38 @@ pub enum QuickStopError {
     NoAnswer,
 }
 
-/// Stops a drive with its quick-stop ramp, in any state; it then holds with power. A drive without
-/// power stays off.
-pub(crate) fn quick_stop(
+/// Attempts to stop a drive: the first may collide with the rest of the controller's exchange.
+const STOP_ATTEMPTS: usize = 5;
+
+/// Stops drives with their quick-stop ramps, in any state; they then hold with power. A drive
+/// without power stays off.
+///
+/// Every drive gets the command before any is asked for its state: a drive that does not answer
+/// delays the stop of the others by one time-out, not by all attempts.
+pub fn quick_stop_all<T: Transport>(
+    link: &mut DriveLink<T>,
+    nodes: &[u8],
+) -> Vec<Result<DriveState, QuickStopError>> {
+    let _ = link.wait_for_quiet();
+    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
+    // Sent before the state is known: without power it only delays switching on.
+    for &node in nodes {
+        link.write_unconfirmed(node, stop);
+    }
+    let confirm = |&node: &u8| {
+        (0..STOP_ATTEMPTS)
+            .map(|_| quick_stop(link, node, stop))
+            .find(Result::is_ok)
+            .unwrap_or(Err(QuickStopError::NoAnswer))
+    };
+    nodes.iter().map(confirm).collect()
+}
+
+fn quick_stop(
     link: &mut DriveLink<impl Transport>,
     node: u8,
+    stop: Setting,
 ) -> Result<DriveState, QuickStopError> {
-    // The command is sent before the state is known: without power it only delays switching on.
-    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
     let _ = link.write(node, stop, Retry::Safe);
     match DriveNode::new(link, node).go_to(PowerGoal::Stopped) {
         Ok(state) | Err(AxisError::StillOn { state }) => Ok(state),

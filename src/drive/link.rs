@@ -239,6 +239,15 @@ impl<T: Transport> DriveLink<T> {
         })
     }
 
+    /// Writes an object in one attempt, and leaves the outcome open. Waits for the reply, but does
+    /// not synchronise the line if there is none.
+    pub(super) fn write_unconfirmed(&mut self, node: u8, setting: Setting) {
+        let commands = self.family.command_set();
+        let _ = self.attempt(&commands.write(node, setting), &mut |reply| {
+            commands.write_reply(reply)
+        });
+    }
+
     /// Reads an object of any length. Allocates.
     ///
     /// # Errors

@@ -258,6 +258,24 @@ fn h03_a_controller_killed_before_it_serves_starts_again() {
     );
 }
 
+#[test]
+fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
+    unprivileged(
+        "h03_a_silent_port_does_not_delay_the_stop_of_the_other",
+        || {
+            let mut watched = WatchedRig::new(3000);
+            watched.rig.emulator.mute(0, true);
+            watched.end_with(Signal::SIGKILL);
+            until("the drive that answers is stopped", || {
+                watched.states()[1] == State::QuickStopActive
+            });
+            // It is written when the attempts with the silent drive have ended.
+            assert_eq!(watched.log_text().matches("is gone").count(), 0);
+            watched.until_logged("NOT STOPPED");
+        },
+    );
+}
+
 /// Prints the time from the signal to the quick stop in the drives, with the default silence of the
 /// watchdog.
 #[test]
