@@ -31,6 +31,8 @@ use crate::clock;
 use crate::config::Config;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
+use crate::ipc::watchdog_presence::WatchdogPresence;
+use crate::service_manager;
 use crate::units::Nanos;
 
 pub use event::{AxisStop, WatchdogEvent};
@@ -47,12 +49,21 @@ const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 const STOP_STACK: usize = 256 * 1024;
 
 /// Default silence of the loop after which the watchdog acts.
+///
+/// The port threads of the controller have a time-out for a silent loop, too: `loop_timeout_ms`,
+/// 1000 ms by default. The two differ on purpose. The watchdog runs above everything of the
+/// controller, so 40 missed ticks are not its own delay, and it acts before the operator notices.
+/// The port thread is the second line, for a controller without a watchdog. It also runs where the
+/// machine grants no real time, and where stalls of a hundred milliseconds are normal and harmless:
+/// a drive without new setpoints holds the last one. A quick stop there would end work for nothing.
+/// If both acted at the same time, their exchanges would collide on the line.
 pub const DEFAULT_SILENCE: Nanos = Nanos::from_millis(40);
 
-/// Monitors the controller until `stop` is set. Passes every event to `report`.
+/// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event to `report`.
 pub fn run(
     config: &Config,
     domain: &Domain,
+    presence: &WatchdogPresence,
     silence: Nanos,
     stop: &AtomicBool,
     report: &mut dyn FnMut(WatchdogEvent),
@@ -61,6 +72,7 @@ pub fn run(
     let mut reader = HeartbeatReader::new(domain);
     let mut monitor = HeartbeatMonitor::new(silence);
     let mut next_open = Nanos::ZERO;
+    let mut was_complete = false;
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         if now >= next_open {
@@ -71,6 +83,15 @@ pub fn run(
             for port in &ports {
                 port.release_if_abandoned();
             }
+            let is_complete = ports.iter().all(SharedPort::is_open);
+            if std::mem::replace(&mut was_complete, is_complete) != is_complete {
+                // If the lock fails, clients see a watchdog that cannot act: the safe side.
+                let _ = presence.set_complete(is_complete);
+            }
+            if is_complete {
+                service_manager::notify(service_manager::READY);
+            }
+            service_manager::notify(service_manager::ALIVE);
         }
         let heartbeat = reader.read();
         let status = monitor.update(heartbeat, clock::now());

@@ -65,6 +65,12 @@ impl SharedPort {
         }
     }
 
+    /// The port is open, and its device was there when it was last looked at.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.file.is_some()
+    }
+
     /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
     pub fn quick_stop(&self) -> WatchdogEvent {
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());

@@ -8,19 +8,21 @@
 
 use std::fs;
 use std::io;
+use std::os::unix::net::UnixDatagram;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
 use i2ris::clock;
 use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
-use nix::sys::signal::Signal;
-use nix::unistd::geteuid;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::{Pid, geteuid};
 
-use crate::controller_rig::{Rig, TIMEOUT};
+use crate::controller_rig::{Rig, TIMEOUT, has, wait_for};
 
 /// A rig whose watchdog was started first, with an enabled robot.
 struct WatchedRig {
@@ -52,6 +54,7 @@ impl WatchedRig {
             .arg("--config")
             .arg(&file)
             .args(["--silence-ms", &silence_ms.to_string()])
+            .envs(rig.environment.iter().cloned())
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(fs::File::create(&log).unwrap())
@@ -132,7 +135,11 @@ impl WatchedRig {
 
 impl Drop for WatchedRig {
     fn drop(&mut self) {
-        let _ = self.watchdog.kill();
+        // In order, so that it removes its file.
+        let id = Pid::from_raw(self.watchdog.id() as i32);
+        if self.watchdog.try_wait().is_ok_and(|ended| ended.is_none()) {
+            let _ = kill(id, Signal::SIGTERM);
+        }
         let _ = self.watchdog.wait();
     }
 }
@@ -272,6 +279,52 @@ fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
             // It is written when the attempts with the silent drive have ended.
             assert_eq!(watched.log_text().matches("is gone").count(), 0);
             watched.until_logged("NOT STOPPED");
+        },
+    );
+}
+
+#[test]
+fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
+    unprivileged(
+        "h03_the_operating_state_says_whether_a_watchdog_holds_every_port",
+        || {
+            let mut watched = WatchedRig::new(3000);
+            let mut client = watched.client.take().unwrap();
+            wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
+            watched.watchdog.kill().unwrap();
+            wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
+        },
+    );
+}
+
+#[test]
+fn the_service_manager_hears_when_watchdog_and_controller_are_ready() {
+    unprivileged(
+        "the_service_manager_hears_when_watchdog_and_controller_are_ready",
+        || {
+            let mut rig = Rig::new();
+            let address = rig.folder.path().join("notify");
+            let manager = UnixDatagram::bind(&address).unwrap();
+            let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
+            manager.set_read_timeout(Some(timeout)).unwrap();
+            let hears = |expected: &str| loop {
+                let mut message = [0; 64];
+                let count = manager.recv(&mut message).expect(expected);
+                if message[..count] == *expected.as_bytes() {
+                    break;
+                }
+            };
+            rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
+            rig.start_controller();
+            drop(rig.client());
+            hears("READY=1");
+            rig.signal(Signal::SIGTERM);
+            rig.wait_for_end();
+            hears("STOPPING=1");
+            let watched = WatchedRig::without_controller(rig, 3000);
+            hears("READY=1");
+            hears("WATCHDOG=1");
+            drop(watched);
         },
     );
 }

@@ -10,6 +10,7 @@
 
 pub mod motion;
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -19,6 +20,7 @@ use i2ris::clock;
 use i2ris::config::{AxisConfig, Config, PortConfig};
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::log::{Event, EventKind};
@@ -37,6 +39,8 @@ pub struct Rig {
     pub emulator: Emulator,
     pub config: Config,
     pub folder: TempDir,
+    /// Variables of the environment of every program.
+    pub environment: Vec<(OsString, OsString)>,
     controller: Option<Child>,
     /// Dropped last, when no other part uses the domains any more.
     clean_ups: Vec<CleanUp>,
@@ -47,6 +51,7 @@ struct CleanUp(Domain);
 
 impl Drop for CleanUp {
     fn drop(&mut self) {
+        drop(WatchdogPresence::announce(&self.0));
         drop(DomainLock::acquire(&self.0));
     }
 }
@@ -88,6 +93,7 @@ impl Rig {
             emulator,
             config,
             folder,
+            environment: Vec::new(),
             controller: None,
             clean_ups: vec![CleanUp(domain)],
         }
@@ -124,6 +130,7 @@ impl Rig {
         fs::write(&file, toml::to_string(&self.config).unwrap()).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
         command.args([Path::new("--config"), &file]);
+        command.envs(self.environment.iter().cloned());
         command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
