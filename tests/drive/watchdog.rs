@@ -12,6 +12,7 @@ use std::os::unix::net::UnixDatagram;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 
 use i2ris::clock;
 use i2ris::ipc::client::Client;
@@ -151,7 +152,12 @@ const NOBODY: u32 = 65534;
 
 /// Runs a test of this file in a process of an unprivileged user. A process that is not root runs
 /// it itself.
+///
+/// One after the other: a rig has some twenty threads, and a drive that is emulated by a thread of
+/// ordinary priority must answer in time.
 fn unprivileged(name: &str, test: fn()) {
+    static ONE: Mutex<()> = Mutex::new(());
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     if !geteuid().is_root() {
         return test();
     }

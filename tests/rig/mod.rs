@@ -304,6 +304,7 @@ fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
     let mut axis = AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]);
     axis.motor_speed_rpm = 10_000;
     let mut port = PortConfig::new(device.to_owned(), vec![axis]);
-    port.reply_timeout_ms = 500;
+    // The longest that is allowed: on a loaded machine an emulated drive may answer late.
+    port.reply_timeout_ms = 1000;
     port
 }
