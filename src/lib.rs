@@ -38,6 +38,7 @@
 //! | [`watchdog`] | the second process, which stops the drives when the controller dies or hangs |
 //! | [`realtime`] | real-time scheduling, the tick grid, statistics of the loop |
 //! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only |
+//! | [`service_manager`] | readiness and life signs for systemd |
 //! | [`file_permissions`] | refuses files that every user may write |
 //!
 //! # From a command to the wire, and a position back
@@ -111,6 +112,7 @@ pub mod model;
 pub mod process;
 pub mod realtime;
 pub mod robot;
+pub mod service_manager;
 pub mod units;
 pub mod wall_clock;
 pub mod watchdog;

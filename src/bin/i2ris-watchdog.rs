@@ -11,7 +11,9 @@ use i2ris::COMMIT;
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
+use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::realtime::{self, Wanted};
+use i2ris::service_manager;
 use i2ris::units::Nanos;
 use i2ris::watchdog::{self, WatchdogEvent};
 use lexopt::Arg::{Long, Short};
@@ -68,6 +70,7 @@ fn start() -> Result<(), Failure> {
         Request::Run(path, silence) => {
             let config = Config::load(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;
+            let presence = WatchdogPresence::announce(&domain)?;
             let stop = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&stop);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
@@ -80,7 +83,8 @@ fn start() -> Result<(), Failure> {
             for warning in &granted.warnings {
                 print(format_args!("warning: {warning}"));
             }
-            watchdog::run(&config, &domain, silence, &stop, &mut report);
+            watchdog::run(&config, &domain, &presence, silence, &stop, &mut report);
+            service_manager::notify(service_manager::STOPPING);
             Ok(())
         }
     }

@@ -28,7 +28,8 @@ pub struct PortConfig {
     pub reply_timeout_ms: u64,
     /// Age of the last request of the control loop at which the port stops its enabled axes, in
     /// milliseconds; 0: never. The loop writes a request every tick, so a timeout means that the
-    /// loop hangs.
+    /// loop hangs. It is the second line behind the watchdog, which acts after 40 ms, and long,
+    /// because without real time the loop may stall while the drive safely holds.
     #[serde(default = "default_deadman_ms")]
     pub loop_timeout_ms: u64,
     /// Polling of statusword, error code and current while a target is followed.

@@ -25,7 +25,7 @@ use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::faults::overrun::OverrunMonitor;
-use crate::core::faults::plausibility::PlausibilityMonitor;
+use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, StateRequest,
 };
@@ -69,6 +69,7 @@ pub struct ControlCycle {
     pub(super) models: LoadedModels,
     pub(super) overruns: OverrunMonitor,
     pub(super) plausibility: PlausibilityMonitor,
+    pub(super) plausibility_check: PlausibilityCheck,
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
@@ -99,6 +100,7 @@ impl ControlCycle {
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
             plausibility: PlausibilityMonitor::new(&config.plausibility),
+            plausibility_check: PlausibilityCheck::default(),
             models: LoadedModels::new(model.map(|model| JointModel::new(model, config))),
             machine: StateMachine::new(),
             admission: CommandAdmission::new(&config.command),
@@ -196,7 +198,11 @@ impl ControlCycle {
         self.axes.update_feedback(&inputs.feedback, now, events);
         let is_model_finite = self.update_models().is_ok();
         let is_overrun = self.overruns.add(u32::from(inputs.missed > 0), now);
+        let check = self.plausibility_check;
         let is_implausible = self.is_implausible(inputs.external.as_ref(), now);
+        if self.plausibility_check != check {
+            events.push(CycleEventKind::Plausibility(self.plausibility_check));
+        }
         DriveSummary {
             now,
             axes: self.axes.status(now),
@@ -245,8 +251,12 @@ impl ControlCycle {
         let is_on = self.machine.state().expected_power() == ExpectedPower::On;
         let is_checked = is_on && self.axes.all(AxisControl::is_homed) && report.memory_known;
         self.plausibility.record_estimate(now, report.measured);
-        self.plausibility
-            .is_implausible(measured, joints.outputs(), is_checked, now)
+        let outputs = joints.outputs();
+        let is_implausible = self
+            .plausibility
+            .is_implausible(measured, outputs, is_checked, now);
+        self.plausibility_check = self.plausibility.check(now);
+        is_implausible
     }
 
     fn shut_down(&mut self, summary: &DriveSummary, events: &mut EventList) {
@@ -484,6 +494,7 @@ impl ControlCycle {
             busy: state.is_busy(self.axes.all(AxisControl::is_at_rest)),
             holding: state.is_holding(),
             clipped: setpoint.is_clipped,
+            plausibility: self.plausibility_check,
             lease_client_id: self.admission.lease_holder(),
             accepted: self.admission.accepted(),
             refused: self.admission.refused(),

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::drive::AxisPhase;
 use crate::model::ModelId;
 use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
@@ -57,6 +58,8 @@ pub enum CycleEventKind {
         /// Model after.
         to: ModelId,
     },
+    /// The comparison with the camera began, or cannot be made.
+    Plausibility(PlausibilityCheck),
     /// A drive changed its phase.
     Axis {
         /// Index of the motor.

@@ -97,7 +97,7 @@
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
 //! | `overrun_ticks` within `overrun_window_ms` | Late | on |
-//! | camera and model differ by `distance_deg` for `debounce_ms` | Implausible | on, memory known |
+//! | camera and model differ by `distance_deg` in all frames of `debounce_ms` | Implausible | on, memory known |
 //! | current above `over_current_ma` for `over_current_ms` | Current | while the drive follows |
 //!
 //! The reaction is the mildest that does not depend on what has just failed.
@@ -166,6 +166,7 @@ mod states;
 mod vector;
 
 pub use event::{CycleEvent, CycleEventKind};
+pub use faults::plausibility::PlausibilityCheck;
 pub use inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
 };

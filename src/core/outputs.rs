@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::event::CycleEvent;
+use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::position_history::HistoryCursor;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::model::ModelId;
@@ -65,6 +66,8 @@ pub struct CycleReport {
     pub holding: bool,
     /// The goal was clipped to the calibrated hull or the position limits.
     pub clipped: bool,
+    /// Whether the pose is compared with a camera.
+    pub plausibility: PlausibilityCheck,
     /// Client that holds the lease; 0: none.
     pub lease_client_id: u64,
     /// Number of accepted servo commands.

@@ -9,7 +9,7 @@ use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
 use crate::core::faults::overrun::OverrunMonitor;
-use crate::core::faults::plausibility::PlausibilityMonitor;
+use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
 use crate::core::motion::axis_control::AxisControl;
@@ -29,6 +29,7 @@ pub struct CycleSnapshot {
     models: LoadedModelStates,
     overruns: OverrunMonitor,
     plausibility: PlausibilityMonitor,
+    plausibility_check: PlausibilityCheck,
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
@@ -62,6 +63,7 @@ impl ControlCycle {
             models: self.models.states()?,
             overruns: self.overruns,
             plausibility: self.plausibility,
+            plausibility_check: self.plausibility_check,
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
@@ -89,6 +91,7 @@ impl ControlCycle {
         cycle.models = LoadedModels::from_states(&snapshot.models, config, find)?;
         cycle.overruns = snapshot.overruns;
         cycle.plausibility = snapshot.plausibility;
+        cycle.plausibility_check = snapshot.plausibility_check;
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;

@@ -22,10 +22,14 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 /// a drive discards an incomplete request, so it should be short.
 const FRAME_TIMEOUT_MS: u16 = 50;
 
+/// Called between two exchanges with a drive.
+type Interlude<'a, T> = &'a mut dyn FnMut(&mut DriveLink<T>);
+
 /// One drive on a line.
 pub(super) struct DriveNode<'a, T> {
     link: &'a mut DriveLink<T>,
     node: u8,
+    interlude: Option<Interlude<'a, T>>,
 }
 
 /// Identity of a drive.
@@ -49,7 +53,17 @@ pub struct AxisIdentity {
 
 impl<'a, T: Transport> DriveNode<'a, T> {
     pub(super) fn new(link: &'a mut DriveLink<T>, node: u8) -> Self {
-        Self { link, node }
+        Self {
+            link,
+            node,
+            interlude: None,
+        }
+    }
+
+    /// Calls this after every exchange: the line may have other drives that must not wait.
+    pub(super) fn with_interlude(mut self, interlude: Interlude<'a, T>) -> Self {
+        self.interlude = Some(interlude);
+        self
     }
 
     /// The drive that the port belongs to.
@@ -179,21 +193,28 @@ impl<'a, T: Transport> DriveNode<'a, T> {
 
     pub(super) fn read<V: Value>(&mut self, object: Object<V>) -> Result<V, AxisError> {
         let outcome = self.link.read(self.node, object);
-        outcome.map_err(|error| exchange_error(object.address(), error))
+        self.end_exchange(object.address(), outcome)
     }
 
     pub(super) fn read_back(&mut self, setting: Setting) -> Result<u32, AxisError> {
-        match self.link.read_raw(self.node, setting.object) {
-            Ok(reply) => Ok(reply.value),
-            Err(error) => Err(exchange_error(setting.object, error)),
-        }
+        let outcome = self.link.read_raw(self.node, setting.object);
+        self.end_exchange(setting.object, outcome.map(|reply| reply.value))
     }
 
     fn write(&mut self, setting: Setting) -> Result<(), AxisError> {
-        match self.link.write(self.node, setting, Retry::Safe) {
-            Ok(_) => Ok(()),
-            Err(error) => Err(exchange_error(setting.object, error)),
+        let outcome = self.link.write(self.node, setting, Retry::Safe);
+        self.end_exchange(setting.object, outcome.map(|_| ()))
+    }
+
+    fn end_exchange<R>(
+        &mut self,
+        object: Address,
+        outcome: Result<R, LinkError>,
+    ) -> Result<R, AxisError> {
+        if let Some(interlude) = &mut self.interlude {
+            interlude(self.link);
         }
+        outcome.map_err(|error| exchange_error(object, error))
     }
 }
 
@@ -252,14 +273,38 @@ pub enum QuickStopError {
     NoAnswer,
 }
 
-/// Stops a drive with its quick-stop ramp, in any state; it then holds with power. A drive without
-/// power stays off.
-pub(crate) fn quick_stop(
+/// Attempts to stop a drive: the first may collide with the rest of the controller's exchange.
+const STOP_ATTEMPTS: usize = 5;
+
+/// Stops drives with their quick-stop ramps, in any state; they then hold with power. A drive
+/// without power stays off.
+///
+/// Every drive gets the command before any is asked for its state: a drive that does not answer
+/// delays the stop of the others by one time-out, not by all attempts.
+pub fn quick_stop_all<T: Transport>(
+    link: &mut DriveLink<T>,
+    nodes: &[u8],
+) -> Vec<Result<DriveState, QuickStopError>> {
+    let _ = link.wait_for_quiet();
+    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
+    // Sent before the state is known: without power it only delays switching on.
+    for &node in nodes {
+        link.write_unconfirmed(node, stop);
+    }
+    let confirm = |&node: &u8| {
+        (0..STOP_ATTEMPTS)
+            .map(|_| quick_stop(link, node, stop))
+            .find(Result::is_ok)
+            .unwrap_or(Err(QuickStopError::NoAnswer))
+    };
+    nodes.iter().map(confirm).collect()
+}
+
+fn quick_stop(
     link: &mut DriveLink<impl Transport>,
     node: u8,
+    stop: Setting,
 ) -> Result<DriveState, QuickStopError> {
-    // The command is sent before the state is known: without power it only delays switching on.
-    let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
     let _ = link.write(node, stop, Retry::Safe);
     match DriveNode::new(link, node).go_to(PowerGoal::Stopped) {
         Ok(state) | Err(AxisError::StillOn { state }) => Ok(state),

@@ -215,8 +215,22 @@ impl<T: Transport> DriveLink<T> {
     ///
     /// See [`LinkError`].
     pub fn read_raw(&mut self, node: u8, object: Address) -> Result<TimedReply<u32>, LinkError> {
+        self.read_with(node, object, Retry::Safe)
+    }
+
+    /// Whether a node answers a single attempt.
+    pub(super) fn is_answered(&mut self, node: u8, object: Address) -> bool {
+        self.read_with(node, object, Retry::Never).is_ok()
+    }
+
+    fn read_with(
+        &mut self,
+        node: u8,
+        object: Address,
+        retry: Retry,
+    ) -> Result<TimedReply<u32>, LinkError> {
         let commands = self.family.command_set();
-        self.exchange(&commands.read(node, object), Retry::Safe, &mut |reply| {
+        self.exchange(&commands.read(node, object), retry, &mut |reply| {
             commands.read_reply(reply).map(|raw| object.truncate(raw))
         })
     }
@@ -237,6 +251,15 @@ impl<T: Transport> DriveLink<T> {
         self.exchange(&commands.write(node, setting), retry, &mut |reply| {
             commands.write_reply(reply)
         })
+    }
+
+    /// Writes an object in one attempt, and leaves the outcome open. Waits for the reply, but does
+    /// not synchronise the line if there is none.
+    pub(super) fn write_unconfirmed(&mut self, node: u8, setting: Setting) {
+        let commands = self.family.command_set();
+        let _ = self.attempt(&commands.write(node, setting), &mut |reply| {
+            commands.write_reply(reply)
+        });
     }
 
     /// Reads an object of any length. Allocates.

@@ -57,12 +57,18 @@ pub struct AxisLink {
 pub struct PortRunner<T = SerialTransport> {
     link: DriveLink<T>,
     slots: Vec<AxisSlot>,
-    /// Median duration of an exchange, measured at bring-up.
-    exchange: Nanos,
-    /// The last exchange took more than twice as long.
-    late: bool,
+    pace: Pace,
     /// Stores the positions of the axes at the end.
     positions_file: Option<PathBuf>,
+}
+
+/// How long exchanges on the line take.
+#[derive(Debug)]
+struct Pace {
+    /// Median, measured at bring-up.
+    median: Nanos,
+    /// The last one took more than twice as long.
+    late: bool,
 }
 
 /// One axis with its data in the port thread.
@@ -210,8 +216,10 @@ impl<T: Transport> PortRunner<T> {
         let runner = Self {
             link,
             slots,
-            exchange,
-            late: false,
+            pace: Pace {
+                median: exchange,
+                late: false,
+            },
             positions_file: port.positions_file.clone(),
         };
         (runner, links)
@@ -233,9 +241,9 @@ impl<T: Transport> PortRunner<T> {
             slot.report_ready(events);
         }
         if let Some(slot) = self.slots.first()
-            && self.exchange > SLOW_EXCHANGE
+            && self.pace.median > SLOW_EXCHANGE
         {
-            let median = self.exchange;
+            let median = self.pace.median;
             slot.axis.report(PortEventKind::SlowLine { median }, events);
         }
     }
@@ -277,40 +285,81 @@ impl<T: Transport> PortRunner<T> {
 
     /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
     fn serve(&mut self, index: usize, stopping: bool, events: EventSink<'_>) {
-        let Some(slot) = self.slots.get_mut(index) else {
+        let Some((before, [slot, after @ ..])) = self.slots.split_at_mut_checked(index) else {
             return;
         };
-        let link = &mut self.link;
-        if slot.axis.is_lost() {
-            slot.axis.acknowledge_counters(slot.requests.read(), events);
-            if !stopping {
-                try_reconnect(link, slot, events);
-            }
-        } else if let Err(error) = link.synchronise() {
-            slot.axis.set_lost(error, events);
-        } else {
-            // Read as late as possible before the set-point is encoded.
-            let request = if stopping {
-                slot.axis.disable_request()
-            } else {
-                slot.newest_request(link.now(), events)
+        let (link, pace) = (&mut self.link, &mut self.pace);
+        if !slot.axis.is_lost() {
+            return exchange(link, slot, pace, stopping, events);
+        }
+        slot.axis.acknowledge_counters(slot.requests.read(), events);
+        if !stopping {
+            let others = OtherSlots {
+                before,
+                after,
+                pace,
             };
-            let begin = link.now();
-            let transfer = slot.axis.next_transfer(&request, begin, self.late, events);
-            let timeouts = link.counters().timeouts;
-            let map = slot.axis.object_map();
-            let outcome = perform(link, slot.config.node_id, transfer, map);
-            if link.counters().timeouts != timeouts {
-                let object = transfer.object(map);
-                slot.axis.report(PortEventKind::TimedOut { object }, events);
-                slot.axis.handle_timeout(link.now(), events);
-            }
-            let end = link.now();
-            self.late = end - begin > self.exchange + self.exchange;
-            slot.axis.handle_outcome(transfer, outcome, end, events);
+            try_reconnect(link, slot, others, events);
         }
         slot.feedback.write(slot.axis.feedback(link.counters()));
     }
+}
+
+/// The other axes of a line while a lost one is brought up again.
+struct OtherSlots<'a> {
+    before: &'a mut [AxisSlot],
+    after: &'a mut [AxisSlot],
+    pace: &'a mut Pace,
+}
+
+impl OtherSlots<'_> {
+    /// Any of them answers.
+    fn answer(&self) -> bool {
+        let mut slots = self.before.iter().chain(&*self.after);
+        slots.any(|slot| !slot.axis.is_lost())
+    }
+
+    /// One exchange with each axis that answers.
+    fn serve(&mut self, link: &mut DriveLink<impl Transport>, events: EventSink<'_>) {
+        let slots = self.before.iter_mut().chain(&mut *self.after);
+        for slot in slots.filter(|slot| !slot.axis.is_lost()) {
+            exchange(link, slot, self.pace, false, events);
+        }
+    }
+}
+
+/// One exchange with an axis that is not lost.
+fn exchange(
+    link: &mut DriveLink<impl Transport>,
+    slot: &mut AxisSlot,
+    pace: &mut Pace,
+    stopping: bool,
+    events: EventSink<'_>,
+) {
+    if let Err(error) = link.synchronise() {
+        slot.axis.set_lost(error, events);
+    } else {
+        // Read as late as possible before the set-point is encoded.
+        let request = if stopping {
+            slot.axis.disable_request()
+        } else {
+            slot.newest_request(link.now(), events)
+        };
+        let begin = link.now();
+        let transfer = slot.axis.next_transfer(&request, begin, pace.late, events);
+        let timeouts = link.counters().timeouts;
+        let map = slot.axis.object_map();
+        let outcome = perform(link, slot.config.node_id, transfer, map);
+        if link.counters().timeouts != timeouts {
+            let object = transfer.object(map);
+            slot.axis.report(PortEventKind::TimedOut { object }, events);
+            slot.axis.handle_timeout(link.now(), events);
+        }
+        let end = link.now();
+        pace.late = end - begin > pace.median + pace.median;
+        slot.axis.handle_outcome(transfer, outcome, end, events);
+    }
+    slot.feedback.write(slot.axis.feedback(link.counters()));
 }
 
 /// Carries a transfer out. The value of a write is 0.
@@ -333,22 +382,40 @@ fn perform(
     }
 }
 
-/// Tries periodically to reconnect a lost axis. It is then disabled, whatever is demanded.
-fn try_reconnect(link: &mut DriveLink<impl Transport>, slot: &mut AxisSlot, events: EventSink<'_>) {
+/// Tries periodically to reconnect a lost axis. It is then disabled, whatever is demanded. Another
+/// axis that answers never waits for more than one exchange.
+fn try_reconnect<T: Transport>(
+    link: &mut DriveLink<T>,
+    slot: &mut AxisSlot,
+    mut others: OtherSlots<'_>,
+    events: EventSink<'_>,
+) {
     let now = link.now();
     if now < slot.next_reconnect {
         return;
     }
     slot.next_reconnect = now + RECONNECT_PERIOD;
-    if link.is_broken() && link.reopen().is_err() {
-        return;
-    }
-    // It may be another drive, or one that was restarted.
-    link.forget_drive();
-    if link.try_to_synchronise().is_err() || !link.is_in_sync() {
-        return;
-    }
-    match bring_up_again(link, slot) {
+    let brought_up = if others.answer() {
+        // The line is known by the axes that answer.
+        if !link.is_answered(slot.config.node_id, object::VENDOR.address()) {
+            return;
+        }
+        let mut serve_others = |link: &mut DriveLink<T>| others.serve(link, events);
+        let drive = DriveNode::new(link, slot.config.node_id);
+        bring_up_again(drive.with_interlude(&mut serve_others), slot)
+    } else {
+        if link.is_broken() && link.reopen().is_err() {
+            return;
+        }
+        // It may be another drive, or one that was restarted.
+        link.forget_drive();
+        if link.try_to_synchronise().is_err() || !link.is_in_sync() {
+            return;
+        }
+        bring_up::prepare_line(link)
+            .and_then(|()| bring_up_again(DriveNode::new(link, slot.config.node_id), slot))
+    };
+    match brought_up {
         Ok(position) => slot.axis.reconnect(position, events),
         // Lost again; the next attempt follows.
         Err(AxisError::Exchange {
@@ -360,9 +427,10 @@ fn try_reconnect(link: &mut DriveLink<impl Transport>, slot: &mut AxisSlot, even
 }
 
 /// The position of the axis after it was identified, switched off and limited again.
-fn bring_up_again(link: &mut DriveLink<impl Transport>, slot: &AxisSlot) -> Result<i32, AxisError> {
-    bring_up::prepare_line(link)?;
-    let mut drive = DriveNode::new(link, slot.config.node_id);
+fn bring_up_again(
+    mut drive: DriveNode<'_, impl Transport>,
+    slot: &AxisSlot,
+) -> Result<i32, AxisError> {
     drive.check_identity(slot.config.serial_number)?;
     drive.switch_off()?;
     drive.configure(&slot.settings)?;

@@ -21,10 +21,18 @@ use super::transport::Transport;
 /// bytes and a request has tens, so waiting means that the port hangs.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(100);
 
+/// How long a port may stay in exclusive use after its user was killed: the watchdog ends that, and
+/// looks for it every 100 ms.
+const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(500);
+
+/// Period of trying to open a port in use.
+const BUSY_PERIOD: Nanos = Nanos::from_millis(20);
+
 /// A serial port, opened exclusively.
 #[derive(Debug)]
 pub struct SerialTransport {
-    port: TTYPort,
+    /// `None`: it was closed, and could not be opened again.
+    port: Option<TTYPort>,
     config: PortConfig,
 }
 
@@ -36,18 +44,22 @@ impl SerialTransport {
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        Ok(Self {
-            port: open(config)?,
-            config: config.clone(),
-        })
+        let end = clock::now() + RELEASE_TIMEOUT;
+        loop {
+            match open(config) {
+                Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
+                opened => {
+                    return Ok(Self {
+                        port: Some(opened?),
+                        config: config.clone(),
+                    });
+                }
+            }
+        }
     }
 
-    /// Waits for bytes. Does not use the timeout of `TTYPort`, which allocates its error every
-    /// time.
-    fn wait(&self, deadline: Nanos) -> io::Result<bool> {
-        // SAFETY: the descriptor belongs to `self.port`, which outlives this borrow.
-        let descriptor = unsafe { BorrowedFd::borrow_raw(self.port.as_raw_fd()) };
-        wait(descriptor, deadline)
+    fn port(&mut self) -> io::Result<&mut TTYPort> {
+        self.port.as_mut().ok_or(io::ErrorKind::BrokenPipe.into())
     }
 }
 
@@ -89,14 +101,18 @@ pub(crate) fn wait(descriptor: BorrowedFd<'_>, deadline: Nanos) -> io::Result<bo
 
 impl Transport for SerialTransport {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.port.write_all(bytes)
+        self.port()?.write_all(bytes)
     }
 
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
+        let port = self.port()?;
         loop {
-            if self.wait(deadline)? {
+            // SAFETY: the descriptor belongs to `port`, which outlives this borrow.
+            let descriptor = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
+            // Not by the timeout of `TTYPort`, which allocates its error every time.
+            if wait(descriptor, deadline)? {
                 // Ready but empty: the line was hung up.
-                return match self.port.read(into)? {
+                return match port.read(into)? {
                     0 => Err(io::ErrorKind::BrokenPipe.into()),
                     count => Ok(count),
                 };
@@ -108,7 +124,9 @@ impl Transport for SerialTransport {
     }
 
     fn reopen(&mut self) -> io::Result<()> {
-        self.port = open(&self.config).map_err(io::Error::other)?;
+        // Closed first: after an error that was no hang-up, its own exclusive use would refuse it.
+        self.port = None;
+        self.port = Some(open(&self.config).map_err(io::Error::other)?);
         Ok(())
     }
 

@@ -65,6 +65,12 @@ pub enum DomainError {
         /// The directory.
         path: PathBuf,
     },
+    /// Another watchdog runs.
+    #[error("domain `{name}` has a watchdog already; end that one first")]
+    Watched {
+        /// The domain.
+        name: String,
+    },
     /// A system call failed.
     #[error(
         "cannot {action} {path}: {source}; check the permissions and the free space of /dev/shm"
@@ -158,6 +164,11 @@ impl Domain {
     /// A file in the directory of the domain.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.directory.join(name)
+    }
+
+    /// Beside the directory: a watchdog runs longer than a controller. No name contains a dot.
+    pub(super) fn watchdog_file(&self) -> PathBuf {
+        self.directory.with_extension("watchdog")
     }
 
     pub(super) fn lock_file(&self) -> PathBuf {

@@ -135,25 +135,27 @@ impl Drop for DomainLock {
     }
 }
 
-/// The bytes of the lock file that are locked.
+/// The bytes of a lock file that are locked.
 #[derive(Debug, Clone, Copy)]
-enum LockedByte {
-    /// A controller holds the domain.
+pub(super) enum LockedByte {
+    /// A process holds the file.
     Held = 0,
-    /// It serves: its announcement is valid.
+    /// It serves: an announcement of a controller is valid, a watchdog can act.
     Serves = 1,
 }
 
 /// Whether the controller that holds this domain serves.
 pub(super) fn is_served(domain: &Domain) -> bool {
-    let mut probe = lock_range(LockedByte::Serves, libc::F_WRLCK);
-    File::open(domain.lock_file()).is_ok_and(|file| {
-        fcntl(file, FcntlArg::F_OFD_GETLK(&mut probe)).is_ok()
-            && probe.l_type != libc::F_UNLCK as i16
-    })
+    File::open(domain.lock_file()).is_ok_and(|file| is_locked(&file, LockedByte::Serves))
 }
 
-fn set_lock(file: &File, byte: LockedByte, kind: i32) -> nix::Result<i32> {
+/// Whether a process has locked a byte. Does not lock it.
+pub(super) fn is_locked(file: &File, byte: LockedByte) -> bool {
+    let mut probe = lock_range(byte, libc::F_WRLCK);
+    fcntl(file, FcntlArg::F_OFD_GETLK(&mut probe)).is_ok() && probe.l_type != libc::F_UNLCK as i16
+}
+
+pub(super) fn set_lock(file: &File, byte: LockedByte, kind: i32) -> nix::Result<i32> {
     fcntl(file, FcntlArg::F_OFD_SETLK(&lock_range(byte, kind)))
 }
 

@@ -13,6 +13,7 @@
 //! | `domain_lock` | exclusive possession of a domain, and its clean-up |
 //! | `ready` | announcement of the controller that serves a domain |
 //! | `heartbeat` | heartbeat of the control loop, for the watchdog |
+//! | `watchdog_presence` | whether a watchdog runs |
 //! | `service` | names and sizes of the services |
 //! | `client_process` | process, user and program of a client |
 //! | `server` | the controller's side: all publishers, subscribers and request servers |
@@ -30,6 +31,7 @@ mod random_id;
 pub mod ready;
 pub mod server;
 mod service;
+pub mod watchdog_presence;
 
 pub use crate::robot::{Fault, ModelAction, OperatingState, Refusal, StateCommand};
 pub use client_process::{ClientProcess, find_client_process};

@@ -38,6 +38,7 @@ use crate::process::start_up::{
 };
 use crate::process::threads::{NamedThread, ThreadError};
 use crate::realtime::{self, Granted, Wanted};
+use crate::service_manager;
 use crate::units::Nanos;
 
 /// Distance of the SCHED_FIFO priority of the port threads below that of the loop.
@@ -86,6 +87,7 @@ pub fn run(
     let drives = bring_up_ports(config)?;
     let identities = drives.identities.clone();
     let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
+    service_manager::notify(service_manager::READY);
     write_granted(log, &threads.granted);
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
@@ -112,6 +114,7 @@ pub fn run(
         log,
     };
     main.run(&threads.control, &threads.others, shutdown);
+    service_manager::notify(service_manager::STOPPING);
     let control = threads.control.join();
     threads.quit.store(true, Ordering::Release);
     let mut ended = Ok(());

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::core::{CycleEvent, CycleEventKind};
+use crate::core::{CycleEvent, CycleEventKind, PlausibilityCheck};
 use crate::robot::Fault;
 
 impl fmt::Display for CycleEvent {
@@ -45,6 +45,17 @@ impl fmt::Display for CycleEventKind {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))
             }
+            Self::Plausibility(check) => f.write_str(match check {
+                PlausibilityCheck::Inactive => "the pose is not to be compared with a camera",
+                PlausibilityCheck::Working => "the pose is compared with the camera",
+                PlausibilityCheck::Silent => {
+                    "warning: the camera is silent; the pose is NOT compared with it"
+                }
+                PlausibilityCheck::TooOld => {
+                    "warning: frames of the camera are older than 0.5 s, or stamped by another \
+                     clock; the pose is NOT compared with them"
+                }
+            }),
             Self::Axis {
                 motor,
                 from,

@@ -9,8 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::core::{ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
-use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
+use crate::ipc::payload::{
+    BlackBoxReply, OperatingStateMsg, StateCommandReply, StateCommandRequest, padded_text,
+};
 use crate::ipc::server::COMMAND_POLL_LEAD;
+use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
 use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
@@ -22,6 +25,9 @@ use crate::units::{MAX_OUTPUTS, Nanos};
 
 /// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
+
+/// Period of looking for a watchdog.
+const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -41,6 +47,9 @@ pub struct IpcThread {
     server: Server,
     parts: IpcThreadParts,
     granted: Granted,
+    /// A watchdog holds every port, as last looked at.
+    watched: bool,
+    next_watchdog: Nanos,
     statistics: LoopStatistics,
     model: Option<ModelId>,
     lease_client_id: u64,
@@ -57,6 +66,8 @@ impl IpcThread {
             statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
             parts,
             granted,
+            watched: false,
+            next_watchdog: Nanos::ZERO,
             model: None,
             lease_client_id: 0,
             state: OperatingState::Disabled,
@@ -78,6 +89,11 @@ impl IpcThread {
 
     /// One pass: commands in, replies and messages out, housekeeping.
     fn pass(&mut self, now: Nanos) {
+        if now >= self.next_watchdog {
+            self.next_watchdog = now + WATCHDOG_PERIOD;
+            let watchdog = WatchdogStatus::read(self.server.domain());
+            self.watched = watchdog == WatchdogStatus::Watching;
+        }
         self.take_servo();
         if let Some(seen) = self.server.poll_external()
             && let Some(external) = convert::external(&seen)
@@ -218,7 +234,11 @@ impl IpcThread {
         server.publish_setpoint(setpoint);
         server.publish_measured(measured);
         server.publish_actuators(convert::actuator_state(report, motors));
-        server.publish_operating_state(convert::operating_state(report, &self.granted));
+        let mut state = convert::operating_state(report, &self.granted);
+        if self.watched {
+            state.flags |= OperatingStateMsg::WATCHED;
+        }
+        server.publish_operating_state(state);
     }
 }
 

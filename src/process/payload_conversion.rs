@@ -1,7 +1,7 @@
 //! Conversion between payloads and values of the core. Nothing is checked here: the core does that,
 //! and the server sets sequence and boot id.
 
-use crate::core::{CycleReport, ExternalPose, ServoCommand, ServoGoal};
+use crate::core::{CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal};
 use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
@@ -115,6 +115,10 @@ pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStat
         flag(memory_known, OperatingStateMsg::MEMORY_KNOWN),
         flag(report.holding, OperatingStateMsg::HOLDING),
         flag(report.clipped, OperatingStateMsg::CLIPPED),
+        flag(
+            report.plausibility == PlausibilityCheck::Working,
+            OperatingStateMsg::COMPARED,
+        ),
         flag(granted.priority > 0, OperatingStateMsg::FIFO),
         flag(granted.memory_locked, OperatingStateMsg::MEMORY_LOCKED),
         flag(granted.cpu.is_some(), OperatingStateMsg::PINNED),

@@ -186,6 +186,9 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
                 json!({ "motor": motor, "phase": phase, "error_code": code }),
             )
         }
+        CycleEventKind::Plausibility(check) => {
+            ("plausibility", json!({ "check": format!("{check:?}") }))
+        }
         CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => return None,
     })
 }

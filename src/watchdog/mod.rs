@@ -13,7 +13,8 @@
 //!
 //! The watchdog opens its ports before the controller does and keeps them open: a port that the
 //! controller has opened is locked for later processes, also when the controller hangs. So the
-//! watchdog starts first, and retries ports that it cannot open yet.
+//! watchdog starts first, and retries ports that it cannot open yet. While it keeps them open, the
+//! kernel does not end the exclusive use by a killed controller, so the watchdog does.
 //!
 //! Limits: the watchdog is ineffective when the host loses power, hangs as a whole, or its cable is
 //! disconnected. That needs a hardware watchdog on the safe-torque-off input of the drives, see the
@@ -24,11 +25,14 @@ mod heartbeat_monitor;
 mod shared_port;
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use crate::clock;
 use crate::config::Config;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
+use crate::ipc::watchdog_presence::WatchdogPresence;
+use crate::service_manager;
 use crate::units::Nanos;
 
 pub use event::{AxisStop, WatchdogEvent};
@@ -38,16 +42,28 @@ pub use shared_port::SharedPort;
 /// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 
-/// Period of trying to open ports.
+/// Period of trying to open ports, and of looking for ports that were abandoned in exclusive use.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
+/// Stack of a thread that stops a port, bytes. All of it becomes resident where memory is locked.
+const STOP_STACK: usize = 256 * 1024;
+
 /// Default silence of the loop after which the watchdog acts.
+///
+/// The port threads of the controller have a time-out for a silent loop, too: `loop_timeout_ms`,
+/// 1000 ms by default. The two differ on purpose. The watchdog runs above everything of the
+/// controller, so 40 missed ticks are not its own delay, and it acts before the operator notices.
+/// The port thread is the second line, for a controller without a watchdog. It also runs where the
+/// machine grants no real time, and where stalls of a hundred milliseconds are normal and harmless:
+/// a drive without new setpoints holds the last one. A quick stop there would end work for nothing.
+/// If both acted at the same time, their exchanges would collide on the line.
 pub const DEFAULT_SILENCE: Nanos = Nanos::from_millis(40);
 
-/// Monitors the controller until `stop` is set. Passes every event to `report`.
+/// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event to `report`.
 pub fn run(
     config: &Config,
     domain: &Domain,
+    presence: &WatchdogPresence,
     silence: Nanos,
     stop: &AtomicBool,
     report: &mut dyn FnMut(WatchdogEvent),
@@ -56,6 +72,7 @@ pub fn run(
     let mut reader = HeartbeatReader::new(domain);
     let mut monitor = HeartbeatMonitor::new(silence);
     let mut next_open = Nanos::ZERO;
+    let mut was_complete = false;
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         if now >= next_open {
@@ -63,6 +80,18 @@ pub fn run(
             for event in ports.iter_mut().filter_map(SharedPort::open) {
                 report(event);
             }
+            for port in &ports {
+                port.release_if_abandoned();
+            }
+            let is_complete = ports.iter().all(SharedPort::is_open);
+            if std::mem::replace(&mut was_complete, is_complete) != is_complete {
+                // If the lock fails, clients see a watchdog that cannot act: the safe side.
+                let _ = presence.set_complete(is_complete);
+            }
+            if is_complete {
+                service_manager::notify(service_manager::READY);
+            }
+            service_manager::notify(service_manager::ALIVE);
         }
         let heartbeat = reader.read();
         let status = monitor.update(heartbeat, clock::now());
@@ -73,7 +102,7 @@ pub fn run(
             ControllerStatus::Died | ControllerStatus::Hangs => {
                 let age = monitor.age(clock::now());
                 // Sends quick stop to every axis before it reports: the log may block.
-                let stopped: Vec<_> = ports.iter_mut().map(SharedPort::quick_stop).collect();
+                let stopped = quick_stop_all(&ports);
                 report(WatchdogEvent::ControllerLost(status, age));
                 for event in stopped {
                     report(event);
@@ -82,4 +111,24 @@ pub fn run(
         }
         clock::sleep(POLL_PERIOD);
     }
+}
+
+/// Stops the axes of all ports at the same time: a port that does not answer takes seconds.
+fn quick_stop_all(ports: &[SharedPort]) -> Vec<WatchdogEvent> {
+    thread::scope(|scope| {
+        let stopping: Vec<_> = ports
+            .iter()
+            .map(|port| {
+                let thread = thread::Builder::new().stack_size(STOP_STACK);
+                let spawned = thread.spawn_scoped(scope, || port.quick_stop());
+                // Without memory for a thread, one port after the other.
+                spawned.map_err(|_| port.quick_stop())
+            })
+            .collect();
+        let events = stopping.into_iter().map(|stopping| match stopping {
+            Ok(thread) => thread.join().ok(),
+            Err(event) => Some(event),
+        });
+        events.flatten().collect()
+    })
 }

@@ -10,7 +10,7 @@ use nix::libc;
 
 use super::event::{AxisStop, WatchdogEvent};
 use crate::clock;
-use crate::config::{AxisConfig, PortConfig};
+use crate::config::PortConfig;
 use crate::drive::bring_up::{self, QuickStopError};
 use crate::drive::cia402::DriveState;
 use crate::drive::family_selection;
@@ -18,9 +18,6 @@ use crate::drive::link::DriveLink;
 use crate::drive::serial_transport;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
-
-/// Attempts per axis: the first may collide with the rest of the controller's exchange.
-const ATTEMPTS: usize = 5;
 
 /// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer.
 const MAX_REPLY_TIMEOUT_MS: u64 = 50;
@@ -68,21 +65,46 @@ impl SharedPort {
         }
     }
 
-    /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
-    pub fn quick_stop(&mut self) -> WatchdogEvent {
-        let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
-        let stopped = match file {
-            Some(file) => self.stop_axes(file),
-            None => self.for_each_axis(|_| Err(QuickStopError::NotHeld)),
-        };
-        if let Some(file) = &self.file {
-            // SAFETY: the request takes no argument, and the descriptor is open.
-            let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
-        }
-        WatchdogEvent::Stopped(self.config.device.clone(), stopped)
+    /// The port is open, and its device was there when it was last looked at.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.file.is_some()
     }
 
-    fn stop_axes(&self, file: File) -> Vec<AxisStop> {
+    /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
+    pub fn quick_stop(&self) -> WatchdogEvent {
+        let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
+        let outcomes = match file {
+            Some(file) => self.stop_axes(file),
+            None => vec![Err(QuickStopError::NotHeld); self.config.axes.len()],
+        };
+        if let Some(file) = &self.file {
+            end_exclusive_use(file);
+        }
+        let axes = self.config.axes.iter().zip(outcomes);
+        let stopped = axes.map(|(axis, outcome)| AxisStop {
+            motor: axis.motor,
+            outcome,
+        });
+        WatchdogEvent::Stopped(self.config.device.clone(), stopped.collect())
+    }
+
+    /// Ends the exclusive use of the port by a process that was killed. The kernel does so only when
+    /// no descriptor of the port is open any more, and this one is.
+    ///
+    /// A controller also locks the file, and the kernel releases that lock with the process. One
+    /// that tries to lock the file at this moment tries again.
+    pub fn release_if_abandoned(&self) {
+        if let Some(file) = &self.file
+            && is_exclusive(file)
+            && file.try_lock_shared().is_ok()
+        {
+            end_exclusive_use(file);
+            let _ = file.unlock();
+        }
+    }
+
+    fn stop_axes(&self, file: File) -> Vec<Result<DriveState, QuickStopError>> {
         let config = PortConfig {
             reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
             ..self.config.clone()
@@ -93,25 +115,8 @@ impl SharedPort {
             &config,
         );
         link.set_frame_timeout(FRAME_TIMEOUT);
-        let _ = link.wait_for_quiet();
-        self.for_each_axis(|axis| {
-            (0..ATTEMPTS)
-                .map(|_| bring_up::quick_stop(&mut link, axis.node_id))
-                .find(Result::is_ok)
-                .unwrap_or(Err(QuickStopError::NoAnswer))
-        })
-    }
-
-    fn for_each_axis(
-        &self,
-        mut stop: impl FnMut(&AxisConfig) -> Result<DriveState, QuickStopError>,
-    ) -> Vec<AxisStop> {
-        let axes = self.config.axes.iter();
-        axes.map(|axis| AxisStop {
-            motor: axis.motor,
-            outcome: stop(axis),
-        })
-        .collect()
+        let nodes: Vec<u8> = config.axes.iter().map(|axis| axis.node_id).collect();
+        bring_up::quick_stop_all(&mut link, &nodes)
     }
 }
 
@@ -122,6 +127,18 @@ fn open(device: &Path) -> io::Result<File> {
         .write(true)
         .custom_flags(flags)
         .open(device)
+}
+
+fn is_exclusive(file: &File) -> bool {
+    let mut flag: libc::c_int = 0;
+    // SAFETY: the request writes an `int`, and the descriptor is open.
+    let answer = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCGEXCL, &raw mut flag) };
+    answer == 0 && flag != 0
+}
+
+fn end_exclusive_use(file: &File) {
+    // SAFETY: the request takes no argument, and the descriptor is open.
+    let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
 }
 
 fn explain(error: &io::Error) -> String {

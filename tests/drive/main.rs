@@ -8,6 +8,7 @@ mod bring_up;
 mod conformance;
 #[path = "../rig/mod.rs"]
 mod controller_rig;
+mod every_frame;
 mod fixture;
 mod link;
 mod runner;

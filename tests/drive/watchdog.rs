@@ -1,27 +1,36 @@
 //! The watchdog and the controller as real processes: if the controller dies or hangs, the watchdog
 //! stops the drives.
 //!
+//! Exclusive use of a port does not bind root. So these tests run as another user if root starts
+//! them.
+//!
 //! Latency: `cargo test --test drive -- --ignored --nocapture stop_latency`.
 
 use std::fs;
+use std::io;
+use std::os::unix::net::UnixDatagram;
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 
 use i2ris::clock;
 use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
 use i2ris_emulator::drive::State;
 use i2ris_emulator::log::EventKind;
-use nix::sys::signal::Signal;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::{Pid, geteuid};
 
-use crate::controller_rig::{Rig, TIMEOUT};
+use crate::controller_rig::{Rig, TIMEOUT, has, wait_for};
 
 /// A rig whose watchdog was started first, with an enabled robot.
 struct WatchedRig {
     rig: Rig,
     watchdog: Child,
     log: PathBuf,
-    _client: Client,
+    client: Option<Client>,
 }
 
 impl WatchedRig {
@@ -31,7 +40,14 @@ impl WatchedRig {
         Self::with(Rig::new(), silence_ms)
     }
 
-    fn with(mut rig: Rig, silence_ms: u64) -> Self {
+    fn with(rig: Rig, silence_ms: u64) -> Self {
+        let mut watched = Self::without_controller(rig, silence_ms);
+        watched.enable();
+        watched.until_logged("watching");
+        watched
+    }
+
+    fn without_controller(rig: Rig, silence_ms: u64) -> Self {
         let file = rig.folder.path().join("watched.toml");
         let log = rig.folder.path().join("watchdog.log");
         fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
@@ -39,6 +55,7 @@ impl WatchedRig {
             .arg("--config")
             .arg(&file)
             .args(["--silence-ms", &silence_ms.to_string()])
+            .envs(rig.environment.iter().cloned())
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(fs::File::create(&log).unwrap())
@@ -48,15 +65,18 @@ impl WatchedRig {
             let text = fs::read_to_string(&log).unwrap();
             text.matches("holding").count() == 2
         });
-        let client = rig.enabled();
-        let watched = Self {
+        Self {
             rig,
             watchdog,
             log,
-            _client: client,
-        };
-        watched.until_logged("watching");
-        watched
+            client: None,
+        }
+    }
+
+    /// Starts a controller and enables its drives.
+    fn enable(&mut self) {
+        self.client = Some(self.rig.enabled());
+        assert_eq!(self.states(), [State::OperationEnabled; 2]);
     }
 
     /// Sends a signal that ends the controller, and waits for the end.
@@ -79,6 +99,12 @@ impl WatchedRig {
             .snapshot()
             .axes
             .map(|axis| axis.drive.state)
+    }
+
+    fn until_watching_again(&self) {
+        until("the watchdog watches again", || {
+            self.log_text().matches("watching").count() == 2
+        });
     }
 
     fn until_stopped(&self) {
@@ -110,9 +136,48 @@ impl WatchedRig {
 
 impl Drop for WatchedRig {
     fn drop(&mut self) {
-        let _ = self.watchdog.kill();
+        // In order, so that it removes its file.
+        let id = Pid::from_raw(self.watchdog.id() as i32);
+        if self.watchdog.try_wait().is_ok_and(|ended| ended.is_none()) {
+            let _ = kill(id, Signal::SIGTERM);
+        }
         let _ = self.watchdog.wait();
     }
+}
+
+const UNPRIVILEGED: &str = "I2RIS_TEST_UNPRIVILEGED";
+
+/// The user and group "nobody".
+const NOBODY: u32 = 65534;
+
+/// Runs a test of this file in a process of an unprivileged user. A process that is not root runs
+/// it itself.
+///
+/// One after the other: a rig has some twenty threads, and a drive that is emulated by a thread of
+/// ordinary priority must answer in time.
+fn unprivileged(name: &str, test: fn()) {
+    static ONE: Mutex<()> = Mutex::new(());
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    if !geteuid().is_root() {
+        return test();
+    }
+    assert!(std::env::var_os(UNPRIVILEGED).is_none(), "still root");
+    let output = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", &format!("watchdog::{name}"), "--nocapture"])
+        .env(UNPRIVILEGED, "")
+        // The folder of root's temporary files may be closed to others.
+        .env("TMPDIR", "/tmp")
+        .current_dir("/")
+        .uid(NOBODY)
+        .gid(NOBODY)
+        .output()
+        .expect("the user nobody can execute the test");
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && text.contains("1 passed"),
+        "as nobody:\n{text}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }
 
 fn until(what: &str, mut is_true: impl FnMut() -> bool) {
@@ -125,45 +190,149 @@ fn until(what: &str, mut is_true: impl FnMut() -> bool) {
 
 #[test]
 fn h03_the_drives_of_a_killed_controller_are_stopped() {
-    let mut watched = WatchedRig::new(3000);
-    assert_eq!(watched.states(), [State::OperationEnabled; 2]);
-    watched.end_with(Signal::SIGKILL);
-    watched.until_stopped();
-    watched.until_logged("the controller is gone");
-    // The watchdog releases the ports, and watches the next controller.
-    let _client = watched.rig.enabled();
-    until("the watchdog watches again", || {
-        watched.log_text().matches("watching").count() == 2
+    unprivileged("h03_the_drives_of_a_killed_controller_are_stopped", || {
+        let mut watched = WatchedRig::new(3000);
+        watched.end_with(Signal::SIGKILL);
+        watched.until_stopped();
+        watched.until_logged("the controller is gone");
+        // The watchdog releases the ports, and watches the next controller.
+        watched.enable();
+        watched.until_watching_again();
     });
-    assert_eq!(watched.states(), [State::OperationEnabled; 2]);
 }
 
 #[test]
 fn h03_the_drives_of_a_hanging_controller_are_stopped() {
-    let watched = WatchedRig::new(3000);
-    watched.rig.signal(Signal::SIGSTOP);
-    watched.until_stopped();
-    watched.until_logged("the controller hangs");
-    // It continues: it must not enable the drives again.
-    watched.rig.signal(Signal::SIGCONT);
-    clock::sleep(Nanos::from_millis(500));
-    assert!(
-        watched
-            .states()
-            .iter()
-            .all(|state| *state != State::OperationEnabled),
-        "{:?}",
-        watched.states()
-    );
+    unprivileged("h03_the_drives_of_a_hanging_controller_are_stopped", || {
+        let watched = WatchedRig::new(3000);
+        watched.rig.signal(Signal::SIGSTOP);
+        watched.until_stopped();
+        watched.until_logged("the controller hangs");
+        // It continues: it must not enable the drives again.
+        watched.rig.signal(Signal::SIGCONT);
+        clock::sleep(Nanos::from_millis(500));
+        assert!(
+            watched
+                .states()
+                .iter()
+                .all(|state| *state != State::OperationEnabled),
+            "{:?}",
+            watched.states()
+        );
+    });
 }
 
 #[test]
 fn an_orderly_end_of_the_controller_stops_nothing() {
-    let mut watched = WatchedRig::new(3000);
-    watched.end_with(Signal::SIGTERM);
-    watched.until_logged("ended with its drives off");
-    assert_eq!(watched.stops(), [None; 2]);
-    assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
+    unprivileged("an_orderly_end_of_the_controller_stops_nothing", || {
+        let mut watched = WatchedRig::new(3000);
+        watched.end_with(Signal::SIGTERM);
+        watched.until_logged("ended with its drives off");
+        assert_eq!(watched.stops(), [None; 2]);
+        assert_eq!(watched.states(), [State::ReadyToSwitchOn; 2]);
+        watched.enable();
+    });
+}
+
+#[test]
+fn h03_a_controller_killed_while_disabled_starts_again() {
+    unprivileged(
+        "h03_a_controller_killed_while_disabled_starts_again",
+        || {
+            let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+            watched.rig.start_controller();
+            drop(watched.rig.client());
+            watched.until_logged("watching");
+            watched.end_with(Signal::SIGKILL);
+            watched.enable();
+            watched.until_watching_again();
+        },
+    );
+}
+
+#[test]
+fn h03_a_controller_killed_before_it_serves_starts_again() {
+    unprivileged(
+        "h03_a_controller_killed_before_it_serves_starts_again",
+        || {
+            let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+            // It waits for replies with its ports open.
+            watched.rig.emulator.mute(0, true);
+            watched.rig.start_controller();
+            let device = watched.rig.config.ports[0].device.clone();
+            until("the controller has opened its port", || {
+                let opened = fs::File::open(&device);
+                opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
+            });
+            watched.end_with(Signal::SIGKILL);
+            watched.rig.emulator.mute(0, false);
+            watched.enable();
+        },
+    );
+}
+
+#[test]
+fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
+    unprivileged(
+        "h03_a_silent_port_does_not_delay_the_stop_of_the_other",
+        || {
+            let mut watched = WatchedRig::new(3000);
+            watched.rig.emulator.mute(0, true);
+            watched.end_with(Signal::SIGKILL);
+            until("the drive that answers is stopped", || {
+                watched.states()[1] == State::QuickStopActive
+            });
+            // It is written when the attempts with the silent drive have ended.
+            assert_eq!(watched.log_text().matches("is gone").count(), 0);
+            watched.until_logged("NOT STOPPED");
+        },
+    );
+}
+
+#[test]
+fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
+    unprivileged(
+        "h03_the_operating_state_says_whether_a_watchdog_holds_every_port",
+        || {
+            let mut watched = WatchedRig::new(3000);
+            let mut client = watched.client.take().unwrap();
+            wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
+            watched.watchdog.kill().unwrap();
+            wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
+        },
+    );
+}
+
+#[test]
+fn the_service_manager_hears_when_watchdog_and_controller_are_ready() {
+    unprivileged(
+        "the_service_manager_hears_when_watchdog_and_controller_are_ready",
+        || {
+            let mut rig = Rig::new();
+            let address = rig.folder.path().join("notify");
+            let manager = UnixDatagram::bind(&address).unwrap();
+            let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
+            manager.set_read_timeout(Some(timeout)).unwrap();
+            let hears = |expected: &str| loop {
+                let mut message = [0; 64];
+                let count = manager.recv(&mut message).expect(expected);
+                if message[..count] == *expected.as_bytes() {
+                    break;
+                }
+            };
+            rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
+            rig.start_controller();
+            drop(rig.client());
+            hears("READY=1");
+            rig.signal(Signal::SIGTERM);
+            rig.wait_for_end();
+            hears("STOPPING=1");
+            let watched = WatchedRig::without_controller(rig, 3000);
+            hears("READY=1");
+            hears("WATCHDOG=1");
+            drop(watched);
+        },
+    );
 }
 
 /// Prints the time from the signal to the quick stop in the drives, with the default silence of the

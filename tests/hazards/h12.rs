@@ -1,6 +1,6 @@
 //! H12: an axis is stuck, a wire is slack, a motor runs away.
 
-use i2ris::core::ExternalPose;
+use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};
 use i2ris::drive::Demand;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
@@ -82,6 +82,29 @@ fn h12_a_late_camera_that_agrees_is_no_fault() {
         let bench = with_camera(latency_ms, slack_deg, ticks);
         assert_eq!(bench.state(), OperatingState::Enabled);
     }
+}
+
+#[test]
+fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_said() {
+    let mut bench = with_camera(120, 0.0, 1000);
+    let odd = ExternalPose {
+        stamp: bench.now,
+        position: [1.0, 1.0, 0.0],
+        outputs: 2,
+    };
+    bench.run(1);
+    bench.external = Some(odd);
+    bench.run(2000);
+    assert_ne!(bench.state(), OperatingState::Fault);
+    let said: Vec<_> = bench
+        .events
+        .iter()
+        .filter(|kind| matches!(kind, CycleEventKind::Plausibility(_)))
+        .collect();
+    let expected = [PlausibilityCheck::Working, PlausibilityCheck::Silent];
+    let expected = expected.map(CycleEventKind::Plausibility);
+    assert_eq!(said, expected.iter().collect::<Vec<_>>());
+    assert_eq!(bench.report().plausibility, PlausibilityCheck::Silent);
 }
 
 #[test]

@@ -5,11 +5,13 @@
     dead_code,
     clippy::unwrap_used,
     clippy::expect_used,
+    clippy::print_stderr,
     reason = "a test rig of which every test binary uses a part"
 )]
 
 pub mod motion;
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -19,6 +21,7 @@ use i2ris::clock;
 use i2ris::config::{AxisConfig, Config, PortConfig};
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::log::{Event, EventKind};
@@ -37,6 +40,8 @@ pub struct Rig {
     pub emulator: Emulator,
     pub config: Config,
     pub folder: TempDir,
+    /// Variables of the environment of every program.
+    pub environment: Vec<(OsString, OsString)>,
     controller: Option<Child>,
     /// Dropped last, when no other part uses the domains any more.
     clean_ups: Vec<CleanUp>,
@@ -47,6 +52,7 @@ struct CleanUp(Domain);
 
 impl Drop for CleanUp {
     fn drop(&mut self) {
+        drop(WatchdogPresence::announce(&self.0));
         drop(DomainLock::acquire(&self.0));
     }
 }
@@ -88,6 +94,7 @@ impl Rig {
             emulator,
             config,
             folder,
+            environment: Vec::new(),
             controller: None,
             clean_ups: vec![CleanUp(domain)],
         }
@@ -124,6 +131,7 @@ impl Rig {
         fs::write(&file, toml::to_string(&self.config).unwrap()).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
         command.args([Path::new("--config"), &file]);
+        command.envs(self.environment.iter().cloned());
         command
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -210,6 +218,9 @@ impl Rig {
 
 impl Drop for Rig {
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("log of the controller:\n{}", self.log_text("controller"));
+        }
         if let Some(mut child) = self.controller.take() {
             let _ = child.kill();
             let _ = child.wait();
@@ -294,6 +305,7 @@ fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
     let mut axis = AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]);
     axis.motor_speed_rpm = 10_000;
     let mut port = PortConfig::new(device.to_owned(), vec![axis]);
-    port.reply_timeout_ms = 500;
+    // The longest that is allowed: on a loaded machine an emulated drive may answer late.
+    port.reply_timeout_ms = 1000;
     port
 }

@@ -3,7 +3,8 @@
 //! A slack or torn wire, a slipping gear, or a model of another snake does not show in the
 //! encoders. It shows in a camera that measures the angles. A camera frame is some hundredths of a
 //! second old when it arrives, so it is compared with the estimate at the time of the frame. A
-//! single frame proves nothing: only a distance that lasts is a fault.
+//! single frame proves nothing: only a distance that frame after frame confirms is a fault. A camera
+//! that is silent or too late proves nothing either, and then the robot says that it is not checked.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +20,25 @@ const COLUMNS: usize = 32;
 /// Interval between two stored estimates. All of them cover half a second.
 const SPACING: Nanos = Nanos::from_millis(4);
 
+/// Age up to which a frame can be compared, and silence after which the camera has said nothing.
+const MAX_AGE: Nanos = Nanos::from_millis(500);
+
+/// Whether the pose is compared with a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum PlausibilityCheck {
+    /// There is nothing to check: switched off, robot off, not homed, memory unknown, or just
+    /// begun.
+    #[default]
+    Inactive,
+    /// Frames agree with the estimate, or do not contradict it for long enough.
+    Working,
+    /// No frame has arrived for half a second.
+    Silent,
+    /// Frames arrive, but none can be compared: they are older than half a second, or stamped by
+    /// another clock.
+    TooOld,
+}
+
 /// Compares measured poses with estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PlausibilityMonitor {
@@ -28,8 +48,15 @@ pub(crate) struct PlausibilityMonitor {
     estimates: [[(Nanos, OutputVec); COLUMNS]; ROWS],
     written: u64,
     last: Nanos,
-    /// Distance at the last measured pose, rad.
-    distance: Option<f64>,
+    /// Stamp of the newest frame.
+    newest: Nanos,
+    /// When the newest frame arrived.
+    arrived: Nanos,
+    /// When a frame was last compared.
+    compared: Nanos,
+    /// Since when there is something to check.
+    checked_since: Option<Nanos>,
+    is_implausible: bool,
 }
 
 impl PlausibilityMonitor {
@@ -40,7 +67,11 @@ impl PlausibilityMonitor {
             estimates: [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS],
             written: 0,
             last: Nanos::ZERO,
-            distance: None,
+            newest: Nanos::ZERO,
+            arrived: Nanos::ZERO,
+            compared: Nanos::ZERO,
+            checked_since: None,
+            is_implausible: false,
         }
     }
 
@@ -69,12 +100,16 @@ impl PlausibilityMonitor {
     pub fn reset(&mut self) {
         self.written = 0;
         self.estimates = [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS];
-        self.distance = None;
+        self.forget_distance();
+    }
+
+    fn forget_distance(&mut self) {
+        self.is_implausible = false;
         self.debounce.reset();
     }
 
-    /// Whether the measured pose has contradicted the estimate for too long. `is_checked`: the
-    /// robot is on, and the memory of the model is known.
+    /// Whether measured poses have contradicted the estimate for too long. `is_checked`: the robot
+    /// is on, and the memory of the model is known.
     pub fn is_implausible(
         &mut self,
         measured: Option<&ExternalPose>,
@@ -82,16 +117,38 @@ impl PlausibilityMonitor {
         is_checked: bool,
         now: Nanos,
     ) -> bool {
+        self.checked_since = is_checked.then(|| self.checked_since.unwrap_or(now));
+        if !is_checked || now.since(self.compared) > MAX_AGE {
+            self.forget_distance();
+        }
         if let Some(measured) = measured
             && measured.outputs as usize == outputs
-            && self.is_on()
+            && measured.stamp != self.newest
         {
-            self.distance = self
-                .estimate_at(measured.stamp)
-                .map(|estimate| distance(&estimate, &measured.position));
+            (self.newest, self.arrived) = (measured.stamp, now);
+            if let Some(estimate) = self.estimate_at(measured.stamp) {
+                self.compared = now;
+                let is_far = distance(&estimate, &measured.position) > self.limit;
+                self.is_implausible = self.debounce.update(is_checked && is_far, now);
+            }
         }
-        let is_far = self.distance.is_some_and(|distance| distance > self.limit);
-        self.debounce.update(is_checked && is_far, now)
+        self.is_implausible
+    }
+
+    /// Whether the pose is compared with a camera now.
+    pub fn check(&self, now: Nanos) -> PlausibilityCheck {
+        let Some(since) = self.checked_since.filter(|_| self.is_on()) else {
+            return PlausibilityCheck::Inactive;
+        };
+        if self.compared > Nanos::ZERO && now.since(self.compared) <= MAX_AGE {
+            PlausibilityCheck::Working
+        } else if now.since(since) <= MAX_AGE {
+            PlausibilityCheck::Inactive
+        } else if self.arrived > Nanos::ZERO && now.since(self.arrived) <= MAX_AGE {
+            PlausibilityCheck::TooOld
+        } else {
+            PlausibilityCheck::Silent
+        }
     }
 
     /// The estimate nearest to a time; `None` if there is none near it.
@@ -163,12 +220,54 @@ mod tests {
             (None, true, 450, false),
             (Some(measured(340, 3.4)), true, 480, false),
             (Some(measured(350, 6.0)), true, 500, false),
-            (None, true, 600, true),
+            // Confirmed by a frame after the debounce time, and not by silence.
+            (None, true, 620, false),
+            (Some(measured(380, 6.0)), true, 620, true),
+            (None, true, 621, true),
             // A robot that is off is not checked.
-            (None, false, 601, false),
+            (None, false, 622, false),
         ] {
             let found = monitor.is_implausible(pose.as_ref(), 2, is_checked, ms(now));
             assert_eq!(found, is_fault, "{now} ms");
+        }
+    }
+
+    #[test]
+    fn an_odd_pose_and_then_silence_is_no_fault() {
+        let mut monitor = moving();
+        let odd = measured(390, 60.0);
+        // The control loop may hand the same frame over in every tick.
+        for now in 400..3000 {
+            assert!(
+                !monitor.is_implausible(Some(&odd), 2, true, ms(now)),
+                "{now}"
+            );
+            monitor.record_estimate(ms(now), OutputVec::default());
+        }
+        // Another odd one, long after the first.
+        assert!(!monitor.is_implausible(Some(&measured(2990, 60.0)), 2, true, ms(3000)));
+    }
+
+    #[test]
+    fn a_camera_that_is_silent_or_too_late_is_said_to_check_nothing() {
+        use PlausibilityCheck::{Inactive, Silent, TooOld, Working};
+        let mut monitor = moving();
+        for (pose, is_checked, now, expected) in [
+            (None, false, 390, Inactive),
+            (None, true, 400, Inactive),
+            (None, true, 900, Inactive),
+            (None, true, 901, Silent),
+            (Some(measured(300, 3.0)), true, 910, Working),
+            (None, true, 1410, Working),
+            (None, true, 1411, Silent),
+            // Long before the oldest estimate.
+            (Some(measured(600, 3.0)), true, 1420, TooOld),
+            (None, true, 1920, TooOld),
+            (None, true, 1921, Silent),
+            (None, false, 1922, Inactive),
+        ] {
+            let _ = monitor.is_implausible(pose.as_ref(), 2, is_checked, ms(now));
+            assert_eq!(monitor.check(ms(now)), expected, "{now} ms");
         }
     }
 

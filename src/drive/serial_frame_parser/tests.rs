@@ -208,6 +208,51 @@ fn a_frame_cut_inside_a_doubled_byte_takes_the_next_with_it_unless_reset() {
 }
 
 /// Data with many bytes that need stuffing.
+/// Every state that the parser can be in, with every word count for those inside a frame.
+fn every_state() -> impl Iterator<Item = FrameParser> {
+    use ParserState::{Body, Candidate, Escaped, Hunting, Idle, Start};
+    let outside = [Idle, Start, Hunting, Candidate].map(|state| (state, 0));
+    let inside = (0..=MAX_WORDS).flat_map(|words| {
+        (0..HEADER + 2 * words + CRC).flat_map(move |length| {
+            [Body { length }, Escaped { length }].map(|state| (state, words as u8))
+        })
+    });
+    outside.into_iter().chain(inside).map(|(state, words)| {
+        let mut body = [0x5A; MAX_BODY];
+        body[1] = words;
+        FrameParser { state, body }
+    })
+}
+
+#[test]
+fn after_every_state_and_byte_the_next_frame_is_found_unless_half_a_pair_came_before_it() {
+    let wire = good_wire();
+    let found = |parser: &mut FrameParser| !feed(parser, &wire).0.is_empty();
+    // What follows depends on the state after the byte, not on how it was reached: every different
+    // state is continued once.
+    let mut seen = std::collections::HashSet::new();
+    for before in every_state() {
+        for byte in 0..=u8::MAX {
+            let mut parser = before.clone();
+            let is_frame = matches!(parser.push(byte), ParserEvent::Frame(_));
+            if let ParserState::Body { length } | ParserState::Escaped { length } = parser.state {
+                assert!(length < MAX_BODY, "{before:?} {byte:02X}");
+            }
+            assert!(!is_frame || parser.state == ParserState::Idle);
+            let after = (parser.state, parser.body[1]);
+            if !seen.insert(format!("{after:?}")) {
+                continue;
+            }
+            let is_half_pair = matches!(parser.state, ParserState::Escaped { .. });
+            let mut reset = parser.clone();
+            reset.reset();
+            assert!(found(&mut reset), "{before:?} {byte:02X}");
+            assert!(found(&mut parser) || is_half_pair, "{before:?} {byte:02X}");
+            assert!(found(&mut parser), "the second after {before:?} {byte:02X}");
+        }
+    }
+}
+
 fn any_data() -> impl Strategy<Value = Vec<u8>> {
     vec(
         prop_oneof![3 => any::<u8>(), 1 => Just(DLE), 1 => Just(STX)],

@@ -129,4 +129,8 @@ impl OperatingStateMsg {
     pub const MEMORY_LOCKED: u32 = 128;
     /// Flag: the loop is pinned to one CPU, as read back.
     pub const PINNED: u32 = 256;
+    /// Flag: a watchdog is there and holds every port.
+    pub const WATCHED: u32 = 512;
+    /// Flag: the pose is compared with a camera; see [`crate::config::PlausibilityConfig`].
+    pub const COMPARED: u32 = 1024;
 }

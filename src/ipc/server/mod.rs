@@ -19,7 +19,7 @@ use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{ZeroCopySend, ipc};
 
-use super::domain::DomainError;
+use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
@@ -91,6 +91,12 @@ impl Server {
         server.lock.restrict()?;
         Ready::announce(&server.lock)?;
         Ok(server)
+    }
+
+    /// The domain that is served.
+    #[must_use]
+    pub fn domain(&self) -> &Domain {
+        self.lock.domain()
     }
 
     /// Creates the heartbeat, for the loop to write.

@@ -101,3 +101,78 @@ fn an_axis_with_an_unknown_statusword_is_lost_until_it_is_known_again() {
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.state(), READY);
 }
+
+/// Enables an axis at its position, as the control loop does.
+fn enable_where_it_is(rig: &mut PortRig) {
+    let position = rig.feedback().position;
+    rig.request(|request| request.target = position);
+    rig.release_and_enable();
+}
+
+#[test]
+fn a_drive_that_was_gone_for_ten_seconds_does_not_jump_to_what_was_commanded_meanwhile() {
+    let mut rig = PortRig::enabled();
+    rig.turns(20);
+    let position = rig.drive(|drive| drive.position);
+    rig.line.state().silent = true;
+    let end = rig.line.time() + Nanos::from_millis(10_000);
+    let mut target = position;
+    while rig.line.time() < end {
+        target += 1;
+        rig.enable(target);
+        rig.turns(1);
+    }
+    assert_eq!(rig.phase(), AxisPhase::Lost);
+    rig.line.state().silent = false;
+    for _ in 0..2000 {
+        target += 1;
+        rig.enable(target);
+        rig.turns(1);
+    }
+    assert_eq!(
+        rig.phase(),
+        AxisPhase::Disabled,
+        "until a person enables it"
+    );
+    assert_eq!(rig.drive(|drive| drive.position), position);
+    enable_where_it_is(&mut rig);
+    rig.turns(20);
+    assert_eq!(
+        rig.drive(|drive| (drive.position, drive.jumps)),
+        (position, 0)
+    );
+}
+
+#[test]
+fn a_thousand_faults_with_a_line_lost_meanwhile_end_enabled_and_without_a_jump() {
+    let mut rig = PortRig::enabled();
+    rig.turns(20);
+    let position = rig.drive(|drive| drive.position);
+    for round in 0..1000 {
+        rig.drive(|drive| drive.fail(0x2310));
+        rig.until(AxisPhase::Faulted);
+        // Before, during and after the reset, by the round.
+        for step in 0..3 {
+            if step == round % 3 {
+                rig.line.state().silent = true;
+                rig.until(AxisPhase::Lost);
+                rig.line.state().silent = false;
+                rig.until_feedback("is back", |feedback| feedback.phase != AxisPhase::Lost);
+            }
+            if step == 1 {
+                rig.request(|request| request.fault_resets += 1);
+            }
+            rig.turns(5);
+        }
+        if rig.phase() == AxisPhase::Faulted {
+            rig.request(|request| request.fault_resets += 1);
+        }
+        rig.until(AxisPhase::Disabled);
+        enable_where_it_is(&mut rig);
+        assert_eq!(
+            rig.drive(|drive| (drive.position, drive.jumps)),
+            (position, 0),
+            "round {round}"
+        );
+    }
+}

@@ -88,3 +88,58 @@ fn at_shutdown_one_starts_nothing_while_the_other_is_still_ending() {
             .ends_with(&[true, false].map(|off| PortEventKind::Ended { off }))
     );
 }
+
+/// The longest time without a request to a node.
+fn longest_gap(rig: &PortRig, node: u8) -> Nanos {
+    let state = rig.line.state();
+    let requests = state.requests.iter().filter(|request| request.node == node);
+    let arrivals: Vec<_> = requests.map(|request| request.arrived).collect();
+    let gaps = arrivals.windows(2).map(|pair| pair[1] - pair[0]);
+    gaps.max().unwrap()
+}
+
+/// A time-out, and synchronising the line after it.
+const ONE_ATTEMPT: Nanos = Nanos::from_millis(20 + 20);
+
+#[test]
+fn a_silent_node_costs_the_other_one_attempt_at_a_time() {
+    let mut rig = two_enabled();
+    rig.line.state().silent_node = Some(2);
+    rig.turns(200);
+    assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
+    rig.line.state().requests.clear();
+    rig.turns(2000);
+    assert!(
+        longest_gap(&rig, 1) < ONE_ATTEMPT,
+        "{}",
+        longest_gap(&rig, 1).0
+    );
+}
+
+#[test]
+fn the_other_is_served_after_every_exchange_while_one_is_brought_up_again() {
+    for stuck in [false, true] {
+        let mut rig = two_enabled();
+        rig.line.state().silent_node = Some(2);
+        rig.turns(200);
+        // It stays enabled for as long as it is given to switch off.
+        rig.line.drive(2, |drive| drive.stuck = stuck);
+        rig.line.state().silent_node = None;
+        rig.line.state().requests.clear();
+        rig.turns(2000);
+        let end = if stuck {
+            AxisPhase::Lost
+        } else {
+            AxisPhase::Disabled
+        };
+        assert_eq!(rig.phases(), [AxisPhase::Enabled, end]);
+        let nodes: Vec<u8> = rig.line.state().requests.iter().map(|r| r.node).collect();
+        let mut between = nodes.split(|node| *node == 1).map(<[u8]>::len);
+        assert!(between.all(|count| count <= 2), "{nodes:?}");
+        assert!(
+            longest_gap(&rig, 1) < ONE_ATTEMPT,
+            "{}",
+            longest_gap(&rig, 1).0
+        );
+    }
+}

@@ -1,7 +1,10 @@
 //! The emulator through its serial ports, as a host sees it.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 
+use std::fs::File;
 use std::io::{Read, Write};
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -265,6 +268,39 @@ fn a_port_is_for_one_host_and_can_be_opened_again() {
         assert!(serialport::new(&path, 115_200).open_native().is_err());
         assert_eq!(host.read(0x1018, 1), 0xFB);
     }
+}
+
+fn open_shared(emulator: &Emulator) -> File {
+    let mut options = File::options();
+    options.read(true).write(true).custom_flags(libc::O_NOCTTY);
+    options.open(emulator.device(0)).unwrap()
+}
+
+/// Whether the port is in exclusive use. Asks the kernel, since root may open it anyway.
+fn is_exclusive(file: &File) -> bool {
+    let mut flag: libc::c_int = 0;
+    // SAFETY: the request writes an `int`, and the descriptor is open.
+    let answer = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCGEXCL, &raw mut flag) };
+    assert_eq!(answer, 0);
+    flag != 0
+}
+
+#[test]
+fn exclusive_use_ends_with_the_last_open_descriptor() {
+    let (emulator, _folder) = start();
+    let (killed, beside) = (open_shared(&emulator), open_shared(&emulator));
+    // SAFETY: the request takes no argument, and the descriptor is open.
+    unsafe { libc::ioctl(killed.as_raw_fd(), libc::TIOCEXCL) };
+    // As at the end of a killed process: nothing clears the flag.
+    drop(killed);
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(is_exclusive(&beside));
+    drop(beside);
+    wait_for("a new port", || {
+        let options = File::options().read(true).open(emulator.device(0));
+        options.is_ok_and(|file| !is_exclusive(&file))
+    });
+    Host::open(&emulator, 0).send(&READ_STATUSWORD);
 }
 
 #[test]

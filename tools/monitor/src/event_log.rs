@@ -159,6 +159,18 @@ impl EventLog {
                 "goal inside the hull",
                 Severity::Warning,
             ),
+            (
+                OperatingStateMsg::WATCHED,
+                "a watchdog holds every port",
+                "NO WATCHDOG: nothing stops the drives if the controller dies",
+                Severity::Info,
+            ),
+            (
+                OperatingStateMsg::COMPARED,
+                "pose compared with the camera",
+                "pose not compared with the camera",
+                Severity::Info,
+            ),
         ] {
             match (old.flags & flag != 0, new.flags & flag != 0) {
                 (false, true) => self.add(new.stamp(), severity, on.to_owned(), 1),

@@ -107,6 +107,12 @@ impl LatestMessages {
                 "no model"
             }),
             flag(OperatingStateMsg::MEMORY_KNOWN, "memory known"),
+            Some(if state.flags & OperatingStateMsg::WATCHED != 0 {
+                "watchdog"
+            } else {
+                "no watchdog"
+            }),
+            flag(OperatingStateMsg::COMPARED, "compared with camera"),
         ]
         .into_iter()
         .flatten()

@@ -118,6 +118,8 @@ class OperatingStateMsg(Payload):
     FIFO = 64
     MEMORY_LOCKED = 128
     PINNED = 256
+    WATCHED = 512
+    COMPARED = 1024
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),

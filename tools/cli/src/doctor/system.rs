@@ -7,6 +7,7 @@ use std::thread;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::ready::Ready;
+use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::realtime::{self, Wanted};
 
 use super::report::Report;
@@ -17,6 +18,26 @@ pub fn check(config: &Config, report: &mut Report) {
     check_granted(config, report);
     check_processors(config, report);
     check_memory(config, report);
+    check_watchdog(config, report);
+}
+
+fn check_watchdog(config: &Config, report: &mut Report) {
+    let Ok(domain) = Domain::new(&config.ipc.domain) else {
+        return; // Reported with the shared memory.
+    };
+    match WatchdogStatus::read(&domain) {
+        WatchdogStatus::Watching => report.pass("watchdog", "runs and holds every port"),
+        WatchdogStatus::Incomplete => report.warn(
+            "watchdog",
+            "runs, but could not open every port: it cannot stop every drive",
+            "see its log; end the controller, and start it after the watchdog",
+        ),
+        WatchdogStatus::Absent => report.warn(
+            "watchdog",
+            "does not run: nothing stops the drives if the controller dies",
+            "start `i2ris-watchdog` with the same configuration before the controller",
+        ),
+    }
 }
 
 fn check_kernel(report: &mut Report) {

@@ -43,9 +43,6 @@ const POLL: Nanos = Nanos::from_millis(20);
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
-/// Silence after which the host is assumed to have closed the port.
-const RELEASE_AFTER: Nanos = Nanos::from_millis(200);
-
 /// A port that serves one axis.
 pub(crate) struct Port {
     axis: usize,
@@ -293,6 +290,8 @@ impl Port {
                 }
             } else if self.shared.is_stopping() {
                 return;
+            } else if self.pty.is_closed() {
+                clock::sleep_until(until.min(now + POLL));
             }
         }
     }
@@ -306,8 +305,23 @@ impl Port {
 
     fn on_silence(&mut self, now: Nanos) {
         self.drop_stale_frame(now);
-        if now - self.last_byte > RELEASE_AFTER {
-            self.pty.release();
+        if self.pty.is_closed() {
+            self.renew();
+        }
+    }
+
+    /// Replaces the pseudo-terminal after its last host closed it. The kernel ends the exclusive
+    /// use of a serial port with its last descriptor, but that of a pseudo-terminal with the pair.
+    fn renew(&mut self) {
+        let (Some(link), Ok(pty)) = (&self.link, Pty::open()) else {
+            return clock::sleep(POLL);
+        };
+        let _ = port_folder::redirect(link, pty.path());
+        if self.pty.is_closed() {
+            self.pty = pty;
+        } else {
+            // A host was faster, and has the old one open.
+            let _ = port_folder::redirect(link, self.pty.path());
         }
     }
 

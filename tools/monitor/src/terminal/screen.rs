@@ -112,9 +112,20 @@ fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> 
             model.as_deref().or(Some("model loaded")),
             Some("no model"),
         ),
+        (
+            OperatingStateMsg::WATCHED,
+            Some("watchdog"),
+            Some("NO WATCHDOG"),
+        ),
+        (
+            OperatingStateMsg::COMPARED,
+            Some("compared with camera"),
+            None,
+        ),
     ] {
         let text = if has(flag) { on } else { off };
-        let style = if text.is_some_and(|text| text == "NOT HOMED" || text.starts_with("CLIPPED")) {
+        let warnings = ["NOT HOMED", "NO WATCHDOG", "CLIPPED TO HULL"];
+        let style = if text.is_some_and(|text| warnings.contains(&text)) {
             warning()
         } else {
             Style::new()

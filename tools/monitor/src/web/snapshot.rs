@@ -73,6 +73,8 @@ fn operating(view: &LatestMessages, state: &OperatingStateMsg, now: Nanos) -> Va
         "clipped": has(OperatingStateMsg::CLIPPED),
         "model": has(OperatingStateMsg::MODEL),
         "memory_known": has(OperatingStateMsg::MEMORY_KNOWN),
+        "watched": has(OperatingStateMsg::WATCHED),
+        "compared": has(OperatingStateMsg::COMPARED),
         "lease": (state.lease_client_id != 0).then(|| format!("{:016x}", state.lease_client_id)),
         "accepted": state.accepted,
         "refused": state.refused,

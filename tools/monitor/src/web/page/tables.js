@@ -43,6 +43,8 @@ function showHeader(live, lag) {
     if (state.clipped) flags.push(['CLIPPED TO HULL', 'warn']);
     flags.push(state.memory_known ? ['memory known', 'on'] : ['memory unknown', state.model ? 'warn' : '']);
     if (!state.model) flags.push(['no model', 'warn']);
+    flags.push(state.watched ? ['watchdog', 'on'] : ['NO WATCHDOG', 'warn']);
+    if (state.compared) flags.push(['compared with camera', 'on']);
   }
   fillList(byId('flags'), flags);
   byId('lease').textContent = !state ? '' :
