@@ -17,7 +17,7 @@ pub struct ControlConfig {
     /// 500. 0: sleeps until the tick.
     pub spin_us: u32,
     /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
-    /// less.
+    /// less, the thread that reads commands 20 less, both at least 1.
     pub priority: u8,
     /// The processor to pin the loop to. Absent: not pinned.
     pub cpu: Option<usize>,

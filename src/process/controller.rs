@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | control loop | SCHED_FIFO, pinned if configured | one cycle per tick |
 //! | one per serial port | SCHED_FIFO, 10 below | the exchanges with the drives |
-//! | shared memory | normal | commands in, messages out |
+//! | shared memory | SCHED_FIFO, 20 below | commands in, messages out |
 //! | models | normal | reads, checks, compares and frees models |
 //! | black box | normal | keeps the last seconds of every tick and writes them to files |
 //! | main | normal | the log, and waiting for the end |
@@ -42,6 +42,9 @@ use crate::units::Nanos;
 
 /// Distance of the SCHED_FIFO priority of the port threads below that of the loop.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
+/// The same of the IPC thread. Under normal scheduling, other programs delay the commands until they
+/// are stale. It is below the port threads: an exchange that has begun must not wait for a client.
+const IPC_PRIORITY_DISTANCE: u8 = 20;
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
 
@@ -87,6 +90,7 @@ pub fn run(
     let identities = drives.identities.clone();
     let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     write_granted(log, &threads.granted);
+    write_ipc_granted(log, &config.control, &threads.ipc_granted);
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
         boot_id,
@@ -134,6 +138,7 @@ struct Threads {
     /// Ends all threads but the control loop.
     quit: Arc<AtomicBool>,
     granted: Granted,
+    ipc_granted: Granted,
     events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<PortEvent>,
     recorder_lines: mpsc::Receiver<String>,
@@ -168,7 +173,7 @@ fn start_threads(
         period: config.control.period(),
     };
     let (to_ipc, granted) = mpsc::channel();
-    let (ipc, heartbeat) = start_ipc(config, lock, parts, granted, &quit)?;
+    let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
     others.push(ipc);
     let (to_main, port_events) = mpsc::channel();
     for runner in drives.runners {
@@ -192,10 +197,17 @@ fn start_threads(
         others,
         quit,
         granted,
+        ipc_granted,
         events,
         port_events,
         recorder_lines,
     })
+}
+
+/// The priority of a thread at a distance below the loop: 0 only if the loop has 0.
+fn priority_below(config: &ControlConfig, distance: u8) -> u8 {
+    let lowest = config.priority.min(1);
+    config.priority.saturating_sub(distance).max(lowest)
 }
 
 /// Starts the threads of the black box and of the models.
@@ -235,14 +247,20 @@ fn start_ipc(
     parts: IpcThreadParts,
     granted: mpsc::Receiver<(Granted, Nanos)>,
     quit: &Arc<AtomicBool>,
-) -> Result<(NamedThread, HeartbeatWriter), ControllerError> {
+) -> Result<(NamedThread, (HeartbeatWriter, Granted)), ControllerError> {
     let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
+    let wanted = Wanted {
+        priority: priority_below(&config.control, IPC_PRIORITY_DISTANCE),
+        ..Wanted::default()
+    };
     let (started_in, started) = mpsc::channel();
     let thread = NamedThread::spawn("ipc", move || {
+        // Off the processor of the loop. The creation of the services, which takes long, is under
+        // normal scheduling.
         realtime::keep_normal(cpu);
         match Server::create(lock).and_then(|server| Ok((server.heartbeat()?, server))) {
             Ok((heartbeat, server)) => {
-                let _ = started_in.send(Ok(heartbeat));
+                let _ = started_in.send(Ok((heartbeat, realtime::request(wanted))));
                 // An error means that the loop never started; the main thread then ends the
                 // process.
                 if let Ok((granted, first)) = granted.recv() {
@@ -254,8 +272,8 @@ fn start_ipc(
             }
         }
     })?;
-    let heartbeat = started.recv().map_err(|_| ThreadError::Died("ipc"))??;
-    Ok((thread, heartbeat))
+    let started = started.recv().map_err(|_| ThreadError::Died("ipc"))??;
+    Ok((thread, started))
 }
 
 fn start_port(
@@ -266,7 +284,7 @@ fn start_port(
 ) -> Result<NamedThread, ThreadError> {
     let quit = Arc::clone(quit);
     let wanted = Wanted {
-        priority: config.priority.saturating_sub(PORT_PRIORITY_DISTANCE),
+        priority: priority_below(config, PORT_PRIORITY_DISTANCE),
         cpu: None,
         lock_memory: false,
     };
@@ -321,5 +339,48 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     );
     for warning in &granted.warnings {
         write_line(log, format_args!("warning: {warning}"));
+    }
+}
+
+/// Says under which scheduling commands are read, with a warning if it is not the wanted one. How to
+/// allow it is in the warning of the loop.
+fn write_ipc_granted(log: &mut dyn Write, config: &ControlConfig, granted: &Granted) {
+    match granted.priority {
+        0 if config.priority > 0 => write_line(
+            log,
+            format_args!(
+                "warning: commands are read under normal scheduling: under load they become stale \
+                 and the robot holds"
+            ),
+        ),
+        0 => write_line(log, format_args!("commands: normal scheduling 0")),
+        priority => write_line(log, format_args!("commands: SCHED_FIFO {priority}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_below_the_loop_and_real_time_only_with_it() {
+        for (priority, expected) in [
+            (80, [70, 60]),
+            (98, [88, 78]),
+            (15, [5, 1]),
+            (2, [1, 1]),
+            (1, [1, 1]),
+            (0, [0, 0]),
+        ] {
+            let config = ControlConfig {
+                priority,
+                ..ControlConfig::default()
+            };
+            let distances = [PORT_PRIORITY_DISTANCE, IPC_PRIORITY_DISTANCE];
+            assert_eq!(
+                distances.map(|distance| priority_below(&config, distance)),
+                expected
+            );
+        }
     }
 }

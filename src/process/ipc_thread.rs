@@ -4,10 +4,11 @@
 //! loop reports. Calls into shared memory may take a hundred microseconds when a client comes or
 //! goes, so they are here and not in the loop.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
-use crate::core::{ServoCommand, StateReply, StateRequest};
+use crate::core::{CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
 use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
 use crate::ipc::server::COMMAND_POLL_LEAD;
@@ -22,6 +23,9 @@ use crate::units::{MAX_OUTPUTS, Nanos};
 
 /// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
+
+/// Ticks that the loop history may lag: as many as the ring of the reports holds.
+const LATE_TICKS: usize = 256;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -42,6 +46,8 @@ pub struct IpcThread {
     parts: IpcThreadParts,
     granted: Granted,
     statistics: LoopStatistics,
+    /// Ticks for the loop history, while another thread reads it.
+    late: VecDeque<CycleReport>,
     model: Option<ModelId>,
     lease_client_id: u64,
     state: OperatingState,
@@ -55,6 +61,7 @@ impl IpcThread {
         let mut thread = Self {
             server,
             statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
+            late: VecDeque::with_capacity(LATE_TICKS),
             parts,
             granted,
             model: None,
@@ -94,6 +101,7 @@ impl IpcThread {
         while let Ok(report) = self.parts.channels.reports.pop() {
             self.publish(&report);
         }
+        self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
         }
@@ -174,10 +182,13 @@ impl IpcThread {
         }
     }
 
-    /// Sets robot and model in the reply to `version`.
+    /// Sets robot and model in the reply to `version`, or leaves it to the next tick while another
+    /// thread has the history.
     fn describe(&mut self, model: Option<ModelId>) {
+        let Some(history) = self.parts.history.try_lock() else {
+            return;
+        };
         self.model = model;
-        let history = self.parts.history.lock();
         let outputs = history
             .model(model)
             .map_or(&[][..], |known| &known.model.file().outputs);
@@ -204,11 +215,25 @@ impl IpcThread {
         }
     }
 
+    /// Never waits: a thread under normal scheduling that has the history may be suspended for
+    /// long, and commands would wait with it.
+    fn update_history(&mut self) {
+        if let Some(mut history) = self.parts.history.try_lock() {
+            for report in self.late.drain(..) {
+                history.update(&report);
+            }
+        }
+    }
+
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(tick.timing);
-        self.parts.history.lock().update(report);
+        if self.late.len() == LATE_TICKS {
+            // The gap restarts the history.
+            self.late.clear();
+        }
+        self.late.push_back(*report);
         if report.models.active != self.model {
             self.describe(report.models.active);
         }
