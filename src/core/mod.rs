@@ -17,7 +17,7 @@
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
 //!   `position_history`.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `admission` of servo commands, `lease`, `deadline`, `range_check`, `clutch`,
+//! - `command`: `admission` of servo commands, `refusal_record`, `lease`, `deadline`, `range_check`, `clutch`,
 //!   `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
@@ -165,6 +165,8 @@ mod snapshot;
 mod states;
 mod vector;
 
+pub use command::admission::CommandCheck;
+pub use command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
 pub use event::{CycleEvent, CycleEventKind};
 pub use inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,

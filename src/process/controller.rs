@@ -17,8 +17,8 @@ use rtrb::Consumer;
 
 use crate::clock;
 use crate::config::{Config, ControlConfig};
-use crate::core::CycleEvent;
 use crate::core::cycle::ControlCycle;
+use crate::core::{CommandCheck, CycleEvent};
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::port_runner::PortRunner;
@@ -168,6 +168,7 @@ fn start_threads(
     let parts = IpcThreadParts {
         channels: ipc_channels,
         motors: config.motors() as u32,
+        command_check: CommandCheck::new(&config.command),
         history,
         queues,
         period: config.control.period(),

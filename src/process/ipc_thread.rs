@@ -8,10 +8,10 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
-use crate::core::{CycleReport, ServoCommand, StateReply, StateRequest};
+use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
 use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
-use crate::ipc::server::COMMAND_POLL_LEAD;
+use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
 use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
@@ -34,6 +34,7 @@ const MOVE: u64 = 1 << 63;
 pub struct IpcThreadParts {
     pub channels: IpcChannels,
     pub motors: u32,
+    pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
     /// Period of the loop.
@@ -85,7 +86,7 @@ impl IpcThread {
 
     /// One pass: commands in, replies and messages out, housekeeping.
     fn pass(&mut self, now: Nanos) {
-        self.take_servo();
+        self.take_servo(now);
         if let Some(seen) = self.server.poll_external()
             && let Some(external) = convert::external(&seen)
         {
@@ -108,14 +109,17 @@ impl IpcThread {
         self.server.maintain(now);
     }
 
-    fn take_servo(&mut self) {
-        let joint = self.server.poll_servo(self.lease_client_id);
-        let actuator = self.server.poll_actuator(self.lease_client_id);
-        let joint = joint.as_ref().map(ServoCommand::from);
-        let actuator = actuator.as_ref().map(ServoCommand::from);
-        // If a client sends both kinds, the last one counts.
-        let commands = joint.into_iter().chain(actuator);
-        if let Some(command) = commands.max_by_key(|command| command.stamp) {
+    /// A command that the loop has not read yet is replaced only by one of the holder of the lease.
+    fn take_servo(&mut self, now: Nanos) {
+        let (check, holder) = (self.parts.command_check, self.lease_client_id);
+        let is_valid = |raw: &ReceivedCommand| check.check(&ServoCommand::from(raw), now).is_ok();
+        let command = if self.parts.channels.servo.consumed() {
+            self.server.poll_command(holder, is_valid)
+        } else {
+            self.server.poll_command_of(holder, is_valid)
+        };
+        if let Some(command) = command {
+            let command = ServoCommand::from(&command);
             self.parts.channels.servo.write(Some(command));
         }
     }

@@ -6,8 +6,18 @@ use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
 };
+use crate::ipc::server::ReceivedCommand;
 use crate::realtime::Granted;
 use crate::units::{Counts, MAX_OUTPUTS, Nanos, OutputVec};
+
+impl From<&ReceivedCommand> for ServoCommand {
+    fn from(raw: &ReceivedCommand) -> Self {
+        match raw {
+            ReceivedCommand::Joint(raw) => raw.into(),
+            ReceivedCommand::Actuator(raw) => raw.into(),
+        }
+    }
+}
 
 impl From<&ServoJp> for ServoCommand {
     fn from(raw: &ServoJp) -> Self {
@@ -129,6 +139,9 @@ pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStat
         state: report.state.number(),
         fault: report.fault.number(),
         last_refusal: report.last_refusal.number(),
+        refused_client_id: report.refusals.map(|client| client.client_id),
+        refused_commands: report.refusals.map(|client| client.count),
+        refused_reason: report.refusals.map(|client| client.last.number()),
         flags: flags.iter().sum(),
         ..OperatingStateMsg::default()
     }

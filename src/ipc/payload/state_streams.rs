@@ -3,6 +3,8 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
+use crate::core::REFUSED_CLIENTS;
+use crate::robot::Refusal;
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -73,7 +75,7 @@ payload! {
     }
 
     /// `operating_state`, out: state of the controller and its reason.
-    OperatingStateMsg "I2risOperatingStateV1" {
+    OperatingStateMsg "I2risOperatingStateV2" {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the tick.
@@ -94,10 +96,17 @@ payload! {
         pub state: u32,
         /// [`crate::robot::Fault`]; of the last fault when the state is not FAULT.
         pub fault: u32,
-        /// [`crate::robot::Refusal`] of the last refused command.
+        /// [`crate::robot::Refusal`] of the last refused command of any client. A client asks
+        /// [`OperatingStateMsg::refusals_of`] for its own.
         pub last_refusal: u32,
         /// Sum of [`OperatingStateMsg::HOMED`] and the other flags.
         pub flags: u32,
+        /// Clients whose servo commands were refused.
+        pub refused_client_id: [u64; REFUSED_CLIENTS],
+        /// Refused servo commands of each of these clients. 0: the entry is not in use.
+        pub refused_commands: [u64; REFUSED_CLIENTS],
+        /// [`crate::robot::Refusal`] of the last refused servo command of each of these clients.
+        pub refused_reason: [u32; REFUSED_CLIENTS],
     }
 }
 
@@ -111,6 +120,20 @@ impl JointState {
 }
 
 impl OperatingStateMsg {
+    /// Number of refused servo commands of a client, and the reason of the last refusal. The number
+    /// starts again after a second without one, if other clients need the entry.
+    #[must_use]
+    pub fn refusals_of(&self, client_id: u64) -> (u64, Refusal) {
+        let clients = self.refused_client_id.iter().zip(&self.refused_commands);
+        let entries = clients.zip(&self.refused_reason);
+        let own =
+            |((client, count), _): &((&u64, &u64), &u32)| **client == client_id && **count > 0;
+        { entries }
+            .find(own)
+            .and_then(|((_, count), reason)| Some((*count, Refusal::from_number(*reason)?)))
+            .unwrap_or((0, Refusal::None))
+    }
+
     /// Flag: every axis is homed.
     pub const HOMED: u32 = 1;
     /// Flag: a motion or a state transition is in progress.

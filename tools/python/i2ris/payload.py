@@ -108,7 +108,7 @@ class ActuatorState(Payload):
 class OperatingStateMsg(Payload):
     """``operating_state``, out: state of the controller and its reason."""
 
-    NAME = "I2risOperatingStateV1"
+    NAME = "I2risOperatingStateV2"
     HOMED = 1
     BUSY = 2
     MODEL = 4
@@ -131,6 +131,9 @@ class OperatingStateMsg(Payload):
         ("fault", c_uint32),
         ("last_refusal", c_uint32),
         ("flags", c_uint32),
+        ("refused_client_id", c_uint64 * 8),
+        ("refused_commands", c_uint64 * 8),
+        ("refused_reason", c_uint32 * 8),
     ]
 
 

@@ -242,7 +242,8 @@ layouts! {
     OperatingStateMsg {
         sequence: u64, stamp_ns: u64, boot_id: u64, since_ns: u64, lease_client_id: u64,
         accepted: u64, refused: u64, stale_stops: u64, state: u32, fault: u32, last_refusal: u32,
-        flags: u32,
+        flags: u32, refused_client_id: [u64; 8], refused_commands: [u64; 8],
+        refused_reason: [u32; 8],
     }
     PeriodStatistics {
         sequence: u64, stamp_ns: u64, boot_id: u64, window_ns: u64, period_ns: u64, ticks: u64,
