@@ -146,7 +146,12 @@ mod tests {
             thread::sleep(Duration::from_millis(1));
         }
         drop(log);
-        assert!(reading.join().unwrap().contains("lines of the log were lost here"));
+        assert!(
+            reading
+                .join()
+                .unwrap()
+                .contains("lines of the log were lost here")
+        );
         let (_unread, writer) = io::pipe().unwrap();
         let mut log = ConsoleLog::start(writer).unwrap();
         for _ in 0..LINES {

@@ -45,6 +45,8 @@ const PORT_PRIORITY_DISTANCE: u8 = 10;
 /// The same of the IPC thread. Under normal scheduling, other programs delay the commands until they
 /// are stale. It is below the port threads: an exchange that has begun must not wait for a client.
 const IPC_PRIORITY_DISTANCE: u8 = 20;
+/// Time for the other threads to end after the loop. The black box is written meanwhile.
+const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
 
@@ -118,9 +120,9 @@ pub fn run(
     main.run(&threads.control, &threads.others, shutdown);
     let control = threads.control.join();
     threads.quit.store(true, Ordering::Release);
-    let mut ended = Ok(());
+    let (mut ended, end) = (Ok(()), clock::now() + END_TIMEOUT);
     for thread in threads.others {
-        ended = ended.and(thread.join());
+        ended = ended.and(thread.join_until(end));
     }
     main.write_events();
     let outcome = match control {
