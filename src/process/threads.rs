@@ -95,7 +95,10 @@ mod tests {
     #[test]
     fn a_thread_that_hangs_is_abandoned_and_named() {
         let (release, released) = mpsc::channel::<()>();
-        let thread = NamedThread::spawn("stuck", move || drop(released.recv())).unwrap();
+        let thread = NamedThread::spawn("stuck", move || {
+            let _ = released.recv();
+        })
+        .unwrap();
         let error = thread.join_until(clock::now()).unwrap_err().to_string();
         assert!(error.contains("stuck") && error.contains("disk"), "{error}");
         drop(release);
