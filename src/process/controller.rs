@@ -26,7 +26,7 @@ use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
-use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
+use crate::process::channels::{LogLine, WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -116,6 +116,7 @@ pub fn run(
         domain,
         boot_id,
         log,
+        published: threads.published,
     };
     main.run(&threads.control, &threads.others, shutdown);
     let control = threads.control.join();
@@ -144,6 +145,7 @@ struct Threads {
     events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<PortEvent>,
     recorder_lines: mpsc::Receiver<String>,
+    published: mpsc::Sender<LogLine>,
 }
 
 fn start_threads(
@@ -154,7 +156,8 @@ fn start_threads(
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
     let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
-    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder);
+    let (published, log_lines) = mpsc::channel();
+    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_lines);
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
     let recorder_queue = queues.recorder.clone();
@@ -204,6 +207,7 @@ fn start_threads(
         events,
         port_events,
         recorder_lines,
+        published,
     })
 }
 

@@ -10,7 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
-use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
+use crate::ipc::payload::{
+    BlackBoxReply, EventMsg, Health, StateCommandReply, StateCommandRequest, padded_text,
+};
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
@@ -26,6 +28,9 @@ const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
 /// Ticks that the loop history may lag: as many as the ring of the reports holds.
 const LATE_TICKS: usize = 256;
+
+/// Lines of the log that are published in one pass.
+const LOG_LINES: usize = 16;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -47,6 +52,8 @@ pub struct IpcThread {
     parts: IpcThreadParts,
     granted: Granted,
     statistics: LoopStatistics,
+    /// Filled by every tick, published with the statistics.
+    health: Health,
     /// Ticks for the loop history, while another thread reads it.
     late: VecDeque<CycleReport>,
     model: Option<ModelId>,
@@ -62,6 +69,7 @@ impl IpcThread {
         let mut thread = Self {
             server,
             statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
+            health: Health::default(),
             late: VecDeque::with_capacity(LATE_TICKS),
             parts,
             granted,
@@ -105,7 +113,12 @@ impl IpcThread {
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
+            self.server.publish_health(Health {
+                stamp_ns: now.0,
+                ..self.health
+            });
         }
+        self.publish_log_lines();
         self.server.maintain(now);
     }
 
@@ -138,15 +151,17 @@ impl IpcThread {
     fn take_moves(&mut self, now: Nanos) {
         let mut new = Vec::new();
         self.server.poll_moves(now, |token, raw| {
-            new.push(StateRequest {
+            let request = StateRequest {
                 id: token | MOVE,
                 client_id: raw.client_id,
                 command: StateCommand::Move,
                 pose: Some((raw.position, raw.count)),
-            });
+            };
+            new.push((request, raw.reserved == 0));
         });
-        for request in new {
-            self.request(request.id, Ok(request));
+        for (request, is_known) in new {
+            let checked = is_known.then_some(request).ok_or(Refusal::Malformed);
+            self.request(request.id, checked);
         }
     }
 
@@ -229,8 +244,19 @@ impl IpcThread {
         }
     }
 
+    fn publish_log_lines(&mut self) {
+        for (stamp, line) in self.parts.channels.log_lines.try_iter().take(LOG_LINES) {
+            self.server.publish_event(EventMsg {
+                stamp_ns: stamp.0,
+                text: padded_text(&line),
+                ..EventMsg::default()
+            });
+        }
+    }
+
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
+        self.health = convert::health(report, &tick.lost);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(tick.timing);
         if self.late.len() == LATE_TICKS {
@@ -253,7 +279,8 @@ impl IpcThread {
 
 fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
-    if raw.client_id == 0 {
+    // A later version may give the reserved field a meaning that this one would ignore.
+    if raw.client_id == 0 || raw.reserved != 0 {
         return Err(Refusal::Malformed);
     }
     Ok(StateRequest {

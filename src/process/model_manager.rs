@@ -114,7 +114,8 @@ impl ModelManager {
         &mut self,
         request: &payload::ModelRequest,
     ) -> Result<Option<ModelDifference>, Refused> {
-        if request.client_id == 0 {
+        let has_unknown_flags = request.flags & !payload::ModelRequest::FORCE != 0;
+        if request.client_id == 0 || has_unknown_flags {
             return Err(Refusal::Malformed.into());
         }
         let forced = request.flags & payload::ModelRequest::FORCE != 0;

@@ -5,7 +5,7 @@
 //!
 //! | | check | refusal | file |
 //! |---|---|---|---|
-//! | 1 | client id not 0, number of entries possible | `Malformed` | `admission` |
+//! | 1 | client id not 0, no unknown flag, number of entries possible | `Malformed` | `admission` |
 //! | 2 | every entry finite | `NotFinite` | `admission` |
 //! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `deadline` |
 //! | 4 | younger than its deadline | `Stale` | `deadline` |
@@ -206,7 +206,8 @@ fn require_well_formed(command: &ServoCommand) -> Result<(), Refusal> {
         ServoGoal::Joint(_, entries) => (entries as usize, MAX_OUTPUTS),
         ServoGoal::Actuator(_, entries) => (entries as usize, MAX_MOTORS),
     };
-    if command.client_id == 0 || !(1..=most).contains(&entries) {
+    let is_known = command.client_id != 0 && !command.has_unknown_flags;
+    if !is_known || !(1..=most).contains(&entries) {
         return Err(Refusal::Malformed);
     }
     match &command.goal {

@@ -108,6 +108,48 @@ payload! {
         /// [`crate::robot::Refusal`] of the last refused servo command of each of these clients.
         pub refused_reason: [u32; REFUSED_CLIENTS],
     }
+
+    /// `health`, out, once a second: what failed or was lost since the start of the controller. All
+    /// 0 in a healthy one.
+    Health "I2risHealthV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the message.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Failed calls into shared memory; a message was lost each time.
+        pub ipc_failures: u64,
+        /// Events that are not in the log, because there were too many in one tick or the log
+        /// stalled.
+        pub lost_events: u64,
+        /// Ticks that are in no stream, because the thread of shared memory stalled.
+        pub lost_reports: u64,
+        /// Ticks and snapshots that are not in the black box, because it stalled.
+        pub lost_records: u64,
+        /// Replies to requests that were lost.
+        pub lost_replies: u64,
+        /// Requests to each drive without a reply in time.
+        pub timeouts: [u64; MAX_MOTORS],
+        /// Replies of each drive with a wrong CRC.
+        pub crc_errors: [u64; MAX_MOTORS],
+        /// Times that the start of a frame of each drive had to be searched.
+        pub resynchronisations: [u64; MAX_MOTORS],
+        /// Requests to each drive that were sent again.
+        pub retries: [u64; MAX_MOTORS],
+    }
+
+    /// `events`, out: a line of the log.
+    EventMsg "I2risEventV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// When the controller wrote the line. The text has the time of the event.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// The line, UTF-8, padded with 0; a longer one is cut.
+        pub text: [u8; 232],
+    }
 }
 
 impl JointState {

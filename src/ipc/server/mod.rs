@@ -24,9 +24,9 @@ use super::domain::DomainError;
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
-    ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
+    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
+    ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
@@ -70,6 +70,8 @@ pub struct Server {
     actuators: StreamPublisher<ActuatorState>,
     operating_state: StreamPublisher<OperatingStateMsg>,
     period_statistics: StreamPublisher<PeriodStatistics>,
+    health: StreamPublisher<Health>,
+    events: StreamPublisher<EventMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
@@ -132,6 +134,8 @@ impl Server {
                 service::PERIOD_STATISTICS,
                 boot_id,
             )?,
+            health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
+            events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
@@ -279,6 +283,22 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes `health`. The server sets the number of its own failures.
+    pub fn publish_health(&mut self, message: Health) {
+        let ipc_failures = self.failures;
+        let sent = self.health.send(Health {
+            ipc_failures,
+            ..message
+        });
+        self.count_failure(sent);
+    }
+
+    /// Publishes `events`.
+    pub fn publish_event(&mut self, message: EventMsg) {
+        let sent = self.events.send(message);
+        self.count_failure(sent);
+    }
+
     /// Identifies this start of the controller; also in every message that the server sends.
     #[must_use]
     pub fn boot_id(&self) -> u64 {
@@ -327,7 +347,9 @@ impl Server {
         self.goal.serve_late_subscribers()?;
         self.actuators.serve_late_subscribers()?;
         self.operating_state.serve_late_subscribers()?;
-        self.period_statistics.serve_late_subscribers()
+        self.period_statistics.serve_late_subscribers()?;
+        self.health.serve_late_subscribers()?;
+        self.events.serve_late_subscribers()
     }
 
     fn count_failure<T: Default>(&mut self, outcome: Result<T, TransportError>) -> T {
