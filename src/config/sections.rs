@@ -325,6 +325,9 @@ pub struct RecordConfig {
     pub folder: PathBuf,
     /// Seconds that the black box holds, 10 to 120. A second takes 2 MB of memory at 1 kHz.
     pub seconds: u64,
+    /// Black boxes that are kept in the folder, 1 to 10000; the oldest are removed. One of 12 s
+    /// takes about 10 MB.
+    pub files: usize,
 }
 
 impl Default for RecordConfig {
@@ -332,6 +335,7 @@ impl Default for RecordConfig {
         Self {
             folder: "records".into(),
             seconds: 12,
+            files: 100,
         }
     }
 }

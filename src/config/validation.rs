@@ -110,6 +110,7 @@ fn check_process(config: &Config, findings: &mut Findings) {
     findings.within("control.spin_us", config.control.spin_us, 0..=500);
     findings.within("control.priority", config.control.priority, 0..=98);
     findings.within("record.seconds", config.record.seconds, 10..=120);
+    findings.within("record.files", config.record.files, 1..=10_000);
     let domain = &config.ipc.domain;
     let is_plain = domain
         .chars()
