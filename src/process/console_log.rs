@@ -21,6 +21,7 @@ pub struct ConsoleLog {
     ended: Receiver<()>,
     line: Vec<u8>,
     lost: u64,
+    has_panic_hook: bool,
 }
 
 impl ConsoleLog {
@@ -43,12 +44,14 @@ impl ConsoleLog {
             ended,
             line: Vec::new(),
             lost: 0,
+            has_panic_hook: false,
         })
     }
 
     /// Writes the messages of panics to this log, too: the standard hook would block a thread that
     /// panics, and nobody would see its end.
-    pub fn take_panic_messages(&self) {
+    pub fn take_panic_messages(&mut self) {
+        self.has_panic_hook = true;
         if let Some(lines) = self.lines.clone() {
             std::panic::set_hook(Box::new(move |panic| {
                 let _ = lines.try_send(format!("{panic}\n").into_bytes());
@@ -99,7 +102,10 @@ impl Write for ConsoleLog {
 
 impl Drop for ConsoleLog {
     fn drop(&mut self) {
-        let _ = std::panic::take_hook();
+        // The hook holds the queue open. It cannot be removed by a thread that panics.
+        if self.has_panic_hook && !thread::panicking() {
+            let _ = std::panic::take_hook();
+        }
         // The thread ends after the last line.
         self.lines = None;
         let _ = self.ended.recv_timeout(LAST_LINES);

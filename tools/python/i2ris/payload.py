@@ -150,6 +150,38 @@ class SpanSummary(Payload):
     ]
 
 
+class Health(Payload):
+    """``health``, out, once a second: what failed or was lost since the start of the controller."""
+
+    NAME = "I2risHealthV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("ipc_failures", c_uint64),
+        ("lost_events", c_uint64),
+        ("lost_reports", c_uint64),
+        ("lost_records", c_uint64),
+        ("lost_replies", c_uint64),
+        ("timeouts", c_uint64 * 2),
+        ("crc_errors", c_uint64 * 2),
+        ("resynchronisations", c_uint64 * 2),
+        ("retries", c_uint64 * 2),
+    ]
+
+
+class EventMsg(Payload):
+    """``events``, out: a line of the log, UTF-8, padded with 0."""
+
+    NAME = "I2risEventV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("text", c_uint8 * 232),
+    ]
+
+
 class PeriodStatistics(Payload):
     """``period_statistics``, out, once a second: timing of the control loop."""
 
