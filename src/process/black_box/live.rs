@@ -68,7 +68,11 @@ impl LiveFiles {
             self.begun = now;
             self.number += 1;
             let [even, odd] = &self.paths;
-            let path = if self.number % 2 == 0 { even } else { odd };
+            let path = if self.number.is_multiple_of(2) {
+                even
+            } else {
+                odd
+            };
             self.file = create(path).ok().map(BufWriter::new);
             self.write(&Record::Begin(self.number, Box::new(begin())));
         }
