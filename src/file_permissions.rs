@@ -1,52 +1,169 @@
-//! File permissions: the controller refuses configurations and models that every user may write.
+//! Trust in files: configurations and models decide how the robot moves, so the controller reads only
+//! what nobody else may have written.
+//!
+//! Everything is checked on the open descriptor, so that a file that is exchanged meanwhile is not
+//! read. Only regular files of a limited length are read: a FIFO or a device could block the reader
+//! for ever.
 
-use std::fs;
-use std::os::unix::fs::MetadataExt;
+use std::fs::{File, Metadata, OpenOptions};
+use std::io::{self, Read};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-/// A file that every user of the machine may write.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "{path}: every user of this machine may write it; take that away with `chmod o-w {path}`, and \
-     look through it first"
-)]
-pub struct WritableByAll {
-    /// The file.
-    pub path: PathBuf,
-}
+use nix::libc;
 
-/// Write access for everyone, in the mode of a file.
+/// Longest configuration, bytes.
+pub const LONGEST_CONFIG: u64 = 1 << 20;
+
+/// Longest model file, bytes: a hundred times as long as those of the families here.
+pub const LONGEST_MODEL: u64 = 64 << 20;
+
+/// Write access for everyone, in a mode.
 const WRITABLE_BY_ALL: u32 = 0o002;
 
-/// Refuses a file that every user may write: its content may be anyone's. A file that does not
-/// exist or cannot be examined passes, because reading it gives the better error.
+/// Only the owner of a file may rename it, in the mode of a folder.
+const STICKY: u32 = 0o1000;
+
+/// Why a file is not trusted.
+#[derive(Debug, thiserror::Error)]
+pub enum UntrustedFile {
+    /// It cannot be opened or read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A folder, FIFO, device or socket.
+    #[error("{path} is not a regular file; name a file")]
+    Kind {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Longer than any valid file.
+    #[error("{path} is longer than {limit} bytes; name the right file")]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+        /// The limit, bytes.
+        limit: u64,
+    },
+    /// It belongs to another user.
+    #[error(
+        "{path} belongs to user {owner}, who may change it at any time; look through it, then make \
+         it yours with `chown {user} {path}`"
+    )]
+    Owner {
+        /// The file or its folder.
+        path: PathBuf,
+        /// Its owner.
+        owner: u32,
+        /// The user of this process.
+        user: u32,
+    },
+    /// Every user of the machine may write it.
+    #[error(
+        "{path}: every user of this machine may write it; take that away with `chmod o-w {path}`, \
+         and look through it first"
+    )]
+    WritableByAll {
+        /// The file or its folder.
+        path: PathBuf,
+    },
+}
+
+impl UntrustedFile {
+    /// The error of the system, if the file cannot be opened or read.
+    ///
+    /// # Errors
+    ///
+    /// Any other reason.
+    pub fn into_io(self) -> Result<io::Error, Self> {
+        match self {
+            Self::Io { source, .. } => Ok(source),
+            other => Err(other),
+        }
+    }
+}
+
+/// Reads the text of a file that only root or the user of this process may write, in a folder of
+/// which the same is true.
 ///
 /// # Errors
 ///
-/// When everyone may write it.
-pub fn check(path: &Path) -> Result<(), WritableByAll> {
-    let mode = fs::metadata(path).map(|metadata| metadata.mode());
-    if mode.is_ok_and(|mode| mode & WRITABLE_BY_ALL != 0) {
-        Err(WritableByAll {
-            path: path.to_owned(),
-        })
-    } else {
-        Ok(())
+/// [`UntrustedFile`].
+pub fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
+    let io = |source| UntrustedFile::Io {
+        path: path.to_owned(),
+        source,
+    };
+    // Behind symbolic links: the folder of the file itself decides who can exchange it.
+    let real = path.canonicalize().map_err(io)?;
+    if let Some(folder) = real.parent() {
+        let opened = open(folder, libc::O_DIRECTORY).map_err(io)?;
+        check_access(folder, &opened.metadata().map_err(io)?, true)?;
     }
+    // A FIFO without a writer would block without O_NONBLOCK.
+    let file = open(&real, libc::O_NONBLOCK | libc::O_NOFOLLOW).map_err(io)?;
+    let metadata = file.metadata().map_err(io)?;
+    if !metadata.is_file() {
+        let path = path.to_owned();
+        return Err(UntrustedFile::Kind { path });
+    }
+    check_access(path, &metadata, false)?;
+    let mut text = String::new();
+    // Its length may change while it is read.
+    let read = file.take(limit + 1).read_to_string(&mut text).map_err(io)?;
+    if read as u64 > limit {
+        let path = path.to_owned();
+        return Err(UntrustedFile::TooLong { path, limit });
+    }
+    Ok(text)
+}
+
+fn open(path: &Path, flags: i32) -> io::Result<File> {
+    OpenOptions::new().read(true).custom_flags(flags).open(path)
+}
+
+fn check_access(path: &Path, metadata: &Metadata, is_folder: bool) -> Result<(), UntrustedFile> {
+    let (owner, user) = (metadata.uid(), nix::unistd::geteuid().as_raw());
+    let path = path.to_owned();
+    if ![0, user].contains(&owner) {
+        return Err(UntrustedFile::Owner { path, owner, user });
+    }
+    let is_protected = is_folder && metadata.mode() & STICKY != 0;
+    if metadata.mode() & WRITABLE_BY_ALL != 0 && !is_protected {
+        return Err(UntrustedFile::WritableByAll { path });
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use std::fs::Permissions;
-    use std::os::unix::fs::PermissionsExt;
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::{PermissionsExt, symlink};
+
+    use nix::sys::stat::Mode;
+    use nix::unistd::mkfifo;
 
     use super::*;
 
+    const LIMIT: u64 = 100;
+
+    fn error(path: &Path) -> String {
+        read_trusted(path, LIMIT).unwrap_err().to_string()
+    }
+
+    fn set_mode(path: &Path, mode: u32) {
+        fs::set_permissions(path, Permissions::from_mode(mode)).unwrap();
+    }
+
     #[test]
-    fn a_file_that_everyone_may_write_is_refused() {
+    fn a_file_or_folder_that_everyone_may_write_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("robot.toml");
-        fs::write(&file, "").unwrap();
+        fs::write(&file, "text").unwrap();
         for (mode, is_accepted) in [
             (0o600, true),
             (0o664, true),
@@ -54,9 +171,48 @@ mod tests {
             (0o646, false),
             (0o666, false),
         ] {
-            fs::set_permissions(&file, Permissions::from_mode(mode)).unwrap();
-            assert_eq!(check(&file).is_ok(), is_accepted, "{mode:o}");
+            set_mode(&file, mode);
+            assert_eq!(read_trusted(&file, LIMIT).is_ok(), is_accepted, "{mode:o}");
         }
-        assert!(check(&folder.path().join("absent")).is_ok());
+        set_mode(&file, 0o600);
+        let link = folder.path().join("link.toml");
+        symlink(&file, &link).unwrap();
+        assert_eq!(read_trusted(&link, LIMIT).unwrap(), "text");
+        for (mode, is_accepted) in [(0o700, true), (0o777, false), (0o1777, true)] {
+            set_mode(folder.path(), mode);
+            assert_eq!(read_trusted(&file, LIMIT).is_ok(), is_accepted, "{mode:o}");
+        }
+    }
+
+    #[test]
+    fn a_file_of_another_user_is_refused() {
+        // Every program of this user can be read, but no file of a third user is at hand.
+        let metadata = fs::metadata("/proc/self/exe").unwrap();
+        let trusted = check_access(Path::new("x"), &metadata, false);
+        let user = nix::unistd::geteuid().as_raw();
+        assert_eq!(trusted.is_ok(), [0, user].contains(&metadata.uid()));
+        if user == 0 {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("robot.toml");
+            fs::write(&file, "").unwrap();
+            std::os::unix::fs::chown(&file, Some(12_345), None).unwrap();
+            assert!(error(&file).contains("belongs to user 12345"));
+        }
+    }
+
+    #[test]
+    fn what_is_no_regular_file_or_too_long_is_refused_without_blocking() {
+        let folder = tempfile::tempdir().unwrap();
+        let fifo = folder.path().join("fifo");
+        mkfifo(&fifo, Mode::S_IRWXU).unwrap();
+        assert!(error(&fifo).contains("not a regular file"));
+        assert!(error(folder.path()).contains("not a regular file"));
+        let endless = error(Path::new("/dev/zero"));
+        assert!(endless.contains("not a regular file"), "{endless}");
+        let long = folder.path().join("long");
+        fs::write(&long, "x".repeat(101)).unwrap();
+        assert!(error(&long).contains("longer than 100 bytes"));
+        let absent = read_trusted(&folder.path().join("absent"), LIMIT).unwrap_err();
+        assert_eq!(absent.into_io().unwrap().kind(), io::ErrorKind::NotFound);
     }
 }

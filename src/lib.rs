@@ -39,7 +39,7 @@
 //! | [`realtime`] | real-time scheduling, the tick grid, statistics of the loop |
 //! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only |
 //! | [`service_manager`] | readiness and life signs for systemd |
-//! | [`file_permissions`] | refuses files that every user may write |
+//! | [`file_permissions`] | reads files that nobody else may have written |
 //!
 //! # From a command to the wire, and a position back
 //!

@@ -71,13 +71,13 @@ impl Nanos {
     /// A span of whole milliseconds.
     #[must_use]
     pub const fn from_millis(milliseconds: u64) -> Self {
-        Self(milliseconds * 1_000_000)
+        Self(milliseconds.saturating_mul(1_000_000))
     }
 
     /// A span of whole microseconds.
     #[must_use]
     pub const fn from_micros(microseconds: u64) -> Self {
-        Self(microseconds * 1_000)
+        Self(microseconds.saturating_mul(1_000))
     }
 
     /// The span since `earlier`, or zero if `earlier` is later: a stamp from another thread may be

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::COMMIT;
 use i2ris::config::Config;
+use i2ris::process::console_log::ConsoleLog;
 use i2ris::process::controller;
 use lexopt::Arg::{Long, Short};
 
@@ -36,16 +37,24 @@ enum Request {
 type Failure = Box<dyn std::error::Error>;
 
 fn main() -> ExitCode {
-    match start() {
+    let mut log = match ConsoleLog::start(io::stderr()) {
+        Ok(log) => log,
+        Err(failure) => {
+            let _ = writeln!(io::stderr(), "error: cannot start a thread: {failure}");
+            return ExitCode::FAILURE;
+        }
+    };
+    log.take_panic_messages();
+    match start(&mut log) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            let _ = writeln!(io::stderr(), "error: {failure}");
+            let _ = writeln!(log, "error: {failure}");
             ExitCode::FAILURE
         }
     }
 }
 
-fn start() -> Result<(), Failure> {
+fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
     let request = parse(std::env::args_os().skip(1))
         .map_err(|error| format!("{error}; see i2ris-control --help"))?;
     match request {
@@ -59,12 +68,7 @@ fn start() -> Result<(), Failure> {
             let shutdown = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&shutdown);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            Ok(controller::run(
-                &config,
-                &note,
-                &shutdown,
-                &mut io::stderr(),
-            )?)
+            Ok(controller::run(&config, &note, &shutdown, log)?)
         }
     }
 }

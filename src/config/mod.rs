@@ -17,12 +17,11 @@ mod schema_file;
 mod sections;
 mod validation;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::file_permissions::{self, WritableByAll};
+use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
 
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
 pub use sections::{
@@ -86,9 +85,9 @@ pub enum ConfigError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// Everyone may write it.
+    /// Others may write it, or it is no file.
     #[error("configuration {0}")]
-    WritableByAll(#[from] WritableByAll),
+    Untrusted(UntrustedFile),
     /// Not TOML, a wrong type, or a key that does not exist.
     #[error("configuration {path} is not valid: {source}{}", key_hint::hint(.source.message()))]
     Parse {
@@ -112,29 +111,39 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// When everyone may write the file, it cannot be read, is not TOML of this shape, or holds a
+    /// When others may write the file, it cannot be read, is not TOML of this shape, or holds a
     /// value out of range.
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        file_permissions::check(path)?;
-        let text = fs::read_to_string(path).map_err(|source| ConfigError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        let mut config = Self::parse(&text, path)?;
+        let mut config = Self::parse(&read(path)?, path)?;
         if let Some(folder) = path.parent() {
-            if let Some(model) = &mut config.control.model {
-                *model = folder.join(&*model);
-            }
-            config.record.folder = folder.join(&config.record.folder);
-            for file in config
-                .ports
-                .iter_mut()
-                .filter_map(|port| port.positions_file.as_mut())
-            {
-                *file = folder.join(&*file);
-            }
+            config.resolve_paths(folder);
         }
         Ok(config)
+    }
+
+    /// Reads and checks a file as [`Config::load`], and also the files that it names.
+    ///
+    /// # Errors
+    ///
+    /// As [`Config::load`]; everything that is wrong with values and files is reported at once.
+    pub fn load_and_check_files(path: &Path) -> Result<Self, ConfigError> {
+        let mut config = Self::from_toml(&read(path)?, path)?;
+        let mut findings = validation::validate(&config);
+        if let Some(folder) = path.parent() {
+            config.resolve_paths(folder);
+        }
+        findings.extend(validation::check_model_file(&config));
+        config.with_findings(findings, path)
+    }
+
+    /// Makes paths relative to a folder.
+    fn resolve_paths(&mut self, folder: &Path) {
+        let files = self.ports.iter_mut();
+        let files = files.filter_map(|port| port.positions_file.as_mut());
+        let paths = files.chain(&mut self.control.model);
+        for path in paths.chain([&mut self.record.folder]) {
+            *path = folder.join(&*path);
+        }
     }
 
     /// Parses and checks the text of a file; `path` is for messages only.
@@ -143,18 +152,24 @@ impl Config {
     ///
     /// When the text is not TOML of this shape or holds a value out of range.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let config: Self = toml::from_str(text).map_err(|source| ConfigError::Parse {
+        let config = Self::from_toml(text, path)?;
+        let findings = validation::validate(&config);
+        config.with_findings(findings, path)
+    }
+
+    fn from_toml(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        toml::from_str(text).map_err(|source| ConfigError::Parse {
             path: path.to_owned(),
             source: Box::new(source),
-        })?;
-        let findings = validation::validate(&config);
-        if !findings.is_empty() {
-            return Err(ConfigError::Values {
-                path: path.to_owned(),
-                findings,
-            });
+        })
+    }
+
+    fn with_findings(self, findings: Vec<Finding>, path: &Path) -> Result<Self, ConfigError> {
+        if findings.is_empty() {
+            return Ok(self);
         }
-        Ok(config)
+        let path = path.to_owned();
+        Err(ConfigError::Values { path, findings })
     }
 
     /// The number of motors.
@@ -173,6 +188,16 @@ impl Config {
     pub fn axis(&self, motor: usize) -> Option<&AxisConfig> {
         self.axes().find(|axis| axis.motor == motor)
     }
+}
+
+fn read(path: &Path) -> Result<String, ConfigError> {
+    read_trusted(path, LONGEST_CONFIG).map_err(|error| match error.into_io() {
+        Ok(source) => ConfigError::Read {
+            path: path.to_owned(),
+            source,
+        },
+        Err(untrusted) => ConfigError::Untrusted(untrusted),
+    })
 }
 
 #[cfg(test)]

@@ -300,7 +300,7 @@ mod tests {
         assert!(
             parse("", "family = \"epos2\"\ncurrent_limit_ma = 70000")
                 .unwrap_err()
-                .contains("below 65536")
+                .contains("at most 15000")
         );
         assert!(
             parse("family = \"epos3\"", "")

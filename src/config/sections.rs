@@ -17,7 +17,7 @@ pub struct ControlConfig {
     /// 500. 0: sleeps until the tick.
     pub spin_us: u32,
     /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
-    /// less.
+    /// less, the thread that reads commands 20 less, both at least 1.
     pub priority: u8,
     /// The processor to pin the loop to. Absent: not pinned.
     pub cpu: Option<usize>,
@@ -325,6 +325,9 @@ pub struct RecordConfig {
     pub folder: PathBuf,
     /// Seconds that the black box holds, 10 to 120. A second takes 2 MB of memory at 1 kHz.
     pub seconds: u64,
+    /// Black boxes that are kept in the folder, 1 to 10000; the oldest are removed. One of 12 s
+    /// takes about 10 MB.
+    pub files: usize,
 }
 
 impl Default for RecordConfig {
@@ -332,6 +335,7 @@ impl Default for RecordConfig {
         Self {
             folder: "records".into(),
             seconds: 12,
+            files: 100,
         }
     }
 }

@@ -113,3 +113,82 @@ fn the_window_of_a_jerk_limit_is_as_long_as_it_needs() {
     assert_eq!(window_ticks(400.0, 39_000.0, Nanos::from_millis(1)), 21);
     assert_eq!(window_ticks(1.0, 1e9, Nanos::from_millis(1)), 1);
 }
+
+#[test]
+fn a_list_of_joint_limits_has_an_entry_for_every_angle() {
+    let two = "[joint_limits]\nposition_min_deg = [-5.0, -5.0]\nposition_max_deg = [5.0]";
+    let text = error(two);
+    assert!(
+        text.contains("joint_limits.position_min_deg = [-5.0, -5.0]: must have 1 entries"),
+        "{text}"
+    );
+    assert!(!text.contains("joint_limits.position_max_deg"), "{text}");
+    assert!(error("[joint_limits]\nposition_max_deg = []").contains("must have 1 entries"));
+}
+
+#[test]
+fn values_have_ceilings_and_all_of_them_are_named_at_once() {
+    let mut text = AXIS.replace(
+        "/dev/null\"",
+        "/dev/null\"\nbaud = 115201\nloop_timeout_ms = 99999999",
+    );
+    text.push_str(
+        "current_limit_ma = 300000\nmotor_speed_rpm = 4000000000\nhoming_speed_rpm = 100000\n\
+         following_error_counts = 4000000000\nquick_stop_rpm_s = 4000000000\n\
+         [limits]\nvelocity_counts_s = 1e300\nover_current_ma = 300000\n\
+         over_current_ms = 18446744073709551\noverrun_window_ms = 18446744073709551\n\
+         feedback_lost_ms = 18446744073709551\n\
+         [command]\nmax_step_deg = 1e9\n[plausibility]\ndebounce_ms = 18446744073709551\n\
+         [move_jp]\nvelocity_deg_s = 1e300\n",
+    );
+    let error = Config::parse(&text, Path::new("robot.toml")).unwrap_err();
+    let text = error.to_string();
+    for key in [
+        "baud = 115201",
+        "loop_timeout_ms",
+        "current_limit_ma = 300000: must be above 0 and at most 15000",
+        "motor_speed_rpm",
+        "homing_speed_rpm",
+        "following_error_counts",
+        "quick_stop_rpm_s",
+        "limits.velocity_counts_s",
+        "limits.over_current_ma",
+        "limits.over_current_ms",
+        "limits.overrun_window_ms",
+        "limits.feedback_lost_ms",
+        "command.max_step_deg",
+        "plausibility.debounce_ms",
+        "move_jp.velocity_deg_s",
+    ] {
+        assert!(text.contains(key), "{key}:\n{text}");
+    }
+}
+
+#[test]
+fn a_serial_number_belongs_to_one_axis() {
+    let text = error(
+        "[[ports]]\ndevice = \"/dev/zero\"\n[[ports.axes]]\nmotor = 1\nnode_id = 0\n\
+         serial_number = 1\nposition_min_counts = 0\nposition_max_counts = 1",
+    );
+    assert!(
+        text.contains("serial_number = 1: is named by another axis already"),
+        "{text}"
+    );
+}
+
+#[test]
+fn values_and_files_are_checked_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("robot.toml");
+    let control = "[control]\nrate_hz = 7\nmodel = \"absent.json\"";
+    std::fs::write(&file, format!("{AXIS}\n{control}")).unwrap();
+    let text = Config::load_and_check_files(&file).unwrap_err().to_string();
+    assert!(text.contains("control.rate_hz = 7"), "{text}");
+    assert!(
+        text.contains("control.model") && text.contains("absent.json"),
+        "{text}"
+    );
+    // The watchdog and other programs that do not use the model read the file nevertheless.
+    std::fs::write(&file, format!("{AXIS}\n[control]\nmodel = \"absent.json\"")).unwrap();
+    assert!(Config::load(&file).is_ok());
+}

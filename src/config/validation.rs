@@ -7,13 +7,28 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
-use crate::units::{LONGEST_WINDOW, MAX_MOTORS};
+use crate::model::Model;
+use crate::units::{Counts, LONGEST_WINDOW, MAX_MOTORS};
 
 /// Why a jerk limit is refused: the moving average that limits jerk delays by half its window.
 const JERK_DELAY: &str = "must be higher: the delay would be longer than 16 ticks";
 
-/// Current limits of an EPOS2 are 16-bit objects.
-const MAX_EPOS2_CURRENT_MA: u32 = u16::MAX as u32;
+/// The largest nominal current of the drives of both families (EPOS4 70/15), mA. It fits into the
+/// 16-bit objects of an EPOS2.
+const MAX_CURRENT_MA: u32 = 15_000;
+
+/// Ceilings far above any motor here: a value beyond is a mistake, for example a wrong unit.
+const MAX_VELOCITY: f64 = 1e6;
+const MAX_ACCELERATION: f64 = 1e9;
+const MAX_JERK: f64 = 1e13;
+const MAX_COUNTS: i32 = 10_000_000;
+const MAX_MS: u64 = 60_000;
+
+/// The rates that Linux and USB converters know by name.
+const BAUD_RATES: [u32; 18] = [
+    9600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 500_000, 576_000, 921_600, 1_000_000,
+    1_152_000, 1_500_000, 2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
+];
 
 /// A key whose value is refused.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -60,14 +75,15 @@ impl Findings {
         self.require(range.contains(&value), key, value, reason);
     }
 
-    /// TOML has `nan` and `inf`, and serde accepts them.
-    fn positive(&mut self, key: &str, value: f64) {
-        let is_valid = value.is_finite() && value > 0.0;
-        self.require(is_valid, key, value, "must be a finite number above 0");
-    }
-
-    fn above_zero<T: PartialOrd + Default + Display>(&mut self, key: impl Into<String>, value: T) {
-        self.require(value > T::default(), key, value, "must be above 0");
+    /// Above 0, up to a limit. TOML has `nan` and `inf`, and serde accepts them.
+    fn above_zero<T: PartialOrd + Default + Display>(
+        &mut self,
+        key: impl Into<String>,
+        value: T,
+        limit: T,
+    ) {
+        let reason = format!("must be above 0 and at most {limit}");
+        self.require(value > T::default() && value <= limit, key, value, reason);
     }
 }
 
@@ -94,6 +110,7 @@ fn check_process(config: &Config, findings: &mut Findings) {
     findings.within("control.spin_us", config.control.spin_us, 0..=500);
     findings.within("control.priority", config.control.priority, 0..=98);
     findings.within("record.seconds", config.record.seconds, 10..=120);
+    findings.within("record.files", config.record.files, 1..=10_000);
     let domain = &config.ipc.domain;
     let is_plain = domain
         .chars()
@@ -126,19 +143,28 @@ fn check_command(config: &Config, findings: &mut Findings) {
         command.tremor_filter_hz,
         0.0..=50.0,
     );
-    findings.positive("command.max_step_deg", command.max_step_deg);
-    findings.above_zero("command.max_step_counts", command.max_step_counts);
+    findings.above_zero("command.max_step_deg", command.max_step_deg, 90.0);
+    findings.above_zero(
+        "command.max_step_counts",
+        command.max_step_counts,
+        MAX_COUNTS,
+    );
 }
 
 fn check_limits(config: &Config, findings: &mut Findings) {
     let limits = &config.limits;
     let stop = limits.stop_deceleration_counts_s2;
-    findings.positive("limits.velocity_counts_s", limits.velocity_counts_s);
-    findings.positive(
+    findings.above_zero(
+        "limits.velocity_counts_s",
+        limits.velocity_counts_s,
+        MAX_VELOCITY,
+    );
+    findings.above_zero(
         "limits.acceleration_counts_s2",
         limits.acceleration_counts_s2,
+        MAX_ACCELERATION,
     );
-    findings.positive("limits.stop_deceleration_counts_s2", stop);
+    findings.above_zero("limits.stop_deceleration_counts_s2", stop, MAX_ACCELERATION);
     findings.require(
         stop >= limits.acceleration_counts_s2,
         "limits.stop_deceleration_counts_s2",
@@ -146,41 +172,67 @@ fn check_limits(config: &Config, findings: &mut Findings) {
         "must not be below acceleration_counts_s2: a stop may not be weaker than a start",
     );
     if let Some(jerk) = limits.jerk_counts_s3 {
-        findings.positive("limits.jerk_counts_s3", jerk);
+        findings.above_zero("limits.jerk_counts_s3", jerk, MAX_JERK);
         let window = limits.window_ticks(config.control.period()).unwrap_or(1);
         let fits = window as usize <= LONGEST_WINDOW;
         findings.require(fits, "limits.jerk_counts_s3", jerk, JERK_DELAY);
     }
-    findings.above_zero("limits.feedback_stale_ms", limits.feedback_stale_ms);
+    findings.above_zero("limits.feedback_stale_ms", limits.feedback_stale_ms, MAX_MS);
     findings.require(
-        limits.feedback_lost_ms > limits.feedback_stale_ms,
+        limits.feedback_lost_ms > limits.feedback_stale_ms && limits.feedback_lost_ms <= MAX_MS,
         "limits.feedback_lost_ms",
         limits.feedback_lost_ms,
-        "must be above feedback_stale_ms",
+        format!("must be above feedback_stale_ms and at most {MAX_MS}"),
     );
     findings.above_zero(
         "limits.following_error_counts",
         limits.following_error_counts,
+        MAX_COUNTS,
     );
     findings.above_zero(
         "limits.over_current_ma",
         limits.over_current_ma.unwrap_or(1),
+        MAX_CURRENT_MA,
     );
-    findings.above_zero("limits.overrun_window_ms", limits.overrun_window_ms);
+    findings.within("limits.over_current_ms", limits.over_current_ms, 0..=MAX_MS);
+    findings.within("limits.overrun_ticks", limits.overrun_ticks, 0..=10_000);
+    findings.above_zero("limits.overrun_window_ms", limits.overrun_window_ms, MAX_MS);
 }
 
 fn check_joint_limits(config: &Config, findings: &mut Findings) {
     let limits = &config.joint_limits;
-    for (key, value) in [
-        ("joint_limits.velocity_deg_s", limits.velocity_deg_s),
+    for (key, value, limit) in [
+        (
+            "joint_limits.velocity_deg_s",
+            limits.velocity_deg_s,
+            MAX_VELOCITY,
+        ),
         (
             "joint_limits.acceleration_deg_s2",
             limits.acceleration_deg_s2,
+            MAX_ACCELERATION,
         ),
-        ("joint_limits.jerk_deg_s3", limits.jerk_deg_s3),
+        ("joint_limits.jerk_deg_s3", limits.jerk_deg_s3, MAX_JERK),
     ] {
         if let Some(value) = value {
-            findings.positive(key, value);
+            findings.above_zero(key, value, limit);
+        }
+    }
+    for (key, list) in [
+        ("position_min_deg", &limits.position_min_deg),
+        ("position_max_deg", &limits.position_max_deg),
+    ] {
+        if let Some(list) = list {
+            findings.require(
+                list.len() == config.motors(),
+                format!("joint_limits.{key}"),
+                format!("{list:?}"),
+                format!(
+                    "must have {} entries, one per angle: an angle without an entry would have no \
+                     limit",
+                    config.motors()
+                ),
+            );
         }
     }
     let list = |angles: &Option<Vec<f64>>| angles.clone().unwrap_or_default();
@@ -188,13 +240,14 @@ fn check_joint_limits(config: &Config, findings: &mut Findings) {
         list(&limits.position_min_deg),
         list(&limits.position_max_deg),
     );
-    let is_finite = low.iter().chain(&high).all(|angle| angle.is_finite());
+    let is_angle = |angle: &f64| (-360.0..=360.0).contains(angle);
+    let is_finite = low.iter().chain(&high).all(is_angle);
     let is_ordered = low.iter().zip(&high).all(|(low, high)| low < high);
     findings.require(
         is_finite && is_ordered,
         "joint_limits.position_min_deg",
         format!("{low:?} to {high:?}"),
-        "must be finite and below position_max_deg",
+        "must be -360 to 360, and below position_max_deg",
     );
     if let Some(jerk) = limits.jerk_deg_s3 {
         findings.require(
@@ -234,11 +287,12 @@ fn check_motion(config: &Config, findings: &mut Findings) {
     }
     let conditioning = &config.conditioning;
     let half_width = conditioning.half_width_counts.unwrap_or(1);
-    findings.above_zero("conditioning.half_width_counts", half_width);
+    findings.above_zero("conditioning.half_width_counts", half_width, MAX_COUNTS);
     findings.within("conditioning.turns", conditioning.turns, 1..=20);
-    findings.positive(
+    findings.above_zero(
         "conditioning.velocity_counts_s",
         conditioning.velocity_counts_s,
+        MAX_VELOCITY,
     );
     findings.within(
         "model_swap.blend_ms",
@@ -246,13 +300,26 @@ fn check_motion(config: &Config, findings: &mut Findings) {
         0..=10_000,
     );
     let move_jp = &config.move_jp;
-    findings.positive("move_jp.velocity_deg_s", move_jp.velocity_deg_s);
-    findings.positive("move_jp.acceleration_deg_s2", move_jp.acceleration_deg_s2);
-    findings.positive("move_jp.jerk_deg_s3", move_jp.jerk_deg_s3);
+    for (key, value, limit) in [
+        ("velocity_deg_s", move_jp.velocity_deg_s, MAX_VELOCITY),
+        (
+            "acceleration_deg_s2",
+            move_jp.acceleration_deg_s2,
+            MAX_ACCELERATION,
+        ),
+        ("jerk_deg_s3", move_jp.jerk_deg_s3, MAX_JERK),
+    ] {
+        findings.above_zero(format!("move_jp.{key}"), value, limit);
+    }
     findings.within(
         "plausibility.distance_deg",
         config.plausibility.distance_deg,
         0.0..=90.0,
+    );
+    findings.within(
+        "plausibility.debounce_ms",
+        config.plausibility.debounce_ms,
+        0..=MAX_MS,
     );
 }
 
@@ -287,8 +354,27 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             axis.motor,
             "is turned by another axis already",
         );
+        let same = |other: &&AxisConfig| other.serial_number == axis.serial_number;
+        findings.require(
+            config.axes().filter(same).count() == 1,
+            axis_key(axis, "serial_number"),
+            axis.serial_number,
+            "is named by another axis already",
+        );
         check_axis(axis, findings);
     }
+}
+
+/// The model file, which must exist and be valid for this robot.
+pub(super) fn check_model_file(config: &Config) -> Option<Finding> {
+    let path = config.control.model.as_ref()?;
+    let model = Model::load_trusted(path);
+    let checked = model.and_then(|model| model.check_robot(&config.robot_id, config.motors()));
+    checked.err().map(|error| Finding {
+        key: "control.model".to_owned(),
+        value: path.display().to_string(),
+        reason: error.to_string(),
+    })
 }
 
 fn axis_key(axis: &AxisConfig, name: &str) -> String {
@@ -298,7 +384,13 @@ fn axis_key(axis: &AxisConfig, name: &str) -> String {
 fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut Findings) {
     let key = |name: &str| format!("ports[{index}].{name}");
     findings.within(key("reply_timeout_ms"), port.reply_timeout_ms, 3..=1000);
-    findings.within(key("baud"), port.baud, 9600..=4_000_000);
+    findings.require(
+        BAUD_RATES.contains(&port.baud),
+        key("baud"),
+        port.baud,
+        format!("must be one of {BAUD_RATES:?}"),
+    );
+    findings.within(key("loop_timeout_ms"), port.loop_timeout_ms, 0..=MAX_MS);
     findings.require(
         !is_repeated,
         key("device"),
@@ -331,12 +423,6 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
             "is for EPOS4 only; leave it out for an EPOS2",
         );
         findings.require(
-            family != Family::Epos2 || axis.current_limit_ma <= MAX_EPOS2_CURRENT_MA,
-            axis_key(axis, "current_limit_ma"),
-            axis.current_limit_ma,
-            "must be below 65536 for an EPOS2",
-        );
-        findings.require(
             port.axes[..position]
                 .iter()
                 .all(|other| other.node_id != axis.node_id),
@@ -349,27 +435,39 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
 
 fn check_axis(axis: &AxisConfig, findings: &mut Findings) {
     findings.within(axis_key(axis, "node_id"), axis.node_id, 0..=127);
+    for (name, counts) in [
+        ("position_min_counts", axis.position_min_counts),
+        ("position_max_counts", axis.position_max_counts),
+    ] {
+        let limits = Counts(-MAX_COUNTS)..=Counts(MAX_COUNTS);
+        findings.within(axis_key(axis, name), counts, limits);
+    }
     findings.require(
         axis.position_min_counts < axis.position_max_counts,
         axis_key(axis, "position_min_counts"),
         axis.position_min_counts,
         "must be below position_max_counts",
     );
-    for (name, value) in [
-        ("current_limit_ma", axis.current_limit_ma),
-        ("motor_speed_rpm", axis.motor_speed_rpm),
-        ("quick_stop_rpm_s", axis.quick_stop_rpm_s),
-        ("homing_current_ma", axis.homing_current_ma),
-        ("homing_speed_rpm", axis.homing_speed_rpm),
+    for (name, value, limit) in [
+        ("current_limit_ma", axis.current_limit_ma, MAX_CURRENT_MA),
+        (
+            "following_error_counts",
+            axis.following_error_counts,
+            MAX_COUNTS as u32,
+        ),
+        ("motor_speed_rpm", axis.motor_speed_rpm, 200_000),
+        ("quick_stop_rpm_s", axis.quick_stop_rpm_s, 10_000_000),
+        ("homing_current_ma", axis.homing_current_ma, MAX_CURRENT_MA),
+        ("homing_speed_rpm", axis.homing_speed_rpm, 10_000),
     ] {
-        findings.above_zero(axis_key(axis, name), value);
+        findings.above_zero(axis_key(axis, name), value, limit);
     }
     if axis.homing == HomingMethod::Here {
         return;
     }
     let (current, stop) = (axis.homing_current_ma, axis.homing_stop_counts);
     findings.require(
-        current < axis.current_limit_ma && current <= MAX_EPOS2_CURRENT_MA,
+        current < axis.current_limit_ma,
         axis_key(axis, "homing_current_ma"),
         current,
         "must be below current_limit_ma: it decides how hard the wires are pulled against the stop",

@@ -404,7 +404,10 @@ impl ControlCycle {
                 self.machine
                     .progress(ControlState::Enabled(activity), summary.now, events);
             }
-            Err(refusal) => self.admission.refuse(command.client_id, refusal, events),
+            Err(refusal) => {
+                self.admission
+                    .refuse(command.client_id, refusal, summary.now, events);
+            }
         }
     }
 
@@ -499,6 +502,7 @@ impl ControlCycle {
             accepted: self.admission.accepted(),
             refused: self.admission.refused(),
             last_refusal: self.admission.last_refusal(),
+            refusals: self.admission.refusals(),
             stale_stops: self.stale_stops,
             models: self.models.report(&self.history),
             mark: self.history.cursor(),

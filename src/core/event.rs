@@ -43,8 +43,8 @@ pub enum CycleEventKind {
         /// The new holder; 0: none.
         client_id: u64,
     },
-    /// A servo command was refused. Repeats with the same reason are folded until a command is
-    /// accepted.
+    /// A servo command was refused. Repeats with the same reason are folded until a command of the
+    /// same client is accepted.
     Refused {
         /// Client that had sent the command.
         client_id: u64,

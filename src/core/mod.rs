@@ -17,7 +17,7 @@
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
 //!   `position_history`.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `admission` of servo commands, `lease`, `deadline`, `range_check`, `clutch`,
+//! - `command`: `admission` of servo commands, `refusal_record`, `lease`, `deadline`, `range_check`, `clutch`,
 //!   `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
@@ -82,7 +82,11 @@
 //!    (6), Malformed without a pose, NoModel, Malformed with a wrong number of entries, Unsupported
 //!    for a model of the tip position, NotFinite, Busy while a setpoint moves, Lease if another
 //!    client holds it. A pose outside the hull is clipped to it and reported. Otherwise as (6):
-//!    servo commands are refused with Busy meanwhile, and the same events end it.
+//!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
+//!    time-out: the trajectory ends at rest after a time that is known when it starts, at most
+//!    [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client that dies
+//!    after its request has asked for nothing that it must go on confirming. `hold`, `pause` and
+//!    `disable` of any client end it.
 //!
 //! # Faults and the reaction of the drives
 //!
@@ -165,6 +169,9 @@ mod snapshot;
 mod states;
 mod vector;
 
+pub use command::admission::CommandCheck;
+pub use command::move_planning::LONGEST_MOVE;
+pub use command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
 pub use event::{CycleEvent, CycleEventKind};
 pub use faults::plausibility::PlausibilityCheck;
 pub use inputs::{

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
 use crate::core::event::CycleEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::position_history::HistoryCursor;
@@ -74,8 +75,10 @@ pub struct CycleReport {
     pub accepted: u64,
     /// Number of refused servo commands.
     pub refused: u64,
-    /// Last refusal.
+    /// Last refusal of any command of any client.
     pub last_refusal: Refusal,
+    /// Refused servo commands, client by client.
+    pub refusals: [ClientRefusals; REFUSED_CLIENTS],
     /// Number of stops because the followed command became stale.
     pub stale_stops: u64,
     /// Loaded models.

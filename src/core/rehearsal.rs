@@ -110,6 +110,7 @@ impl Rehearsal {
             deadline: Nanos::ZERO,
             goal,
             clutched: false,
+            has_unknown_flags: false,
         };
         let refused = self.report.refused;
         self.tick(Some(command), None);

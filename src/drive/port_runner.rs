@@ -183,7 +183,10 @@ impl AxisSlot {
         }
     }
 
-    fn position_to_save(&self) -> Option<SavedPosition> {
+    fn position_to_save(&mut self) -> Option<SavedPosition> {
+        if self.requests.read().zero_invalid {
+            return None;
+        }
         Some(SavedPosition {
             serial_number: self.config.serial_number,
             position: self.axis.position_to_save()?,
@@ -277,7 +280,7 @@ impl<T: Transport> PortRunner<T> {
             slot.axis.report(PortEventKind::Ended { off }, events);
         }
         if let Some(file) = &self.positions_file {
-            let positions = self.slots.iter().filter_map(AxisSlot::position_to_save);
+            let positions = self.slots.iter_mut().filter_map(AxisSlot::position_to_save);
             // Without the file the next start treats the axes as not homed, which is safe.
             let _ = saved_position::save(file, positions.collect());
         }

@@ -48,7 +48,7 @@ impl DomainLock {
             boot_id: random_id(),
             lock,
         };
-        held.remove_files()?;
+        held.remove_files(Ticks::Kept)?;
         Ok(held)
     }
 
@@ -72,16 +72,18 @@ impl DomainLock {
     /// When a system call fails.
     pub fn renew(&mut self) -> Result<(), DomainError> {
         self.boot_id = random_id();
-        self.remove_files()
+        self.remove_files(Ticks::Kept)
     }
 
     /// Removes everything of the domain except the lock. Nothing in use is lost: no other
     /// controller serves the domain, and clients of a previous one reopen everything.
-    fn remove_files(&self) -> Result<(), DomainError> {
+    fn remove_files(&self, ticks: Ticks) -> Result<(), DomainError> {
         for entry in entries(self.domain.directory())? {
             if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
                 remove_directory(&entry.path())?;
-            } else if entry.path() != self.domain.lock_file() {
+            } else if entry.path() != self.domain.lock_file()
+                && !(ticks == Ticks::Kept && is_ticks(&entry))
+            {
                 remove_file(&entry.path())?;
             }
         }
@@ -126,13 +128,25 @@ impl DomainLock {
 impl Drop for DomainLock {
     /// Removes the lock file last, while it is still locked: see `lock_domain`.
     fn drop(&mut self) {
-        let _ = self.remove_files();
+        let _ = self.remove_files(Ticks::Removed);
         let _ = fs::remove_file(self.domain.lock_file());
         let _ = fs::remove_dir(self.domain.directory());
         for byte in [LockedByte::Serves, LockedByte::Held] {
             let _ = set_lock(&self.lock, byte, libc::F_UNLCK);
         }
     }
+}
+
+/// The last ticks of a killed controller, which the black box of the next one recovers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ticks {
+    Kept,
+    Removed,
+}
+
+fn is_ticks(entry: &fs::DirEntry) -> bool {
+    let name = entry.file_name();
+    name.as_encoded_bytes().starts_with(b"ticks-")
 }
 
 /// The bytes of a lock file that are locked.

@@ -5,8 +5,8 @@ use std::fmt::Debug;
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp,
+    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp,
 };
 use crate::units::Nanos;
 
@@ -60,6 +60,8 @@ macro_rules! outgoing {
 message!(ExternalPosition, ServoActuator, ServoJp);
 outgoing!(
     ActuatorState,
+    EventMsg,
+    Health,
     JointState,
     OperatingStateMsg,
     PeriodStatistics

@@ -19,6 +19,9 @@ pub enum ModelError {
         /// The error of the operating system.
         source: std::io::Error,
     },
+    /// Others may write it, or it is no file.
+    #[error("model file {0}")]
+    Untrusted(crate::file_permissions::UntrustedFile),
     /// The file was read, but its contents are refused.
     #[error("model file {path}: {source}")]
     InFile {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nalgebra::SVector;
 
+use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
 use crate::model::families::direction::DirectionGmr;
@@ -47,6 +48,23 @@ impl Model {
     /// The errors of [`ModelFile::read`] and [`Model::from_file`]. Every error names the file.
     pub fn load(path: &Path) -> Result<Self, ModelError> {
         Self::from_file(ModelFile::read(path)?).map_err(|error| error.in_file(path))
+    }
+
+    /// As [`Model::load`], of a file that nobody else may have written: for the controller.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::load`], and [`ModelError::Untrusted`].
+    pub fn load_trusted(path: &Path) -> Result<Self, ModelError> {
+        let text = read_trusted(path, LONGEST_MODEL).map_err(|error| match error.into_io() {
+            Ok(source) => ModelError::Read {
+                path: path.to_owned(),
+                source,
+            },
+            Err(untrusted) => ModelError::Untrusted(untrusted),
+        })?;
+        let file = ModelFile::parse(&text).map_err(|error| error.in_file(path))?;
+        Self::from_file(file).map_err(|error| error.in_file(path))
     }
 
     /// Checks and prepares a model.

@@ -13,6 +13,7 @@ use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
 use crate::ipc::payload;
 use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
+use crate::units::Nanos;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
 const REPORTS: usize = 256;
@@ -39,6 +40,18 @@ pub struct TickReport {
     pub report: CycleReport,
     /// Timing of the tick.
     pub timing: TickTiming,
+    /// What was lost up to this tick.
+    pub lost: LostCounters,
+}
+
+/// What the loop could not pass on, since the start: a full channel means that a slower thread
+/// stalls.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LostCounters {
+    pub events: u64,
+    pub reports: u64,
+    pub records: u64,
+    pub replies: u64,
 }
 
 /// The ends of the control loop.
@@ -64,7 +77,12 @@ pub struct IpcChannels {
     pub requests: Producer<StateRequest>,
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,
+    /// Lines of the log, from the main thread.
+    pub log_lines: Receiver<LogLine>,
 }
+
+/// A line of the log with the time of its writing.
+pub type LogLine = (Nanos, String);
 
 /// The ends of the model manager.
 pub struct ModelChannels {
@@ -78,6 +96,7 @@ pub struct ModelChannels {
 #[must_use]
 pub fn loop_channels(
     recorder: RecorderChannels,
+    log_lines: Receiver<LogLine>,
 ) -> (
     LoopChannels,
     IpcChannels,
@@ -113,6 +132,7 @@ pub fn loop_channels(
         requests: requests_in,
         replies: replies_out,
         reports: reports_out,
+        log_lines,
     };
     let models = ModelChannels {
         offers: offers_in,

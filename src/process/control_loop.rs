@@ -12,7 +12,7 @@ use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::process::black_box::{RecorderChannels, TickRecord};
-use crate::process::channels::{LoopChannels, TickReport};
+use crate::process::channels::{LoopChannels, LostCounters, TickReport};
 use crate::realtime::{Tick, TickTiming, Ticker};
 use crate::robot::OperatingState;
 use crate::units::{MAX_MOTORS, Nanos};
@@ -32,6 +32,7 @@ impl ControlLoop {
         let mut ticker = Ticker::new(first, config.period(), spin);
         let mut recording = TickRecording::new(config.rate_hz);
         recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
+        let (mut lost, mut events_not_pushed) = (LostCounters::default(), 0);
         loop {
             let tick = ticker.wait();
             let offered = self.take_offer();
@@ -42,16 +43,20 @@ impl ControlLoop {
                     link.requests.write(*request);
                 }
             }
-            // A full channel means that a slower thread stalls. Its replies and events are lost;
-            // the loop continues.
+            // A full channel means that a slower thread stalls. Its replies and events are lost and
+            // counted; the loop continues.
             let channels = &mut self.channels;
-            let _ = outputs.reply.map(|reply| channels.replies.push(reply));
-            let _ = outputs
-                .model_reply
-                .map(|reply| channels.model_replies.push(reply));
-            for event in outputs.events.into_iter().flatten() {
-                let _ = channels.events.push(event);
+            if let Some(reply) = outputs.reply {
+                lost.replies += u64::from(channels.replies.push(reply).is_err());
             }
+            if let Some(reply) = outputs.model_reply {
+                lost.replies += u64::from(channels.model_replies.push(reply).is_err());
+            }
+            for event in outputs.events.into_iter().flatten() {
+                events_not_pushed += u64::from(channels.events.push(event).is_err());
+            }
+            lost.events = events_not_pushed + self.cycle.lost_events();
+            lost.records = recording.lost;
             // Nothing is freed here: a model that does not fit stays in the cycle.
             if !channels.retired.is_full()
                 && let Some(retired) = self.cycle.take_retired()
@@ -63,7 +68,12 @@ impl ControlLoop {
             self.heartbeat.write(tick.started, off);
             let ended = clock::now();
             let timing = TickTiming { tick, ended };
-            let _ = channels.reports.push(TickReport { report, timing });
+            let tick_report = TickReport {
+                report,
+                timing,
+                lost,
+            };
+            lost.reports += u64::from(channels.reports.push(tick_report).is_err());
             let record = TickRecord {
                 number: 0,
                 offered,
@@ -124,6 +134,8 @@ struct TickRecording {
     interval: u64,
     /// Tick from which the next snapshot is due.
     next_snapshot: u64,
+    /// Ticks that were lost.
+    lost: u64,
 }
 
 impl TickRecording {
@@ -133,6 +145,7 @@ impl TickRecording {
             ticks: 0,
             interval: u64::from(rate_hz),
             next_snapshot: 0,
+            lost: 0,
         }
     }
 
@@ -140,7 +153,8 @@ impl TickRecording {
         self.ticks += 1;
         let number = self.ticks;
         // A full channel means that the recorder stalls: it detects the gap in the numbers.
-        let _ = recorder.ticks.push(TickRecord { number, ..tick });
+        let pushed = recorder.ticks.push(TickRecord { number, ..tick });
+        self.lost += u64::from(pushed.is_err());
     }
 
     fn push_snapshot(&mut self, cycle: &ControlCycle, recorder: &mut RecorderChannels) {

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | control loop | SCHED_FIFO, pinned if configured | one cycle per tick |
 //! | one per serial port | SCHED_FIFO, 10 below | the exchanges with the drives |
-//! | shared memory | normal | commands in, messages out |
+//! | shared memory | SCHED_FIFO, 20 below | commands in, messages out |
 //! | models | normal | reads, checks, compares and frees models |
 //! | black box | normal | keeps the last seconds of every tick and writes them to files |
 //! | main | normal | the log, and waiting for the end |
@@ -17,8 +17,8 @@ use rtrb::Consumer;
 
 use crate::clock;
 use crate::config::{Config, ControlConfig};
-use crate::core::CycleEvent;
 use crate::core::cycle::ControlCycle;
+use crate::core::{CommandCheck, CycleEvent};
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::port_runner::PortRunner;
@@ -26,7 +26,7 @@ use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
-use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
+use crate::process::channels::{LogLine, WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -43,6 +43,11 @@ use crate::units::Nanos;
 
 /// Distance of the SCHED_FIFO priority of the port threads below that of the loop.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
+/// The same of the IPC thread. Under normal scheduling, other programs delay the commands until they
+/// are stale. It is below the port threads: an exchange that has begun must not wait for a client.
+const IPC_PRIORITY_DISTANCE: u8 = 20;
+/// Time for the other threads to end after the loop. The black box is written meanwhile.
+const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 /// Delay of the first tick after the start of the threads.
 const START_DELAY: Nanos = Nanos::from_millis(20);
 
@@ -89,6 +94,7 @@ pub fn run(
     let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     service_manager::notify(service_manager::READY);
     write_granted(log, &threads.granted);
+    write_ipc_granted(log, &config.control, &threads.ipc_granted);
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
         boot_id,
@@ -112,14 +118,15 @@ pub fn run(
         domain,
         boot_id,
         log,
+        published: threads.published,
     };
     main.run(&threads.control, &threads.others, shutdown);
     service_manager::notify(service_manager::STOPPING);
     let control = threads.control.join();
     threads.quit.store(true, Ordering::Release);
-    let mut ended = Ok(());
+    let (mut ended, end) = (Ok(()), clock::now() + END_TIMEOUT);
     for thread in threads.others {
-        ended = ended.and(thread.join());
+        ended = ended.and(thread.join_until(end));
     }
     main.write_events();
     let outcome = match control {
@@ -137,9 +144,11 @@ struct Threads {
     /// Ends all threads but the control loop.
     quit: Arc<AtomicBool>,
     granted: Granted,
+    ipc_granted: Granted,
     events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<PortEvent>,
     recorder_lines: mpsc::Receiver<String>,
+    published: mpsc::Sender<LogLine>,
 }
 
 fn start_threads(
@@ -150,7 +159,8 @@ fn start_threads(
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
     let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
-    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder);
+    let (published, log_lines) = mpsc::channel();
+    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_lines);
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
     let recorder_queue = queues.recorder.clone();
@@ -166,12 +176,13 @@ fn start_threads(
     let parts = IpcThreadParts {
         channels: ipc_channels,
         motors: config.motors() as u32,
+        command_check: CommandCheck::new(&config.command),
         history,
         queues,
         period: config.control.period(),
     };
     let (to_ipc, granted) = mpsc::channel();
-    let (ipc, heartbeat) = start_ipc(config, lock, parts, granted, &quit)?;
+    let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
     others.push(ipc);
     let (to_main, port_events) = mpsc::channel();
     for runner in drives.runners {
@@ -195,10 +206,18 @@ fn start_threads(
         others,
         quit,
         granted,
+        ipc_granted,
         events,
         port_events,
         recorder_lines,
+        published,
     })
+}
+
+/// The priority of a thread at a distance below the loop: 0 only if the loop has 0.
+fn priority_below(config: &ControlConfig, distance: u8) -> u8 {
+    let lowest = config.priority.min(1);
+    config.priority.saturating_sub(distance).max(lowest)
 }
 
 /// Starts the threads of the black box and of the models.
@@ -238,14 +257,20 @@ fn start_ipc(
     parts: IpcThreadParts,
     granted: mpsc::Receiver<(Granted, Nanos)>,
     quit: &Arc<AtomicBool>,
-) -> Result<(NamedThread, HeartbeatWriter), ControllerError> {
+) -> Result<(NamedThread, (HeartbeatWriter, Granted)), ControllerError> {
     let (cpu, quit) = (config.control.cpu, Arc::clone(quit));
+    let wanted = Wanted {
+        priority: priority_below(&config.control, IPC_PRIORITY_DISTANCE),
+        ..Wanted::default()
+    };
     let (started_in, started) = mpsc::channel();
     let thread = NamedThread::spawn("ipc", move || {
+        // Off the processor of the loop. The creation of the services, which takes long, is under
+        // normal scheduling.
         realtime::keep_normal(cpu);
         match Server::create(lock).and_then(|server| Ok((server.heartbeat()?, server))) {
             Ok((heartbeat, server)) => {
-                let _ = started_in.send(Ok(heartbeat));
+                let _ = started_in.send(Ok((heartbeat, realtime::request(wanted))));
                 // An error means that the loop never started; the main thread then ends the
                 // process.
                 if let Ok((granted, first)) = granted.recv() {
@@ -257,8 +282,8 @@ fn start_ipc(
             }
         }
     })?;
-    let heartbeat = started.recv().map_err(|_| ThreadError::Died("ipc"))??;
-    Ok((thread, heartbeat))
+    let started = started.recv().map_err(|_| ThreadError::Died("ipc"))??;
+    Ok((thread, started))
 }
 
 fn start_port(
@@ -269,7 +294,7 @@ fn start_port(
 ) -> Result<NamedThread, ThreadError> {
     let quit = Arc::clone(quit);
     let wanted = Wanted {
-        priority: config.priority.saturating_sub(PORT_PRIORITY_DISTANCE),
+        priority: priority_below(config, PORT_PRIORITY_DISTANCE),
         cpu: None,
         lock_memory: false,
     };
@@ -324,5 +349,48 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     );
     for warning in &granted.warnings {
         write_line(log, format_args!("warning: {warning}"));
+    }
+}
+
+/// Says under which scheduling commands are read, with a warning if it is not the wanted one. How to
+/// allow it is in the warning of the loop.
+fn write_ipc_granted(log: &mut dyn Write, config: &ControlConfig, granted: &Granted) {
+    match granted.priority {
+        0 if config.priority > 0 => write_line(
+            log,
+            format_args!(
+                "warning: commands are read under normal scheduling: under load they become stale \
+                 and the robot holds"
+            ),
+        ),
+        0 => write_line(log, format_args!("commands: normal scheduling 0")),
+        priority => write_line(log, format_args!("commands: SCHED_FIFO {priority}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_below_the_loop_and_real_time_only_with_it() {
+        for (priority, expected) in [
+            (80, [70, 60]),
+            (98, [88, 78]),
+            (15, [5, 1]),
+            (2, [1, 1]),
+            (1, [1, 1]),
+            (0, [0, 0]),
+        ] {
+            let config = ControlConfig {
+                priority,
+                ..ControlConfig::default()
+            };
+            let distances = [PORT_PRIORITY_DISTANCE, IPC_PRIORITY_DISTANCE];
+            assert_eq!(
+                distances.map(|distance| priority_below(&config, distance)),
+                expected
+            );
+        }
     }
 }

@@ -4,15 +4,17 @@
 //! loop reports. Calls into shared memory may take a hundred microseconds when a client comes or
 //! goes, so they are here and not in the loop.
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
-use crate::core::{ServoCommand, StateReply, StateRequest};
+use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
 use crate::ipc::payload::{
-    BlackBoxReply, OperatingStateMsg, StateCommandReply, StateCommandRequest, padded_text,
+    BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply, StateCommandRequest,
+    padded_text,
 };
-use crate::ipc::server::COMMAND_POLL_LEAD;
+use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
@@ -28,6 +30,11 @@ const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
 
 /// Period of looking for a watchdog.
 const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
+/// Ticks that the loop history may lag: as many as the ring of the reports holds.
+const LATE_TICKS: usize = 256;
+
+/// Lines of the log that are published in one pass.
+const LOG_LINES: usize = 16;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -36,6 +43,7 @@ const MOVE: u64 = 1 << 63;
 pub struct IpcThreadParts {
     pub channels: IpcChannels,
     pub motors: u32,
+    pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
     /// Period of the loop.
@@ -51,6 +59,10 @@ pub struct IpcThread {
     watched: bool,
     next_watchdog: Nanos,
     statistics: LoopStatistics,
+    /// Filled by every tick, published with the statistics.
+    health: Health,
+    /// Ticks for the loop history, while another thread reads it.
+    late: VecDeque<CycleReport>,
     model: Option<ModelId>,
     lease_client_id: u64,
     state: OperatingState,
@@ -64,6 +76,8 @@ impl IpcThread {
         let mut thread = Self {
             server,
             statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
+            health: Health::default(),
+            late: VecDeque::with_capacity(LATE_TICKS),
             parts,
             granted,
             watched: false,
@@ -94,7 +108,7 @@ impl IpcThread {
             let watchdog = WatchdogStatus::read(self.server.domain());
             self.watched = watchdog == WatchdogStatus::Watching;
         }
-        self.take_servo();
+        self.take_servo(now);
         if let Some(seen) = self.server.poll_external()
             && let Some(external) = convert::external(&seen)
         {
@@ -110,20 +124,29 @@ impl IpcThread {
         while let Ok(report) = self.parts.channels.reports.pop() {
             self.publish(&report);
         }
+        self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
+            self.server.publish_health(Health {
+                stamp_ns: now.0,
+                ..self.health
+            });
         }
+        self.publish_log_lines();
         self.server.maintain(now);
     }
 
-    fn take_servo(&mut self) {
-        let joint = self.server.poll_servo(self.lease_client_id);
-        let actuator = self.server.poll_actuator(self.lease_client_id);
-        let joint = joint.as_ref().map(ServoCommand::from);
-        let actuator = actuator.as_ref().map(ServoCommand::from);
-        // If a client sends both kinds, the last one counts.
-        let commands = joint.into_iter().chain(actuator);
-        if let Some(command) = commands.max_by_key(|command| command.stamp) {
+    /// A command that the loop has not read yet is replaced only by one of the holder of the lease.
+    fn take_servo(&mut self, now: Nanos) {
+        let (check, holder) = (self.parts.command_check, self.lease_client_id);
+        let is_valid = |raw: &ReceivedCommand| check.check(&ServoCommand::from(raw), now).is_ok();
+        let command = if self.parts.channels.servo.consumed() {
+            self.server.poll_command(holder, is_valid)
+        } else {
+            self.server.poll_command_of(holder, is_valid)
+        };
+        if let Some(command) = command {
+            let command = ServoCommand::from(&command);
             self.parts.channels.servo.write(Some(command));
         }
     }
@@ -142,15 +165,17 @@ impl IpcThread {
     fn take_moves(&mut self, now: Nanos) {
         let mut new = Vec::new();
         self.server.poll_moves(now, |token, raw| {
-            new.push(StateRequest {
+            let request = StateRequest {
                 id: token | MOVE,
                 client_id: raw.client_id,
                 command: StateCommand::Move,
                 pose: Some((raw.position, raw.count)),
-            });
+            };
+            new.push((request, raw.reserved == 0));
         });
-        for request in new {
-            self.request(request.id, Ok(request));
+        for (request, is_known) in new {
+            let checked = is_known.then_some(request).ok_or(Refusal::Malformed);
+            self.request(request.id, checked);
         }
     }
 
@@ -190,10 +215,13 @@ impl IpcThread {
         }
     }
 
-    /// Sets robot and model in the reply to `version`.
+    /// Sets robot and model in the reply to `version`, or leaves it to the next tick while another
+    /// thread has the history.
     fn describe(&mut self, model: Option<ModelId>) {
+        let Some(history) = self.parts.history.try_lock() else {
+            return;
+        };
         self.model = model;
-        let history = self.parts.history.lock();
         let outputs = history
             .model(model)
             .map_or(&[][..], |known| &known.model.file().outputs);
@@ -220,11 +248,36 @@ impl IpcThread {
         }
     }
 
+    /// Never waits: a thread under normal scheduling that has the history may be suspended for
+    /// long, and commands would wait with it.
+    fn update_history(&mut self) {
+        if let Some(mut history) = self.parts.history.try_lock() {
+            for report in self.late.drain(..) {
+                history.update(&report);
+            }
+        }
+    }
+
+    fn publish_log_lines(&mut self) {
+        for (stamp, line) in self.parts.channels.log_lines.try_iter().take(LOG_LINES) {
+            self.server.publish_event(EventMsg {
+                stamp_ns: stamp.0,
+                text: padded_text(&line),
+                ..EventMsg::default()
+            });
+        }
+    }
+
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
+        self.health = convert::health(report, &tick.lost);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(tick.timing);
-        self.parts.history.lock().update(report);
+        if self.late.len() == LATE_TICKS {
+            // The gap restarts the history.
+            self.late.clear();
+        }
+        self.late.push_back(*report);
         if report.models.active != self.model {
             self.describe(report.models.active);
         }
@@ -244,7 +297,8 @@ impl IpcThread {
 
 fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
     let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
-    if raw.client_id == 0 {
+    // A later version may give the reserved field a meaning that this one would ignore.
+    if raw.client_id == 0 || raw.reserved != 0 {
         return Err(Refusal::Malformed);
     }
     Ok(StateRequest {

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 
 use crate::config::Config;
 use crate::core::HistoryCursor;
@@ -89,6 +89,17 @@ impl SharedLoopHistory {
     /// Exclusive access. Held for microseconds only.
     pub fn lock(&self) -> MutexGuard<'_, LoopHistory> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl SharedLoopHistory {
+    /// Exclusive access, if no other thread has it.
+    pub fn try_lock(&self) -> Option<MutexGuard<'_, LoopHistory>> {
+        match self.0.try_lock() {
+            Ok(history) => Some(history),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
     }
 }
 

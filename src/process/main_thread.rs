@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, Sender};
 
 use rtrb::Consumer;
 
@@ -11,6 +11,7 @@ use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::ipc::{Domain, find_client_process};
+use crate::process::channels::LogLine;
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
 use crate::units::Nanos;
@@ -27,6 +28,8 @@ pub struct MainThread<'a> {
     pub domain: Domain,
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
+    /// The same lines for the stream of events.
+    pub published: Sender<LogLine>,
 }
 
 impl MainThread<'_> {
@@ -46,22 +49,29 @@ impl MainThread<'_> {
         while let Ok(event) = self.port_events.try_recv() {
             // The loop reports phases, too, at the tick that acts on them.
             if !matches!(event.kind, PortEventKind::Phase { .. }) {
-                write_line(self.log, format_args!("{event}"));
+                let line = timed_line(format_args!("{event}"));
+                self.write_text(line);
             }
         }
         while let Ok(event) = self.events.pop() {
             let client = self.lease_holder(&event);
-            let _ = match &client {
-                Some(client) => writeln!(self.log, "{event}: {client}"),
-                None => writeln!(self.log, "{event}"),
-            };
+            let caller = client.as_ref().map(|client| format!(": {client}"));
+            self.write_text(format!("{event}{}", caller.unwrap_or_default()));
             // A full disk does not stop the robot.
             let _ = self.run_log.write_event(&event, client.as_deref());
         }
         while let Ok(line) = self.recorder_lines.try_recv() {
-            write_line(self.log, format_args!("{line}"));
+            let line = timed_line(format_args!("{line}"));
+            self.write_text(line);
         }
         let _ = self.log.flush();
+    }
+
+    /// Writes a line into the log and the stream of events.
+    fn write_text(&mut self, line: String) {
+        let _ = writeln!(self.log, "{line}");
+        // The IPC thread may have ended.
+        let _ = self.published.send((clock::now(), line));
     }
 
     /// The process that has taken the lease.
@@ -76,5 +86,9 @@ impl MainThread<'_> {
 
 /// Writes one line with the time. A closed or full log does not stop the robot.
 pub fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
-    let _ = writeln!(log, "[{:12.6}] {line}", clock::now().as_seconds());
+    let _ = writeln!(log, "{}", timed_line(line));
+}
+
+fn timed_line(line: fmt::Arguments<'_>) -> String {
+    format!("[{:12.6}] {line}", clock::now().as_seconds())
 }

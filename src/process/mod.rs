@@ -19,6 +19,7 @@
 
 pub mod black_box;
 mod channels;
+pub mod console_log;
 mod control_loop;
 pub mod controller;
 mod event_text;

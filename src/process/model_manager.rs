@@ -14,7 +14,6 @@ use std::time::Duration;
 use crate::clock;
 use crate::config::Config;
 use crate::core::{ModelCandidate, ModelChange, ModelSwapRequest};
-use crate::file_permissions;
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
 use crate::model::{Model, ModelError, ModelId};
 use crate::process::black_box::{OfferRecord, RecorderRequest};
@@ -115,7 +114,8 @@ impl ModelManager {
         &mut self,
         request: &payload::ModelRequest,
     ) -> Result<Option<ModelDifference>, Refused> {
-        if request.client_id == 0 {
+        let has_unknown_flags = request.flags & !payload::ModelRequest::FORCE != 0;
+        if request.client_id == 0 || has_unknown_flags {
             return Err(Refusal::Malformed.into());
         }
         let forced = request.flags & payload::ModelRequest::FORCE != 0;
@@ -133,7 +133,6 @@ impl ModelManager {
             refusal: Refusal::BadModel,
             message,
         };
-        file_permissions::check(file).map_err(|error| bad(format!("model file {error}")))?;
         let model = self.load(file).map_err(|error| bad(error.to_string()))?;
         let (history, active, position) = {
             let shared = self.history.lock();
@@ -153,7 +152,7 @@ impl ModelManager {
     }
 
     fn load(&self, file: &Path) -> Result<Arc<Model>, ModelError> {
-        let model = Model::load(file)?;
+        let model = Model::load_trusted(file)?;
         model.check_robot(&self.config.robot_id, self.config.motors())?;
         Ok(Arc::new(model))
     }

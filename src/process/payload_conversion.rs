@@ -4,10 +4,21 @@
 use crate::core::{CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal};
 use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, ServoActuator, ServoJp,
+    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, ServoActuator, ServoJp,
 };
+use crate::ipc::server::ReceivedCommand;
+use crate::process::channels::LostCounters;
 use crate::realtime::Granted;
 use crate::units::{Counts, MAX_OUTPUTS, Nanos, OutputVec};
+
+impl From<&ReceivedCommand> for ServoCommand {
+    fn from(raw: &ReceivedCommand) -> Self {
+        match raw {
+            ReceivedCommand::Joint(raw) => raw.into(),
+            ReceivedCommand::Actuator(raw) => raw.into(),
+        }
+    }
+}
 
 impl From<&ServoJp> for ServoCommand {
     fn from(raw: &ServoJp) -> Self {
@@ -18,6 +29,7 @@ impl From<&ServoJp> for ServoCommand {
             deadline: Nanos(raw.deadline_ns),
             goal: ServoGoal::Joint(raw.position, raw.count),
             clutched: raw.flags & ServoJp::CLUTCH != 0,
+            has_unknown_flags: raw.flags & !ServoJp::CLUTCH != 0,
         }
     }
 }
@@ -31,6 +43,7 @@ impl From<&ServoActuator> for ServoCommand {
             deadline: Nanos(raw.deadline_ns),
             goal: ServoGoal::Actuator(raw.position_counts.map(Counts), raw.count),
             clutched: false,
+            has_unknown_flags: raw.flags != 0,
         }
     }
 }
@@ -38,7 +51,8 @@ impl From<&ServoActuator> for ServoCommand {
 /// The measurement of a camera, if it is valid.
 #[must_use]
 pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
-    let valid = raw.flags & ExternalPosition::VALID != 0 && raw.count as usize <= MAX_OUTPUTS;
+    // A flag of a later version could mean that the values are something else.
+    let valid = raw.flags == ExternalPosition::VALID && raw.count as usize <= MAX_OUTPUTS;
     let seen = ExternalPose {
         stamp: Nanos(raw.stamp_ns),
         position: raw.position,
@@ -104,6 +118,23 @@ pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
     }
 }
 
+/// `health` up to one tick.
+#[must_use]
+pub fn health(report: &CycleReport, lost: &LostCounters) -> Health {
+    let counters = report.feedback.map(|axis| axis.counters);
+    Health {
+        lost_events: lost.events,
+        lost_reports: lost.reports,
+        lost_records: lost.records,
+        lost_replies: lost.replies,
+        timeouts: counters.map(|line| line.timeouts),
+        crc_errors: counters.map(|line| line.crc_errors),
+        resynchronisations: counters.map(|line| line.resynchronisations),
+        retries: counters.map(|line| line.retries),
+        ..Health::default()
+    }
+}
+
 /// `operating_state` of one tick.
 #[must_use]
 pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStateMsg {
@@ -133,6 +164,9 @@ pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStat
         state: report.state.number(),
         fault: report.fault.number(),
         last_refusal: report.last_refusal.number(),
+        refused_client_id: report.refusals.map(|client| client.client_id),
+        refused_commands: report.refusals.map(|client| client.count),
+        refused_reason: report.refusals.map(|client| client.last.number()),
         flags: flags.iter().sum(),
         ..OperatingStateMsg::default()
     }

@@ -5,6 +5,7 @@ use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 
+use nix::libc;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -107,11 +108,17 @@ fn open(config: &Config) -> io::Result<File> {
             .mode(0o700)
             .create(folder)?;
     }
-    OpenOptions::new()
+    // A FIFO or a device in its place would block the main thread.
+    let file = OpenOptions::new()
         .append(true)
         .create(true)
         .mode(0o600)
-        .open(folder.join(FILE))
+        .custom_flags(libc::O_NONBLOCK | libc::O_NOFOLLOW)
+        .open(folder.join(FILE))?;
+    if !file.metadata()?.is_file() {
+        return Err(io::Error::other(format!("{FILE} is not a regular file")));
+    }
+    Ok(file)
 }
 
 fn header(run: &RunHeader<'_>) -> Value {

@@ -7,7 +7,6 @@ use crate::drive::AxisIdentity;
 use crate::drive::error::DriveError;
 use crate::drive::port::{Opened, Port};
 use crate::drive::port_runner::{AxisLink, PortRunner};
-use crate::file_permissions::{self, WritableByAll};
 use crate::model::{Model, ModelError};
 use crate::units::Nanos;
 
@@ -18,10 +17,7 @@ const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 /// Why the model of the configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StartModelError {
-    /// Every user can write the model file.
-    #[error("model file {0}")]
-    WritableByAll(#[from] WritableByAll),
-    /// The model is missing, damaged, or of another robot.
+    /// The model is missing, damaged, writable by others, or of another robot.
     #[error(transparent)]
     Model(#[from] ModelError),
 }
@@ -31,8 +27,7 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     let Some(path) = &config.control.model else {
         return Ok(None);
     };
-    file_permissions::check(path)?;
-    let model = Model::load(path)?;
+    let model = Model::load_trusted(path)?;
     model.check_robot(&config.robot_id, config.motors())?;
     Ok(Some(model))
 }

@@ -3,6 +3,12 @@
 use std::io;
 use std::thread::{self, JoinHandle};
 
+use crate::clock;
+use crate::units::Nanos;
+
+/// Polling period of a wait for the end of a thread.
+const POLL_PERIOD: Nanos = Nanos::from_millis(5);
+
 /// Why a thread did not start, or how it ended.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadError {
@@ -20,6 +26,12 @@ pub enum ThreadError {
     /// A thread panicked. The drives were stopped as far as their own threads still ran.
     #[error("internal error: the thread {0} ended early; the robot was stopped")]
     Died(&'static str),
+    /// A thread does not end, for example because a disk does not answer.
+    #[error(
+        "the thread {0} did not end in time and was abandoned; the drives are off; check the disk \
+         of the records"
+    )]
+    Hangs(&'static str),
 }
 
 /// A running thread, with the name for its errors.
@@ -49,6 +61,21 @@ impl NamedThread {
         self.handle.is_finished()
     }
 
+    /// Waits for the end of the thread, at most until `end`.
+    ///
+    /// # Errors
+    ///
+    /// [`ThreadError::Died`], [`ThreadError::Hangs`].
+    pub fn join_until(self, end: Nanos) -> Result<(), ThreadError> {
+        while !self.is_finished() {
+            if clock::now() >= end {
+                return Err(ThreadError::Hangs(self.name));
+            }
+            clock::sleep(POLL_PERIOD);
+        }
+        self.join()
+    }
+
     /// Waits for the end of the thread.
     ///
     /// # Errors
@@ -56,5 +83,27 @@ impl NamedThread {
     /// [`ThreadError::Died`].
     pub fn join(self) -> Result<(), ThreadError> {
         self.handle.join().map_err(|_| ThreadError::Died(self.name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+
+    #[test]
+    fn a_thread_that_hangs_is_abandoned_and_named() {
+        let (release, released) = mpsc::channel::<()>();
+        let thread = NamedThread::spawn("stuck", move || {
+            let _ = released.recv();
+        })
+        .unwrap();
+        let error = thread.join_until(clock::now()).unwrap_err().to_string();
+        assert!(error.contains("stuck") && error.contains("disk"), "{error}");
+        drop(release);
+        let thread = NamedThread::spawn("short", || {}).unwrap();
+        let end = clock::now() + Nanos::from_millis(60_000);
+        assert!(thread.join_until(end).is_ok());
     }
 }

@@ -441,6 +441,7 @@ impl Bench {
             deadline: Nanos::ZERO,
             goal,
             clutched: self.clutched,
+            has_unknown_flags: false,
         }
     }
 

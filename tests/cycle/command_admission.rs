@@ -46,6 +46,10 @@ fn a_command_of_the_wrong_shape_is_malformed() {
         );
     }
     assert_eq!(refusal(&mut bench, |c| c.client_id = 0), Refusal::Malformed);
+    assert_eq!(
+        refusal(&mut bench, |c| c.has_unknown_flags = true),
+        Refusal::Malformed
+    );
 }
 
 #[test]

@@ -66,8 +66,12 @@ fn a_zero_that_was_forgotten_comes_back_only_by_homing() {
     assert_eq!(bench.ask(StateCommand::Unhome), Refusal::None);
     bench.run(100);
     assert!(!bench.report().homed, "the drive still says it is homed");
+    let invalid = |bench: &Bench| bench.out.requests.map(|request| request.zero_invalid);
+    assert_eq!(invalid(&bench), [true; 2], "no position is saved");
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
     bench.home();
+    bench.run(1);
+    assert_eq!(invalid(&bench), [false; 2]);
     bench.enable();
 }
 

@@ -117,6 +117,7 @@ fn perform(bench: &mut Bench, act: Act, sequence: &mut i64) {
                 deadline,
                 goal,
                 clutched,
+                has_unknown_flags: rise == 0,
             });
         }
         Act::Stream(step, steps, ticks) => {

@@ -11,6 +11,8 @@ use i2ris::ipc::payload::{ModelReply, ModelSlot, unpadded_text};
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
+use nix::sys::stat::Mode;
+use nix::unistd::mkfifo;
 
 use crate::rig::motion::{
     SetOnDrop, largest_step, linear_model, rig_with_model, stream_angles, swing_angles_until,
@@ -40,12 +42,17 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
     let flat = linear_model(&rig, "flat.json", "rig", 0.0);
     let open = linear_model(&rig, "open.json", "rig", 1.1);
     fs::set_permissions(&open, Permissions::from_mode(0o666)).unwrap();
+    // A FIFO without a writer, and a file without an end.
+    let fifo = rig.folder.path().join("fifo.json");
+    mkfifo(&fifo, Mode::S_IRWXU).unwrap();
     for (file, reason) in [
         (absent, "cannot read"),
         (broken, "EOF"),
         (other, "robot `elsewhere`"),
         (flat, "must move an output"),
         (open, "chmod o-w"),
+        (fifo, "not a regular file"),
+        ("/dev/zero".into(), "not a regular file"),
     ] {
         let (refused, message) = refusal(client.stage_model(&file));
         assert!(

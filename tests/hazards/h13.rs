@@ -1,7 +1,6 @@
 //! H13: logger, terminal or disk blocks. The loop uses none of them; other threads drop and count.
 
 use std::fs;
-use std::io::Read;
 use std::os::fd::AsFd;
 use std::process::Stdio;
 
@@ -17,7 +16,7 @@ use crate::rig::{Rig, enable, eventually, home};
 fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
     let mut rig = Rig::new();
     fs::write(rig.folder.path().join("records"), "in the way").unwrap();
-    let (mut reader, writer) = std::io::pipe().unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
     fill(&writer);
     rig.start_controller_with(Stdio::from(writer));
     let mut client = rig.client();
@@ -35,13 +34,42 @@ fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
     assert!(error.contains("cannot write black box"), "{error}");
     let state = client.operating_state().unwrap().unwrap();
     assert_eq!(state.state, OperatingState::Enabled.number());
-    // When the log is read, the controller can end.
-    std::thread::spawn(move || {
-        let mut text = Vec::new();
-        let _ = reader.read_to_end(&mut text);
+    // The controller ends although nobody ever reads the log.
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(rig.wait_for_end().code(), Some(0));
+    drop(reader);
+}
+
+/// The run log is complete although the log for the operator is blocked.
+#[test]
+fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
+    let mut rig = Rig::new();
+    let (_reader, writer) = std::io::pipe().unwrap();
+    fill(&writer);
+    rig.start_controller_with(Stdio::from(writer));
+    let mut client = rig.client();
+    home(&mut client);
+    enable(&mut client);
+    let runs = rig.folder.path().join("records/runs.jsonl");
+    let read = || fs::read_to_string(&runs).unwrap_or_default();
+    eventually("the change of state is in the run log", || {
+        read().contains(r#""to":"ENABLED""#).then_some(())
     });
     rig.signal(Signal::SIGTERM);
     assert_eq!(rig.wait_for_end().code(), Some(0));
+    let text = read();
+    assert!(text.contains(r#""event":"end""#), "{text}");
+}
+
+/// A controller that cannot start says so and ends, read or not.
+#[test]
+fn h13_a_blocked_log_does_not_stop_the_end_of_a_start_that_failed() {
+    let mut rig = Rig::new();
+    rig.config.control.model = Some("absent.json".into());
+    let (_reader, writer) = std::io::pipe().unwrap();
+    fill(&writer);
+    rig.start_controller_with(Stdio::from(writer));
+    assert_eq!(rig.wait_for_end().code(), Some(1));
 }
 
 fn fill(pipe: &std::io::PipeWriter) {

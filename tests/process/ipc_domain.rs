@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 
 use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
-use i2ris::ipc::ready::Ready;
+use i2ris::ipc::ready::{INTERFACE_VERSION, Ready};
 use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
 use i2ris::units::Nanos;
 
@@ -114,17 +114,21 @@ fn the_longest_name_works() {
 #[test]
 fn a_controller_with_another_interface_version_is_an_error_with_both_versions() {
     let domain = unique_domain();
-    let lock = DomainLock::acquire(&domain).unwrap();
-    let ready = format!("{:016x} 2 1", lock.boot_id());
+    // Only the announcement of a controller that serves counts.
+    let server = serve(&domain);
+    let other = INTERFACE_VERSION + 1;
+    let ready = format!("{:016x} {other} 1", server.boot_id());
     fs::write(domain.directory().join("ready"), ready).unwrap();
     let error = Client::connect(&domain, Nanos::ZERO).unwrap_err();
     assert!(
-        matches!(error, ClientError::Interface { found: 2, .. }),
+        matches!(error, ClientError::Interface { found, .. } if found == other),
         "{error}"
     );
     let text = error.to_string();
     assert!(
-        text.contains("interface version 2, this program 1"),
+        text.contains(&format!(
+            "interface version {other}, this program {INTERFACE_VERSION}"
+        )),
         "{text}"
     );
 }

@@ -113,7 +113,7 @@ fn killed_commanders_never_block_the_next_one() {
         let commander = Process::start("role_commander", &domain);
         previous = eventually("a command of a new commander", || {
             server.maintain(clock::now());
-            let client = server.poll_servo(0)?.client_id;
+            let client = server.poll_command(0, |_| true)?.client_id();
             (client != previous).then_some(client)
         });
         drop(commander);

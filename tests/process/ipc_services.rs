@@ -8,11 +8,26 @@ use i2ris::ipc::payload::{
     ActuatorState, JointState, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
     StateCommandReply, StateCommandRequest,
 };
+use i2ris::ipc::ready::INTERFACE_VERSION;
+use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Message, OperatingState, Refusal, Server, StateCommand};
 use i2ris::units::Nanos;
 
 use crate::ipc_fixture::{ServerThread, connect, serve, unique_domain};
 use crate::rig::{TIMEOUT, eventually};
+
+/// The next command while the lease is free.
+fn poll(server: &mut Server) -> Option<ReceivedCommand> {
+    server.poll_command(0, |_| true)
+}
+
+/// The next command, which is in angles.
+fn poll_joint(server: &mut Server) -> Option<ServoJp> {
+    match poll(server)? {
+        ReceivedCommand::Joint(command) => Some(command),
+        ReceivedCommand::Actuator(command) => panic!("{command:?}"),
+    }
+}
 
 /// A message with a stamp and zeros.
 macro_rules! stamped {
@@ -32,8 +47,7 @@ fn a_servo_command_arrives_as_it_was_sent() {
     let mut commander = client.commander().with_deadline(Nanos::from_millis(80));
     let before = clock::now();
     commander.servo_jp(&[0.1, -0.2]).unwrap();
-    commander.servo_actuators(&[-500, 500]).unwrap();
-    let joint = server.poll_servo(0).unwrap();
+    let joint = poll_joint(&mut server).unwrap();
     assert!(joint.stamp_ns >= before.0 && joint.stamp_ns <= clock::now().0);
     let expected = ServoJp {
         sequence: 1,
@@ -45,7 +59,10 @@ fn a_servo_command_arrives_as_it_was_sent() {
         flags: 0,
     };
     assert_eq!(joint, expected);
-    let actuator = server.poll_actuator(0).unwrap();
+    commander.servo_actuators(&[-500, 500]).unwrap();
+    let Some(ReceivedCommand::Actuator(actuator)) = poll(&mut server) else {
+        panic!("a command in counts");
+    };
     let expected = ServoActuator {
         sequence: 2,
         stamp_ns: actuator.stamp_ns,
@@ -56,7 +73,7 @@ fn a_servo_command_arrives_as_it_was_sent() {
         flags: 0,
     };
     assert_eq!(actuator, expected);
-    assert!(server.poll_servo(0).is_none() && server.poll_actuator(0).is_none());
+    assert!(poll(&mut server).is_none());
 }
 
 #[test]
@@ -66,10 +83,11 @@ fn only_the_newest_command_counts() {
     let client = connect(&domain);
     let mut commander = client.commander();
     for step in 1..=20 {
+        commander.servo_actuators(&[step, 0]).unwrap();
         commander.servo_jp(&[f64::from(step), 0.0]).unwrap();
     }
-    assert_eq!(server.poll_servo(0).unwrap().position[0], 20.0);
-    assert_eq!(server.poll_servo(0), None);
+    assert_eq!(poll_joint(&mut server).unwrap().position[0], 20.0);
+    assert_eq!(poll(&mut server), None);
 }
 
 #[test]
@@ -80,14 +98,15 @@ fn other_clients_cannot_displace_the_holder_of_the_lease() {
     let (mut first, mut second) = (holder.commander(), other.commander());
     for (holder_sends, lease, expected) in [
         (true, holder.id(), holder.id()),
-        (true, 0, other.id()),
         (false, holder.id(), other.id()),
+        (true, other.id(), other.id()),
     ] {
         if holder_sends {
             first.servo_jp(&[0.1, 0.0]).unwrap();
         }
         second.servo_jp(&[0.2, 0.0]).unwrap();
-        assert_eq!(server.poll_servo(lease).unwrap().client_id, expected);
+        let command = server.poll_command(lease, |_| true).unwrap();
+        assert_eq!(command.client_id(), expected);
     }
 }
 
@@ -142,7 +161,7 @@ fn the_version_identifies_this_start_and_its_model() {
         server.describe([2, 2], [7; 32], names);
     });
     let version = connect(&domain).version().unwrap();
-    let (pid, interface) = (std::process::id(), 1);
+    let (pid, interface) = (std::process::id(), INTERFACE_VERSION);
     assert_eq!((version.pid, version.interface), (pid, interface));
     assert_eq!((version.shape, version.model_id), ([2, 2], [7; 32]));
     assert_eq!(&version.output_names[0][..6], b"pitch\0");
@@ -249,7 +268,7 @@ fn watchers_receive_commands_but_late_ones_no_old_command() {
         received_after(&[1.0, 2.0, 3.0, 4.0, 5.0]),
         [1.0, 2.0, 3.0, 4.0, 5.0]
     );
-    assert_eq!(server.poll_servo(0).unwrap().sequence, 5);
+    assert_eq!(poll_joint(&mut server).unwrap().sequence, 5);
     assert_eq!(received_after(&[6.0]), [6.0]);
 }
 
@@ -300,7 +319,7 @@ fn a_client_finds_the_next_start_of_the_controller() {
     for round in 1..=3_u64 {
         let command = eventually("a command arrives", || {
             let _ = commander.servo_jp(&[0.1]);
-            server.poll_servo(0)
+            poll_joint(&mut server)
         });
         assert_eq!(command.client_id, client.id());
         server.publish_operating_state(stamped!(OperatingStateMsg, round));

@@ -5,6 +5,8 @@
 mod rig;
 
 mod conditioning;
+mod health;
+mod hostile_clients;
 mod ipc_domain;
 mod ipc_fixture;
 mod ipc_processes;

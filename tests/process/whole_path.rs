@@ -210,3 +210,31 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
     }
     assert!(rig.log_text("controller").contains("black box of"));
 }
+
+#[test]
+fn the_last_seconds_before_sigkill_are_in_a_black_box() {
+    let mut rig = rig_with_model();
+    let client = rig.enabled();
+    stream_counts(&client, 1.5, |t| [(100.0 * t) as i32, 0]);
+    drop(client);
+    rig.signal(Signal::SIGKILL);
+    rig.wait_for_end();
+    // Until the emulated ports have noticed.
+    clock::sleep(Nanos::from_millis(500));
+    rig.start_controller();
+    let client = rig.client();
+    let found = crate::rig::eventually("the black box of the killed controller", || {
+        let log = rig.log_text("controller");
+        log.contains("the last controller was killed")
+            .then(|| black_box(&rig, "killed"))
+    });
+    assert!(found.ticks.len() > 500, "{}", found.ticks.len());
+    let replayed = replay(&found).unwrap();
+    assert_eq!(
+        (replayed.ticks, replayed.difference),
+        (found.ticks.len() as u64, None)
+    );
+    let moved = found.ticks.iter().any(|tick| tick.inputs.servo.is_some());
+    assert!(moved, "the commands are in it");
+    drop(client);
+}

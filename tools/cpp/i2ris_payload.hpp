@@ -116,7 +116,7 @@ static_assert(offsetof(ActuatorState, reserved) == 146);
 static_assert(offsetof(ActuatorState, count) == 148);
 
 struct OperatingStateMsg {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risOperatingStateV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risOperatingStateV2";
     std::uint64_t sequence;
     std::uint64_t stamp_ns;
     std::uint64_t boot_id;
@@ -129,8 +129,11 @@ struct OperatingStateMsg {
     std::uint32_t fault;
     std::uint32_t last_refusal;
     std::uint32_t flags;
+    std::uint64_t refused_client_id[8];
+    std::uint64_t refused_commands[8];
+    std::uint32_t refused_reason[8];
 };
-static_assert(sizeof(OperatingStateMsg) == 80);
+static_assert(sizeof(OperatingStateMsg) == 240);
 static_assert(offsetof(OperatingStateMsg, sequence) == 0);
 static_assert(offsetof(OperatingStateMsg, stamp_ns) == 8);
 static_assert(offsetof(OperatingStateMsg, boot_id) == 16);
@@ -143,6 +146,51 @@ static_assert(offsetof(OperatingStateMsg, state) == 64);
 static_assert(offsetof(OperatingStateMsg, fault) == 68);
 static_assert(offsetof(OperatingStateMsg, last_refusal) == 72);
 static_assert(offsetof(OperatingStateMsg, flags) == 76);
+static_assert(offsetof(OperatingStateMsg, refused_client_id) == 80);
+static_assert(offsetof(OperatingStateMsg, refused_commands) == 144);
+static_assert(offsetof(OperatingStateMsg, refused_reason) == 208);
+
+struct Health {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risHealthV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint64_t ipc_failures;
+    std::uint64_t lost_events;
+    std::uint64_t lost_reports;
+    std::uint64_t lost_records;
+    std::uint64_t lost_replies;
+    std::uint64_t timeouts[2];
+    std::uint64_t crc_errors[2];
+    std::uint64_t resynchronisations[2];
+    std::uint64_t retries[2];
+};
+static_assert(sizeof(Health) == 128);
+static_assert(offsetof(Health, sequence) == 0);
+static_assert(offsetof(Health, stamp_ns) == 8);
+static_assert(offsetof(Health, boot_id) == 16);
+static_assert(offsetof(Health, ipc_failures) == 24);
+static_assert(offsetof(Health, lost_events) == 32);
+static_assert(offsetof(Health, lost_reports) == 40);
+static_assert(offsetof(Health, lost_records) == 48);
+static_assert(offsetof(Health, lost_replies) == 56);
+static_assert(offsetof(Health, timeouts) == 64);
+static_assert(offsetof(Health, crc_errors) == 80);
+static_assert(offsetof(Health, resynchronisations) == 96);
+static_assert(offsetof(Health, retries) == 112);
+
+struct EventMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risEventV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint8_t text[232];
+};
+static_assert(sizeof(EventMsg) == 256);
+static_assert(offsetof(EventMsg, sequence) == 0);
+static_assert(offsetof(EventMsg, stamp_ns) == 8);
+static_assert(offsetof(EventMsg, boot_id) == 16);
+static_assert(offsetof(EventMsg, text) == 24);
 
 struct PeriodStatistics {
     static constexpr const char* IOX2_TYPE_NAME = "I2risPeriodStatisticsV1";

@@ -5,7 +5,7 @@
 //!
 //! | | check | refusal | file |
 //! |---|---|---|---|
-//! | 1 | client id not 0, number of entries possible | `Malformed` | `admission` |
+//! | 1 | client id not 0, no unknown flag, number of entries possible | `Malformed` | `admission` |
 //! | 2 | every entry finite | `NotFinite` | `admission` |
 //! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `deadline` |
 //! | 4 | younger than its deadline | `Stale` | `deadline` |
@@ -22,12 +22,17 @@
 //!
 //! Errors of the command itself come before errors of the present situation. A refused command
 //! changes only counters: it does not renew the lease and does not use up its sequence number.
+//!
+//! Checks 1 to 4 need nothing of the robot: [`CommandCheck`]. The thread that chooses among the
+//! commands of several clients applies them, too, so that an invalid command displaces no valid
+//! one.
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::CommandConfig;
 use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::lease::Lease;
+use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS, RefusalRecord};
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{OperatingState, Refusal};
@@ -47,16 +52,41 @@ pub(crate) struct AdmissionContext {
     pub is_fresh: bool,
 }
 
+/// Checks 1 to 4, which concern only the command.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CommandCheck {
+    deadline: DeadlineCheck,
+}
+
+impl CommandCheck {
+    /// The checks with this configuration.
+    #[must_use]
+    pub fn new(config: &CommandConfig) -> Self {
+        Self {
+            deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)),
+        }
+    }
+
+    /// Checks a command and returns its deadline.
+    ///
+    /// # Errors
+    ///
+    /// The first check that fails.
+    pub fn check(&self, command: &ServoCommand, now: Nanos) -> Result<Nanos, Refusal> {
+        require_well_formed(command)?;
+        self.deadline.check(command.stamp, command.deadline, now)
+    }
+}
+
 /// Checks 1 to 9, the lease, and the counters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct CommandAdmission {
-    deadline: DeadlineCheck,
+    check: CommandCheck,
     lease: Lease,
     /// Client and sequence of the last accepted command. Kept when the lease ends, so that a
     /// replayed command is recognised.
     last: Option<(u64, u64)>,
-    /// Client and reason of the last refusal that was an event, until a command is accepted.
-    folded: Option<(u64, Refusal)>,
+    refusals: RefusalRecord,
     accepted: u64,
     refused: u64,
     last_refusal: Refusal,
@@ -65,10 +95,10 @@ pub(crate) struct CommandAdmission {
 impl CommandAdmission {
     pub fn new(config: &CommandConfig) -> Self {
         Self {
-            deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)),
+            check: CommandCheck::new(config),
             lease: Lease::new(Nanos::from_millis(config.lease_timeout_ms)),
             last: None,
-            folded: None,
+            refusals: RefusalRecord::default(),
             accepted: 0,
             refused: 0,
             last_refusal: Refusal::None,
@@ -88,6 +118,11 @@ impl CommandAdmission {
     /// The last refusal of any command.
     pub fn last_refusal(&self) -> Refusal {
         self.last_refusal
+    }
+
+    /// Refused servo commands, client by client.
+    pub fn refusals(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
+        self.refusals.clients()
     }
 
     /// Records the refusal of a state command.
@@ -112,10 +147,7 @@ impl CommandAdmission {
         command: &ServoCommand,
         context: &AdmissionContext,
     ) -> Result<Nanos, Refusal> {
-        require_well_formed(command)?;
-        let deadline = self
-            .deadline
-            .check(command.stamp, command.deadline, context.now)?;
+        let deadline = self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
         self.require_new_sequence(command)?;
@@ -129,16 +161,15 @@ impl CommandAdmission {
             events.push(CycleEventKind::Lease { client_id });
         }
         self.last = Some((client_id, command.sequence));
-        self.folded = None;
+        self.refusals.accepted(client_id);
         self.accepted = self.accepted.saturating_add(1);
     }
 
     /// Records a refused command.
-    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, events: &mut EventList) {
+    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, now: Nanos, events: &mut EventList) {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
-        if self.folded != Some((client_id, refusal)) {
-            self.folded = Some((client_id, refusal));
+        if self.refusals.record(client_id, refusal, now) {
             events.push(CycleEventKind::Refused { client_id, refusal });
         }
     }
@@ -175,7 +206,8 @@ fn require_well_formed(command: &ServoCommand) -> Result<(), Refusal> {
         ServoGoal::Joint(_, entries) => (entries as usize, MAX_OUTPUTS),
         ServoGoal::Actuator(_, entries) => (entries as usize, MAX_MOTORS),
     };
-    if command.client_id == 0 || !(1..=most).contains(&entries) {
+    let is_known = command.client_id != 0 && !command.has_unknown_flags;
+    if !is_known || !(1..=most).contains(&entries) {
         return Err(Refusal::Malformed);
     }
     match &command.goal {

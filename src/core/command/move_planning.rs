@@ -10,6 +10,10 @@ use crate::model::file::OutputUnit;
 use crate::robot::Refusal;
 use crate::units::{MAX_OUTPUTS, Nanos};
 
+/// Longest trajectory. It goes on without its client, so it must end by itself before anybody has
+/// forgotten it.
+pub const LONGEST_MOVE: Nanos = Nanos::from_millis(60_000);
+
 /// Plans the trajectory of a request. A pose outside of the hull is clipped to it: beyond the hull
 /// the motors cannot follow.
 pub(crate) fn plan_move(
@@ -45,5 +49,9 @@ pub(crate) fn plan_move(
     } else {
         pose
     };
-    Ok(JointTrajectory::new(from, to, inverse.clipped, limits, now))
+    let trajectory = JointTrajectory::new(from, to, inverse.clipped, limits, now);
+    if trajectory.duration_s() > LONGEST_MOVE.as_seconds() {
+        return Err(Refusal::Range);
+    }
+    Ok(trajectory)
 }

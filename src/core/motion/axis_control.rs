@@ -182,6 +182,7 @@ impl AxisControl {
             target: self.target(),
             fault_resets: self.fault_resets,
             homings: self.homings,
+            zero_invalid: self.feedback.homings < self.valid_homing,
             ..AxisRequest::default()
         }
     }

@@ -37,6 +37,11 @@ impl JointTrajectory {
         }
     }
 
+    /// Duration from rest to rest, s.
+    pub fn duration_s(&self) -> f64 {
+        self.curve.duration_s()
+    }
+
     /// Position at a time, rad.
     pub fn position_at(&self, now: Nanos) -> OutputVec {
         let fraction = self.curve.fraction(now.since(self.started).as_seconds());

@@ -20,6 +20,9 @@ pub struct AxisRequest {
     pub fault_resets: u32,
     /// Increases by one for every homing that the operator requested.
     pub homings: u32,
+    /// The operator has declared the zero invalid (`unhome`): no position is saved for the next
+    /// start, which would trust it.
+    pub zero_invalid: bool,
     /// Stamp of the command behind the target, to measure latency. Zero: none.
     pub command_stamp: Nanos,
     /// Sequence number of the command behind the target. Zero: none.

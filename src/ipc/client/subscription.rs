@@ -11,8 +11,8 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp,
+    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -71,6 +71,18 @@ impl Watcher {
     #[must_use]
     pub fn period_statistics(&self) -> Subscription<PeriodStatistics> {
         self.subscription(service::PERIOD_STATISTICS)
+    }
+
+    /// `health`: what failed or was lost since the start of the controller.
+    #[must_use]
+    pub fn health(&self) -> Subscription<Health> {
+        self.subscription(service::HEALTH)
+    }
+
+    /// `events`: the log of the controller, line by line.
+    #[must_use]
+    pub fn events(&self) -> Subscription<EventMsg> {
+        self.subscription(service::EVENTS)
     }
 
     /// `external/measured_jp`: measurements of a camera or another sensor.

@@ -26,7 +26,7 @@ pub use requests::{
     BlackBoxReply, BlackBoxRequest, MoveRequest, StateCommandReply, StateCommandRequest, Version,
     VersionRequest,
 };
-pub use state_streams::{ActuatorState, JointState, OperatingStateMsg};
+pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
 pub use text::{padded_text, unpadded_text};
 
 #[cfg(test)]

@@ -3,6 +3,8 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
+use crate::core::REFUSED_CLIENTS;
+use crate::robot::Refusal;
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -73,7 +75,7 @@ payload! {
     }
 
     /// `operating_state`, out: state of the controller and its reason.
-    OperatingStateMsg "I2risOperatingStateV1" {
+    OperatingStateMsg "I2risOperatingStateV2" {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the tick.
@@ -94,10 +96,59 @@ payload! {
         pub state: u32,
         /// [`crate::robot::Fault`]; of the last fault when the state is not FAULT.
         pub fault: u32,
-        /// [`crate::robot::Refusal`] of the last refused command.
+        /// [`crate::robot::Refusal`] of the last refused command of any client. A client asks
+        /// [`OperatingStateMsg::refusals_of`] for its own.
         pub last_refusal: u32,
         /// Sum of [`OperatingStateMsg::HOMED`] and the other flags.
         pub flags: u32,
+        /// Clients whose servo commands were refused.
+        pub refused_client_id: [u64; REFUSED_CLIENTS],
+        /// Refused servo commands of each of these clients. 0: the entry is not in use.
+        pub refused_commands: [u64; REFUSED_CLIENTS],
+        /// [`crate::robot::Refusal`] of the last refused servo command of each of these clients.
+        pub refused_reason: [u32; REFUSED_CLIENTS],
+    }
+
+    /// `health`, out, once a second: what failed or was lost since the start of the controller. All
+    /// 0 in a healthy one.
+    Health "I2risHealthV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// Time of the message.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// Failed calls into shared memory; a message was lost each time.
+        pub ipc_failures: u64,
+        /// Events that are not in the log, because there were too many in one tick or the log
+        /// stalled.
+        pub lost_events: u64,
+        /// Ticks that are in no stream, because the thread of shared memory stalled.
+        pub lost_reports: u64,
+        /// Ticks and snapshots that are not in the black box, because it stalled.
+        pub lost_records: u64,
+        /// Replies to requests that were lost.
+        pub lost_replies: u64,
+        /// Requests to each drive without a reply in time.
+        pub timeouts: [u64; MAX_MOTORS],
+        /// Replies of each drive with a wrong CRC.
+        pub crc_errors: [u64; MAX_MOTORS],
+        /// Times that the start of a frame of each drive had to be searched.
+        pub resynchronisations: [u64; MAX_MOTORS],
+        /// Requests to each drive that were sent again.
+        pub retries: [u64; MAX_MOTORS],
+    }
+
+    /// `events`, out: a line of the log.
+    EventMsg "I2risEventV1" {
+        /// Counts up by one per message.
+        pub sequence: u64,
+        /// When the controller wrote the line. The text has the time of the event.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// The line, UTF-8, padded with 0; a longer one is cut.
+        pub text: [u8; 232],
     }
 }
 
@@ -111,6 +162,20 @@ impl JointState {
 }
 
 impl OperatingStateMsg {
+    /// Number of refused servo commands of a client, and the reason of the last refusal. The number
+    /// starts again after a second without one, if other clients need the entry.
+    #[must_use]
+    pub fn refusals_of(&self, client_id: u64) -> (u64, Refusal) {
+        let clients = self.refused_client_id.iter().zip(&self.refused_commands);
+        let entries = clients.zip(&self.refused_reason);
+        let own =
+            |((client, count), _): &((&u64, &u64), &u32)| **client == client_id && **count > 0;
+        { entries }
+            .find(own)
+            .and_then(|((_, count), reason)| Some((*count, Refusal::from_number(*reason)?)))
+            .unwrap_or((0, Refusal::None))
+    }
+
     /// Flag: every axis is homed.
     pub const HOMED: u32 = 1;
     /// Flag: a motion or a state transition is in progress.

@@ -10,6 +10,7 @@
 //! faulty client could then delay the loop without bound (1.4 ms measured), and a killed client
 //! would keep its entry.
 
+mod command_turns;
 mod creation;
 mod error;
 mod request_server;
@@ -23,17 +24,19 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelReply,
-    ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
+    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
+    ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
 use crate::units::{MAX_OUTPUTS, Nanos};
+use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
 use request_server::RequestServer;
 use stream_publisher::StreamPublisher;
 
+pub use command_turns::ReceivedCommand;
 pub use error::IpcError;
 
 /// Time before each tick at which to poll servo commands, under SCHED_FIFO. With 50 us the thread
@@ -48,6 +51,9 @@ const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
 const REQUEST_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// The same for slow requests: checking a model over its whole hull, syncing a file to the disk.
 const SLOW_REQUEST_TIMEOUT: Nanos = Nanos::from_millis(60_000);
+/// Unread commands that are kept of every publisher: a bridge sends for several clients. Of one
+/// client only the newest counts, so that the queue adds no delay.
+const COMMANDS: usize = 8;
 /// Maximum number of commands read at once; only a faulty client sends more.
 const MAX_DRAINED: usize = 64;
 
@@ -56,6 +62,7 @@ const MAX_DRAINED: usize = 64;
 pub struct Server {
     servo_jp: Subscriber<ipc::Service, ServoJp, ()>,
     servo_actuators: Subscriber<ipc::Service, ServoActuator, ()>,
+    turns: CommandTurns,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
     measured: StreamPublisher<JointState>,
     setpoint: StreamPublisher<JointState>,
@@ -63,6 +70,8 @@ pub struct Server {
     actuators: StreamPublisher<ActuatorState>,
     operating_state: StreamPublisher<OperatingStateMsg>,
     period_statistics: StreamPublisher<PeriodStatistics>,
+    health: StreamPublisher<Health>,
+    events: StreamPublisher<EventMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
@@ -113,9 +122,14 @@ impl Server {
         let boot_id = lock.boot_id();
         let (fast, slow) = (REQUEST_TIMEOUT, SLOW_REQUEST_TIMEOUT);
         Ok(Self {
-            servo_jp: subscribe(&from.servo_jp, service::SERVO_JP.name)?,
-            servo_actuators: subscribe(&from.servo_actuators, service::SERVO_ACTUATORS.name)?,
-            external: subscribe(&from.external, service::EXTERNAL.name)?,
+            servo_jp: subscribe(&from.servo_jp, service::SERVO_JP.name, COMMANDS)?,
+            servo_actuators: subscribe(
+                &from.servo_actuators,
+                service::SERVO_ACTUATORS.name,
+                COMMANDS,
+            )?,
+            turns: CommandTurns::default(),
+            external: subscribe(&from.external, service::EXTERNAL.name, 1)?,
             measured: StreamPublisher::new(&from.measured, MEASURED_JS, boot_id)?,
             setpoint: StreamPublisher::new(&from.setpoint, SETPOINT_JS, boot_id)?,
             goal: StreamPublisher::new(&from.goal, GOAL_JS, boot_id)?,
@@ -126,6 +140,8 @@ impl Server {
                 service::PERIOD_STATISTICS,
                 boot_id,
             )?,
+            health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
+            events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
@@ -141,33 +157,51 @@ impl Server {
         })
     }
 
-    /// The newest `servo_jp` command since the last call.
-    ///
-    /// If several clients sent one, the holder of the lease comes first, so that other clients
-    /// cannot displace it; pass 0 while nobody holds the lease.
-    pub fn poll_servo(&mut self, lease_client_id: u64) -> Option<ServoJp> {
-        let rank = |command: &ServoJp| {
-            let holds_lease = command.client_id == lease_client_id;
-            (holds_lease, command.stamp_ns, command.sequence)
-        };
-        let newest = newest_by(&self.servo_jp, service::SERVO_JP.name, rank);
-        self.count_failure(newest)
+    /// Receives the new servo commands of both streams. Returns the newest valid one of the client
+    /// that holds the lease (0: free); without one, that of the next client in turn.
+    pub fn poll_command(
+        &mut self,
+        lease_client_id: u64,
+        is_valid: impl Fn(&ReceivedCommand) -> bool,
+    ) -> Option<ReceivedCommand> {
+        let own = self.poll_command_of(lease_client_id, &is_valid);
+        own.or_else(|| self.turns.take_next(is_valid))
     }
 
-    /// The newest `actuators/servo_jp` command, as [`Server::poll_servo`].
-    pub fn poll_actuator(&mut self, lease_client_id: u64) -> Option<ServoActuator> {
-        let rank = |command: &ServoActuator| {
-            let holds_lease = command.client_id == lease_client_id;
-            (holds_lease, command.stamp_ns, command.sequence)
-        };
-        let newest = newest_by(&self.servo_actuators, service::SERVO_ACTUATORS.name, rank);
-        self.count_failure(newest)
+    /// As [`Server::poll_command`], of the client that holds the lease only. The commands of others
+    /// go on waiting.
+    pub fn poll_command_of(
+        &mut self,
+        lease_client_id: u64,
+        is_valid: impl Fn(&ReceivedCommand) -> bool,
+    ) -> Option<ReceivedCommand> {
+        let received = self.receive_commands();
+        self.count_failure(received);
+        let is_held = lease_client_id != 0;
+        is_held.then(|| self.turns.take_of(lease_client_id, is_valid))?
+    }
+
+    fn receive_commands(&mut self) -> Result<(), TransportError> {
+        let turns = &mut self.turns;
+        drain(&self.servo_jp, service::SERVO_JP.name, |from, command| {
+            turns.add(from, ReceivedCommand::Joint(command));
+        })?;
+        let name = service::SERVO_ACTUATORS.name;
+        drain(&self.servo_actuators, name, |from, command| {
+            turns.add(from, ReceivedCommand::Actuator(command));
+        })
     }
 
     /// The newest `external/measured_jp` since the last call.
     pub fn poll_external(&mut self) -> Option<ExternalPosition> {
-        let newest = newest_by(&self.external, service::EXTERNAL.name, |seen| seen.stamp_ns);
-        self.count_failure(newest)
+        let mut newest: Option<ExternalPosition> = None;
+        let received = drain(&self.external, service::EXTERNAL.name, |_, seen| {
+            if newest.is_none_or(|newest| seen.stamp_ns >= newest.stamp_ns) {
+                newest = Some(seen);
+            }
+        });
+        self.count_failure(received);
+        newest
     }
 
     /// Passes every new state command to `take`, with the token for [`Server::reply`]. Requests
@@ -255,6 +289,22 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes `health`. The server sets the number of its own failures.
+    pub fn publish_health(&mut self, message: Health) {
+        let ipc_failures = self.failures;
+        let sent = self.health.send(Health {
+            ipc_failures,
+            ..message
+        });
+        self.count_failure(sent);
+    }
+
+    /// Publishes `events`.
+    pub fn publish_event(&mut self, message: EventMsg) {
+        let sent = self.events.send(message);
+        self.count_failure(sent);
+    }
+
     /// Identifies this start of the controller; also in every message that the server sends.
     #[must_use]
     pub fn boot_id(&self) -> u64 {
@@ -303,7 +353,9 @@ impl Server {
         self.goal.serve_late_subscribers()?;
         self.actuators.serve_late_subscribers()?;
         self.operating_state.serve_late_subscribers()?;
-        self.period_statistics.serve_late_subscribers()
+        self.period_statistics.serve_late_subscribers()?;
+        self.health.serve_late_subscribers()?;
+        self.events.serve_late_subscribers()
     }
 
     fn count_failure<T: Default>(&mut self, outcome: Result<T, TransportError>) -> T {
@@ -338,32 +390,27 @@ fn version(boot_id: u64) -> Version {
     }
 }
 
-/// A subscriber that keeps only the newest message of every sender: a queue would add delay.
+/// A subscriber that keeps the newest messages of every sender.
 fn subscribe<T: ZeroCopySend + std::fmt::Debug + 'static>(
     factory: &StreamFactory<T>,
     name: &'static str,
+    messages: usize,
 ) -> Result<Subscriber<ipc::Service, T, ()>, TransportError> {
-    let created = factory.subscriber_builder().buffer_size(1).create();
+    let created = factory.subscriber_builder().buffer_size(messages).create();
     created.map_err(failed("subscribe to", name))
 }
 
-/// Reads all messages and keeps the one with the highest rank, the later of two equal ones.
-fn newest_by<T: ZeroCopySend + std::fmt::Debug + Copy + 'static, R: PartialOrd>(
+/// Passes all messages to `take`, with the identity of their publishers.
+fn drain<T: ZeroCopySend + std::fmt::Debug + Copy + 'static>(
     subscriber: &Subscriber<ipc::Service, T, ()>,
     name: &'static str,
-    rank: impl Fn(&T) -> R,
-) -> Result<Option<T>, TransportError> {
-    let mut newest: Option<T> = None;
+    mut take: impl FnMut(u128, T),
+) -> Result<(), TransportError> {
     for _ in 0..MAX_DRAINED {
         let Some(sample) = subscriber.receive().map_err(failed("receive", name))? else {
             break;
         };
-        if newest
-            .as_ref()
-            .is_none_or(|newest| rank(&sample) >= rank(newest))
-        {
-            newest = Some(*sample);
-        }
+        take(sample.header().publisher_id().value(), *sample);
     }
-    Ok(newest)
+    Ok(())
 }

@@ -5,7 +5,8 @@
 //! | `tick_record` | one tick, as the loop saw it |
 //! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
-//! | `recorder` | fills the ring and writes the file: on FAULT, on request, at exit |
+//! | `live` | the last seconds in shared memory: they survive SIGKILL |
+//! | `recorder` | fills the ring and writes the file: on FAULT, on request, at exit, after SIGKILL |
 //! | `replay` | the same ticks through the same cycle, compared bit by bit |
 //!
 //! A file is complete: it begins with a [`CycleSnapshot`] of the state of the cycle, and holds the
@@ -16,6 +17,7 @@
 //! for are lost and counted; the file states their number.
 
 mod file;
+mod live;
 mod recorder;
 mod replay;
 mod ring;

@@ -11,12 +11,14 @@ use std::sync::mpsc::{Receiver, Sender};
 use rtrb::{Consumer, Producer, RingBuffer};
 
 use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
+use super::live::LiveFiles;
 use super::ring::Ring;
 use super::tick_record::TickRecord;
 use crate::clock;
 use crate::config::Config;
 use crate::core::CycleEventKind;
 use crate::core::CycleSnapshot;
+use crate::ipc::Domain;
 use crate::model::{Model, ModelId};
 use crate::robot::OperatingState;
 use crate::units::Nanos;
@@ -66,6 +68,8 @@ pub struct Recorder {
     /// A snapshot whose next tick has not arrived.
     waiting: Option<CycleSnapshot>,
     ring: Ring,
+    /// `None`: the name of the domain is not valid.
+    live: Option<LiveFiles>,
     models: BTreeMap<ModelId, Arc<Model>>,
     offers: VecDeque<OfferRecord>,
     /// Number of the newest tick.
@@ -96,6 +100,10 @@ impl Recorder {
             snapshots,
             waiting: None,
             ring: Ring::new(Nanos::from_millis(config.record.seconds * 1000)),
+            live: Domain::new(&config.ipc.domain).ok().map(|domain| {
+                let span = Nanos::from_millis(config.record.seconds * 1000);
+                LiveFiles::new(domain.directory(), span)
+            }),
             models: model
                 .into_iter()
                 .map(|model| (model.id(), Arc::clone(model)))
@@ -121,6 +129,7 @@ impl Recorder {
         replies: &Sender<WriteReply>,
         mut report: impl FnMut(String),
     ) {
+        self.recover(&mut report);
         loop {
             let last = quit.load(Ordering::Acquire);
             self.drain(requests, replies);
@@ -140,6 +149,20 @@ impl Recorder {
         }
     }
 
+    /// Writes the file of a controller that was killed in the same domain.
+    fn recover(&self, report: &mut impl FnMut(String)) {
+        if let Some(content) = self.live.as_ref().and_then(LiveFiles::take_leftovers) {
+            report(match self.write_content(&content) {
+                Ok((path, ticks)) => format!(
+                    "the last controller was killed: black box of its last {ticks} ticks written \
+                     to {}",
+                    path.display()
+                ),
+                Err(error) => format!("warning: {error}"),
+            });
+        }
+    }
+
     fn drain(&mut self, requests: &Receiver<RecorderRequest>, replies: &Sender<WriteReply>) {
         // The model manager announces a model before it sends it to the loop, so an offer is read
         // before its tick.
@@ -147,6 +170,10 @@ impl Recorder {
         for request in requests.try_iter() {
             match request {
                 RecorderRequest::Offer(offer, model) => {
+                    if let (Some(live), Ok(text)) = (&mut self.live, model.file().canonical_form())
+                    {
+                        live.push_offer(&offer, text);
+                    }
                     self.models.insert(offer.model, model);
                     self.offers.push_back(*offer);
                 }
@@ -155,6 +182,9 @@ impl Recorder {
         }
         while let Ok(tick) = self.ticks.pop() {
             self.add(tick);
+        }
+        if let Some(live) = &mut self.live {
+            live.flush();
         }
         self.drop_unused_models();
         for token in writes {
@@ -188,10 +218,34 @@ impl Recorder {
         self.waiting = self.waiting.take().or_else(|| self.snapshots.pop().ok());
         let is_due = |snapshot: &mut CycleSnapshot| snapshot.ticks() < tick.number;
         while let Some(snapshot) = self.waiting.take_if(is_due) {
+            self.push_live_snapshot(&snapshot, now);
             self.ring.push_snapshot(snapshot);
             self.waiting = self.snapshots.pop().ok();
         }
+        if let Some(live) = &mut self.live {
+            live.push_tick(&tick);
+        }
         self.ring.push(tick);
+    }
+
+    fn push_live_snapshot(&mut self, snapshot: &CycleSnapshot, now: Nanos) {
+        if let Some(mut live) = self.live.take() {
+            live.push_snapshot(snapshot, now, || {
+                let written = wall_clock::now().to_string();
+                let models = self.models.values();
+                BlackBox {
+                    header: self.header("killed", &written),
+                    config: toml::to_string(&self.config).unwrap_or_default(),
+                    models: models
+                        .filter_map(|model| model.file().canonical_form().ok())
+                        .collect(),
+                    offers: self.offers.iter().cloned().collect(),
+                    snapshots: vec![],
+                    ticks: vec![],
+                }
+            });
+            self.live = Some(live);
+        }
     }
 
     /// Drops models that no tick in the ring uses.
@@ -226,11 +280,14 @@ impl Recorder {
     }
 
     fn write(&self, cause: &str) -> Result<(PathBuf, u64), BlackBoxError> {
+        let written = wall_clock::now().to_string();
+        self.write_content(&self.content(cause, &written))
+    }
+
+    fn write_content(&self, content: &BlackBox) -> Result<(PathBuf, u64), BlackBoxError> {
         let folder = &self.config.record.folder;
         create_folder(folder)?;
-        let written = wall_clock::now();
-        let stem = format!("{}-{cause}", written.compact());
-        let content = self.content(cause, &written.to_string());
+        let stem = format!("{}-{}", wall_clock::now().compact(), content.header.cause);
         let ticks = content.ticks.len() as u64;
         let mut path = folder.join(format!("{stem}.box"));
         for number in 2..1000 {
@@ -244,20 +301,25 @@ impl Recorder {
                 Ok(()) => break,
             }
         }
+        remove_oldest(folder, self.config.record.files);
         Ok((path, ticks))
+    }
+
+    fn header(&self, cause: &str, written: &str) -> BlackBoxHeader {
+        BlackBoxHeader {
+            software: self.software.clone(),
+            boot_id: self.boot_id,
+            cause: cause.to_owned(),
+            written: written.to_owned(),
+            lost: self.lost,
+        }
     }
 
     fn content(&self, cause: &str, written: &str) -> BlackBox {
         let used: Vec<ModelId> = self.used_models().collect();
         let models = self.models.iter().filter(|(id, _)| used.contains(id));
         BlackBox {
-            header: BlackBoxHeader {
-                software: self.software.clone(),
-                boot_id: self.boot_id,
-                cause: cause.to_owned(),
-                written: written.to_owned(),
-                lost: self.lost,
-            },
+            header: self.header(cause, written),
             config: toml::to_string(&self.config).unwrap_or_default(),
             models: models
                 .filter_map(|(_, model)| model.file().canonical_form().ok())
@@ -276,4 +338,45 @@ fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     }
     let created = DirBuilder::new().recursive(true).mode(0o700).create(folder);
     created.map_err(BlackBoxError::io("write", folder))
+}
+
+/// Removes the oldest black boxes of a folder beyond a number. Their names begin with the time.
+fn remove_oldest(folder: &Path, keep: usize) {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
+    let paths = entries.flatten().map(|entry| entry.path());
+    let mut boxes: Vec<PathBuf> = paths
+        .filter(|path| path.extension().is_some_and(|extension| extension == "box"))
+        .collect();
+    boxes.sort();
+    let excess = boxes.len().saturating_sub(keep);
+    for path in boxes.iter().take(excess) {
+        // One that stays is removed the next time.
+        let _ = fs::remove_file(path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_oldest_black_boxes_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [
+            "20260101-000000-exit.box",
+            "20260102-000000-fault.box",
+            "20260103-000000-exit.box",
+        ];
+        for name in names.iter().chain(&["runs.jsonl", "0-notes.txt"]) {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        remove_oldest(folder.path(), 3);
+        assert!(folder.path().join(names[0]).exists());
+        remove_oldest(folder.path(), 1);
+        let left = |name: &str| folder.path().join(name).exists();
+        assert_eq!(names.map(left), [false, false, true]);
+        assert!(left("runs.jsonl") && left("0-notes.txt"));
+    }
 }

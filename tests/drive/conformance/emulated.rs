@@ -131,6 +131,13 @@ fn h06_an_encoder_that_moved_while_the_controller_was_away_is_not_homed() {
     let mut axis = bench.run_with(&port);
     axis.wait_for_positions(21);
     assert!(bench.drive().homed && !axis.feedback().homed);
+    // The operator declared the zero invalid: the next start does not trust it either.
+    axis.home();
+    axis.request(|request| request.zero_invalid = true);
+    axis.stop();
+    let mut axis = bench.run_with(&port);
+    axis.wait_for_positions(21);
+    assert!(bench.drive().homed && !axis.feedback().homed);
     // Killed: no position is saved.
     axis.home();
     axis.abandon();

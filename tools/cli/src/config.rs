@@ -61,7 +61,7 @@ pub fn run(command: &Command) -> Result<(), Failure> {
 }
 
 fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
-    let config = Config::load(&file)?;
+    let config = Config::load_and_check_files(&file)?;
     let (robot, motors) = (&config.robot_id, config.motors());
     if json {
         println!(

@@ -16,6 +16,7 @@
 #include <thread>
 #include <utility>
 
+#include <fcntl.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -44,6 +45,22 @@ iox2::bb::FileName file_name(const std::string& text) {
     return iox2::bb::FileName::create(*Text::from_utf8_null_terminated_unchecked(text.c_str())).value();
 }
 
+// Whether a controller locks the second byte of the file: only then is `ready` valid.
+bool is_served(const std::string& folder) {
+    const int lock = open((folder + "/lock").c_str(), O_RDONLY | O_CLOEXEC);
+    if (lock < 0) {
+        return false;
+    }
+    struct flock probe {};
+    probe.l_type = F_WRLCK;
+    probe.l_whence = SEEK_SET;
+    probe.l_start = 1;
+    probe.l_len = 1;
+    const bool answered = fcntl(lock, F_OFD_GETLK, &probe) == 0;
+    close(lock);
+    return answered && probe.l_type != F_UNLCK;
+}
+
 // A node in the shared memory of the controller that serves the domain now.
 Service connect(const std::string& domain) {
     const std::string name = "i2ris-" + std::to_string(geteuid()) + "-" + domain;
@@ -51,8 +68,8 @@ Service connect(const std::string& domain) {
     std::ifstream ready(folder + "/ready");
     std::string boot;
     int interface_version = 0;
-    if (!(ready >> boot >> interface_version) || interface_version != 1) {
-        std::cerr << "no controller with interface version 1 serves domain " << domain << "\n";
+    if (!is_served(folder) || !(ready >> boot >> interface_version) || interface_version != 2) {
+        std::cerr << "no controller with interface version 2 serves domain " << domain << "\n";
         std::exit(3);
     }
     auto config = iox2::Config::global_config().to_owned();

@@ -2,7 +2,8 @@
 
 use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
+    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
+    SpanSummary,
 };
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
@@ -26,6 +27,7 @@ pub struct LatestMessages {
     pub camera: Option<ExternalPosition>,
     pub actuators: Option<ActuatorState>,
     pub statistics: Option<PeriodStatistics>,
+    pub health: Option<Health>,
     /// Answered requests per second and drive.
     pub exchange_rates: Option<[f64; MAX_MOTORS]>,
 }
@@ -37,6 +39,11 @@ impl LatestMessages {
         lines.extend(self.angle_lines(now));
         lines.extend(self.motor_lines(now));
         lines.extend(self.loop_lines(now));
+        lines.extend(
+            self.health
+                .as_ref()
+                .map(|health| format!("health     {}", health_text(health))),
+        );
         lines
     }
 
@@ -310,6 +317,31 @@ impl LatestMessages {
     }
 }
 
+/// What failed or was lost since the start of the controller; in capitals if anything did.
+pub fn health_text(health: &Health) -> String {
+    let sum = |counters: &[u64]| counters.iter().sum::<u64>();
+    let line_errors = [
+        ("TIMEOUTS", sum(&health.timeouts)),
+        ("CRC ERRORS", sum(&health.crc_errors)),
+        ("RESYNCHRONISATIONS", sum(&health.resynchronisations)),
+        ("RETRIES", sum(&health.retries)),
+        ("SHARED-MEMORY FAILURES", health.ipc_failures),
+        ("LOST EVENTS", health.lost_events),
+        ("LOST MESSAGES", health.lost_reports),
+        ("LOST RECORDS", health.lost_records),
+        ("LOST REPLIES", health.lost_replies),
+    ];
+    let found = line_errors.iter().filter(|(_, count)| *count > 0);
+    let found: Vec<String> = found
+        .map(|(name, count)| format!("{name} {count}"))
+        .collect();
+    if found.is_empty() {
+        "no errors, nothing lost".to_owned()
+    } else {
+        found.join(", ")
+    }
+}
+
 /// What the system granted to the loop; capitals where something is missing.
 pub fn granted(statistics: &PeriodStatistics) -> String {
     let scheduling = match statistics.priority {
@@ -399,6 +431,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn health_names_what_failed_or_was_lost() {
+        let mut health = Health::default();
+        assert_eq!(health_text(&health), "no errors, nothing lost");
+        (health.crc_errors, health.lost_records) = ([2, 1], 40);
+        assert_eq!(health_text(&health), "CRC ERRORS 3, LOST RECORDS 40");
+        let view = LatestMessages {
+            health: Some(health),
+            ..view()
+        };
+        let page = view.page(NOW);
+        let line = "health     CRC ERRORS 3, LOST RECORDS 40";
+        assert!(page.iter().any(|text| text == line), "{page:?}");
+    }
+
     fn view() -> LatestMessages {
         LatestMessages {
             state: Some(OperatingStateMsg {
@@ -415,6 +462,7 @@ mod tests {
             goal: Some(joint(5.0, -1.0)),
             setpoint: Some(joint(4.5, -1.0)),
             measured: Some(joint(4.25, -1.5)),
+            health: None,
             camera: None,
             actuators: Some(ActuatorState {
                 stamp_ns: NOW.0,

@@ -3,7 +3,7 @@
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
 };
 use i2ris::units::{MAX_MOTORS, Nanos};
 
@@ -27,6 +27,7 @@ pub struct Subscriptions {
     camera: Subscription<ExternalPosition>,
     actuators: Subscription<ActuatorState>,
     statistics: Subscription<PeriodStatistics>,
+    health: Subscription<Health>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
@@ -41,6 +42,7 @@ impl Subscriptions {
             camera: watcher.external(),
             actuators: watcher.actuators(),
             statistics: watcher.period_statistics(),
+            health: watcher.health(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -94,6 +96,7 @@ impl Subscriptions {
                 .iter()
                 .for_each(|message| event_log.update_model(message));
         }
+        replace_if_new(&mut view.health, self.health.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()

@@ -9,6 +9,7 @@ use std::os::fd::AsFd;
 
 use i2ris::clock;
 use i2ris::ipc::ready::INTERFACE_VERSION;
+use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, random_id};
 use i2ris::units::Nanos;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
@@ -163,15 +164,16 @@ impl End {
             return;
         };
         let mut packets = Vec::new();
-        if let Some(command) = service.servo_jp() {
-            packets.push(joined.peer.write(Kind::ServoJp, command.as_bytes(), now));
-        }
-        if let Some(command) = service.servo_actuators() {
-            packets.push(
-                joined
-                    .peer
-                    .write(Kind::ServoActuator, command.as_bytes(), now),
-            );
+        for command in service.commands() {
+            packets.push(match &command {
+                ReceivedCommand::Joint(command) => {
+                    joined.peer.write(Kind::ServoJp, command.as_bytes(), now)
+                }
+                ReceivedCommand::Actuator(command) => {
+                    let (kind, bytes) = (Kind::ServoActuator, command.as_bytes());
+                    joined.peer.write(kind, bytes, now)
+                }
+            });
         }
         service.questions(now, |token, kind, payload| {
             joined.pending.take(token, kind, payload, now)

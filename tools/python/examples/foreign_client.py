@@ -7,8 +7,10 @@ the present setpoint. Nothing moves. The robot must be ENABLED and have a model.
 """
 
 import ctypes
+import fcntl
 import os
 import secrets
+import struct
 import sys
 import time
 from pathlib import Path
@@ -50,12 +52,26 @@ class JointState(ctypes.Structure):
         return "I2risJointStateV1"
 
 
+def is_served(folder: Path) -> bool:
+    """Whether a controller locks the second byte of the file: only then is `ready` valid."""
+    layout = "hhqqi4x"
+    probe = struct.pack(layout, fcntl.F_WRLCK, os.SEEK_SET, 1, 1, 0)
+    try:
+        with open(folder / "lock", "rb") as lock:
+            answer = fcntl.fcntl(lock, fcntl.F_OFD_GETLK, probe)
+    except FileNotFoundError:
+        return False
+    return struct.unpack(layout, answer)[0] != fcntl.F_UNLCK
+
+
 def connect(domain: str):
     """A node in the shared memory of the controller that serves the domain now."""
     folder = Path(f"/dev/shm/i2ris-{os.geteuid()}-{domain}")
+    if not is_served(folder):
+        sys.exit(f"no controller serves domain {domain}")
     boot, interface, _process = (folder / "ready").read_text().split()
-    if interface != "1":
-        sys.exit(f"the controller has interface version {interface}, this client 1")
+    if interface != "2":
+        sys.exit(f"the controller has interface version {interface}, this client 2")
     config = iox2.config.default()
     config.global_cfg.root_path = iox2.Path.new(str(folder / boot))
     config.global_cfg.prefix = iox2.FileName.new(f"{folder.name}_{boot}_")

@@ -280,8 +280,15 @@ class Arm:
             taken=message.lease_client_id != 0,
             accepted=message.accepted,
             refused=message.refused,
-            last_refusal="" if message.last_refusal == 0 else _refusal(message.last_refusal),
+            last_refusal=self._last_refusal(message),
         )
+
+    def _last_refusal(self, message: OperatingStateMsg) -> str:
+        """The reason of the last refusal of a servo command of this client, not of another one."""
+        for client, count, reason in zip(message.refused_client_id, message.refused_commands, message.refused_reason):
+            if count > 0 and client == self._client_id:
+                return _refusal(reason)
+        return ""
 
     def state_command(self, command: str) -> str:
         """Requests a change of state and returns the state right after: enable, disable, pause, resume, home, unhome,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import iceoryx2 as iox2
 
-INTERFACE_VERSION = 1
+INTERFACE_VERSION = 2
 #: Period of reading the announcement of the controller, s.
 PROBE_S = 0.02
 
@@ -104,7 +104,7 @@ class Link:
         try:
             boot, interface, _pid = (self.directory / "ready").read_text().split()
             with open(self.directory / "lock", "rb") as lock:
-                held = _is_held(lock)
+                held = _is_served(lock)
         except (OSError, ValueError):
             held = False
         if not held:
@@ -154,9 +154,11 @@ def _streams(node, service: str, payload):
     return node.service_builder(iox2.ServiceName.new(service)).publish_subscribe(payload).open()
 
 
-def _is_held(lock) -> bool:
-    """Whether a controller holds its lock, without taking it: the file alone may be a leftover."""
+def _is_served(lock) -> bool:
+    """Whether a controller serves, by its lock on the second byte, without taking it. The file alone may be a leftover,
+    and a controller that holds only the first byte is starting: ``ready`` may be that of a killed one.
+    """
     layout = "hhqqi4x"
-    probe = struct.pack(layout, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+    probe = struct.pack(layout, fcntl.F_WRLCK, os.SEEK_SET, 1, 1, 0)
     answer = fcntl.fcntl(lock, fcntl.F_OFD_GETLK, probe)
     return struct.unpack(layout, answer)[0] != fcntl.F_UNLCK

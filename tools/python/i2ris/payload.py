@@ -108,7 +108,7 @@ class ActuatorState(Payload):
 class OperatingStateMsg(Payload):
     """``operating_state``, out: state of the controller and its reason."""
 
-    NAME = "I2risOperatingStateV1"
+    NAME = "I2risOperatingStateV2"
     HOMED = 1
     BUSY = 2
     MODEL = 4
@@ -133,6 +133,9 @@ class OperatingStateMsg(Payload):
         ("fault", c_uint32),
         ("last_refusal", c_uint32),
         ("flags", c_uint32),
+        ("refused_client_id", c_uint64 * 8),
+        ("refused_commands", c_uint64 * 8),
+        ("refused_reason", c_uint32 * 8),
     ]
 
 
@@ -146,6 +149,38 @@ class SpanSummary(Payload):
         ("p99_ns", c_uint64),
         ("p999_ns", c_uint64),
         ("max_ns", c_uint64),
+    ]
+
+
+class Health(Payload):
+    """``health``, out, once a second: what failed or was lost since the start of the controller."""
+
+    NAME = "I2risHealthV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("ipc_failures", c_uint64),
+        ("lost_events", c_uint64),
+        ("lost_reports", c_uint64),
+        ("lost_records", c_uint64),
+        ("lost_replies", c_uint64),
+        ("timeouts", c_uint64 * 2),
+        ("crc_errors", c_uint64 * 2),
+        ("resynchronisations", c_uint64 * 2),
+        ("retries", c_uint64 * 2),
+    ]
+
+
+class EventMsg(Payload):
+    """``events``, out: a line of the log, UTF-8, padded with 0."""
+
+    NAME = "I2risEventV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("text", c_uint8 * 232),
     ]
 
 

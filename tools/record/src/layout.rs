@@ -6,9 +6,9 @@
 use std::mem::{offset_of, size_of};
 
 use i2ris::ipc::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, ExternalPosition, JointState, ModelDifference,
-    ModelRequest, ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
-    SpanSummary, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
+    ModelDifference, ModelRequest, ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator,
+    ServoJp, SpanSummary, StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -242,8 +242,15 @@ layouts! {
     OperatingStateMsg {
         sequence: u64, stamp_ns: u64, boot_id: u64, since_ns: u64, lease_client_id: u64,
         accepted: u64, refused: u64, stale_stops: u64, state: u32, fault: u32, last_refusal: u32,
-        flags: u32,
+        flags: u32, refused_client_id: [u64; 8], refused_commands: [u64; 8],
+        refused_reason: [u32; 8],
     }
+    Health {
+        sequence: u64, stamp_ns: u64, boot_id: u64, ipc_failures: u64, lost_events: u64,
+        lost_reports: u64, lost_records: u64, lost_replies: u64, timeouts: [u64; 2],
+        crc_errors: [u64; 2], resynchronisations: [u64; 2], retries: [u64; 2],
+    }
+    EventMsg { sequence: u64, stamp_ns: u64, boot_id: u64, text: [u8; 232] }
     PeriodStatistics {
         sequence: u64, stamp_ns: u64, boot_id: u64, window_ns: u64, period_ns: u64, ticks: u64,
         missed: u64, total_ticks: u64, total_missed: u64, period: SpanSummary,

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp,
+    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp,
 };
 
 use crate::cdr;
@@ -27,6 +27,10 @@ pub enum Stream {
     State,
     /// `period_statistics`.
     Statistics,
+    /// `health`.
+    Health,
+    /// `events`.
+    Events,
     /// `external/measured_jp`.
     External,
     /// `servo_jp`.
@@ -37,13 +41,15 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
         Self::Actuators,
         Self::State,
         Self::Statistics,
+        Self::Health,
+        Self::Events,
         Self::External,
         Self::ServoJp,
         Self::ServoActuators,
@@ -59,6 +65,8 @@ impl Stream {
             Self::Actuators => "actuators/measured_js",
             Self::State => "operating_state",
             Self::Statistics => "period_statistics",
+            Self::Health => "health",
+            Self::Events => "events",
             Self::External => "external/measured_jp",
             Self::ServoJp => "servo_jp",
             Self::ServoActuators => "actuators/servo_jp",
@@ -73,6 +81,8 @@ impl Stream {
             Self::Actuators => ActuatorState::LAYOUT,
             Self::State => OperatingStateMsg::LAYOUT,
             Self::Statistics => PeriodStatistics::LAYOUT,
+            Self::Health => Health::LAYOUT,
+            Self::Events => EventMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,
             Self::ServoActuators => ServoActuator::LAYOUT,

@@ -9,6 +9,7 @@ use i2ris::ipc::payload::{
     ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
     PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, padded_text,
 };
+use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{
     Domain, DomainLock, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
     random_id,
@@ -30,6 +31,8 @@ pub struct Robot {
     pub conditions: bool,
     pub lease: u64,
     pub refused: u64,
+    /// The client whose command was refused last.
+    pub refused_client: u64,
     /// Every servo command is refused with this.
     pub refuse: Option<Refusal>,
     /// Every state command, in order.
@@ -60,6 +63,7 @@ impl Robot {
             conditions: true,
             lease: 0,
             refused: 0,
+            refused_client: 0,
             refuse: None,
             asked: Vec::new(),
             models: [1, 0, 0],
@@ -167,6 +171,7 @@ impl Robot {
             self.state == OperatingState::Enabled && (self.lease == 0 || self.lease == client_id);
         if !allowed || self.refuse.is_some() {
             self.refused += 1;
+            self.refused_client = client_id;
             return false;
         }
         assert!(sequence > self.sequence, "numbers rise");
@@ -206,6 +211,9 @@ impl Robot {
             state: self.state.number(),
             fault: self.fault.number(),
             last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
+            refused_client_id: [self.refused_client; 8],
+            refused_commands: [self.refused; 8],
+            refused_reason: [self.refuse.unwrap_or(Refusal::None).number(); 8],
             flags: if self.homed {
                 OperatingStateMsg::HOMED
             } else {
@@ -294,11 +302,10 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         let reply = robot.about_models(&request);
         server.reply_model(token, reply);
     }
-    if let Some(command) = server.poll_servo(robot.lease) {
-        robot.servo(command);
-    }
-    if let Some(command) = server.poll_actuator(robot.lease) {
-        robot.actuator(command);
+    match server.poll_command(robot.lease, |_| true) {
+        Some(ReceivedCommand::Joint(command)) => robot.servo(command),
+        Some(ReceivedCommand::Actuator(command)) => robot.actuator(command),
+        None => {}
     }
     robot.tell(server, now);
     server.maintain(now);

@@ -3,6 +3,7 @@
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Subscription};
 use i2ris::ipc::payload::JointState;
+use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
@@ -60,9 +61,12 @@ pub fn to_controller(turn: Turn) -> Result<Durations, BenchError> {
     let receiver = || {
         let mut served = MaintainedServer::start(&domain)?;
         Ok(move || {
-            let command = served.server.poll_servo(0);
+            let command = served.server.poll_command(0, |_| true);
             served.maintain();
-            Ok(command.map(|command| Nanos(command.stamp_ns)))
+            Ok(command.map(|command| match command {
+                ReceivedCommand::Joint(command) => Nanos(command.stamp_ns),
+                ReceivedCommand::Actuator(command) => Nanos(command.stamp_ns),
+            }))
         })
     };
     measure(turn, sender, receiver)

@@ -85,7 +85,7 @@ impl StreamMonitor {
             had_lease: false,
             accepted: state.accepted,
             accepted_at: now,
-            refused: state.refused,
+            refused: state.refusals_of(client_id).0,
             refused_now: false,
             reported: None,
         }
@@ -126,20 +126,27 @@ impl StreamMonitor {
             self.accepted_at = now;
             self.refused_now = false;
         }
-        if state.refused <= self.refused {
+        // Refusals of other clients' commands are not this client's concern.
+        let (refused, reason) = state.refusals_of(self.client_id);
+        // The count starts again when others needed its entry.
+        if refused == 0 || refused == self.refused {
             return None;
         }
-        self.refused = state.refused;
+        self.refused = refused;
         self.refused_now = true;
-        Refusal::from_number(state.last_refusal)
+        Some(reason)
     }
 
     fn check_progress(&self, state: &OperatingStateMsg, now: Nanos) -> Result<(), StopReason> {
         if now.since(self.accepted_at) <= TIMEOUT {
             return Ok(());
         }
-        let reason = Refusal::from_number(state.last_refusal).filter(|_| self.refused_now);
-        Err(reason.map_or(StopReason::Ignored, StopReason::Refused))
+        let (_, reason) = state.refusals_of(self.client_id);
+        Err(match reason {
+            Refusal::None => StopReason::Ignored,
+            _ if !self.refused_now => StopReason::Ignored,
+            reason => StopReason::Refused(reason),
+        })
     }
 
     fn is_worth_reporting(&mut self, refusal: Refusal, now: Nanos) -> bool {
@@ -208,6 +215,19 @@ mod tests {
         Nanos::from_millis(10_000 + milliseconds)
     }
 
+    /// After this number of refused commands of one client.
+    fn refused_state(now: Nanos, client_id: u64, count: u64, reason: Refusal) -> OperatingStateMsg {
+        let mut state = OperatingStateMsg {
+            refused: count,
+            last_refusal: reason.number(),
+            ..state(now)
+        };
+        state.refused_client_id[3] = client_id;
+        state.refused_commands[3] = count;
+        state.refused_reason[3] = reason.number();
+        state
+    }
+
     fn monitor() -> StreamMonitor {
         StreamMonitor::new(ME, &state(at(0)), at(0))
     }
@@ -232,12 +252,10 @@ mod tests {
         let mut reported = 0;
         for step in 1..=250 {
             let now = at(step * 10);
-            let refusal = Refusal::Step.number();
+            let refusal = Refusal::Step;
             let state = OperatingStateMsg {
                 accepted: step,
-                refused: step,
-                last_refusal: refusal,
-                ..state(now)
+                ..refused_state(now, ME, step, refusal)
             };
             reported += u64::from(monitor.check(&state, now).unwrap() == Some(Refusal::Step));
         }
@@ -247,11 +265,7 @@ mod tests {
     #[test]
     fn after_a_second_without_an_accepted_command_the_reason_is_given() {
         let mut monitor = monitor();
-        let refused = |now, refused| OperatingStateMsg {
-            refused,
-            last_refusal: Refusal::NotHomed.number(),
-            ..state(now)
-        };
+        let refused = |now, count| refused_state(now, ME, count, Refusal::NotHomed);
         assert_eq!(
             monitor.check(&refused(at(900), 5), at(900)),
             Ok(Some(Refusal::NotHomed))
@@ -262,6 +276,23 @@ mod tests {
         );
         assert_eq!(
             self::monitor().check(&state(at(1100)), at(1100)),
+            Err(StopReason::Ignored)
+        );
+    }
+
+    #[test]
+    fn the_refusals_of_another_client_are_not_reported() {
+        let mut monitor = monitor();
+        for step in 1..=100 {
+            let now = at(step * 10);
+            let state = refused_state(now, OTHER, step, Refusal::Stamp);
+            assert_eq!(monitor.check(&state, now), Ok(None));
+        }
+        assert_eq!(
+            monitor.check(
+                &refused_state(at(1100), OTHER, 200, Refusal::Stamp),
+                at(1100)
+            ),
             Err(StopReason::Ignored)
         );
     }

@@ -10,7 +10,7 @@ use ratatui::text::{Line, Span};
 use super::style::{CAMERA, ESTIMATE, GOAL, SETPOINT, alarm, faint, flow, warning};
 use crate::dashboard::Dashboard;
 use crate::latest_messages::{
-    CAMERA_STALE, STALE, STATISTICS_STALE, angles, count, granted, microseconds,
+    CAMERA_STALE, STALE, STATISTICS_STALE, angles, count, granted, health_text, microseconds,
 };
 use crate::model_poller::LoadedModel;
 
@@ -223,6 +223,13 @@ fn statistics(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'stat
             .map(|part| styled(part.to_owned(), old)),
         width,
     ));
+    lines.extend(dashboard.view.health.iter().flat_map(|health| {
+        let text = health_text(health);
+        flow(
+            text.split(", ").map(|part| styled(part.to_owned(), old)),
+            width,
+        )
+    }));
     lines.extend(
         mark("loop", statistics.age(now), STATISTICS_STALE)
             .map(|text| Line::from(Span::styled(text, alarm()))),

@@ -14,7 +14,8 @@ use crate::dashboard::Dashboard;
 use crate::event_log::Severity;
 use crate::history::{CameraFrame, Pair, Sample};
 use crate::latest_messages::{
-    CAMERA_STALE, LatestMessages, STALE, STATISTICS_STALE, angles, count, granted, state_name,
+    CAMERA_STALE, LatestMessages, STALE, STATISTICS_STALE, angles, count, granted, health_text,
+    state_name,
 };
 use crate::model_poller::LoadedModel;
 
@@ -47,6 +48,7 @@ pub fn snapshot(
         "estimate": view.measured.as_ref().map(|joint| joint_state(joint, now)),
         "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
+        "health": view.health.as_ref().map(health_text),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
         "models": models(dashboard),
         "hull": hull,

@@ -1,7 +1,8 @@
 //! The domain on the client's computer.
 
 use i2ris::ipc::client::ExternalPublisher;
-use i2ris::ipc::payload::{ExternalPosition, ServoActuator, ServoJp};
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
@@ -9,6 +10,9 @@ use crate::NetworkError;
 use crate::request::{self, Answer};
 use crate::state::State;
 use zerocopy::IntoBytes;
+
+/// Commands of one pass; one per client.
+const MAX_COMMANDS: usize = 16;
 
 /// The domain, for one start of the controller at the other end.
 #[derive(Debug)]
@@ -88,14 +92,12 @@ impl Service {
         };
     }
 
-    /// The newest command in angles since the last call.
-    pub fn servo_jp(&mut self) -> Option<ServoJp> {
-        self.server.poll_servo(self.lease)
-    }
-
-    /// The newest command in counts since the last call.
-    pub fn servo_actuators(&mut self) -> Option<ServoActuator> {
-        self.server.poll_actuator(self.lease)
+    /// The newest command of every client since the last call, the holder of the lease first. The
+    /// controller checks them.
+    pub fn commands(&mut self) -> Vec<ReceivedCommand> {
+        std::iter::from_fn(|| self.server.poll_command(self.lease, |_| true))
+            .take(MAX_COMMANDS)
+            .collect()
     }
 
     /// Hands every new request over, with the token that its answer wants.

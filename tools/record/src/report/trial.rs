@@ -188,7 +188,11 @@ impl Trial {
                     self.camera.push(seen.stamp_ns, degrees(seen.position));
                 }
             }
-            Stream::Setpoint | Stream::ServoJp | Stream::ServoActuators => {}
+            Stream::Setpoint
+            | Stream::Health
+            | Stream::Events
+            | Stream::ServoJp
+            | Stream::ServoActuators => {}
         }
         Some(())
     }

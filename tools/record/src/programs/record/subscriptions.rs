@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp,
+    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 use i2ris_record::layout::Layout;
@@ -19,6 +19,8 @@ pub struct Subscriptions {
     actuators: Subscription<ActuatorState>,
     state: Subscription<OperatingStateMsg>,
     statistics: Subscription<PeriodStatistics>,
+    health: Subscription<Health>,
+    events: Subscription<EventMsg>,
     external: Subscription<ExternalPosition>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
@@ -36,6 +38,8 @@ impl Subscriptions {
             actuators: watcher.actuators(),
             state: watcher.operating_state(),
             statistics: watcher.period_statistics(),
+            health: watcher.health(),
+            events: watcher.events(),
             external: watcher.external(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
@@ -50,6 +54,8 @@ impl Subscriptions {
         drain(&mut self.actuators, Stream::Actuators, trial, now)?;
         drain(&mut self.state, Stream::State, trial, now)?;
         drain(&mut self.statistics, Stream::Statistics, trial, now)?;
+        drain(&mut self.health, Stream::Health, trial, now)?;
+        drain(&mut self.events, Stream::Events, trial, now)?;
         drain(&mut self.external, Stream::External, trial, now)?;
         drain(&mut self.servo, Stream::ServoJp, trial, now)?;
         drain(
@@ -68,6 +74,8 @@ impl Subscriptions {
             (Stream::Actuators, self.actuators.missed()),
             (Stream::State, self.state.missed()),
             (Stream::Statistics, self.statistics.missed()),
+            (Stream::Health, self.health.missed()),
+            (Stream::Events, self.events.missed()),
         ];
         joints.chain(others).collect()
     }

@@ -1,0 +1,266 @@
+//! The last seconds in shared memory, for the case that the controller is killed.
+//!
+//! The thread of the black box writes every tick into one of two files in the folder of the domain,
+//! which is on a tmpfs: they survive the process, no call waits for a disk, and no disk wears out.
+//! Each file begins with everything that a replay needs and covers the whole span; then the other
+//! one is begun anew. So there is always at least one span. An orderly end removes both with the
+//! domain. After SIGKILL the next start of the controller makes a black box of them.
+//!
+//! A file is the version of the format, then records, each after its length (u32, little-endian).
+//! The end of a file that was being written may be incomplete; it is ignored.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::file::{BlackBox, BlackBoxHeader, OfferRecord, VERSION};
+use super::tick_record::TickRecord;
+use crate::core::CycleSnapshot;
+use crate::units::Nanos;
+
+/// One record of a file.
+#[derive(Debug, Serialize, Deserialize)]
+enum Record {
+    /// The first record: number of the file since the start, and a black box without ticks.
+    Begin(u64, Box<BlackBox>),
+    /// A model that was passed to the cycle, in canonical form.
+    Offer(Box<OfferRecord>, Vec<u8>),
+    Snapshot(Box<CycleSnapshot>),
+    Tick(Box<TickRecord>),
+}
+
+/// The two files.
+#[derive(Debug)]
+pub(super) struct LiveFiles {
+    paths: [PathBuf; 2],
+    span: Nanos,
+    /// Number of the present file.
+    number: u64,
+    /// `None` before the first snapshot, and after an error.
+    file: Option<BufWriter<File>>,
+    /// Time of the first snapshot in the present file.
+    begun: Nanos,
+}
+
+impl LiveFiles {
+    /// In this folder; creates nothing yet.
+    pub fn new(folder: &Path, span: Nanos) -> Self {
+        Self {
+            paths: ["ticks-0", "ticks-1"].map(|name| folder.join(name)),
+            span,
+            number: 0,
+            file: None,
+            begun: Nanos::ZERO,
+        }
+    }
+
+    /// Adds a snapshot; begins the other file if the present one covers the span.
+    pub fn push_snapshot(
+        &mut self,
+        snapshot: &CycleSnapshot,
+        now: Nanos,
+        begin: impl FnOnce() -> BlackBox,
+    ) {
+        if self.file.is_none() || now.since(self.begun) >= self.span {
+            self.begun = now;
+            self.number += 1;
+            let [even, odd] = &self.paths;
+            let path = if self.number.is_multiple_of(2) {
+                even
+            } else {
+                odd
+            };
+            self.file = create(path).ok().map(BufWriter::new);
+            self.write(&Record::Begin(self.number, Box::new(begin())));
+        }
+        self.write(&Record::Snapshot(Box::new(*snapshot)));
+    }
+
+    /// Adds a tick.
+    pub fn push_tick(&mut self, tick: &TickRecord) {
+        self.write(&Record::Tick(Box::new(*tick)));
+    }
+
+    /// Adds a model that was passed to the cycle.
+    pub fn push_offer(&mut self, offer: &OfferRecord, model: Vec<u8>) {
+        self.write(&Record::Offer(Box::new(offer.clone()), model));
+    }
+
+    /// Hands everything to the system, which keeps it when the process is killed.
+    pub fn flush(&mut self) {
+        if self.file.as_mut().is_some_and(|file| file.flush().is_err()) {
+            self.file = None;
+        }
+    }
+
+    /// After an error, for example a full tmpfs, the next snapshot begins a new file.
+    fn write(&mut self, record: &Record) {
+        let Some(file) = &mut self.file else {
+            return;
+        };
+        let written = postcard::to_allocvec(record).is_ok_and(|bytes| {
+            let length = (bytes.len() as u32).to_le_bytes();
+            file.write_all(&length).is_ok() && file.write_all(&bytes).is_ok()
+        });
+        if !written {
+            self.file = None;
+        }
+    }
+
+    /// Takes what a killed controller left, as a black box.
+    pub fn take_leftovers(&self) -> Option<BlackBox> {
+        let mut found: Vec<(u64, BlackBox)> =
+            self.paths.iter().filter_map(|path| read(path)).collect();
+        for path in &self.paths {
+            let _ = fs::remove_file(path);
+        }
+        found.sort_by_key(|(number, _)| *number);
+        let joined = found.into_iter().map(|(_, part)| part).reduce(join)?;
+        (!joined.ticks.is_empty()).then(|| BlackBox {
+            header: BlackBoxHeader {
+                cause: "killed".to_owned(),
+                ..joined.header
+            },
+            ..joined
+        })
+    }
+}
+
+/// The later file begins with the models and offers that are still in use.
+fn join(mut earlier: BlackBox, later: BlackBox) -> BlackBox {
+    earlier.header = later.header;
+    let models = later.models.into_iter();
+    let models: Vec<Vec<u8>> = models
+        .filter(|model| !earlier.models.contains(model))
+        .collect();
+    let offers = later.offers.into_iter();
+    let offers = offers.filter(|offer| !earlier.offers.contains(offer));
+    let offers: Vec<OfferRecord> = offers.collect();
+    earlier.models.extend(models);
+    earlier.offers.extend(offers);
+    earlier.snapshots.extend(later.snapshots);
+    earlier.ticks.extend(later.ticks);
+    earlier
+}
+
+fn create(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    let options = options.write(true).create(true).truncate(true).mode(0o600);
+    let mut file = options.open(path)?;
+    file.write_all(&VERSION.to_le_bytes())?;
+    Ok(file)
+}
+
+/// A file up to its last complete record; `None` if it is absent or of another version.
+fn read(path: &Path) -> Option<(u64, BlackBox)> {
+    let bytes = fs::read(path).ok()?;
+    let (version, mut rest) = bytes.split_first_chunk::<4>()?;
+    if u32::from_le_bytes(*version) != VERSION {
+        return None;
+    }
+    let Some(Record::Begin(number, mut found)) = next(&mut rest) else {
+        return None;
+    };
+    while let Some(record) = next(&mut rest) {
+        match record {
+            Record::Begin(..) => return None,
+            Record::Offer(offer, model) => {
+                found.offers.push(*offer);
+                found.models.push(model);
+            }
+            Record::Snapshot(snapshot) => found.snapshots.push(*snapshot),
+            Record::Tick(tick) => found.ticks.push(*tick),
+        }
+    }
+    Some((number, *found))
+}
+
+fn next(bytes: &mut &[u8]) -> Option<Record> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    let (record, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    *bytes = rest;
+    postcard::from_bytes(record).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::core::CycleInputs;
+    use crate::core::cycle::ControlCycle;
+    use crate::realtime::TickTiming;
+
+    fn begin() -> BlackBox {
+        BlackBox {
+            header: BlackBoxHeader::default(),
+            config: "text".to_owned(),
+            models: vec![vec![1]],
+            offers: vec![],
+            snapshots: vec![],
+            ticks: vec![],
+        }
+    }
+
+    fn cycle() -> ControlCycle {
+        let text = "robot_id = \"r\"\n[[ports]]\ndevice = \"/dev/null\"\n[[ports.axes]]\n\
+                    motor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -9\n\
+                    position_max_counts = 9\n";
+        ControlCycle::new(&Config::parse(text, "r.toml".as_ref()).unwrap(), None)
+    }
+
+    /// Records ticks 1 to `last`, with a snapshot before every tenth, 1 s apart, in a span of 3 s.
+    fn record(folder: &Path, last: u64) -> LiveFiles {
+        let (mut live, mut cycle) = (LiveFiles::new(folder, Nanos::from_millis(3000)), cycle());
+        for number in 1..=last {
+            let now = Nanos::from_millis(1000 + number * 100);
+            if number % 10 == 1 {
+                live.push_snapshot(&cycle.snapshot().unwrap(), now, begin);
+            }
+            let inputs = CycleInputs::default();
+            let outputs = cycle.step(now, &inputs);
+            live.push_tick(&TickRecord {
+                number,
+                offered: None,
+                inputs,
+                outputs,
+                timing: TickTiming::default(),
+            });
+        }
+        live.flush();
+        live
+    }
+
+    #[test]
+    fn the_last_span_is_recovered_once_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        for (last, first) in [(7, 1), (35, 1), (65, 31), (95, 61)] {
+            let live = record(folder.path(), last);
+            let found = live.take_leftovers().unwrap();
+            let numbers: Vec<u64> = found.ticks.iter().map(|tick| tick.number).collect();
+            assert_eq!(numbers, (first..=last).collect::<Vec<_>>(), "{last}");
+            assert_eq!(
+                (found.header.cause.as_str(), found.models.len()),
+                ("killed", 1)
+            );
+            assert!(found.snapshots[0].ticks() < first);
+            assert!(live.take_leftovers().is_none());
+        }
+    }
+
+    #[test]
+    fn an_incomplete_end_and_foreign_files_are_ignored() {
+        let folder = tempfile::tempdir().unwrap();
+        let live = record(folder.path(), 25);
+        let path = folder.path().join("ticks-1");
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() - 5]).unwrap();
+        assert_eq!(live.take_leftovers().unwrap().ticks.len(), 24);
+        for bytes in [&b""[..], b"abc", &[9, 0, 0, 0, 1], &[255; 100]] {
+            fs::write(&path, bytes).unwrap();
+            assert!(live.take_leftovers().is_none());
+        }
+    }
+}
