@@ -149,7 +149,7 @@ fn a_short_run_moves_records_and_lets_go() {
     let more = [
         "--duration-s",
         "3",
-        "--enable",
+        "--home",
         "--json",
         "--speed-counts-s",
         "400",
@@ -160,6 +160,7 @@ fn a_short_run_moves_records_and_lets_go() {
     assert_eq!(
         robot.asked,
         [
+            StateCommand::Enable,
             StateCommand::Home,
             StateCommand::Enable,
             StateCommand::Condition,

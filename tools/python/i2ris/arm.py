@@ -91,6 +91,7 @@ REFUSALS = {
     18: "no model was in use before this one",
     19: "the hysteresis memory is unknown: condition first, or force it",
     20: "the model is refused",
+    21: "busy: the conditioning cycle is running; it ends by itself",
 }
 FAULTS = {
     0: "none",

@@ -14,7 +14,11 @@ pub const HELP: &str = "Exit codes:
   4    the controller refuses: not homed, not enabled, another client commands, a bad model, ...
   5    the robot is in FAULT
   6    a configuration is not valid
+  7    a pose was out of reach: the robot went as near as it may
   130  interrupted twice";
+
+/// Exit code of a run that was asked for a pose out of reach.
+pub const OUT_OF_REACH: u8 = 7;
 
 /// A failure that names its exit code.
 #[derive(Debug)]

@@ -24,10 +24,16 @@ pub struct Robot {
     pub model: bool,
     /// Pitch and yaw, degrees.
     pub pose: [f64; 2],
+    /// The largest angle that the snake can reach, degrees. Poses beyond it are clipped.
+    pub reach: f64,
+    clipped: bool,
     /// Motors, counts.
     pub counts: [i32; 2],
     /// Knows `condition`, which takes no time.
     pub conditions: bool,
+    /// How long a conditioning cycle takes.
+    pub busy_for: Nanos,
+    busy_until: Nanos,
     pub lease: u64,
     pub refused: u64,
     /// Every servo command is refused with this.
@@ -56,8 +62,12 @@ impl Robot {
             homed: false,
             model: true,
             pose: [1.0, -1.0],
+            reach: f64::INFINITY,
+            clipped: false,
             counts: [40, -20],
             conditions: true,
+            busy_for: Nanos::ZERO,
+            busy_until: Nanos::ZERO,
             lease: 0,
             refused: 0,
             refuse: None,
@@ -87,7 +97,11 @@ impl Robot {
                 self.lease = 0;
                 Refusal::None
             }
-            StateCommand::Condition if self.conditions => Refusal::None,
+            StateCommand::Condition if self.is_busy() => Refusal::Conditioning,
+            StateCommand::Condition if self.conditions => {
+                self.busy_until = clock::now() + self.busy_for;
+                Refusal::None
+            }
             StateCommand::Pause if self.state == OperatingState::Enabled => {
                 self.change(OperatingState::Paused)
             }
@@ -98,6 +112,16 @@ impl Robot {
             StateCommand::Pause | StateCommand::Hold | StateCommand::Acknowledge => Refusal::State,
             _ => Refusal::Unsupported,
         }
+    }
+
+    /// Whether a conditioning cycle is in progress.
+    pub fn is_busy(&self) -> bool {
+        clock::now() < self.busy_until
+    }
+
+    /// Ends the conditioning cycle.
+    pub fn end_activity(&mut self) {
+        self.busy_until = Nanos::ZERO;
     }
 
     fn change(&mut self, state: OperatingState) -> Refusal {
@@ -151,6 +175,9 @@ impl Robot {
             command.position[0].to_degrees(),
             command.position[1].to_degrees(),
         ];
+        let asked = self.pose;
+        self.pose = asked.map(|angle| angle.clamp(-self.reach, self.reach));
+        self.clipped = self.pose != asked;
         self.flags = command.flags;
         self.poses.push((Nanos(command.stamp_ns), self.pose));
     }
@@ -179,7 +206,8 @@ impl Robot {
             stamp_ns: now.0,
             position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
             count: 2,
-            flags: if self.model { JointState::VALID } else { 0 },
+            flags: if self.model { JointState::VALID } else { 0 }
+                | if self.clipped { JointState::CLIPPED } else { 0 },
             model_id: [self.models[0]; 32],
             ..JointState::default()
         };
@@ -208,6 +236,10 @@ impl Robot {
             last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
             flags: if self.homed {
                 OperatingStateMsg::HOMED
+            } else {
+                0
+            } | if self.is_busy() {
+                OperatingStateMsg::BUSY
             } else {
                 0
             },

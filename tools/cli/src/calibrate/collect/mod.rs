@@ -39,7 +39,7 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::command::prepare::prepare;
+use crate::command::prepare::{PrepareOptions, prepare};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 use protocol::{MotionRequest, Protocol, Region};
@@ -56,7 +56,7 @@ const USED_PART: f64 = 0.75;
 /// Arguments of `i2ris calibrate collect`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris calibrate collect --config config/emulator.toml --enable --output steel.csv
+  i2ris calibrate collect --config config/emulator.toml --home --output steel.csv
   i2ris calibrate collect --config robot.toml --range-counts 300 --output first.csv
   i2ris calibrate collect --config robot.toml --protocol cycles --json --output cycles.csv
 
@@ -91,9 +91,8 @@ pub struct Arguments {
     /// Seed of what is random: the same seed gives the same motion
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Home and enable the robot first, where necessary
-    #[arg(long)]
-    enable: bool,
+    #[command(flatten)]
+    prepare: PrepareOptions,
     /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
     #[arg(long)]
     no_condition: bool,
@@ -151,7 +150,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_robot(&version, &config, &arguments.config)?;
     let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;
     let outputs = outputs(&version, count);
-    prepare(&mut client, arguments.enable, &interrupt)?;
+    prepare(&mut client, arguments.prepare, &interrupt)?;
 
     let mut sidecar = begin(arguments, &config, &request, &version);
     let file = File::create_new(&arguments.output)
