@@ -9,7 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::core::{ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
-use crate::ipc::payload::{BlackBoxReply, StateCommandReply, StateCommandRequest, padded_text};
+use crate::ipc::payload::{
+    BlackBoxReply, StateCommandReply, StateCommandRequest, Version, padded_text,
+};
 use crate::ipc::server::COMMAND_POLL_LEAD;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
@@ -29,6 +31,8 @@ const MOVE: u64 = 1 << 63;
 /// What the IPC thread needs besides the server.
 pub struct IpcThreadParts {
     pub channels: IpcChannels,
+    /// Robot and limits, for the reply to `version`.
+    pub robot: Version,
     pub motors: u32,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
@@ -61,6 +65,7 @@ impl IpcThread {
             lease_client_id: 0,
             state: OperatingState::Disabled,
         };
+        thread.server.describe_robot(&thread.parts.robot);
         thread.describe(model);
         thread
     }

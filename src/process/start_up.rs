@@ -1,5 +1,7 @@
 //! Model, ports and drives at the start of the controller.
 
+use std::path::PathBuf;
+
 use crate::COMMIT;
 use crate::clock;
 use crate::config::Config;
@@ -21,9 +23,17 @@ pub enum StartModelError {
     /// Every user can write the model file.
     #[error("model file {0}")]
     WritableByAll(#[from] WritableByAll),
-    /// The model is missing, damaged, or of another robot.
+    /// The model is missing or damaged.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The model is of another robot.
+    #[error("model file {path} {source}")]
+    Robot {
+        /// The file.
+        path: PathBuf,
+        /// How it differs.
+        source: ModelError,
+    },
 }
 
 /// Loads the model of the configuration, if it names one.
@@ -33,7 +43,12 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     };
     file_permissions::check(path)?;
     let model = Model::load(path)?;
-    model.check_robot(&config.robot_id, config.motors())?;
+    model
+        .check_robot(&config.robot_id, config.motors())
+        .map_err(|source| StartModelError::Robot {
+            path: path.clone(),
+            source,
+        })?;
     Ok(Some(model))
 }
 

@@ -18,7 +18,7 @@ use i2ris::units::Nanos;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
 use prepare::{PrepareOptions, carry_out};
-use stream::Plan;
+use stream::{OnLate, Plan};
 use stream_monitor::StopReason;
 use teleop::DeviceOption;
 use trajectory::{Angles, Trajectory, Waypoints};
@@ -102,6 +102,9 @@ struct StreamOptions {
         global = true
     )]
     speed_deg_s: f64,
+    /// What to do when the controller has stopped the snake because commands came late
+    #[arg(long, value_enum, default_value_t = OnLate::Continue, global = true)]
+    on_late: OnLate,
     #[command(flatten)]
     prepare: PrepareOptions,
 }
@@ -302,6 +305,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let StreamOptions {
         rate_hz,
         speed_deg_s,
+        on_late,
         prepare,
     } = stream;
     stream::run(
@@ -312,6 +316,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             duration_s,
             rate_hz,
             speed_deg_s,
+            on_late,
             prepare,
         },
         &interrupt,
@@ -339,6 +344,7 @@ fn teleoperate(
             rate_hz,
             speed_deg_s,
             prepare,
+            ..
         },
     ) = (options, stream);
     let plan = teleop::Plan {

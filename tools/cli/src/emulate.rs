@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -16,6 +16,9 @@ use i2ris_emulator::{DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario
 
 use i2ris_terminal::Failure;
 
+/// The snake of who names none.
+const STEEL: &str = include_str!("../../../config/snakes/steel.toml");
+
 /// Time between two status lines.
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
 
@@ -25,14 +28,14 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 /// Arguments of `i2ris emulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris emulate --snake config/snakes/steel.toml --log setpoints.csv
+  i2ris emulate --log setpoints.csv
   i2ris emulate --family epos2
 
 Then, in another terminal: i2ris-control --config config/emulator.toml")]
 pub struct Arguments {
-    /// Parameters of the snake
-    #[arg(long, value_name = "FILE", default_value = "config/snakes/steel.toml")]
-    snake: PathBuf,
+    /// Parameters of the snake [default: those of config/snakes/steel.toml, which are built in]
+    #[arg(long, value_name = "FILE")]
+    snake: Option<PathBuf>,
     /// Folder in which the ports appear as axis0 and axis1
     #[arg(
         long,
@@ -103,7 +106,11 @@ impl Arguments {
         if (self.family, self.framing) == (FamilyName::Epos4, FramingName::V1) {
             return Err("--framing v1 is spoken by --family epos2 only".into());
         }
-        let mut config = EmulatorConfig::new(SnakeConfig::load(&self.snake)?, &self.ports);
+        let snake = match &self.snake {
+            Some(file) => SnakeConfig::load(file)?,
+            None => SnakeConfig::parse(STEEL, Path::new("config/snakes/steel.toml"))?,
+        };
+        let mut config = EmulatorConfig::new(snake, &self.ports);
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);

@@ -24,6 +24,7 @@ pub fn with_code(failure: Failure) -> Failure {
         | StopReason::Restarted
         | StopReason::Unknown(_) => 3,
         StopReason::NotEnabled(_)
+        | StopReason::LeftEnabled(_)
         | StopReason::NotHomed
         | StopReason::Lease(_)
         | StopReason::LostLease(_)

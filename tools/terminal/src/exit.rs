@@ -1,6 +1,7 @@
 //! Exit codes: one number per kind of failure, so that scripts can tell them apart.
 
 use i2ris::config::ConfigError;
+use i2ris::ipc::DomainError;
 use i2ris::ipc::client::ClientError;
 
 use crate::Failure;
@@ -51,8 +52,11 @@ pub fn code(failure: &Failure) -> u8 {
             | ClientError::Timeout { .. },
         ) => 3,
         Some(ClientError::Refused { .. } | ClientError::ModelRefused { .. }) => 4,
+        Some(ClientError::Domain(DomainError::Name { .. })) => 2,
         Some(_) => 1,
         None if failure.is::<ConfigError>() => 6,
+        // Domains come from the command line or from I2RIS_DOMAIN.
+        None if matches!(failure.downcast_ref(), Some(DomainError::Name { .. })) => 2,
         None => 1,
     }
 }
@@ -74,7 +78,9 @@ mod tests {
         };
         let sentence = "the robot is in FAULT".to_owned();
         let no_config = Config::load(std::path::Path::new("/nowhere")).unwrap_err();
-        let cases: [(Failure, u8); 5] = [
+        let no_domain = i2ris::ipc::Domain::new("a/b").unwrap_err();
+        let cases: [(Failure, u8); 6] = [
+            (no_domain.into(), 2),
             ("something".into(), 1),
             (ClientError::NoController { domain }.into(), 3),
             (refused.into(), 4),

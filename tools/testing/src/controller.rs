@@ -1,5 +1,6 @@
 //! A controller without drives: follows at once, and misbehaves on request.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, mpsc};
 use std::thread::{self, JoinHandle};
@@ -7,12 +8,14 @@ use std::thread::{self, JoinHandle};
 use i2ris::clock;
 use i2ris::ipc::payload::{
     ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, padded_text,
+    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    padded_text,
 };
 use i2ris::ipc::{
     Domain, DomainLock, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
     random_id,
 };
+use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
 /// What the robot is and what happened to it.
@@ -38,11 +41,17 @@ pub struct Robot {
     pub refused: u64,
     /// Every servo command is refused with this.
     pub refuse: Option<Refusal>,
+    /// Robot and limits in the reply to `version`.
+    pub description: Version,
+    /// Number of stops by late commands.
+    pub stale_stops: u64,
     /// Every state command, in order.
     pub asked: Vec<StateCommand>,
     /// Models in use, staged and in use before, by the byte that their identity is made of; 0:
     /// none.
     pub models: [u8; 3],
+    /// File and identity of the model in use, in place of a made-up one.
+    pub model_file: Option<(PathBuf, ModelId)>,
     /// Every request about models but `list`, in order.
     pub asked_of_models: Vec<ModelAction>,
     /// Flags of the last accepted pose.
@@ -71,8 +80,11 @@ impl Robot {
             lease: 0,
             refused: 0,
             refuse: None,
+            description: Version::default(),
+            stale_stops: 0,
             asked: Vec::new(),
             models: [1, 0, 0],
+            model_file: None,
             asked_of_models: Vec::new(),
             flags: 0,
             poses: Vec::new(),
@@ -160,9 +172,14 @@ impl Robot {
             },
             ..ModelSlot::default()
         };
+        let mut slots = self.models.map(slot);
+        if let (Some((file, id)), [used, ..]) = (&self.model_file, &mut slots) {
+            used.model_id = id.0;
+            used.file = padded_text(file.to_str().unwrap());
+        }
         ModelReply {
             refusal: refusal.number(),
-            slots: self.models.map(slot),
+            slots,
             ..ModelReply::default()
         }
     }
@@ -231,6 +248,7 @@ impl Robot {
             lease_client_id: self.lease,
             accepted: (self.poses.len() + self.places.len()) as u64,
             refused: self.refused,
+            stale_stops: self.stale_stops,
             state: self.state.number(),
             fault: self.fault.number(),
             last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
@@ -332,6 +350,7 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     if let Some(command) = server.poll_actuator(robot.lease) {
         robot.actuator(command);
     }
+    server.describe_robot(&robot.description);
     robot.tell(server, now);
     server.maintain(now);
 }

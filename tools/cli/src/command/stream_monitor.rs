@@ -5,6 +5,7 @@ use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::units::Nanos;
 
 use super::trajectory::Angles;
+use crate::trajectory_time::LONGEST_STEP_S;
 
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
@@ -25,6 +26,12 @@ pub enum StopReason {
         "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
     )]
     NotEnabled(OperatingState),
+    /// The controller left ENABLED during the stream.
+    #[error(
+        "the controller has become {0} meanwhile: somebody has paused, disabled or ended it; the \
+         snake holds"
+    )]
+    LeftEnabled(OperatingState),
     /// An axis does not know its zero, and homing was not asked for.
     #[error(
         "the robot is not homed: its zero is not known. Homing makes the present pose the zero: \
@@ -111,7 +118,10 @@ impl StreamMonitor {
         if state.age(now) > TIMEOUT {
             return Err(StopReason::Silent);
         }
-        enabled(state)?;
+        enabled(state).map_err(|stop| match stop {
+            StopReason::NotEnabled(state) => StopReason::LeftEnabled(state),
+            other => other,
+        })?;
         self.check_lease(state.lease_client_id)?;
         let refusal = self.update_counters(state, now);
         self.check_progress(state, now)?;
@@ -193,6 +203,41 @@ impl TrackingSummary {
             "followed within {rms:.2} deg RMS, {largest:.2} deg at most, of what was asked, by the \
              model's own estimate"
         ))
+    }
+}
+
+/// Notices stops by late commands, which shift a trajectory in time.
+#[derive(Debug)]
+pub struct LateMonitor {
+    stale_stops: u64,
+    shift_s: f64,
+}
+
+impl LateMonitor {
+    /// Starts with `state`.
+    pub fn new(state: &OperatingStateMsg) -> Self {
+        Self {
+            stale_stops: state.stale_stops,
+            shift_s: 0.0,
+        }
+    }
+
+    /// Adds a step of time, s. What is longer than a step of the trajectory shifts it.
+    pub fn record_step(&mut self, step_s: f64) {
+        self.shift_s += (step_s - LONGEST_STEP_S).max(0.0);
+    }
+
+    /// Checks the newest state while this client commands. Returns a sentence after a stop.
+    pub fn check(&mut self, state: &OperatingStateMsg) -> Option<String> {
+        let stops = state.stale_stops.saturating_sub(self.stale_stops);
+        self.stale_stops = state.stale_stops;
+        (stops > 0).then(|| {
+            format!(
+                "the controller has stopped the snake in between: commands came late; the \
+                 trajectory is {:.2} s behind its times",
+                self.shift_s
+            )
+        })
     }
 }
 
@@ -362,7 +407,7 @@ mod tests {
         };
         assert_eq!(
             monitor().check(&paused, at(1)),
-            Err(StopReason::NotEnabled(OperatingState::Paused))
+            Err(StopReason::LeftEnabled(OperatingState::Paused))
         );
         let newer = OperatingStateMsg {
             state: 77,

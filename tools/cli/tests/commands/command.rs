@@ -365,3 +365,57 @@ fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
     assert_eq!(code, Some(0), "{error}");
     assert!(!controller.robot().poses.is_empty());
 }
+
+#[test]
+fn a_stop_by_late_commands_is_told_and_can_end_the_path() {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    write!(file, "t_s,pitch_deg,yaw_deg\n0,1,-1\n1.5,2,1\n").unwrap();
+    let path = ["command", "file", file.path().to_str().unwrap()];
+    for (more, expected) in [(&[][..], 0), (&["--on-late", "end"][..], 1)] {
+        let controller = Controller::enabled();
+        let program = Program::start(&controller.domain, &[&path[..], more].concat());
+        controller.wait("commands", |robot| robot.poses.len() > 5);
+        controller.robot().stale_stops += 1;
+        let (code, output, error) = program.code();
+        assert_eq!(code, Some(expected), "{output}{error}");
+        let told = "commands came late; the trajectory is";
+        assert!(format!("{output}{error}").contains(told), "{output}{error}");
+        assert_eq!(controller.robot().lease, 0);
+    }
+}
+
+#[test]
+fn a_controller_that_is_ended_or_disabled_meanwhile_is_named_as_such() {
+    let controller = Controller::enabled();
+    let program = Program::start(&controller.domain, &["command", "hold"]);
+    controller.wait("commands", |robot| robot.poses.len() > 5);
+    controller.robot().state = OperatingState::Disabled;
+    let (code, _, error) = program.code();
+    assert_eq!(code, Some(4), "{error}");
+    assert!(
+        error.contains("disabled or ended") && !error.contains("--enable"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_wrong_domain_is_a_wrong_command_line() {
+    let output = i2ris_testing::program::output(&["command", "--domain", "a/b", "hold"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn why_names_state_and_last_refusal_with_what_to_do() {
+    let controller = Controller::start();
+    controller.robot().refuse = Some(Refusal::Range);
+    let (success, output, error) = Program::run(&controller.domain, &["why"]);
+    assert!(success, "{error}");
+    for part in [
+        "state DISABLED",
+        "refusal 6: not homed",
+        "straighten the snake",
+        "refusal 9: the last refused command: outside the position limits",
+    ] {
+        assert!(output.contains(part), "{part}: {output}");
+    }
+}

@@ -36,6 +36,7 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::Version;
 use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::process::robot_description;
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -144,6 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
     }
     let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
+    tell_of_environment(domain.name(), &config, &arguments.config);
     let interrupt = Interrupt::catch()?;
     let mut client = Client::connect(&domain, CONNECT)?;
     let version = client.version()?;
@@ -299,15 +301,35 @@ fn check_output(output: &Path) -> Result<(), Failure> {
 
 fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Failure> {
     let (running, named) = (usize::from(version.shape[0]), config.motors());
-    if running == named {
-        return Ok(());
-    }
     let file = file.display();
-    Err(format!(
-        "the controller turns {running} motor(s), but {file} names {named}: it runs with \
-     another file"
-    )
-    .into())
+    if running != named {
+        return Err(format!(
+            "the controller turns {running} motor(s), but {file} names {named}: it runs with \
+             another file"
+        )
+        .into());
+    }
+    version
+        .robot_difference(&robot_description(config))
+        .map_or(Ok(()), |difference| {
+            Err(format!(
+                "{difference} as {file} says: it runs with another file, or was not restarted \
+                 since; name its file, or its domain with --domain"
+            )
+            .into())
+        })
+}
+
+/// A domain of the environment that beats that of the file is easily forgotten.
+fn tell_of_environment(domain: &str, config: &Config, file: &Path) {
+    let from_environment = std::env::var("I2RIS_DOMAIN").is_ok_and(|name| name == domain);
+    if from_environment && domain != config.ipc.domain {
+        eprintln!(
+            "note: I2RIS_DOMAIN={domain} is used, and not the domain `{}` of {}",
+            config.ipc.domain,
+            file.display()
+        );
+    }
 }
 
 /// Outputs of the camera: as the controller's model names it, if there is one that fits.
