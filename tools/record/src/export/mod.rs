@@ -119,29 +119,31 @@ pub fn export(
             }
         }
     }
-    write_units(folder, &tables)?;
+    let units = units(&tables);
     for OpenTable { path, writer, .. } in tables.into_values() {
         writer
             .finish()
             .map_err(|reason| ExportError::Write { path, reason })?;
     }
+    let path = folder.join("units.csv");
+    fs::write(&path, units).map_err(|error| ExportError::Write {
+        path,
+        reason: error.to_string(),
+    })?;
     Ok(exported)
 }
 
-/// Writes the unit of every column of every table.
-fn write_units(folder: &Path, tables: &BTreeMap<u16, OpenTable>) -> Result<(), ExportError> {
-    let path = folder.join("units.csv");
+/// The unit of every column of every table, as CSV.
+fn units(tables: &BTreeMap<u16, OpenTable>) -> String {
     let mut text = "table,column,unit\n".to_owned();
     for table in tables.values() {
+        let name = table.path.file_stem().unwrap_or_default().to_string_lossy();
         for column in columns::columns(&table.layout) {
             let unit = columns::unit(&column.name);
-            text.push_str(&format!("{},{},{unit}\n", table.name, column.name));
+            text.push_str(&format!("{name},{},{unit}\n", column.name));
         }
     }
-    fs::write(&path, text).map_err(|error| ExportError::Write {
-        path,
-        reason: error.to_string(),
-    })
+    text
 }
 
 impl OpenTable {
