@@ -1,8 +1,10 @@
-//! The wall clock, for file names and log headers only. It can jump, so nothing that moves the
+//! The wall clock, for file names and log lines only. It can jump, so nothing that moves the
 //! robot reads it.
 
 use std::fmt;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use crate::units::Nanos;
 
 /// A date and time, UTC, in whole seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +23,16 @@ pub fn now() -> WallTime {
         .duration_since(UNIX_EPOCH)
         .unwrap_or_default();
     WallTime::from_unix_seconds(since.as_secs())
+}
+
+/// Date and time so long ago.
+#[must_use]
+pub fn ago(span: Nanos) -> WallTime {
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    let then = since.saturating_sub(Duration::from_nanos(span.0));
+    WallTime::from_unix_seconds(then.as_secs())
 }
 
 impl WallTime {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::COMMIT;
-use i2ris::config::Config;
+use i2ris::config::{Config, ConfigError};
 use i2ris::process::console_log::ConsoleLog;
 use i2ris::process::controller;
 use lexopt::Arg::{Long, Short};
@@ -25,6 +25,12 @@ Options:
   --help         Print this
 
 SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exit code is then 0.
+
+Exit codes:
+  0  ended in order
+  1  failed; the last line on standard error says why
+  2  the command line is wrong
+  6  the configuration is not valid
 ";
 
 /// What the command line asks for.
@@ -49,14 +55,29 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let _ = writeln!(log, "error: {failure}");
-            ExitCode::FAILURE
+            ExitCode::from(code(&failure))
         }
     }
 }
 
+/// The same codes as those of `i2ris`.
+fn code(failure: &Failure) -> u8 {
+    if failure.is::<UsageError>() {
+        2
+    } else if failure.is::<ConfigError>() {
+        6
+    } else {
+        1
+    }
+}
+
+/// A wrong command line.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}; see i2ris-control --help")]
+struct UsageError(lexopt::Error);
+
 fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
-    let request = parse(std::env::args_os().skip(1))
-        .map_err(|error| format!("{error}; see i2ris-control --help"))?;
+    let request = parse(std::env::args_os().skip(1)).map_err(UsageError)?;
     match request {
         Request::Help => print(HELP),
         Request::Version => print(&format!(

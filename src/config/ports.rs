@@ -162,7 +162,10 @@ pub struct AxisConfig {
     pub streaming: Streaming,
     /// CAN node id of the drive, 0 to 127; 0 is the drive that the port belongs to.
     pub node_id: u8,
-    /// Serial number of the drive (object 0x1018:04), so that swapped cables are refused.
+    /// Serial number of the drive (object 0x1018:04), so that swapped cables are refused: decimal,
+    /// hexadecimal (0x...), or the number of 64 bits on the label, of which the lower half counts.
+    #[serde(deserialize_with = "serial_number")]
+    #[cfg_attr(test, schemars(with = "SerialNumber"))]
     pub serial_number: u32,
     /// Lowest position that the drive and the loop may be asked for, counts.
     pub position_min_counts: Counts,
@@ -193,6 +196,39 @@ pub struct AxisConfig {
     /// Position of the hard stop, counts. Only for homing against a stop.
     #[serde(default)]
     pub homing_stop_counts: Counts,
+}
+
+/// A serial number as people copy it.
+#[derive(Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(untagged)]
+enum SerialNumber {
+    Number(u64),
+    /// Decimal digits, or hexadecimal ones after `0x`. Numbers above 2^63 need quotes in TOML.
+    Text(String),
+}
+
+/// The lower 32 bits, which are those of object 0x1018:04.
+fn serial_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+    let number = match SerialNumber::deserialize(deserializer) {
+        Ok(SerialNumber::Number(number)) => Some(number),
+        Ok(SerialNumber::Text(text)) => {
+            let text = text.trim();
+            match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
+                Some(digits) => u64::from_str_radix(digits, 16).ok(),
+                None => text.parse().ok(),
+            }
+        }
+        Err(_) => None,
+    };
+    number
+        .map(|number| (number & u64::from(u32::MAX)) as u32)
+        .ok_or_else(|| {
+            serde::de::Error::custom(
+                "must be a serial number: decimal, hexadecimal (0x...), or that of 64 bits on the \
+                 label of the drive",
+            )
+        })
 }
 
 impl AxisConfig {
@@ -351,5 +387,29 @@ mod tests {
                 .unwrap_err()
                 .contains("within the pos")
         );
+    }
+
+    #[test]
+    fn serial_numbers_are_read_as_people_copy_them() {
+        let read = |number: &str| {
+            toml::from_str::<AxisConfig>(&format!(
+                "motor = 0\nnode_id = 0\nposition_min_counts = -1\nposition_max_counts = 1\n\
+                 serial_number = {number}"
+            ))
+        };
+        for number in [
+            "70124480",
+            "0x42E_03C0",
+            "\"70124480\"",
+            "\"0x042E03C0\"",
+            "0x1_042E_03C0",
+        ] {
+            let serial_number = read(number).unwrap().serial_number;
+            assert_eq!(serial_number, 0x042E_03C0, "{number}");
+        }
+        for wrong in ["-1", "\"SN 12\"", "1.5"] {
+            let error = read(wrong).unwrap_err().to_string();
+            assert!(error.contains("must be a serial number"), "{error}");
+        }
     }
 }

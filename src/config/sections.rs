@@ -300,8 +300,9 @@ impl Default for MoveConfig {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlausibilityConfig {
-    /// Distance between the two that leads to FAULT after `debounce_ms`, in degrees. 0: off, for
-    /// robots without a camera.
+    /// Distance between the two that leads to FAULT after `debounce_ms`, in degrees. Without a
+    /// camera nothing is compared. 0: off, for models that are known to be wrong by more, and while
+    /// the snake is calibrated anew with an old model.
     pub distance_deg: f64,
     /// Duration of the distance that leads to FAULT, in milliseconds: several frames of the camera.
     pub debounce_ms: u64,
@@ -310,7 +311,9 @@ pub struct PlausibilityConfig {
 impl Default for PlausibilityConfig {
     fn default() -> Self {
         Self {
-            distance_deg: 0.0,
+            // More than the width of a usual hysteresis loop, which a model without memory does not
+            // know.
+            distance_deg: 5.0,
             debounce_ms: 300,
         }
     }

@@ -420,7 +420,7 @@ impl ControlCycle {
         let context = AdmissionContext {
             now: summary.now,
             state: state.operating_state(),
-            is_occupied: state.is_occupied(),
+            unoccupied: state.require_unoccupied(),
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };

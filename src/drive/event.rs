@@ -206,7 +206,7 @@ impl fmt::Display for PortEventKind {
             } => write!(
                 f,
                 "drive ready, node {node_id}, product 0x{product_code:08X}, firmware \
-                 0x{firmware:04X}, serial number 0x{serial_number:08X}"
+                 0x{firmware:04X}, serial number {serial_number}"
             ),
             Self::Phase {
                 from,

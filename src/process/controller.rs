@@ -32,6 +32,7 @@ use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::main_thread::{MainThread, write_line};
 use crate::process::model_manager::ModelManager;
+use crate::process::payload_conversion::robot_description;
 use crate::process::run_log::{RunHeader, RunLog};
 use crate::process::start_up::{
     Drives, StartModelError, bring_up_ports, load_model, software, wait_for_positions,
@@ -93,6 +94,11 @@ pub fn run(
     let identities = drives.identities.clone();
     let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     service_manager::notify(service_manager::READY);
+    let (name, process) = (domain.name(), std::process::id());
+    write_line(
+        log,
+        format_args!("serves domain `{name}`, process {process}"),
+    );
     write_granted(log, &threads.granted);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     let (run_log, begun) = RunLog::begin(&RunHeader {
@@ -146,7 +152,7 @@ struct Threads {
     granted: Granted,
     ipc_granted: Granted,
     events: Consumer<CycleEvent>,
-    port_events: mpsc::Receiver<PortEvent>,
+    port_events: mpsc::Receiver<(Nanos, PortEvent)>,
     recorder_lines: mpsc::Receiver<String>,
     published: mpsc::Sender<LogLine>,
 }
@@ -175,6 +181,7 @@ fn start_threads(
     let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
     let parts = IpcThreadParts {
         channels: ipc_channels,
+        robot: robot_description(config),
         motors: config.motors() as u32,
         command_check: CommandCheck::new(&config.command),
         history,
@@ -289,7 +296,7 @@ fn start_ipc(
 fn start_port(
     config: &ControlConfig,
     runner: PortRunner,
-    events: mpsc::Sender<PortEvent>,
+    events: mpsc::Sender<(Nanos, PortEvent)>,
     quit: &Arc<AtomicBool>,
 ) -> Result<NamedThread, ThreadError> {
     let quit = Arc::clone(quit);
@@ -303,7 +310,7 @@ fn start_port(
         let _ = realtime::request(wanted);
         runner.run(&quit, |event| {
             // The log may have ended when the last events arrive.
-            let _ = events.send(event);
+            let _ = events.send((clock::now(), event));
         });
     })
 }
@@ -342,10 +349,13 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     } else {
         "not locked"
     };
-    let (priority, cpu) = (granted.priority, granted.cpu);
+    let priority = granted.priority;
+    let cpu = granted
+        .cpu
+        .map_or_else(|| "any CPU".to_owned(), |cpu| format!("CPU {cpu}"));
     write_line(
         log,
-        format_args!("loop: {scheduling} {priority}, memory {memory}, CPU {cpu:?}"),
+        format_args!("loop: {scheduling} {priority}, memory {memory}, {cpu}"),
     );
     for warning in &granted.warnings {
         write_line(log, format_args!("warning: {warning}"));

@@ -7,7 +7,7 @@ use crate::robot::Fault;
 
 impl fmt::Display for CycleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "[{:12.6}] {}", self.stamp.as_seconds(), self.kind)
+        self.kind.fmt(f)
     }
 }
 

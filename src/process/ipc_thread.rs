@@ -12,7 +12,7 @@ use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequ
 use crate::ipc::Server;
 use crate::ipc::payload::{
     BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply, StateCommandRequest,
-    padded_text,
+    Version, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
@@ -42,6 +42,8 @@ const MOVE: u64 = 1 << 63;
 /// What the IPC thread needs besides the server.
 pub struct IpcThreadParts {
     pub channels: IpcChannels,
+    /// Robot and limits, for the reply to `version`.
+    pub robot: Version,
     pub motors: u32,
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
@@ -86,6 +88,7 @@ impl IpcThread {
             lease_client_id: 0,
             state: OperatingState::Disabled,
         };
+        thread.server.describe_robot(&thread.parts.robot);
         thread.describe(model);
         thread
     }

@@ -15,6 +15,7 @@ use crate::process::channels::LogLine;
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
 use crate::units::Nanos;
+use crate::wall_clock;
 
 /// Period of writing the log.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
@@ -22,7 +23,8 @@ const LOG_PERIOD: Nanos = Nanos::from_millis(20);
 /// Sources and destinations of log lines.
 pub struct MainThread<'a> {
     pub events: Consumer<CycleEvent>,
-    pub port_events: Receiver<PortEvent>,
+    /// With the times at which they happened.
+    pub port_events: Receiver<(Nanos, PortEvent)>,
     pub recorder_lines: Receiver<String>,
     pub run_log: RunLog,
     pub domain: Domain,
@@ -46,23 +48,29 @@ impl MainThread<'_> {
 
     /// Writes everything that has arrived.
     pub fn write_events(&mut self) {
-        while let Ok(event) = self.port_events.try_recv() {
+        let mut lines: Vec<(Nanos, String)> = Vec::new();
+        while let Ok((stamp, event)) = self.port_events.try_recv() {
             // The loop reports phases, too, at the tick that acts on them.
             if !matches!(event.kind, PortEventKind::Phase { .. }) {
-                let line = timed_line(format_args!("{event}"));
-                self.write_text(line);
+                lines.push((stamp, event.to_string()));
             }
         }
         while let Ok(event) = self.events.pop() {
             let client = self.lease_holder(&event);
-            let caller = client.as_ref().map(|client| format!(": {client}"));
-            self.write_text(format!("{event}{}", caller.unwrap_or_default()));
+            lines.push(match &client {
+                Some(client) => (event.stamp, format!("{event}: {client}")),
+                None => (event.stamp, event.to_string()),
+            });
             // A full disk does not stop the robot.
             let _ = self.run_log.write_event(&event, client.as_deref());
         }
         while let Ok(line) = self.recorder_lines.try_recv() {
-            let line = timed_line(format_args!("{line}"));
-            self.write_text(line);
+            lines.push((clock::now(), line));
+        }
+        // Lines of several threads, in the order of their times.
+        lines.sort_by_key(|(stamp, _)| *stamp);
+        for (stamp, line) in lines {
+            self.write_text(stamped_line(stamp, format_args!("{line}")));
         }
         let _ = self.log.flush();
     }
@@ -86,9 +94,11 @@ impl MainThread<'_> {
 
 /// Writes one line with the time. A closed or full log does not stop the robot.
 pub fn write_line(log: &mut dyn Write, line: fmt::Arguments<'_>) {
-    let _ = writeln!(log, "{}", timed_line(line));
+    let _ = writeln!(log, "{}", stamped_line(clock::now(), line));
 }
 
-fn timed_line(line: fmt::Arguments<'_>) -> String {
-    format!("[{:12.6}] {line}", clock::now().as_seconds())
+/// A line with the wall clock and the monotonic clock of `stamp`.
+fn stamped_line(stamp: Nanos, line: fmt::Arguments<'_>) -> String {
+    let wall = wall_clock::ago(clock::now().since(stamp));
+    format!("{wall} [{:12.6}] {line}", stamp.as_seconds())
 }

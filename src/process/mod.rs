@@ -32,3 +32,5 @@ mod payload_conversion;
 pub mod run_log;
 mod start_up;
 mod threads;
+
+pub use payload_conversion::robot_description;

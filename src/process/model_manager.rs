@@ -15,7 +15,7 @@ use crate::clock;
 use crate::config::Config;
 use crate::core::{ModelCandidate, ModelChange, ModelSwapRequest};
 use crate::ipc::payload::{self, ModelDifference, ModelSlot, padded_text};
-use crate::model::{Model, ModelError, ModelId};
+use crate::model::{Model, ModelId};
 use crate::process::black_box::{OfferRecord, RecorderRequest};
 use crate::process::channels::{ModelChannels, ModelOffer, Tokened};
 use crate::process::loop_history::{LoadedModel, LoopHistory, SharedLoopHistory};
@@ -133,7 +133,11 @@ impl ModelManager {
             refusal: Refusal::BadModel,
             message,
         };
-        let model = self.load(file).map_err(|error| bad(error.to_string()))?;
+        let model = Model::load_trusted(file).map_err(|error| bad(error.to_string()))?;
+        model
+            .check_robot(&self.config.robot_id, self.config.motors())
+            .map_err(|error| bad(format!("model file {} {error}", file.display())))?;
+        let model = Arc::new(model);
         let (history, active, position) = {
             let shared = self.history.lock();
             let active = shared
@@ -149,12 +153,6 @@ impl ModelManager {
         });
         self.offer(model, file.to_owned())?;
         Ok(difference)
-    }
-
-    fn load(&self, file: &Path) -> Result<Arc<Model>, ModelError> {
-        let model = Model::load_trusted(file)?;
-        model.check_robot(&self.config.robot_id, self.config.motors())?;
-        Ok(Arc::new(model))
     }
 
     /// Passes a model to the loop and waits until the loop has staged it.

@@ -1,10 +1,12 @@
 //! Conversion between payloads and values of the core. Nothing is checked here: the core does that,
 //! and the server sets sequence and boot id.
 
+use crate::config::Config;
 use crate::core::{CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal};
 use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
     ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, ServoActuator, ServoJp,
+    Version, padded_text,
 };
 use crate::ipc::server::ReceivedCommand;
 use crate::process::channels::LostCounters;
@@ -133,6 +135,28 @@ pub fn health(report: &CycleReport, lost: &LostCounters) -> Health {
         retries: counters.map(|line| line.retries),
         ..Health::default()
     }
+}
+
+/// Robot and limits of a configuration, as the reply to `version` tells them.
+#[must_use]
+pub fn robot_description(config: &Config) -> Version {
+    let mut described = Version {
+        robot_id: padded_text(&config.robot_id),
+        velocity_counts_s: config.limits.velocity_counts_s,
+        acceleration_counts_s2: config.limits.acceleration_counts_s2,
+        ..Version::default()
+    };
+    let limits = described
+        .position_min_counts
+        .iter_mut()
+        .zip(&mut described.position_max_counts);
+    for (motor, (lowest, highest)) in limits.enumerate() {
+        if let Some(axis) = config.axis(motor) {
+            *lowest = axis.position_min_counts.0;
+            *highest = axis.position_max_counts.0;
+        }
+    }
+    described
 }
 
 /// `operating_state` of one tick.

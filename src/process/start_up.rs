@@ -1,5 +1,7 @@
 //! Model, ports and drives at the start of the controller.
 
+use std::path::PathBuf;
+
 use crate::COMMIT;
 use crate::clock;
 use crate::config::Config;
@@ -17,9 +19,17 @@ const FIRST_POSITIONS: Nanos = Nanos::from_millis(2000);
 /// Why the model of the configuration cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum StartModelError {
-    /// The model is missing, damaged, writable by others, or of another robot.
+    /// The model is missing, damaged or writable by others.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// The model is of another robot.
+    #[error("model file {path} {source}")]
+    Robot {
+        /// The file.
+        path: PathBuf,
+        /// How it differs.
+        source: ModelError,
+    },
 }
 
 /// Loads the model of the configuration, if it names one.
@@ -28,7 +38,12 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
         return Ok(None);
     };
     let model = Model::load_trusted(path)?;
-    model.check_robot(&config.robot_id, config.motors())?;
+    model
+        .check_robot(&config.robot_id, config.motors())
+        .map_err(|source| StartModelError::Robot {
+            path: path.clone(),
+            source,
+        })?;
     Ok(Some(model))
 }
 

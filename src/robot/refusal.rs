@@ -48,5 +48,7 @@ numbered_enum! {
         MemoryUnknown = 19, "the hysteresis memory is unknown: condition first, or force it";
         /// The model is invalid. The message gives the reason.
         BadModel = 20, "the model is refused";
+        /// The conditioning cycle is in progress.
+        Conditioning = 21, "busy: the conditioning cycle is running; it ends by itself";
     }
 }

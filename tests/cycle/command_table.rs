@@ -24,6 +24,7 @@ const P: Answer = Answer::To(OperatingState::Paused);
 const F: Answer = Answer::To(OperatingState::Fault);
 const NO: Answer = Answer::No(Refusal::State);
 const BUSY: Answer = Answer::No(Refusal::Busy);
+const CONDITIONING: Answer = Answer::No(Refusal::Conditioning);
 const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 
 const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
@@ -52,7 +53,11 @@ const TABLE: &[Row] = &[
         [NO, D, P, NO, NO, NO, E, NO, E, E, BUSY],
     ),
     ("moving", moving_to_pose, OCCUPIED),
-    ("conditioning", conditioning, OCCUPIED),
+    (
+        "conditioning",
+        conditioning,
+        [NO, D, P, NO, NO, NO, CONDITIONING, NO, E, E, CONDITIONING],
+    ),
     (
         "paused",
         Bench::paused,

@@ -144,7 +144,7 @@ fn servo_commands_meanwhile_are_refused_and_change_nothing() {
     let alone = run_conditioning(&mut ready(config(""), Some(play_model())));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     for place in &alone[1..500] {
-        assert_eq!(bench.actuator([0, 0]), Refusal::Busy);
+        assert_eq!(bench.actuator([0, 0]), Refusal::Conditioning);
         assert_eq!(bench.targets(), *place);
     }
     assert_eq!(bench.report().lease_client_id, 0);

@@ -212,7 +212,10 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
         Refusal::MemoryUnknown
     );
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    assert_eq!(bench.change_model(activate(&second), true), Refusal::Busy);
+    assert_eq!(
+        bench.change_model(activate(&second), true),
+        Refusal::Conditioning
+    );
     bench.idle();
     bench.offer(bench.candidate(&tip));
     bench.tick();

@@ -22,7 +22,7 @@ fn the_motors_make_a_decaying_conditioning_cycle_and_end_where_they_began() {
     client.state_command(StateCommand::Condition).unwrap();
     wait_for(&mut client, is_busy);
     let refusal = client.state_command(StateCommand::Condition).unwrap_err();
-    let busy = Refusal::Busy;
+    let busy = Refusal::Conditioning;
     assert!(matches!(refusal, ClientError::Refused { refusal, .. } if refusal == busy));
     let mut commander = client.commander();
     let mut state = begin;

@@ -1,4 +1,4 @@
-//! Refusals of `i2ris-control` at its start: a sentence with the reason, exit code 1.
+//! Refusals of `i2ris-control` at its start: a sentence with the reason, and the exit code of its kind.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -9,17 +9,17 @@ use i2ris::ipc::random_id;
 use tempfile::TempDir;
 
 /// Runs the controller and returns its one line of standard error.
-fn refusal(arguments: &[&str]) -> String {
+fn refusal(code: i32, arguments: &[&str]) -> String {
     let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
     let output = command.args(arguments).output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    assert_eq!(output.status.code(), Some(code), "{output:?}");
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(text.starts_with("error: "), "{text}");
     text
 }
 
 /// Writes `robot.toml` and a model file, and returns the refusal of the controller.
-fn refusal_of(folder: &Path, table: &str, model: &str) -> String {
+fn refusal_of(code: i32, folder: &Path, table: &str, model: &str) -> String {
     let (file, device) = (folder.join("robot.toml"), folder.join("no-such-port"));
     let config = format!(
         "robot_id = \"here\"\n{table}\n[ipc]\ndomain = \"r{:016x}\"\n[[ports]]\ndevice = \"{}\"\n\
@@ -30,7 +30,7 @@ fn refusal_of(folder: &Path, table: &str, model: &str) -> String {
     );
     fs::write(&file, config).unwrap();
     fs::write(folder.join("model.json"), model).unwrap();
-    refusal(&["--config", file.to_str().unwrap()])
+    refusal(code, &["--config", file.to_str().unwrap()])
 }
 
 /// A one-motor model file of a given robot and schema.
@@ -53,9 +53,9 @@ const WITH_MODEL: &str = "[control]\nmodel = \"model.json\"";
 
 #[test]
 fn a_missing_configuration_is_refused() {
-    assert!(refusal(&[]).contains("--help"));
+    assert!(refusal(2, &[]).contains("--help"));
     let file = "no/such/file.toml";
-    let text = refusal(&["--config", file]);
+    let text = refusal(6, &["--config", file]);
     assert!(text.contains(file) && text.lines().count() == 1, "{text}");
 }
 
@@ -76,11 +76,13 @@ fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
         ("", "", &["no-such-port"]),
         (WITH_MODEL, &here, &["no-such-port"]),
         ("[control]\nmodel = \"gone.json\"", "", &["gone.json"]),
-        (WITH_MODEL, &elsewhere, &["elsewhere", "here"]),
+        (WITH_MODEL, &elsewhere, &["model.json", "elsewhere", "here"]),
         (WITH_MODEL, &newer, &["99"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
-        let text = refusal_of(folder.path(), table, model);
+        let is_config = reasons.iter().any(|reason| reason.contains("rate"));
+        let code = if is_config { 6 } else { 1 };
+        let text = refusal_of(code, folder.path(), table, model);
         for reason in reasons {
             assert!(text.contains(reason), "{reason}: {text}");
         }
@@ -91,11 +93,11 @@ fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
 fn files_that_everyone_may_write_are_refused() {
     let folder: TempDir = tempfile::tempdir().unwrap();
     let path = |name| folder.path().join(name);
-    for (name, table) in [("model.json", WITH_MODEL), ("robot.toml", "")] {
+    for (name, table, code) in [("model.json", WITH_MODEL, 1), ("robot.toml", "", 6)] {
         // The files exist, so writing them below keeps their permissions.
         fs::write(path(name), "").unwrap();
         fs::set_permissions(path(name), fs::Permissions::from_mode(0o666)).unwrap();
-        let text = refusal_of(folder.path(), table, &model("here", 1));
+        let text = refusal_of(code, folder.path(), table, &model("here", 1));
         assert!(text.contains(name) && text.contains("chmod o-w"), "{text}");
     }
 }

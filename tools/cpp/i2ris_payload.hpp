@@ -335,6 +335,19 @@ static_assert(sizeof(StateCommandReply) == 8);
 static_assert(offsetof(StateCommandReply, refusal) == 0);
 static_assert(offsetof(StateCommandReply, state) == 4);
 
+struct MoveRequest {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risMoveRequestV1";
+    std::uint64_t client_id;
+    double position[3];
+    std::uint32_t count;
+    std::uint32_t reserved;
+};
+static_assert(sizeof(MoveRequest) == 40);
+static_assert(offsetof(MoveRequest, client_id) == 0);
+static_assert(offsetof(MoveRequest, position) == 8);
+static_assert(offsetof(MoveRequest, count) == 32);
+static_assert(offsetof(MoveRequest, reserved) == 36);
+
 struct VersionRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risVersionRequestV1";
     std::uint64_t reserved;
@@ -343,7 +356,7 @@ static_assert(sizeof(VersionRequest) == 8);
 static_assert(offsetof(VersionRequest, reserved) == 0);
 
 struct Version {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risVersionV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risVersionV2";
     std::uint64_t boot_id;
     std::uint32_t pid;
     std::uint32_t interface;
@@ -351,8 +364,13 @@ struct Version {
     std::uint8_t shape[2];
     std::uint8_t model_id[32];
     std::uint8_t output_names[48];
+    double velocity_counts_s;
+    double acceleration_counts_s2;
+    std::int32_t position_min_counts[2];
+    std::int32_t position_max_counts[2];
+    std::uint8_t robot_id[64];
 };
-static_assert(sizeof(Version) == 104);
+static_assert(sizeof(Version) == 200);
 static_assert(offsetof(Version, boot_id) == 0);
 static_assert(offsetof(Version, pid) == 8);
 static_assert(offsetof(Version, interface) == 12);
@@ -360,5 +378,10 @@ static_assert(offsetof(Version, software) == 16);
 static_assert(offsetof(Version, shape) == 22);
 static_assert(offsetof(Version, model_id) == 24);
 static_assert(offsetof(Version, output_names) == 56);
+static_assert(offsetof(Version, velocity_counts_s) == 104);
+static_assert(offsetof(Version, acceleration_counts_s2) == 112);
+static_assert(offsetof(Version, position_min_counts) == 120);
+static_assert(offsetof(Version, position_max_counts) == 128);
+static_assert(offsetof(Version, robot_id) == 136);
 
 } // namespace i2ris

@@ -20,8 +20,8 @@ i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &
 sleep 2
 i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
 sleep 3
-i2ris calibrate collect --config "$work/emulator.toml" --enable --duration-s 100 --output "$work/first.csv"
-i2ris calibrate fit "$work/first.csv" --family gmr-play --robot-id i2ris-emulated \
+i2ris calibrate collect --config "$work/emulator.toml" --home --duration-s 100 --output "$work/first.csv"
+i2ris calibrate fit "$work/first.csv" --family gmr-play \
   --output "$work/first.json" --report "$work/first.html"
 # The first figure of the report whose title names the loops.
 python3 - "$work/first.html" > "$work/loop.svg" <<'PYTHON'
@@ -40,7 +40,6 @@ rsvg-convert --width 900 --background-color white "$work/loop.svg" --output "$im
 i2ris model stage "$work/first.json"
 i2ris model activate --force
 i2ris command state condition
-sleep 30
 i2ris command circle --radius-deg 10 --period-s 6 --duration-s 40 > "$work/circle.log" 2>&1 &
 i2ris monitor --web 8799 --model "$work/first.json" > "$work/monitor.log" 2>&1 &
 sleep 14

@@ -44,8 +44,8 @@ pub(crate) struct AdmissionContext {
     /// Start of the tick.
     pub now: Nanos,
     pub state: OperatingState,
-    /// A conditioning cycle or a trajectory is in progress.
-    pub is_occupied: bool,
+    /// The refusal while a conditioning cycle or a trajectory is in progress.
+    pub unoccupied: Result<(), Refusal>,
     /// Every axis has a valid zero.
     pub is_homed: bool,
     /// Every position is fresh.
@@ -220,7 +220,7 @@ fn require_well_formed(command: &ServoCommand) -> Result<(), Refusal> {
 
 fn require_ready(context: &AdmissionContext) -> Result<(), Refusal> {
     match context.state {
-        OperatingState::Enabled if context.is_occupied => Err(Refusal::Busy),
+        OperatingState::Enabled if context.unoccupied.is_err() => context.unoccupied,
         OperatingState::Enabled if !context.is_homed => Err(Refusal::NotHomed),
         OperatingState::Enabled if !context.is_fresh => Err(Refusal::DrivesNotReady),
         OperatingState::Enabled => Ok(()),

@@ -66,7 +66,10 @@ fn require_permission(
     active: Option<&JointModel>,
     context: &SwapContext<'_>,
 ) -> Result<(), Refusal> {
-    if context.is_conditioning || !next.is_up_to_date(context.history) {
+    if context.is_conditioning {
+        return Err(Refusal::Conditioning);
+    }
+    if !next.is_up_to_date(context.history) {
         return Err(Refusal::Busy);
     }
     if context.is_following_joints && !active.is_some_and(|active| active.has_outputs_of(next)) {

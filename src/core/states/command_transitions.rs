@@ -127,8 +127,8 @@ fn hold(state: &ControlState) -> Result<CommandEffect, Refusal> {
 
 /// Conditions of a conditioning cycle and of a trajectory: the same as of a servo command.
 fn require_motion_allowed(state: &ControlState, summary: &DriveSummary) -> Result<(), Refusal> {
+    state.require_unoccupied()?;
     match state {
-        ControlState::Enabled(_) if state.is_occupied() => Err(Refusal::Busy),
         ControlState::Enabled(_) if !summary.is_homed => Err(Refusal::NotHomed),
         ControlState::Enabled(_) if !summary.is_fresh() => Err(Refusal::DrivesNotReady),
         ControlState::Enabled(_) => Ok(()),

@@ -155,6 +155,15 @@ impl ControlState {
         self.is_conditioning() || self.is_moving()
     }
 
+    /// Refuses while a conditioning cycle or a trajectory is in progress.
+    pub fn require_unoccupied(&self) -> Result<(), Refusal> {
+        match self {
+            Self::Enabled(EnabledActivity::Conditioning(_)) => Err(Refusal::Conditioning),
+            _ if self.is_moving() => Err(Refusal::Busy),
+            _ => Ok(()),
+        }
+    }
+
     /// A goal in joint space is followed.
     pub fn is_following_joints(&self) -> bool {
         let followed = self.followed_command();

@@ -51,7 +51,7 @@ mod tests {
         assert_eq!(offset_of!(ExternalPosition, quality), 64);
         assert_eq!(size_of::<StateCommandRequest>(), 16);
         assert_eq!(size_of::<StateCommandReply>(), 8);
-        assert_eq!(size_of::<Version>(), 104);
+        assert_eq!(size_of::<Version>(), 200);
         assert_eq!(size_of::<ModelRequest>(), 1072);
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);

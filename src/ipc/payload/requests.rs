@@ -3,7 +3,8 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
-use crate::units::MAX_OUTPUTS;
+use super::text::unpadded_text;
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
     /// `state_command`, request.
@@ -45,7 +46,7 @@ payload! {
     }
 
     /// `version`, reply: identity of the controller of this domain.
-    Version "I2risVersionV1" {
+    Version "I2risVersionV2" {
         /// Identifies this start of the controller.
         pub boot_id: u64,
         /// Process id of the controller.
@@ -60,6 +61,16 @@ payload! {
         pub model_id: [u8; 32],
         /// Names of the outputs, UTF-8, padded with 0.
         pub output_names: [[u8; 16]; MAX_OUTPUTS],
+        /// Velocity limit of the motors, counts per second.
+        pub velocity_counts_s: f64,
+        /// Acceleration limit of the motors, counts per second squared.
+        pub acceleration_counts_s2: f64,
+        /// Lowest positions of the motors, counts.
+        pub position_min_counts: [i32; MAX_MOTORS],
+        /// Highest positions of the motors, counts.
+        pub position_max_counts: [i32; MAX_MOTORS],
+        /// `robot_id` of the configuration, UTF-8, padded with 0.
+        pub robot_id: [u8; 64],
     }
 
     /// `black_box`, request: write a file with every tick of the last seconds.
@@ -74,5 +85,42 @@ payload! {
         pub ticks: u64,
         /// Path of the file, or the reason of the failure; UTF-8, padded with 0.
         pub text: [u8; 1024],
+    }
+}
+
+impl Version {
+    /// How the robot of the controller differs from the one of a configuration, as a sentence;
+    /// `None`: it does not. Only robot and limits of `named` count.
+    #[must_use]
+    pub fn robot_difference(&self, named: &Self) -> Option<String> {
+        let (here, there) = (
+            unpadded_text(&self.robot_id),
+            unpadded_text(&named.robot_id),
+        );
+        if here != there {
+            return Some(format!(
+                "the controller moves robot `{here}`, and not `{there}`"
+            ));
+        }
+        let positions = |of: &Self| (of.position_min_counts, of.position_max_counts);
+        if positions(self) != positions(named) {
+            return Some(format!(
+                "the position limits of the controller are {:?} to {:?} counts, and not {:?} to {:?}",
+                self.position_min_counts,
+                self.position_max_counts,
+                named.position_min_counts,
+                named.position_max_counts
+            ));
+        }
+        let rates = |of: &Self| (of.velocity_counts_s, of.acceleration_counts_s2);
+        (rates(self) != rates(named)).then(|| {
+            format!(
+                "the controller allows {} counts/s and {} counts/s^2, and not {} and {}",
+                self.velocity_counts_s,
+                self.acceleration_counts_s2,
+                named.velocity_counts_s,
+                named.acceleration_counts_s2
+            )
+        })
     }
 }

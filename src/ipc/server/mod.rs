@@ -324,6 +324,19 @@ impl Server {
         self.version.output_names = output_names;
     }
 
+    /// Sets the part of the `version` reply that describes the robot of the configuration: its name
+    /// and its limits, as in `of`.
+    pub fn describe_robot(&mut self, of: &Version) {
+        self.version = Version {
+            robot_id: of.robot_id,
+            position_min_counts: of.position_min_counts,
+            position_max_counts: of.position_max_counts,
+            velocity_counts_s: of.velocity_counts_s,
+            acceleration_counts_s2: of.acceleration_counts_s2,
+            ..self.version
+        };
+    }
+
     /// Housekeeping, to be called in every pass: replies to `version`, sends the last message of
     /// every stream to late subscribers, and twice a second removes what killed clients left.
     pub fn maintain(&mut self, now: Nanos) {

@@ -13,8 +13,8 @@ use i2ris_terminal::Failure;
 /// What `i2ris calibrate` can do.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
-  i2ris calibrate collect --config config/emulator.toml --enable --output RECORDING.csv
-  i2ris calibrate fit RECORDING.csv --robot-id i2ris-emulated --output config/models/snake.json
+  i2ris calibrate collect --config config/emulator.toml --home --output RECORDING.csv
+  i2ris calibrate fit RECORDING.csv --output config/models/snake.json
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv")]
 pub enum Command {
     /// Move the motors through a calibration protocol and record them with what a camera sees

@@ -11,13 +11,15 @@ mod trajectory_player;
 use std::path::PathBuf;
 
 use clap::error::ErrorKind;
-use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
+use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
 
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
-use stream::Plan;
+use prepare::{PrepareOptions, carry_out};
+use stream::{OnLate, Plan};
+use stream_monitor::StopReason;
 use teleop::DeviceOption;
 use trajectory::{Angles, Trajectory, Waypoints};
 
@@ -33,6 +35,7 @@ const CONNECT: Nanos = Nanos::from_millis(2000);
   i2ris command state home && i2ris command state enable
   i2ris command pose 5 -3 --duration-s 2
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
+  i2ris command state condition --no-wait
   i2ris command file desired.csv
   i2ris command --keyboard --scale 0.5           space bar: dead-man switch; arrows steer
   i2ris command --gamepad /dev/input/js0         hold a shoulder button, steer with the left stick
@@ -99,9 +102,11 @@ struct StreamOptions {
         global = true
     )]
     speed_deg_s: f64,
-    /// Home and enable the robot first, where necessary
-    #[arg(long, global = true)]
-    enable: bool,
+    /// What to do when the controller has stopped the snake because commands came late
+    #[arg(long, value_enum, default_value_t = OnLate::Continue, global = true)]
+    on_late: OnLate,
+    #[command(flatten)]
+    prepare: PrepareOptions,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -152,6 +157,9 @@ enum What {
         /// What to do
         #[arg(value_enum)]
         command: StateWord,
+        /// End when the controller has accepted the command, and not when it is carried out
+        #[arg(long)]
+        no_wait: bool,
         /// Print JSON
         #[arg(long)]
         json: bool,
@@ -190,6 +198,8 @@ enum StateWord {
     Condition,
     /// The operator has seen the fault
     Acknowledge,
+    /// Stop and hold until the next command
+    Hold,
     /// Give the lease back; of use only for the client that holds it
     Release,
 }
@@ -205,6 +215,7 @@ impl StateWord {
             Self::Unhome => StateCommand::Unhome,
             Self::Condition => StateCommand::Condition,
             Self::Acknowledge => StateCommand::Acknowledge,
+            Self::Hold => StateCommand::Hold,
             Self::Release => StateCommand::Release,
         }
     }
@@ -237,7 +248,21 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;
     let (name, path, duration_s) = match what {
-        What::State { command, json } => return change_state(&mut client, command.command(), json),
+        What::State {
+            command,
+            no_wait,
+            json,
+        } => {
+            let command = command.command();
+            return if no_wait {
+                let state = client.state_command(command)?;
+                print_state(false, command, state, json)
+            } else {
+                let state = carry_out(&mut client, command, &interrupt)?.state;
+                let state = OperatingState::from_number(state).ok_or(StopReason::Unknown(state))?;
+                print_state(true, command, state, json)
+            };
+        }
         What::Hold { duration_s } => ("hold", None, duration_s),
         What::Pose {
             pitch_deg,
@@ -280,7 +305,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let StreamOptions {
         rate_hz,
         speed_deg_s,
-        enable,
+        on_late,
+        prepare,
     } = stream;
     stream::run(
         &mut client,
@@ -290,7 +316,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             duration_s,
             rate_hz,
             speed_deg_s,
-            enable,
+            on_late,
+            prepare,
         },
         &interrupt,
     )
@@ -316,7 +343,8 @@ fn teleoperate(
         StreamOptions {
             rate_hz,
             speed_deg_s,
-            enable,
+            prepare,
+            ..
         },
     ) = (options, stream);
     let plan = teleop::Plan {
@@ -325,17 +353,25 @@ fn teleoperate(
         step_deg: *step_deg,
         scale: *scale,
         rate_hz: *rate_hz,
-        enable: *enable,
+        prepare: *prepare,
     };
     teleop::run(&mut client, &plan, &interrupt)
 }
 
-fn change_state(client: &mut Client, command: StateCommand, json: bool) -> Result<(), Failure> {
-    let state = client.state_command(command)?;
+fn print_state(
+    is_done: bool,
+    command: StateCommand,
+    state: OperatingState,
+    json: bool,
+) -> Result<(), Failure> {
     let report = if json {
-        serde_json::json!({ "accepted": command.text(), "state": state.text() }).to_string()
+        serde_json::json!({
+            "accepted": command.text(), "done": is_done, "state": state.text()
+        })
+        .to_string()
     } else {
-        format!("accepted: {command}; the controller is {state}")
+        let how = if is_done { "done" } else { "accepted" };
+        format!("{how}: {command}; the controller is {state}")
     };
     until_closed(Screen::stdout().say(&report))?;
     Ok(())

@@ -18,6 +18,9 @@ use i2ris_emulator::{
 
 use i2ris_terminal::Failure;
 
+/// The snake of who names none.
+const STEEL: &str = include_str!("../../../config/snakes/steel.toml");
+
 /// Time between two status lines.
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
 
@@ -27,7 +30,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 /// Arguments of `i2ris emulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris emulate --snake config/snakes/steel.toml --log setpoints.csv
+  i2ris emulate --log setpoints.csv
   i2ris emulate --snake bouc-wen:7
   i2ris emulate --family epos2
 

@@ -1,12 +1,20 @@
 //! Exit codes of commands that end while the robot moves.
 
 use i2ris_terminal::Failure;
-use i2ris_terminal::exit::Coded;
+use i2ris_terminal::exit::{Coded, OUT_OF_REACH};
 
-use crate::command::stream_monitor::StopReason;
+use crate::command::stream_monitor::{OutOfReach, StopReason};
 
-/// Gives a failure that is a [`StopReason`] its exit code.
+/// Gives a failure that is a [`StopReason`] or [`OutOfReach`] its exit code.
 pub fn with_code(failure: Failure) -> Failure {
+    if failure.is::<OutOfReach>() {
+        let sentence = failure.to_string();
+        return Coded {
+            code: OUT_OF_REACH,
+            sentence,
+        }
+        .into();
+    }
     let Some(stop) = failure.downcast_ref::<StopReason>() else {
         return failure;
     };
@@ -16,6 +24,8 @@ pub fn with_code(failure: Failure) -> Failure {
         | StopReason::Restarted
         | StopReason::Unknown(_) => 3,
         StopReason::NotEnabled(_)
+        | StopReason::LeftEnabled(_)
+        | StopReason::NotHomed
         | StopReason::Lease(_)
         | StopReason::LostLease(_)
         | StopReason::Refused(_) => 4,

@@ -26,7 +26,9 @@ mod exit;
 mod external;
 mod model;
 mod replay;
+mod start;
 mod trajectory_time;
+mod why;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
 #[derive(Debug, Parser)]
@@ -50,12 +52,16 @@ enum Task {
     /// Look at a model, and run it without a robot
     #[command(subcommand)]
     Model(model::Command),
+    /// Start emulator, controller and monitor, and end all three
+    Start(start::Arguments),
     /// Run two emulated drives with a snake behind them
     Emulate(emulate::Arguments),
     /// Check ports, drives and machine before the robot moves
     Doctor(doctor::Arguments),
     /// Command the robot
     Command(command::Arguments),
+    /// Say why the robot does not move as asked, and what to do
+    Why(why::Arguments),
     /// Look at a configuration
     #[command(subcommand)]
     Config(config::Command),
@@ -75,11 +81,16 @@ impl Task {
         match self {
             Self::Model(_)
             | Self::Doctor(_)
+            | Self::Why(_)
             | Self::Config(_)
             | Self::Completions(_)
             | Self::Replay(_) => true,
             Self::Calibrate(command) => command.only_prints(),
-            Self::Emulate(_) | Self::Command(_) | Self::Dump(_) | Self::Demo(_) => false,
+            Self::Start(_)
+            | Self::Emulate(_)
+            | Self::Command(_)
+            | Self::Dump(_)
+            | Self::Demo(_) => false,
         }
     }
 
@@ -87,9 +98,11 @@ impl Task {
         match self {
             Self::Calibrate(command) => calibrate::run(command),
             Self::Model(command) => model::run(command),
+            Self::Start(arguments) => start::run(&arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Command(arguments) => command::run(arguments),
+            Self::Why(arguments) => why::run(&arguments),
             Self::Config(command) => config::run(&command),
             Self::Completions(arguments) => completions::run(&arguments, Cli::command()),
             Self::Replay(arguments) => replay::run(&arguments),

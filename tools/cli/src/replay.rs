@@ -112,7 +112,7 @@ fn events(outputs: &CycleOutputs) {
     for event in outputs.events.iter().flatten() {
         // Refusals come in floods.
         if !matches!(event.kind, CycleEventKind::Refused { .. }) {
-            println!("           {event}");
+            println!("           [{:12.6}] {event}", event.stamp.as_seconds());
         }
     }
 }

@@ -207,8 +207,8 @@ fn a_report_with_figures_is_written_beside_the_model() {
 fn a_report_that_cannot_be_written_is_found_before_the_work() {
     let bench = Bench::new(&csv(&rows(100)));
     let sentence = |report: PathBuf| failure(&bench.fit(&format!("--report {}", report.display())));
-    assert!(sentence(bench.path("no/such/report.html")).contains("--report"));
-    assert!(sentence(bench.path("no/such/report.html")).contains("there is no folder"));
+    assert!(sentence(bench.path("rows.csv/report.html")).contains("--report"));
+    assert!(sentence(bench.path("rows.csv/report.html")).contains("cannot make the folder"));
     assert!(sentence(bench.folder.path().to_owned()).contains("is a folder; name a file in it"));
     assert!(sentence(bench.path("rows.csv")).contains("is the recording itself"));
     assert!(sentence(bench.model()).contains("is the model itself"));
@@ -229,7 +229,7 @@ fn the_linear_family_needs_no_mixture() {
 fn the_same_seed_gives_the_same_file() {
     let bench = Bench::new(&csv(&rows(200)));
     let written = || {
-        bench.succeeds("--components 3 --restarts 5 --seed 9");
+        bench.succeeds("--components 3 --restarts 5 --seed 9 --overwrite");
         fs::read(bench.model()).unwrap()
     };
     assert_eq!(written(), written());
@@ -267,9 +267,9 @@ fn columns_can_be_named() {
 fn an_existing_model_is_replaced_by_a_good_one_only() {
     let bench = Bench::new(&csv(&rows(100)));
     fs::write(bench.model(), "what was there").unwrap();
-    failure(&bench.fit("--family gmr --components 60"));
+    failure(&bench.fit("--family gmr --components 60 --overwrite"));
     assert_eq!(fs::read_to_string(bench.model()).unwrap(), "what was there");
-    bench.succeeds("--family linear");
+    bench.succeeds("--family linear --overwrite");
 }
 
 #[test]
@@ -392,7 +392,7 @@ fn an_output_that_cannot_be_written_is_found_before_the_work() {
     let bench = Bench::new(&csv(&rows(100)));
     let recording = bench.path("rows.csv");
     let sentence = |model: PathBuf| failure(&calibrate(&recording, &model, ""));
-    assert!(sentence(bench.path("no/such/model.json")).contains("there is no folder"));
+    assert!(sentence(bench.path("rows.csv/model.json")).contains("cannot make the folder"));
     assert!(sentence(bench.folder.path().to_owned()).contains("is a folder; name a file in it"));
     assert!(sentence(recording.clone()).contains("is the recording itself"));
     assert_eq!(fs::read_to_string(&recording).unwrap(), csv(&rows(100)));
@@ -500,4 +500,37 @@ fn the_zoo_refuses_what_it_does_not_have() {
             assert!(text.contains(word), "{options}: {text}");
         }
     }
+}
+
+#[test]
+fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
+    let bench = Bench::new(&csv(&rows(400)));
+    fs::write(
+        bench.path("rows.toml"),
+        "format = \"i2ris-recording\"\nrobot_id = \"left\"\n",
+    )
+    .unwrap();
+    let model = bench.path("models/new/x.json");
+    let linear = "--family linear";
+    let output = calibrate(&bench.path("rows.csv"), &model, linear);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert_eq!(Model::load(&model).unwrap().file().robot_id, "left");
+}
+
+#[test]
+fn nothing_is_written_over_without_being_asked() {
+    let bench = Bench::new(&csv(&rows(400)));
+    fs::write(bench.model(), "mine").unwrap();
+    let linear = "--family linear";
+    let sentence = failure(&bench.fit(linear));
+    assert!(
+        sentence.contains("model.json: exists") && sentence.contains("--overwrite"),
+        "{sentence}"
+    );
+    assert_eq!(fs::read_to_string(bench.model()).unwrap(), "mine");
+    bench.succeeds(&format!("{linear} --overwrite"));
 }

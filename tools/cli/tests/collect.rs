@@ -2,14 +2,16 @@
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
+use i2ris::config::Config;
 use i2ris::ipc::client::ExternalPublisher;
 use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand, random_id};
+use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_testing::{Controller, Program};
@@ -87,6 +89,13 @@ impl Drop for Camera {
     }
 }
 
+/// A controller that runs with the configuration of the bench.
+fn described(controller: Controller) -> Controller {
+    let config = Config::parse(ROBOT, Path::new("robot.toml")).unwrap();
+    controller.robot().description = robot_description(&config);
+    controller
+}
+
 /// A folder with a configuration.
 struct Bench {
     folder: TempDir,
@@ -144,12 +153,12 @@ fn nobody() -> Domain {
 
 #[test]
 fn a_short_run_moves_records_and_lets_go() {
-    let (bench, controller) = (Bench::new(), Controller::start());
+    let (bench, controller) = (Bench::new(), described(Controller::start()));
     let _camera = Camera::start(&controller.domain, Shows::Angles);
     let more = [
         "--duration-s",
         "3",
-        "--enable",
+        "--home",
         "--json",
         "--speed-counts-s",
         "400",
@@ -160,6 +169,7 @@ fn a_short_run_moves_records_and_lets_go() {
     assert_eq!(
         robot.asked,
         [
+            StateCommand::Enable,
             StateCommand::Home,
             StateCommand::Enable,
             StateCommand::Condition,
@@ -193,7 +203,7 @@ fn a_short_run_moves_records_and_lets_go() {
 
 #[test]
 fn an_interrupt_stops_softly_and_keeps_the_recording() {
-    let (bench, controller) = (Bench::new(), Controller::enabled());
+    let (bench, controller) = (Bench::new(), described(Controller::enabled()));
     let _camera = Camera::start(&controller.domain, Shows::Angles);
     let mut program = bench.start(&controller.domain, &[]);
     controller.wait("it moves", |robot| robot.places.len() > 300);
@@ -216,7 +226,7 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
 
 #[test]
 fn a_killed_program_leaves_what_it_had() {
-    let (bench, controller) = (Bench::new(), Controller::enabled());
+    let (bench, controller) = (Bench::new(), described(Controller::enabled()));
     let _camera = Camera::start(&controller.domain, Shows::Angles);
     let mut program = bench.start(&controller.domain, &[]);
     controller.wait("it moves", |robot| robot.places.len() > 500);
@@ -237,7 +247,7 @@ fn a_killed_program_leaves_what_it_had() {
 
 #[test]
 fn without_a_camera_nothing_moves() {
-    let (bench, controller) = (Bench::new(), Controller::enabled());
+    let (bench, controller) = (Bench::new(), described(Controller::enabled()));
     let error = bench.refusal(&controller.domain, &[]);
     assert!(
         error.contains("external/measured_jp") && error.contains("i2ris emulate --domain"),
@@ -256,7 +266,7 @@ fn without_a_camera_nothing_moves() {
 
 #[test]
 fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
-    let (bench, controller) = (Bench::new(), Controller::enabled());
+    let (bench, controller) = (Bench::new(), described(Controller::enabled()));
     let camera = Camera::start(&controller.domain, Shows::Angles);
     let program = bench.start(&controller.domain, &[]);
     controller.wait("it moves", |robot| robot.places.len() > 300);
@@ -280,7 +290,7 @@ fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
 
 #[test]
 fn a_controller_that_cannot_condition_is_told_how_to_go_on() {
-    let (bench, controller) = (Bench::new(), Controller::enabled());
+    let (bench, controller) = (Bench::new(), described(Controller::enabled()));
     controller.robot().conditions = false;
     let _camera = Camera::start(&controller.domain, Shows::Angles);
     let (success, _, error) = bench.start(&controller.domain, &[]).end();
@@ -290,7 +300,7 @@ fn a_controller_that_cannot_condition_is_told_how_to_go_on() {
 
 #[test]
 fn a_robot_that_is_not_enabled_or_refuses_is_not_moved() {
-    let (bench, controller) = (Bench::new(), Controller::start());
+    let (bench, controller) = (Bench::new(), described(Controller::start()));
     let _camera = Camera::start(&controller.domain, Shows::Angles);
     let error = bench.refusal(&controller.domain, &[]);
     assert!(error.contains("--enable"), "{error}");
@@ -364,4 +374,25 @@ fn recordings_are_not_written_over_and_folders_not_invented() {
         let (success, _, error) = Program::run(&domain, &arguments);
         assert!(!success && error.contains(said), "{error}");
     }
+}
+
+#[test]
+fn a_configuration_of_another_robot_or_with_other_limits_moves_nothing() {
+    let (bench, controller) = (Bench::new(), described(Controller::start()));
+    let _camera = Camera::start(&controller.domain, Shows::Angles);
+    for (from, to, parts) in [
+        ("\"fake\"", "\"other\"", ["`fake`", "`other`"]),
+        ("= -400", "= -500", ["position limits", "-500"]),
+    ] {
+        fs::write(bench.path("robot.toml"), ROBOT.replace(from, to)).unwrap();
+        let error = bench.refusal(&controller.domain, &["--home"]);
+        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+        // The domain came from the environment, and the file names another one.
+        let domain = controller.domain.name();
+        assert!(
+            error.contains(&format!("note: I2RIS_DOMAIN={domain}")),
+            "{error}"
+        );
+    }
+    assert_eq!(controller.robot().asked, []);
 }

@@ -176,7 +176,7 @@ fn fit(rig: &Rig, recording: &str, output: &str) -> Model {
 #[test]
 fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let mut rig = Rig::start();
-    let collect = "calibrate collect --config @robot.toml --output @take.csv --enable --json";
+    let collect = "calibrate collect --config @robot.toml --output @take.csv --home --json";
     let motion = "--duration-s 20 --range-counts 1200 --speed-counts-s 900";
     let printed = rig.tool(&format!("{collect} {motion}"));
     let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();

@@ -63,8 +63,8 @@ const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);
   i2ris monitor --web 8080          the same on another port
   i2ris monitor | head              one line a second
 
-Exit codes: 0 ended as asked, 1 no controller (except --web, which waits for one), 2 wrong \
-arguments.")]
+Exit codes: 0 ended as asked, 2 wrong arguments, 3 no controller (except --web, which waits for \
+one).")]
 struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
@@ -100,7 +100,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         return web::run(&domain, address, arguments.model, span);
     }
     let mut client = Client::connect(&domain, CONNECT)?;
-    let title = title(&mut client, domain.name())?;
+    let version = client.version()?;
+    let title = model_poller::title(&version, domain.name(), version.model_id);
     drop(client);
     let mut subscriptions = Subscriptions::new(&Watcher::new(&domain));
     if !arguments.once && io::stdout().is_terminal() && io::stdin().is_terminal() {
@@ -172,22 +173,6 @@ fn once(
         }
         clock::sleep(Nanos::from_millis(5));
     }
-}
-
-fn title(client: &mut Client, domain: &str) -> Result<String, Failure> {
-    let version = client.version()?;
-    let [major, minor, patch] = version.software;
-    let model: String = match version.model_id {
-        [0, ..] if version.model_id == [0; 32] => "no model".to_owned(),
-        id => format!(
-            "model {}",
-            latest_messages::short_id(i2ris::model::ModelId(id))
-        ),
-    };
-    Ok(format!(
-        "i2ris {major}.{minor}.{patch}, domain {domain}, process {}, {model}",
-        version.pid
-    ))
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::payload::{ModelSlot, unpadded_text};
+use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
@@ -27,6 +27,8 @@ pub struct Models {
     pub slots: Option<[ModelSlot; 3]>,
     /// The hull of the model in use.
     pub outline: Arc<Outline>,
+    /// Software and process of the controller, and its model, in one line.
+    pub title: Option<String>,
     /// Why there are no models to name.
     pub problem: Option<String>,
     /// Why there is no outline.
@@ -120,11 +122,11 @@ fn poll_until_disconnected(
 ) {
     let mut drawn: Option<ModelId> = None;
     while requests.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
-        let slots = list(domain);
+        let answer = ask(domain);
         let mut models = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        (models.slots, models.problem) = match slots {
-            Ok(slots) => (Some(slots), None),
-            Err(error) => (None, Some(format!("models not known: {error}"))),
+        (models.slots, models.title, models.problem) = match answer {
+            Ok((slots, title)) => (Some(slots), Some(title), None),
+            Err(error) => (None, None, Some(format!("models not known: {error}"))),
         };
         let used = models.used();
         if used.as_ref().map(|used| used.id) != drawn {
@@ -138,8 +140,24 @@ fn poll_until_disconnected(
     }
 }
 
-fn list(domain: &Domain) -> Result<[ModelSlot; 3], ClientError> {
-    Ok(Client::connect(domain, CONNECT)?.models()?.slots)
+fn ask(domain: &Domain) -> Result<([ModelSlot; 3], String), ClientError> {
+    let mut client = Client::connect(domain, CONNECT)?;
+    let slots = client.models()?.slots;
+    let version = client.version()?;
+    let [used, ..] = &slots;
+    Ok((slots, title(&version, domain.name(), used.model_id)))
+}
+
+/// Software and process of the controller, and its model, in one line.
+pub fn title(version: &Version, domain: &str, model: [u8; 32]) -> String {
+    let [major, minor, patch] = version.software;
+    let model = if model == [0; 32] {
+        "no model".to_owned()
+    } else {
+        format!("model {}", short_id(ModelId(model)))
+    };
+    let process = version.pid;
+    format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {process}, {model}")
 }
 
 fn outline(file: Option<&Path>, reported: &str, used: ModelId) -> (Arc<Outline>, Option<String>) {

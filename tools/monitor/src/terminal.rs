@@ -90,7 +90,9 @@ impl Session {
             if typed || now >= next_draw {
                 next_draw = now + DRAW_PERIOD;
                 terminal.draw(|frame| {
-                    screen::draw(frame, &self.dashboard, &self.key_handler, &self.title, now)
+                    // What was true at the start, until the poller knows better.
+                    let title = self.dashboard.models.title.as_ref().unwrap_or(&self.title);
+                    screen::draw(frame, &self.dashboard, &self.key_handler, title, now)
                 })?;
             }
         }

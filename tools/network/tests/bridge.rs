@@ -90,7 +90,7 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
         "pose",
         "3",
         "-2",
-        "--enable",
+        "--home",
         "--duration-s",
         "0.2",
         "--speed-deg-s",
@@ -101,6 +101,7 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
     assert_eq!(
         controller.robot().asked,
         [
+            StateCommand::Enable,
             StateCommand::Home,
             StateCommand::Enable,
             StateCommand::Release

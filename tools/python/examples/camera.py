@@ -25,7 +25,7 @@ def angles(stamp_ns: int):
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--domain", default="i2ris")
+    parser.add_argument("--domain", help="default: I2RIS_DOMAIN, or i2ris")
     parser.add_argument("--duration-s", type=float, default=math.inf)
     arguments = parser.parse_args()
     publisher = ExternalPublisher(arguments.domain)

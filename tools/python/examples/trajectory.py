@@ -31,7 +31,7 @@ def with_approach(times, poses, start):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("csv")
-    parser.add_argument("--domain", default="i2ris")
+    parser.add_argument("--domain", help="default: I2RIS_DOMAIN, or i2ris")
     arguments = parser.parse_args()
     times, poses = path_of(arguments.csv)
     errors = []

@@ -1,20 +1,28 @@
-"""The robot as CRTK sees an arm: streams, states, and commands that keep the lease.
+"""The robot as CRTK sees an arm: streams, states, motions, and commands that keep the lease.
 
 ::
 
-    from i2ris.arm import Arm
     import math, time
+    from i2ris.arm import Arm
 
     with Arm() as arm:
-        arm.state_command("enable")
+        arm.enable().wait()
+        arm.move_jp([0.1, 0.0]).wait()
+        start = arm.setpoint_js().position
         for k in range(1000):
-            arm.servo_jp([0.1 * math.sin(0.01 * k), 0.0])
+            arm.servo_jp(start + [0.05 * math.sin(0.01 * k), 0.0])
             time.sleep(0.005)
         print(arm.measured_js().position)
 
-Send commands faster than their deadline (default 50 ms), or the robot stops and holds. At the end of the ``with`` block
-the lease is free and the robot holds. Only ``state_command``, ``version``, ``wait_for`` and requests about models wait
-for the controller.
+- A command that is refused raises ``Refused`` with the reason, also a command of a stream: the next ``servo_jp`` after
+  the refusal raises.
+- ``enable``, ``home``, ``move_jp`` and the like return when the controller has accepted them. ``wait()`` of the result
+  returns when they are carried out, and raises when they cannot be: ``Fault``, ``Stopped``, ``OutOfReach``.
+- Send ``servo_jp`` faster than the deadline (default 50 ms), or the robot stops and holds.
+- At the end of the ``with`` block, also after an exception, the robot holds and the lease is free.
+- The domain is that of the argument, or of the environment variable ``I2RIS_DOMAIN``, or ``i2ris``.
+
+Homing makes the present pose the zero, unless a hard stop is configured: straighten the snake before ``home``.
 """
 
 from __future__ import annotations
@@ -35,6 +43,7 @@ from .payload import (
     ModelReply,
     ModelRequest,
     ModelSlot,
+    MoveRequest,
     OperatingStateMsg,
     PeriodStatistics,
     ServoActuator,
@@ -48,14 +57,18 @@ from .payload import (
 __all__ = [
     "Actuators",
     "Arm",
+    "Fault",
     "Joints",
     "Model",
     "Models",
     "NoController",
     "NoReply",
     "OperatingState",
+    "Operation",
     "OtherInterface",
+    "OutOfReach",
     "Refused",
+    "Stopped",
 ]
 
 STATES = {0: "DISABLED", 1: "ENABLED", 2: "PAUSED", 3: "FAULT"}
@@ -69,6 +82,7 @@ COMMANDS = {
     "condition": 7,
     "acknowledge": 8,
     "release": 9,
+    "hold": 10,
 }
 REFUSALS = {
     1: "a value is not finite",
@@ -91,6 +105,7 @@ REFUSALS = {
     18: "no model was in use before this one",
     19: "the hysteresis memory is unknown: condition first, or force it",
     20: "the model is refused",
+    21: "busy: the conditioning cycle is running; it ends by itself",
 }
 FAULTS = {
     0: "none",
@@ -101,18 +116,48 @@ FAULTS = {
     5: "a drive did not reach the demanded state in time",
     6: "homing failed",
     7: "the model gave a value that is not finite",
+    8: "too many late ticks: the computer does not keep up",
+    9: "the snake is not where the model says",
+    10: "a motor takes too much current for too long",
 }
+#: Refusal of a second commander.
+LEASE_REFUSAL = 4
 
 #: Timeout for a reply, s.
 REPLY_TIMEOUT_S = 1.0
 #: Timeout for requests about models, which are checked over their whole hull, s.
 MODEL_REPLY_TIMEOUT_S = 30.0
+#: Time limit for drives that are starting, s.
+DRIVES_TIMEOUT_S = 15.0
+#: Refusal while they are.
+DRIVES_NOT_READY = 16
+#: Distance of the set-point from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
+ARRIVAL_DEG = 0.5
 #: Polling period for replies, s.
 POLL_S = 0.001
 
 
 class Refused(Exception):
-    """The controller refuses a command; the message holds the reason."""
+    """The controller refuses a command; nothing has changed."""
+
+    def __init__(self, what: str, code: int, detail: str = ""):
+        #: The reason, in words.
+        self.reason: str = detail or _refusal(code)
+        #: The reason as a number, see ``REFUSALS``.
+        self.code: int = code
+        super().__init__(f"the controller refuses {what}: {self.reason}")
+
+
+class Fault(Exception):
+    """The robot is in FAULT; ``str()`` gives the cause."""
+
+
+class Stopped(Exception):
+    """An operation ended before it was carried out: paused, disabled or held by somebody."""
+
+
+class OutOfReach(Exception):
+    """The pose was clipped to the calibrated hull and the position limits."""
 
 
 class NoReply(Exception):
@@ -192,19 +237,77 @@ class OperatingState:
     refused: int
     #: Reason of the last refusal; empty if there was none.
     last_refusal: str
+    #: The same as a number; 0 if there was none.
+    last_refusal_code: int = 0
+
+
+class Operation:
+    """A command that the controller has accepted and carries out."""
+
+    def __init__(self, arm: "Arm", name: str, done: Callable[[OperatingState], bool], goal: np.ndarray | None = None):
+        self._arm, self._name, self._done, self._goal = arm, name, done, goal
+        self._accepted_ns = time.monotonic_ns()
+
+    def is_done(self) -> bool:
+        """Whether the robot is no longer busy with it. Does not wait."""
+        state = self._arm.operating_state()
+        return state is not None and state.stamp_ns > self._accepted_ns and not state.busy
+
+    def wait(self, timeout_s: float = 300.0) -> OperatingState:
+        """Waits until it is carried out. Raises ``Fault``, ``Stopped``, ``OutOfReach`` or ``TimeoutError``."""
+        clipped: np.ndarray | None = None
+
+        def ended(state: OperatingState) -> bool:
+            nonlocal clipped
+            if self._goal is not None:
+                goal = self._arm.goal_js()
+                if goal is not None and goal.stamp_ns > self._accepted_ns and goal.clipped and state.busy:
+                    clipped = goal.position
+            return state.stamp_ns > self._accepted_ns and not state.busy
+
+        state = self._arm.wait_for(ended, timeout_s)
+        if state.state == "FAULT":
+            raise Fault(f"{self._name}: the robot is in FAULT: {state.fault}")
+        if not self._done(state):
+            raise Stopped(f"{self._name}: ended before it was carried out; the robot is {state.state}")
+        if clipped is not None and self._goal is not None:
+            raise OutOfReach(
+                f"{self._name}: {np.degrees(self._goal).round(2)} deg is out of reach; the robot went to about "
+                f"{np.degrees(clipped).round(2)} deg"
+            )
+        if self._goal is not None:
+            self._check_arrival()
+        return state
+
+    def _check_arrival(self) -> None:
+        """A motion that somebody has stopped ends away from its goal."""
+        setpoint = self._arm.setpoint_js()
+        if setpoint is None or self._goal is None or not setpoint.valid:
+            return
+        away = np.degrees(np.linalg.norm(setpoint.position - self._goal))
+        if away > ARRIVAL_DEG:
+            raise Stopped(f"{self._name}: the set-point is {away:.2f} deg away from the goal: stopped, or out of reach")
 
 
 class Arm:
-    """A client of the controller of a domain. ``with`` gives the lease back at the end."""
+    """A client of the controller of a domain. ``with`` holds and gives the lease back at the end."""
 
-    def __init__(self, domain: str = "i2ris", deadline_s: float | None = None):
-        """``deadline_s``: age at which a command of this client is stale; None: the controller's default."""
+    def __init__(self, domain: str | None = None, deadline_s: float | None = None, strict: bool = True):
+        """
+        - ``domain``: None: that of the environment variable ``I2RIS_DOMAIN``, or ``i2ris``.
+        - ``deadline_s``: age at which a command of this client is stale; None: the controller's default.
+        - ``strict``: commands of a stream raise after a refusal; otherwise count ``OperatingState.refused``.
+        """
+        if domain is None:
+            domain = os.environ.get("I2RIS_DOMAIN", "i2ris")
         self._client_id = secrets.randbits(63) | 1
         self._link = Link(domain, self._client_id)
         self._deadline_ns = 0 if deadline_s is None else int(deadline_s * 1e9)
+        self._strict = strict
         self._sequence = 0
-        self._latest = {}
+        self._latest: dict[str, tuple] = {}
         self._commanded = False
+        self._refused: int | None = None
         #: Motors one by one, without a model.
         self.actuators = ActuatorArm(self)
         #: Requests about models.
@@ -217,15 +320,18 @@ class Arm:
         self.actuators.measured_js()
         return self
 
-    def __exit__(self, *_error) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Gives the lease back, if this client commanded, and disconnects. The robot holds."""
+        """Holds and gives the lease back, if this client commanded, and disconnects."""
         try:
             if self._commanded:
                 # A command in flight would take the lease again. This is well below its deadline.
                 time.sleep(0.02)
+                state = self.operating_state()
+                if state is not None and state.state == "ENABLED" and (state.lease or not state.taken):
+                    self.state_command("hold")
                 self.state_command("release")
         except (NoController, NoReply, Refused):
             # No controller, or another client holds the lease.
@@ -234,13 +340,72 @@ class Arm:
             self._commanded = False
             self._link.close()
 
-    def servo_jp(self, position: Sequence[float]) -> int:
-        """Go to these angles now, rad. Returns the sequence number. Call it repeatedly."""
+    def servo_jp(self, position: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+        """Go to these angles now, rad. Returns the sequence number. Call it repeatedly, from ``setpoint_js`` on.
+
+        ``clutch``: the master moves and the snake holds; when the clutch closes, the pose of the master is that of the
+        snake. Raises ``Refused`` after a refusal of a former command, and ``Fault``.
+        """
         if not 1 <= len(position) <= 3:
             raise ValueError("1 to 3 values")
+        self._raise_refusals()
         command = self._stamped(ServoJp, len(position))
+        command.flags = ServoJp.CLUTCH if clutch else 0
         command.position[: len(position)] = [float(value) for value in position]
         return self._send("i2ris/servo_jp", command)
+
+    def move_jp(self, position: Sequence[float] | np.ndarray) -> Operation:
+        """Move to these angles, rad, from rest to rest with limited jerk. ``move_jp(...).wait()`` waits for the end."""
+        if not 1 <= len(position) <= 3:
+            raise ValueError("1 to 3 values")
+        goal = np.array([float(value) for value in position])
+        request = MoveRequest(client_id=self._client_id, count=len(goal))
+        request.position[: len(goal)] = list(goal)
+        operation = Operation(self, "move_jp", lambda state: state.state == "ENABLED", goal)
+        self._accepted("move_jp", self._request("i2ris/move_jp", request, StateCommandReply))
+        self._commanded = True
+        return operation
+
+    def enable(self) -> Operation:
+        """Drives on; the robot holds. Raises ``Refused`` while it is not homed. Starting drives are waited for."""
+        return self._operation("enable", lambda state: state.state == "ENABLED")
+
+    def disable(self) -> Operation:
+        """Decelerate, then drives off."""
+        return self._operation("disable", lambda state: state.state == "DISABLED")
+
+    def pause(self) -> Operation:
+        """Decelerate and hold; servo commands are refused."""
+        return self._operation("pause", lambda state: state.state == "PAUSED")
+
+    def resume(self) -> Operation:
+        """Take servo commands again."""
+        return self._operation("resume", lambda state: state.state == "ENABLED")
+
+    def home(self) -> Operation:
+        """The present pose becomes the zero (where no hard stop is configured): straighten the snake before."""
+        return self._operation("home", lambda state: state.homed)
+
+    def unhome(self) -> Operation:
+        """Forget the zero."""
+        return self._operation("unhome", lambda state: not state.homed)
+
+    def condition(self) -> Operation:
+        """A decaying stroke of all motors, after which the hysteresis of the wires is known."""
+        self._commanded = True
+        return self._operation("condition", lambda state: state.state == "ENABLED")
+
+    def acknowledge(self) -> Operation:
+        """The operator has seen the fault."""
+        return self._operation("acknowledge", lambda state: state.state == "DISABLED")
+
+    def hold(self) -> str:
+        """Stop and hold until the next command. Returns the state."""
+        return self.state_command("hold")
+
+    def release(self) -> str:
+        """Give the lease back. Returns the state."""
+        return self.state_command("release")
 
     def measured_js(self) -> Joints | None:
         """The model's estimate from the encoders; None until the first one has arrived."""
@@ -280,29 +445,73 @@ class Arm:
             taken=message.lease_client_id != 0,
             accepted=message.accepted,
             refused=message.refused,
-            last_refusal=self._last_refusal(message),
+            last_refusal=self._last_refusal(message)[0],
+            last_refusal_code=self._last_refusal(message)[1],
         )
 
-    def _last_refusal(self, message: OperatingStateMsg) -> str:
-        """The reason of the last refusal of a servo command of this client, not of another one."""
+    def _last_refusal(self, message: OperatingStateMsg) -> tuple[str, int]:
+        """Reason and code of the last refusal of a servo command of this client, not of another one."""
         for client, count, reason in zip(message.refused_client_id, message.refused_commands, message.refused_reason):
             if count > 0 and client == self._client_id:
-                return _refusal(reason)
-        return ""
+                return _refusal(reason), reason
+        return "", 0
 
     def state_command(self, command: str) -> str:
-        """Requests a change of state and returns the state right after: enable, disable, pause, resume, home, unhome,
-        condition, acknowledge, release. Raises Refused with the reason. Longer operations continue after the reply: see
-        ``OperatingState.busy`` and ``wait_for``.
+        """Requests a change of state by its name and returns the state right after: see ``COMMANDS``. Raises Refused.
+        Longer operations continue after the reply; ``enable``, ``home`` and the like can wait for them.
         """
         if command not in COMMANDS:
             raise ValueError(f"no such command: {command!r}; one of {', '.join(COMMANDS)}")
         request = StateCommandRequest(client_id=self._client_id, command=COMMANDS[command])
-        reply = self._request("i2ris/state_command", request, StateCommandReply)
+        return self._accepted(command, self._request("i2ris/state_command", request, StateCommandReply))
+
+    def is_enabled(self) -> bool:
+        """Whether the robot follows commands."""
+        state = self.operating_state()
+        return state is not None and state.state == "ENABLED"
+
+    def is_homed(self) -> bool:
+        """Whether every axis knows its zero."""
+        state = self.operating_state()
+        return state is not None and state.homed
+
+    def is_busy(self) -> bool:
+        """Whether a motion or a change of state is in progress."""
+        state = self.operating_state()
+        return state is not None and state.busy
+
+    def _accepted(self, command: str, reply: StateCommandReply) -> str:
+        """The state in a reply. Raises Refused."""
         state = STATES.get(reply.state, f"unknown state {reply.state}")
         if reply.refusal:
-            raise Refused(f"the controller refuses {command!r} in state {state}: {_refusal(reply.refusal)}")
+            raise Refused(f"{command!r} in state {state}", reply.refusal)
         return state
+
+    def _operation(self, command: str, done: Callable[[OperatingState], bool]) -> Operation:
+        """Requests a state command; waits for drives that are starting."""
+        end = time.monotonic() + DRIVES_TIMEOUT_S
+        while True:
+            operation = Operation(self, command, done)
+            try:
+                self.state_command(command)
+                return operation
+            except Refused as refused:
+                if refused.code != DRIVES_NOT_READY or time.monotonic() > end:
+                    raise
+                time.sleep(0.05)
+
+    def _raise_refusals(self) -> None:
+        """Raises what the controller has refused since the last command of this client."""
+        state = self.operating_state()
+        if state is None or not self._strict:
+            return
+        if state.state == "FAULT":
+            raise Fault(f"the robot is in FAULT: {state.fault}")
+        before, self._refused = self._refused, state.refused
+        # Who holds the lease is not the one who was refused for it.
+        other = state.lease and state.last_refusal_code == LEASE_REFUSAL
+        if self._commanded and before is not None and state.refused > before and not other:
+            raise Refused("a command of the stream", state.last_refusal_code)
 
     def wait_for(self, wanted: Callable[[OperatingState], bool], timeout_s: float = 15.0) -> OperatingState:
         """Waits until the operating state fulfils a condition. Raises TimeoutError."""
@@ -385,6 +594,7 @@ class ActuatorArm:
         """Turn the motors to these encoder positions now. Call it repeatedly."""
         if not 1 <= len(counts) <= 2:
             raise ValueError("1 or 2 values")
+        self._arm._raise_refusals()
         command = self._arm._stamped(ServoActuator, len(counts))
         command.position_counts[: len(counts)] = [int(value) for value in counts]
         return self._arm._send("i2ris/actuators/servo_jp", command)
@@ -440,7 +650,7 @@ class ModelArm:
         request.path[: len(path)] = path
         reply = self._arm._request("i2ris/model", request, ModelReply, MODEL_REPLY_TIMEOUT_S)
         if reply.refusal:
-            raise Refused(f"{_refusal(reply.refusal)}: {_text(reply.message)}")
+            raise Refused("a request about models", reply.refusal, _text(reply.message))
         return Models(*(_model(slot) for slot in reply.slots))
 
 

@@ -1,5 +1,7 @@
 """Publishing measurements of a camera: the stream ``external/measured_jp``."""
 
+import os
+
 from .link import Link, NoController, publisher
 from .payload import ExternalPosition
 
@@ -11,8 +13,9 @@ SERVICE = "i2ris/external/measured_jp"
 class ExternalPublisher:
     """Publishes measurements; finds a controller that starts later or restarts."""
 
-    def __init__(self, domain: str = "i2ris"):
-        self._link = Link(domain)
+    def __init__(self, domain: str | None = None):
+        """``domain``: None: that of the environment variable ``I2RIS_DOMAIN``, or ``i2ris``."""
+        self._link = Link(os.environ.get("I2RIS_DOMAIN", "i2ris") if domain is None else domain)
         self._sequence = 0
 
     def publish(self, stamp_ns: int, position, deviation=(), quality: float = 0.0) -> None:

@@ -36,10 +36,10 @@ class Link:
         self.domain = domain
         self.directory = Path(f"/dev/shm/i2ris-{os.geteuid()}-{domain}")
         self._client_id = client_id
-        self._pid_file = None
-        self._boot = None
+        self._pid_file: Path | None = None
+        self._boot: str | None = None
         self._node = None
-        self._ports = {}
+        self._ports: dict[tuple[str, str], list] = {}
         self._next_probe = 0.0
 
     def port(self, key, opened):

@@ -26,7 +26,7 @@ class Payload(ctypes.Structure):
                 return text.decode() if text.isascii() and text.decode().isprintable() else bytes(value).hex()
             return [text_of_value(entry) for entry in value]
 
-        fields = ", ".join(f"{name}={text_of_value(getattr(self, name))}" for name, _ in self._fields_)
+        fields = ", ".join(f"{field[0]}={text_of_value(getattr(self, field[0]))}" for field in self._fields_)
         return f"{type(self).__name__}({fields})"
 
 
@@ -238,6 +238,18 @@ class StateCommandReply(Payload):
     _fields_ = [("refusal", c_uint32), ("state", c_uint32)]
 
 
+class MoveRequest(Payload):
+    """``move_jp``, request; the reply is a ``StateCommandReply``."""
+
+    NAME = "I2risMoveRequestV1"
+    _fields_ = [
+        ("client_id", c_uint64),
+        ("position", c_double * 3),
+        ("count", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
 class VersionRequest(Payload):
     """``version``, request."""
 
@@ -248,7 +260,7 @@ class VersionRequest(Payload):
 class Version(Payload):
     """``version``, reply: identity of the controller of this domain."""
 
-    NAME = "I2risVersionV1"
+    NAME = "I2risVersionV2"
     _fields_ = [
         ("boot_id", c_uint64),
         ("pid", c_uint32),
@@ -257,6 +269,11 @@ class Version(Payload):
         ("shape", c_uint8 * 2),
         ("model_id", c_uint8 * 32),
         ("output_names", (c_uint8 * 16) * 3),
+        ("velocity_counts_s", c_double),
+        ("acceleration_counts_s2", c_double),
+        ("position_min_counts", c_int32 * 2),
+        ("position_max_counts", c_int32 * 2),
+        ("robot_id", c_uint8 * 64),
     ]
 
 

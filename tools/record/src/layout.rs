@@ -7,8 +7,9 @@ use std::mem::{offset_of, size_of};
 
 use i2ris::ipc::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelDifference, ModelRequest, ModelSlot, OperatingStateMsg, PeriodStatistics, ServoActuator,
-    ServoJp, SpanSummary, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ModelDifference, ModelRequest, ModelSlot, MoveRequest, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp, SpanSummary, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -274,10 +275,13 @@ layouts! {
     BlackBoxReply { ticks: u64, text: [u8; 1024] }
     StateCommandRequest { client_id: u64, command: u32, reserved: u32 }
     StateCommandReply { refusal: u32, state: u32 }
+    MoveRequest { client_id: u64, position: [f64; 3], count: u32, reserved: u32 }
     VersionRequest { reserved: u64 }
     Version {
         boot_id: u64, pid: u32, interface: u32, software: [u16; 3], shape: [u8; 2],
-        model_id: [u8; 32], output_names: [[u8; 16]; 3],
+        model_id: [u8; 32], output_names: [[u8; 16]; 3], velocity_counts_s: f64,
+        acceleration_counts_s2: f64, position_min_counts: [i32; 2], position_max_counts: [i32; 2],
+        robot_id: [u8; 64],
     }
 }
 

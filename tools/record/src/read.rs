@@ -3,6 +3,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
@@ -22,6 +23,15 @@ pub enum ReadError {
         path: PathBuf,
         /// The reason.
         source: io::Error,
+    },
+    /// It is another kind of file.
+    #[error(
+        "{path} is no recording of `i2ris record` (MCAP): it begins with other bytes; recordings \
+         of `i2ris calibrate collect` are CSV files, for `i2ris calibrate fit`"
+    )]
+    Kind {
+        /// The file.
+        path: PathBuf,
     },
     /// Its content is not valid MCAP, or ends too early.
     #[error(
@@ -55,6 +65,7 @@ impl Records {
             path: path.to_owned(),
             source,
         })?;
+        check_kind(&file, path)?;
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(LONGEST_RECORD);
@@ -89,6 +100,18 @@ impl Records {
             }
         }
         Ok(None)
+    }
+}
+
+/// Refuses a file that begins with other bytes than MCAP. One that is cut off within them passes.
+fn check_kind(file: &File, path: &Path) -> Result<(), ReadError> {
+    let mut begin = [0; mcap::MAGIC.len()];
+    // Not at a place: a pipe has none, and is read as it is.
+    match file.read_at(&mut begin, 0) {
+        Ok(count) if begin.get(..count) != mcap::MAGIC.get(..count) => Err(ReadError::Kind {
+            path: path.to_owned(),
+        }),
+        _ => Ok(()),
     }
 }
 

@@ -55,7 +55,8 @@ pub enum RecordError {
     },
     /// The file cannot be written.
     #[error(
-        "{path}: {source}; what was written until then can be read after `i2ris record recover`"
+        "{path}: {}; what was written until then can be read after `i2ris record recover`",
+        cause(source)
     )]
     Write {
         /// The file.
@@ -69,6 +70,17 @@ pub enum RecordError {
         /// The file.
         path: PathBuf,
     },
+}
+
+/// What the system says where the format only says that it was an error of the system.
+fn cause(error: &McapError) -> String {
+    match error {
+        McapError::Io(error) if error.kind() == io::ErrorKind::StorageFull => {
+            "the disk is full".to_owned()
+        }
+        McapError::Io(error) => error.to_string(),
+        other => other.to_string(),
+    }
 }
 
 /// An attachment of a recording.
@@ -100,6 +112,8 @@ pub struct RecordingHeader {
 pub struct MessageCounts {
     /// Messages of each stream.
     pub messages: BTreeMap<Stream, u64>,
+    /// Stamps of the first and the last message of each stream.
+    pub spans: BTreeMap<Stream, (Nanos, Nanos)>,
     /// Messages that were dropped because the queue was full.
     pub dropped: u64,
 }
@@ -112,6 +126,29 @@ struct QueuedMessage {
     stamp: Nanos,
     received: Nanos,
     bytes: Vec<u8>,
+}
+
+impl MessageCounts {
+    /// Messages of a stream per second, between its first and its last one.
+    #[must_use]
+    pub fn rate_hz(&self, stream: Stream) -> f64 {
+        let messages = self.messages.get(&stream).copied().unwrap_or(0);
+        let span = self.spans.get(&stream);
+        rate_hz(
+            messages,
+            span.map_or(Nanos::ZERO, |(first, last)| last.since(*first)),
+        )
+    }
+}
+
+/// Messages per second within a span that begins with the first and ends with the last one.
+#[must_use]
+pub fn rate_hz(messages: u64, span: Nanos) -> f64 {
+    if span == Nanos::ZERO {
+        0.0
+    } else {
+        (messages as f64 - 1.0) / span.as_seconds()
+    }
 }
 
 /// A recording in progress.
@@ -178,6 +215,8 @@ impl TrialRecorder {
     /// Records a message of a stream. Does not wait.
     pub fn record<T: Layout + Message>(&mut self, stream: Stream, message: &T, received: Nanos) {
         *self.counts.messages.entry(stream).or_default() += 1;
+        let stamp = message.stamp();
+        self.counts.spans.entry(stream).or_insert((stamp, stamp)).1 = stamp;
         self.push(
             Topic::Payload(stream),
             message,

@@ -7,7 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 
 use i2ris::clock;
+use i2ris::config::Config;
 use i2ris::ipc::client::Client;
+use i2ris::model::ModelId;
+use i2ris::model::file::ModelFile;
+use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, Program, program};
 use tempfile::TempDir;
@@ -42,6 +46,11 @@ fn record(controller: &Controller, file: &Path, options: &[&str]) -> (bool, Stri
     (success, error)
 }
 
+/// The controller tells robot and limits of this configuration.
+fn runs_with(controller: &Controller, config: &Path) {
+    controller.robot().description = robot_description(&Config::load(config).unwrap());
+}
+
 /// Runs a program; success, standard output and standard error.
 fn run(arguments: &[&str]) -> (bool, String, String) {
     let output = program::output(arguments);
@@ -57,6 +66,7 @@ fn a_recording_has_every_stream_and_is_exported() {
     let controller = Controller::enabled();
     let (folder, file) = trial_path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    runs_with(&controller, &config);
     let options = ["--duration-s", "1.5", "--config", name(&config), "--json"];
     let arguments = [&["record", "--output", name(&file)], options.as_slice()].concat();
     let (success, output, error) = Program::run(&controller.domain, &arguments);
@@ -90,6 +100,8 @@ fn a_recording_has_every_stream_and_is_exported() {
             .starts_with(b"PAR1")
     );
     let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
+    let units = fs::read_to_string(tables.join("units.csv")).unwrap();
+    assert!(units.contains("measured_js,velocity_1,rad/s"), "{units}");
     let header = "t_s,received_s,sequence,stamp_ns,boot_id,position_0,position_1";
     assert!(table.starts_with(header), "{table}");
     let rows = table.lines().skip(1).map(|line| line.split(',').collect());
@@ -145,6 +157,8 @@ fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
         !output.status.success() && error.contains("trial.mcap") && error.contains("recover"),
         "{error}"
     );
+    // The limit on the size of a file, which stands for the disk here.
+    assert!(error.contains("File too large"), "{error}");
     let whole = folder.path().join("whole.mcap");
     let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
     assert!(success && !output.contains("recovered 0"), "{output}");
@@ -278,6 +292,7 @@ fn the_run_log_of_this_run_is_attached_to_the_recording() {
          {{\"run\":\"0123\",\"event\":\"begin\"}}\n"
     );
     fs::write(folder.path().join("records/runs.jsonl"), log).unwrap();
+    runs_with(&controller, &config);
     let options = ["--duration-s", "0.5", "--config", name(&config)];
     let (success, error) = record(&controller, &file, &options);
     assert!(success, "{error}");
@@ -304,4 +319,70 @@ fn files_that_cannot_be_created_are_refused_first() {
             "{error}"
         );
     }
+}
+
+/// A model file that is valid, as far as a recorder looks.
+fn model_file(robot_id: &str) -> String {
+    let metrics = serde_json::json!({
+        "training": { "r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0 },
+        "held_out": null,
+    });
+    serde_json::json!({
+        "format": "i2ris-model", "schema_version": 1, "robot_id": robot_id,
+        "outputs": [{ "name": "pitch", "unit": "deg" }, { "name": "yaw", "unit": "deg" }],
+        "family": {
+            "kind": "linear", "gain": [[0.01, -0.01], [0.01, 0.01]], "offset": [0.0, 0.0],
+            "covariance": [[1.0, 0.0], [0.0, 1.0]],
+        },
+        "hull": { "corners": [
+            [-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0], [-1000.0, 1000.0]
+        ] },
+        "training": {
+            "data_file": "none", "data_sha256": "0".repeat(64),
+            "rows": 10, "seed": 0, "restarts": 0,
+            "log_likelihood": null, "bic": null, "software": "test",
+        },
+        "metrics": [metrics, metrics],
+    })
+    .to_string()
+}
+
+#[test]
+fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
+    let controller = Controller::enabled();
+    let (folder, file) = trial_path();
+    let model = folder.path().join("staged.json");
+    fs::write(&model, model_file("here")).unwrap();
+    let id: ModelId = ModelFile::read(&model).unwrap().id().unwrap();
+    controller.robot().model_file = Some((model.clone(), id));
+    let (success, error) = record(&controller, &file, &["--duration-s", "0.2"]);
+    assert!(success && error.is_empty(), "{error}");
+    let (_, info, _) = run(&["record", "info", name(&file)]);
+    assert!(info.contains("attached staged.json"), "{info}");
+    // Another model has been written over it.
+    fs::write(&model, model_file("elsewhere")).unwrap();
+    let other = folder.path().join("other.mcap");
+    let (success, error) = record(&controller, &other, &["--duration-s", "0.2"]);
+    assert!(success && error.contains("does not hold it"), "{error}");
+    let (_, info, _) = run(&["record", "info", name(&other)]);
+    assert!(!info.contains("attached staged.json"), "{info}");
+}
+
+#[test]
+fn a_configuration_of_another_robot_is_not_recorded_as_this_one() {
+    let controller = Controller::enabled();
+    let (_folder, file) = trial_path();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let options = ["--duration-s", "0.2", "--config", name(&config)];
+    let (success, error) = record(&controller, &file, &options);
+    assert!(!success && error.contains("i2ris-emulated"), "{error}");
+    assert!(!file.exists());
+}
+
+#[test]
+fn another_kind_of_file_is_named_as_such() {
+    let (_folder, file) = trial_path();
+    fs::write(&file, "t_s,q0_counts\n0,1\n").unwrap();
+    let (success, _, error) = run(&["record", "info", name(&file)]);
+    assert!(!success && error.contains("is no recording"), "{error}");
 }

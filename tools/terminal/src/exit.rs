@@ -1,6 +1,7 @@
 //! Exit codes: one number per kind of failure, so that scripts can tell them apart.
 
 use i2ris::config::ConfigError;
+use i2ris::ipc::DomainError;
 use i2ris::ipc::client::ClientError;
 
 use crate::Failure;
@@ -14,7 +15,11 @@ pub const HELP: &str = "Exit codes:
   4    the controller refuses: not homed, not enabled, another client commands, a bad model, ...
   5    the robot is in FAULT
   6    a configuration is not valid
+  7    a pose was out of reach: the robot went as near as it may
   130  interrupted twice";
+
+/// Exit code of a run that was asked for a pose out of reach.
+pub const OUT_OF_REACH: u8 = 7;
 
 /// A failure that names its exit code.
 #[derive(Debug)]
@@ -47,8 +52,11 @@ pub fn code(failure: &Failure) -> u8 {
             | ClientError::Timeout { .. },
         ) => 3,
         Some(ClientError::Refused { .. } | ClientError::ModelRefused { .. }) => 4,
+        Some(ClientError::Domain(DomainError::Name { .. })) => 2,
         Some(_) => 1,
         None if failure.is::<ConfigError>() => 6,
+        // Domains come from the command line or from I2RIS_DOMAIN.
+        None if matches!(failure.downcast_ref(), Some(DomainError::Name { .. })) => 2,
         None => 1,
     }
 }
@@ -70,7 +78,9 @@ mod tests {
         };
         let sentence = "the robot is in FAULT".to_owned();
         let no_config = Config::load(std::path::Path::new("/nowhere")).unwrap_err();
-        let cases: [(Failure, u8); 5] = [
+        let no_domain = i2ris::ipc::Domain::new("a/b").unwrap_err();
+        let cases: [(Failure, u8); 6] = [
+            (no_domain.into(), 2),
             ("something".into(), 1),
             (ClientError::NoController { domain }.into(), 3),
             (refused.into(), 4),

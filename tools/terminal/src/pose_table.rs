@@ -18,6 +18,19 @@ pub struct Pose {
     pub yaw_rad: f64,
 }
 
+/// What to say of a header that is not separated by commas; empty for one that is.
+pub fn separator_hint<'a>(mut header: impl Iterator<Item = &'a str>) -> &'static str {
+    match (header.next(), header.next()) {
+        (Some(only), None) if only.contains(';') => {
+            "; its cells are separated by `;`: save it with commas (and points in numbers)"
+        }
+        (Some(only), None) if only.contains('\t') => {
+            "; its cells are separated by tabs: save it with commas"
+        }
+        _ => "",
+    }
+}
+
 /// Reads the columns `t_s`, `pitch_deg` and `yaw_deg`. Rows with an empty cell among them are left
 /// out.
 ///
@@ -33,10 +46,10 @@ pub fn read(path: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
         .map_err(|error| failed(error.to_string()))?
         .clone();
     let column = |name: &str| {
-        header
-            .iter()
-            .position(|h| h.trim() == name)
-            .ok_or_else(|| failed(format!("there is no column {name}")))
+        header.iter().position(|h| h.trim() == name).ok_or_else(|| {
+            let hint = separator_hint(header.iter());
+            failed(format!("there is no column {name}{hint}"))
+        })
     };
     let columns = [column("t_s")?, column("pitch_deg")?, column("yaw_deg")?];
     let mut poses = Vec::new();

@@ -1,5 +1,6 @@
 //! A controller without drives: follows at once, and misbehaves on request.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, mpsc};
 use std::thread::{self, JoinHandle};
@@ -7,13 +8,15 @@ use std::thread::{self, JoinHandle};
 use i2ris::clock;
 use i2ris::ipc::payload::{
     ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, padded_text,
+    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    padded_text,
 };
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{
     Domain, DomainLock, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
     random_id,
 };
+use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 
 /// What the robot is and what happened to it.
@@ -25,21 +28,33 @@ pub struct Robot {
     pub model: bool,
     /// Pitch and yaw, degrees.
     pub pose: [f64; 2],
+    /// The largest angle that the snake can reach, degrees. Poses beyond it are clipped.
+    pub reach: f64,
+    clipped: bool,
     /// Motors, counts.
     pub counts: [i32; 2],
     /// Knows `condition`, which takes no time.
     pub conditions: bool,
+    /// How long a conditioning cycle takes.
+    pub busy_for: Nanos,
+    busy_until: Nanos,
     pub lease: u64,
     pub refused: u64,
     /// The client whose command was refused last.
     pub refused_client: u64,
     /// Every servo command is refused with this.
     pub refuse: Option<Refusal>,
+    /// Robot and limits in the reply to `version`.
+    pub description: Version,
+    /// Number of stops by late commands.
+    pub stale_stops: u64,
     /// Every state command, in order.
     pub asked: Vec<StateCommand>,
     /// Models in use, staged and in use before, by the byte that their identity is made of; 0:
     /// none.
     pub models: [u8; 3],
+    /// File and identity of the model in use, in place of a made-up one.
+    pub model_file: Option<(PathBuf, ModelId)>,
     /// Every request about models but `list`, in order.
     pub asked_of_models: Vec<ModelAction>,
     /// Flags of the last accepted pose.
@@ -59,14 +74,21 @@ impl Robot {
             homed: false,
             model: true,
             pose: [1.0, -1.0],
+            reach: f64::INFINITY,
+            clipped: false,
             counts: [40, -20],
             conditions: true,
+            busy_for: Nanos::ZERO,
+            busy_until: Nanos::ZERO,
             lease: 0,
             refused: 0,
             refused_client: 0,
             refuse: None,
+            description: Version::default(),
+            stale_stops: 0,
             asked: Vec::new(),
             models: [1, 0, 0],
+            model_file: None,
             asked_of_models: Vec::new(),
             flags: 0,
             poses: Vec::new(),
@@ -91,7 +113,11 @@ impl Robot {
                 self.lease = 0;
                 Refusal::None
             }
-            StateCommand::Condition if self.conditions => Refusal::None,
+            StateCommand::Condition if self.is_busy() => Refusal::Conditioning,
+            StateCommand::Condition if self.conditions => {
+                self.busy_until = clock::now() + self.busy_for;
+                Refusal::None
+            }
             StateCommand::Pause if self.state == OperatingState::Enabled => {
                 self.change(OperatingState::Paused)
             }
@@ -102,6 +128,16 @@ impl Robot {
             StateCommand::Pause | StateCommand::Hold | StateCommand::Acknowledge => Refusal::State,
             _ => Refusal::Unsupported,
         }
+    }
+
+    /// Whether a conditioning cycle is in progress.
+    pub fn is_busy(&self) -> bool {
+        clock::now() < self.busy_until
+    }
+
+    /// Ends the conditioning cycle.
+    pub fn end_activity(&mut self) {
+        self.busy_until = Nanos::ZERO;
     }
 
     fn change(&mut self, state: OperatingState) -> Refusal {
@@ -140,9 +176,14 @@ impl Robot {
             },
             ..ModelSlot::default()
         };
+        let mut slots = self.models.map(slot);
+        if let (Some((file, id)), [used, ..]) = (&self.model_file, &mut slots) {
+            used.model_id = id.0;
+            used.file = padded_text(file.to_str().unwrap());
+        }
         ModelReply {
             refusal: refusal.number(),
-            slots: self.models.map(slot),
+            slots,
             ..ModelReply::default()
         }
     }
@@ -155,6 +196,9 @@ impl Robot {
             command.position[0].to_degrees(),
             command.position[1].to_degrees(),
         ];
+        let asked = self.pose;
+        self.pose = asked.map(|angle| angle.clamp(-self.reach, self.reach));
+        self.clipped = self.pose != asked;
         self.flags = command.flags;
         self.poses.push((Nanos(command.stamp_ns), self.pose));
     }
@@ -184,7 +228,8 @@ impl Robot {
             stamp_ns: now.0,
             position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
             count: 2,
-            flags: if self.model { JointState::VALID } else { 0 },
+            flags: if self.model { JointState::VALID } else { 0 }
+                | if self.clipped { JointState::CLIPPED } else { 0 },
             model_id: [self.models[0]; 32],
             ..JointState::default()
         };
@@ -208,6 +253,7 @@ impl Robot {
             lease_client_id: self.lease,
             accepted: (self.poses.len() + self.places.len()) as u64,
             refused: self.refused,
+            stale_stops: self.stale_stops,
             state: self.state.number(),
             fault: self.fault.number(),
             last_refusal: self.refuse.unwrap_or(Refusal::None).number(),
@@ -216,6 +262,10 @@ impl Robot {
             refused_reason: [self.refuse.unwrap_or(Refusal::None).number(); 8],
             flags: if self.homed {
                 OperatingStateMsg::HOMED
+            } else {
+                0
+            } | if self.is_busy() {
+                OperatingStateMsg::BUSY
             } else {
                 0
             },
@@ -307,6 +357,7 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         Some(ReceivedCommand::Actuator(command)) => robot.actuator(command),
         None => {}
     }
+    server.describe_robot(&robot.description);
     robot.tell(server, now);
     server.maintain(now);
 }

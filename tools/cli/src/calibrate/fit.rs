@@ -17,6 +17,10 @@ use i2ris_calibration::survey::spike::SpikeOptions;
 use super::fit_report::report;
 use super::progress_bar::Bar;
 use i2ris_terminal::Failure;
+use i2ris_terminal::files::{check_not_there, make_folder_of};
+
+/// The robot of recordings that name none.
+const ROBOT_ID: &str = "i2ris";
 
 /// More is no latency of a camera, ms.
 const MAX_LATENCY_MS: f64 = 1000.0;
@@ -26,17 +30,19 @@ const MAX_LATENCY_MS: f64 = 1000.0;
 pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles
     file: PathBuf,
-    /// Where to write the model; an existing file is replaced, all at once, when everything went
-    /// well
+    /// Where to write the model; its folder is made
     #[arg(long, short, value_name = "MODEL.json")]
     output: PathBuf,
     /// Where to write a report with figures: one HTML file that needs nothing but itself
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// The robot that was recorded; the controller refuses models of another one
-    #[arg(long, value_name = "ID", default_value = "i2ris",
-          value_parser = NonEmptyStringValueParser::new())]
-    robot_id: String,
+    /// Replace model and report, if they exist, all at once, when everything went well
+    #[arg(long)]
+    overwrite: bool,
+    /// The robot that was recorded; the controller refuses models of another one [default: as in
+    /// the file beside the recording, or else i2ris]
+    #[arg(long, value_name = "ID", value_parser = NonEmptyStringValueParser::new())]
+    robot_id: Option<String>,
     #[command(flatten)]
     model: ModelArguments,
     #[command(flatten)]
@@ -164,10 +170,10 @@ fn part(text: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
-    fn options(&self) -> FitOptions {
+    fn options(&self, robot_id: String) -> FitOptions {
         let model = &self.model;
         FitOptions {
-            robot_id: self.robot_id.clone(),
+            robot_id,
             choice: model.family,
             components: match model.components {
                 Some(components) => Components::Exactly(components.into()),
@@ -206,9 +212,9 @@ impl ColumnArguments {
 /// Runs it. The model is written when all else has succeeded, and only then is anything printed.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { file, output, .. } = arguments;
-    check_output("--output", output, file)?;
+    check_output("--output", output, file, arguments.overwrite)?;
     if let Some(page) = &arguments.report {
-        check_output("--report", page, file)?;
+        check_output("--report", page, file, arguments.overwrite)?;
         if same(page, output) {
             return Err(format!(
                 "--report {}: is the model itself; name another file",
@@ -217,7 +223,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             .into());
         }
     }
-    let options = arguments.options();
+    let robot_id = match &arguments.robot_id {
+        Some(id) => id.clone(),
+        None => recorded_robot(file)?.unwrap_or_else(|| ROBOT_ID.to_owned()),
+    };
+    let options = arguments.options(robot_id);
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
     let mut taken_off = None;
     if let Some(choice) = arguments.model.latency_ms {
@@ -252,26 +262,42 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Checks an output file before the long work. `option` names the file to write.
-fn check_output(option: &str, output: &Path, recording: &Path) -> Result<(), Failure> {
+fn check_output(
+    option: &str,
+    output: &Path,
+    recording: &Path,
+    overwrite: bool,
+) -> Result<(), Failure> {
     let shown = output.display();
-    let folder = output
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
     if output.is_dir() {
         return Err(format!("{option} {shown}: is a folder; name a file in it").into());
-    }
-    if !folder.is_dir() {
-        return Err(format!(
-            "{option} {shown}: there is no folder {}; make it",
-            folder.display()
-        )
-        .into());
     }
     if same(output, recording) {
         return Err(format!("{option} {shown}: is the recording itself; name another file").into());
     }
-    Ok(())
+    check_not_there(option, output, overwrite)?;
+    Ok(make_folder_of(option, output)?)
+}
+
+/// The robot that the file beside a recording names, as `i2ris calibrate collect` writes it.
+fn recorded_robot(recording: &Path) -> Result<Option<String>, Failure> {
+    #[derive(serde::Deserialize)]
+    struct Beside {
+        robot_id: String,
+    }
+    let path = recording.with_extension("toml");
+    let Ok(text) = fs::read_to_string(&path) else {
+        return Ok(None);
+    };
+    match toml::from_str::<Beside>(&text) {
+        Ok(beside) => Ok(Some(beside.robot_id)),
+        Err(error) => Err(format!(
+            "{} beside the recording names no robot ({}); add --robot-id",
+            path.display(),
+            error.message()
+        )
+        .into()),
+    }
 }
 
 /// Whether two names mean one file, which need not exist yet.

@@ -11,7 +11,7 @@ use i2ris_terminal::pose_table::Pose;
 use super::collect::GAP_NS;
 use i2ris_statistics::TimeSeries;
 use i2ris_terminal::Failure;
-use i2ris_terminal::files::replace;
+use i2ris_terminal::files::{check_not_there, replace};
 use i2ris_terminal::pose_table as table;
 
 /// Arguments of `i2ris calibrate merge`.
@@ -31,6 +31,9 @@ pub struct Arguments {
     /// Where to write the recording with these angles
     #[arg(long, short, value_name = "FILE.csv")]
     output: PathBuf,
+    /// Replace that file, if it exists
+    #[arg(long)]
+    overwrite: bool,
     /// Add this to the stamps of the angles
     #[arg(long, value_name = " \
      S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = shift)]
@@ -47,6 +50,7 @@ fn shift(text: &str) -> Result<f64, String> {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    check_not_there("--output", &arguments.output, arguments.overwrite)?;
     let (recording, _) = Recording::read(&arguments.recording, &ColumnMap::default())?;
     let seen = table::read(&arguments.angles)?;
     let (rows, lost) = merge(&recording, &seen, arguments.shift_s);

@@ -7,13 +7,22 @@ use i2ris::ipc::payload::JointState;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
-use super::prepare::{FIRST_MESSAGE_TIMEOUT, prepare};
+use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use super::progress::Progress;
-use super::stream_monitor::{StopReason, StreamMonitor, TrackingSummary};
+use super::stream_monitor::{ClipMonitor, LateMonitor, StopReason, StreamMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
+
+/// What to do when the controller has stopped the snake because commands came late.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum OnLate {
+    /// Go on, later than the times of the trajectory say
+    Continue,
+    /// End; the snake holds
+    End,
+}
 
 /// What to stream.
 #[derive(Debug)]
@@ -28,8 +37,10 @@ pub struct Plan {
     pub rate_hz: f64,
     /// Speed limit of the approach, deg/s.
     pub speed_deg_s: f64,
-    /// Home and enable first, where necessary.
-    pub enable: bool,
+    /// What to do after a stop by late commands.
+    pub on_late: OnLate,
+    /// What may be done first.
+    pub prepare: PrepareOptions,
 }
 
 /// Waits for the present pose, which is the set-point.
@@ -70,7 +81,7 @@ pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
 /// Streams the plan until it ends, is interrupted, or the controller cannot follow any more.
 /// Releases the lease.
 pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(), Failure> {
-    let state = prepare(client, plan.enable, interrupt)?;
+    let state = prepare(client, plan.prepare, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
     let player = TrajectoryPlayer::new(
@@ -87,6 +98,9 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
         goal: Latest::new(client.watcher().goal_js()),
         measured: Latest::new(client.watcher().measured_js()),
         tracking: TrackingSummary::default(),
+        clips: ClipMonitor::new(clock::now()),
+        late: LateMonitor::new(&state),
+        on_late: plan.on_late,
     };
     let outcome = stream.play(client, Nanos((1e9 / plan.rate_hz) as u64), interrupt);
     let released = client.state_command(StateCommand::Release);
@@ -95,7 +109,7 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
     if let Some(summary) = stream.tracking.summary() {
         stream.progress.say(&summary)?;
     }
-    Ok(())
+    Ok(stream.clips.outcome()?)
 }
 
 struct Stream {
@@ -106,6 +120,9 @@ struct Stream {
     goal: Latest<JointState>,
     measured: Latest<JointState>,
     tracking: TrackingSummary,
+    clips: ClipMonitor,
+    late: LateMonitor,
+    on_late: OnLate,
 }
 
 impl Stream {
@@ -123,7 +140,9 @@ impl Stream {
             if self.player.is_finished(stop) {
                 return Ok(());
             }
-            let angles = self.player.advance((now - last).as_seconds(), stop);
+            let step_s = (now - last).as_seconds();
+            let angles = self.player.advance(step_s, stop);
+            self.late.record_step(step_s);
             last = now;
             self.commander.servo_jp(&angles.map(f64::to_radians))?;
             closed |= !self.check_response(client, angles)?;
@@ -132,8 +151,24 @@ impl Stream {
 
     /// Checks the response of the controller. Returns whether standard output still has a reader.
     fn check_response(&mut self, client: &mut Client, angles: Angles) -> Result<bool, Failure> {
-        if let (Some(goal), Some(measured)) = (self.goal.refresh()?, self.measured.refresh()?) {
-            self.tracking.record(goal, measured);
+        if let Some(state) = client.operating_state()?
+            && let Some(late) = self.late.check(&state)
+        {
+            if self.on_late == OnLate::End {
+                return Err(late.into());
+            }
+            if !self.progress.say(&format!("{late} and goes on"))? {
+                return Ok(false);
+            }
+        }
+        if let Some(measured) = self.measured.refresh()? {
+            self.tracking.record(angles, measured);
+        }
+        if let Some(goal) = self.goal.refresh()?
+            && let Some(clipped) = self.clips.check(angles, goal, clock::now())
+            && !self.progress.say(&clipped)?
+        {
+            return Ok(false);
         }
         let Self {
             name,

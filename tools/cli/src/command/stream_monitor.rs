@@ -4,6 +4,9 @@ use i2ris::ipc::payload::{JointState, OperatingStateMsg};
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::units::Nanos;
 
+use super::trajectory::Angles;
+use crate::trajectory_time::LONGEST_STEP_S;
+
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
 /// Time after which the same refusal is reported again.
@@ -23,6 +26,18 @@ pub enum StopReason {
         "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
     )]
     NotEnabled(OperatingState),
+    /// The controller left ENABLED during the stream.
+    #[error(
+        "the controller has become {0} meanwhile: somebody has paused, disabled or ended it; the \
+         snake holds"
+    )]
+    LeftEnabled(OperatingState),
+    /// An axis does not know its zero, and homing was not asked for.
+    #[error(
+        "the robot is not homed: its zero is not known. Homing makes the present pose the zero: \
+         straighten the snake, then add --home, or run `i2ris command state home`"
+    )]
+    NotHomed,
     /// A state number of another release.
     #[error(
         "the controller reports state {0}, which this program does not know; build both from one \
@@ -103,7 +118,10 @@ impl StreamMonitor {
         if state.age(now) > TIMEOUT {
             return Err(StopReason::Silent);
         }
-        enabled(state)?;
+        enabled(state).map_err(|stop| match stop {
+            StopReason::NotEnabled(state) => StopReason::LeftEnabled(state),
+            other => other,
+        })?;
         self.check_lease(state.lease_client_id)?;
         let refusal = self.update_counters(state, now);
         self.check_progress(state, now)?;
@@ -160,7 +178,8 @@ impl StreamMonitor {
     }
 }
 
-/// Sums up the tracking error, by the model's estimate from the encoders.
+/// Sums up the distance of the snake from what was asked, by the model's estimate from the
+/// encoders.
 #[derive(Debug, Default)]
 pub struct TrackingSummary {
     samples: u64,
@@ -169,13 +188,12 @@ pub struct TrackingSummary {
 }
 
 impl TrackingSummary {
-    /// Adds one pair of goal and measurement.
-    pub fn record(&mut self, goal: &JointState, measured: &JointState) {
-        if goal.flags & measured.flags & JointState::VALID == 0 {
+    /// Adds one pair: asked (deg) and measured.
+    pub fn record(&mut self, asked: Angles, measured: &JointState) {
+        if measured.flags & JointState::VALID == 0 {
             return;
         }
-        let error = (goal.position[0] - measured.position[0])
-            .hypot(goal.position[1] - measured.position[1]);
+        let error = distance_deg(asked, measured);
         self.samples += 1;
         self.squares += error * error;
         self.largest = self.largest.max(error);
@@ -186,13 +204,119 @@ impl TrackingSummary {
         if self.samples == 0 {
             return None;
         }
-        let rms = (self.squares / self.samples as f64).sqrt().to_degrees();
-        let largest = self.largest.to_degrees();
+        let rms = (self.squares / self.samples as f64).sqrt();
+        let largest = self.largest;
         Some(format!(
-            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, by the model's own \
-             estimate"
+            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, of what was asked, by the \
+             model's own estimate"
         ))
     }
+}
+
+/// Notices stops by late commands, which shift a trajectory in time.
+#[derive(Debug)]
+pub struct LateMonitor {
+    stale_stops: u64,
+    shift_s: f64,
+}
+
+impl LateMonitor {
+    /// Starts with `state`.
+    pub fn new(state: &OperatingStateMsg) -> Self {
+        Self {
+            stale_stops: state.stale_stops,
+            shift_s: 0.0,
+        }
+    }
+
+    /// Adds a step of time, s. What is longer than a step of the trajectory shifts it.
+    pub fn record_step(&mut self, step_s: f64) {
+        self.shift_s += (step_s - LONGEST_STEP_S).max(0.0);
+    }
+
+    /// Checks the newest state while this client commands. Returns a sentence after a stop.
+    pub fn check(&mut self, state: &OperatingStateMsg) -> Option<String> {
+        let stops = state.stale_stops.saturating_sub(self.stale_stops);
+        self.stale_stops = state.stale_stops;
+        (stops > 0).then(|| {
+            format!(
+                "the controller has stopped the snake in between: commands came late; the \
+                 trajectory is {:.2} s behind its times",
+                self.shift_s
+            )
+        })
+    }
+}
+
+/// Notices poses that the controller clips to what the snake can reach.
+#[derive(Debug)]
+pub struct ClipMonitor {
+    /// Goals from before belong to another client.
+    since: Nanos,
+    is_clipped: bool,
+    reported: Option<Nanos>,
+    farthest_deg: f64,
+}
+
+/// Why a stream that went to its end is no success.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "out of reach: the snake stayed up to {farthest_deg:.1} deg away from what was asked; stay \
+     inside the calibrated hull and the position limits, or calibrate a wider range"
+)]
+pub struct OutOfReach {
+    /// Largest distance between what was asked and the goal of the controller, deg.
+    pub farthest_deg: f64,
+}
+
+impl ClipMonitor {
+    /// Starts at `since`.
+    pub fn new(since: Nanos) -> Self {
+        Self {
+            since,
+            is_clipped: false,
+            reported: None,
+            farthest_deg: 0.0,
+        }
+    }
+
+    /// Checks the newest goal of the controller. Returns a line to print when clipping begins, at
+    /// most once a second.
+    pub fn check(&mut self, asked: Angles, goal: &JointState, now: Nanos) -> Option<String> {
+        if goal.stamp_ns <= self.since.0 || goal.flags & JointState::CLIPPED == 0 {
+            self.is_clipped = false;
+            return None;
+        }
+        let began = !std::mem::replace(&mut self.is_clipped, true);
+        let away = distance_deg(asked, goal);
+        self.farthest_deg = self.farthest_deg.max(away);
+        let due = |last: Nanos| now.since(last) >= REPEAT_PERIOD;
+        if !began || !self.reported.is_none_or(due) {
+            return None;
+        }
+        self.reported = Some(now);
+        let [pitch, yaw, _] = goal.position.map(f64::to_degrees);
+        Some(format!(
+            "out of reach: pitch, yaw {:+.2} {:+.2} deg asked; the robot goes no further than \
+             about {pitch:+.2} {yaw:+.2} deg",
+            asked[0], asked[1]
+        ))
+    }
+
+    /// Whether everything that was asked was within reach.
+    pub fn outcome(&self) -> Result<(), OutOfReach> {
+        match self.reported {
+            Some(_) => Err(OutOfReach {
+                farthest_deg: self.farthest_deg,
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+fn distance_deg(asked: Angles, joint: &JointState) -> f64 {
+    let [pitch, yaw, _] = joint.position.map(f64::to_degrees);
+    (asked[0] - pitch).hypot(asked[1] - yaw)
 }
 
 #[cfg(test)]
@@ -314,7 +438,7 @@ mod tests {
         };
         assert_eq!(
             monitor().check(&paused, at(1)),
-            Err(StopReason::NotEnabled(OperatingState::Paused))
+            Err(StopReason::LeftEnabled(OperatingState::Paused))
         );
         let newer = OperatingStateMsg {
             state: 77,
@@ -367,14 +491,37 @@ mod tests {
         };
         let mut tracking = TrackingSummary::default();
         assert_eq!(tracking.summary(), None);
-        tracking.record(&joint(3.0, 1), &joint(0.0, 1));
-        tracking.record(&joint(4.0, 1), &joint(0.0, 1));
-        tracking.record(&joint(90.0, 1), &joint(0.0, 0));
+        tracking.record([3.0, 0.0], &joint(0.0, JointState::VALID));
+        tracking.record([4.0, 0.0], &joint(0.0, JointState::VALID));
+        tracking.record([90.0, 0.0], &joint(0.0, 0));
         assert!(
             tracking
                 .summary()
                 .unwrap()
                 .contains("3.54 deg RMS, 4.00 deg at most")
         );
+    }
+
+    #[test]
+    fn clipping_is_reported_when_it_begins_and_remembered() {
+        let goal = |milliseconds, flags| JointState {
+            stamp_ns: at(milliseconds).0,
+            position: [20_f64.to_radians(), 0.0, 0.0],
+            flags,
+            ..JointState::default()
+        };
+        let clipped = JointState::VALID | JointState::CLIPPED;
+        let mut clips = ClipMonitor::new(at(0));
+        // The goal of the client before.
+        assert_eq!(clips.check([60.0, 0.0], &goal(0, clipped), at(1)), None);
+        assert_eq!(clips.check([5.0, 0.0], &goal(2, 1), at(2)), None);
+        assert_eq!(clips.outcome(), Ok(()));
+        let line = clips.check([30.0, 0.0], &goal(3, clipped), at(3)).unwrap();
+        assert!(line.contains("+30.00 +0.00 deg asked"), "{line}");
+        assert!(line.contains("+20.00 +0.00"), "{line}");
+        assert_eq!(clips.check([63.0, 0.0], &goal(4, clipped), at(4)), None);
+        assert_eq!(clips.check([5.0, 0.0], &goal(5, 1), at(5)), None);
+        let out_of_reach = clips.outcome().unwrap_err();
+        assert!((out_of_reach.farthest_deg - 43.0).abs() < 1e-9);
     }
 }

@@ -3,6 +3,8 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
+use i2ris_terminal::pose_table::separator_hint;
+
 /// Pitch and yaw, degrees.
 pub type Angles = [f64; 2];
 
@@ -91,12 +93,17 @@ pub enum WaypointsError {
         source: csv::Error,
     },
     /// A column is missing.
-    #[error("{path} has no column `{column}`; the first line must name t_s, pitch_deg and yaw_deg")]
+    #[error(
+        "{path} has no column `{column}`; the first line must name t_s, pitch_deg and \
+         yaw_deg{hint}"
+    )]
     Column {
         /// The file.
         path: PathBuf,
         /// The column.
         column: &'static str,
+        /// What may be the reason; may be empty.
+        hint: &'static str,
     },
     /// A cell is not a finite number.
     #[error("{path}, line {line}: `{cell}` is not a finite number in column {column}")]
@@ -147,9 +154,10 @@ impl Waypoints {
         let mut columns = [0; 3];
         for (index, column) in columns.iter_mut().zip(COLUMNS) {
             let found = header.iter().position(|name| name == column);
-            *index = found.ok_or(WaypointsError::Column {
+            *index = found.ok_or_else(|| WaypointsError::Column {
                 path: path.to_owned(),
                 column,
+                hint: separator_hint(header.iter()),
             })?;
         }
         let mut rows: Vec<(f64, Angles)> = Vec::new();
@@ -272,6 +280,7 @@ mod tests {
     fn a_wrong_file_is_refused_with_the_line_and_the_column() {
         let refused = |text: &str| load(text).unwrap_err().to_string();
         assert!(refused("t_s,pitch_deg\n0,1\n").contains("no column `yaw_deg`"));
+        assert!(refused("t_s;pitch_deg;yaw_deg\n0;1;2\n").contains("separated by `;`"));
         assert!(
             refused("t_s,pitch_deg,yaw_deg\n0,1,2\n1,nan,2\n")
                 .contains("line 3: `nan` is not a finite number")

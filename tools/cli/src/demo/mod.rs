@@ -13,7 +13,7 @@
 //! | `summary` | what is printed at the end |
 
 mod arguments;
-mod process;
+pub mod process;
 mod progress;
 mod setup;
 mod steps;

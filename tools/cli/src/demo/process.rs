@@ -36,6 +36,8 @@ impl Process {
         command
             .args(arguments)
             .stdin(Stdio::null())
+            // Ctrl-C is for the parent, which ends its children in order.
+            .process_group(0)
             .stderr(output.try_clone()?)
             .stdout(output);
         // SAFETY: prctl is async-signal-safe and touches no memory of the parent.

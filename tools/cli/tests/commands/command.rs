@@ -2,6 +2,7 @@
 
 use std::io::Write;
 
+use i2ris::clock;
 use i2ris::ipc::{Domain, Fault, OperatingState, Refusal, StateCommand, random_id};
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, Program};
@@ -51,7 +52,7 @@ fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
         "pose",
         "-4",
         "3.5",
-        "--enable",
+        "--home",
         "--duration-s",
         "0.2",
         "--speed-deg-s",
@@ -63,6 +64,7 @@ fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
     assert_eq!(
         robot.asked,
         [
+            StateCommand::Enable,
             StateCommand::Home,
             StateCommand::Enable,
             StateCommand::Release
@@ -283,4 +285,137 @@ fn states_are_changed_or_the_refusal_is_told() {
         success && output.contains("the controller is ENABLED"),
         "{output}"
     );
+}
+
+#[test]
+fn a_pose_out_of_reach_is_told_at_once_and_is_no_success() {
+    let controller = Controller::enabled();
+    controller.robot().reach = 20.0;
+    let pose = ["command", "pose", "63", "-1", "--speed-deg-s", "60"];
+    let program = Program::start(
+        &controller.domain,
+        &[&pose[..], &["--duration-s", "0.2"]].concat(),
+    );
+    let (code, output, error) = program.code();
+    assert_eq!(code, Some(7), "{output}{error}");
+    assert!(
+        error.contains("out of reach") && error.contains("43.0 deg"),
+        "{error}"
+    );
+    let told = output.find("out of reach").expect(&output);
+    assert!(told < output.find("followed within").unwrap(), "{output}");
+    assert!(
+        output.contains("43.0") && !output.contains("followed within 0.0"),
+        "{output}"
+    );
+    assert_eq!(controller.robot().lease, 0);
+}
+
+#[test]
+fn homing_needs_its_own_consent() {
+    let controller = Controller::start();
+    let arguments = ["command", "hold", "--duration-s", "0.1"];
+    let enable = Program::start(
+        &controller.domain,
+        &[&arguments[..], &["--enable"]].concat(),
+    );
+    let (code, _, error) = enable.code();
+    assert_eq!(code, Some(4), "{error}");
+    assert!(
+        error.contains("straighten the snake") && error.contains("--home"),
+        "{error}"
+    );
+    assert!(!controller.robot().homed);
+    let home = Program::start(&controller.domain, &[&arguments[..], &["--home"]].concat());
+    let (code, _, error) = home.code();
+    assert_eq!(code, Some(0), "{error}");
+    assert!(
+        error.contains("the present pose becomes the zero"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
+    let controller = Controller::enabled();
+    controller.robot().busy_for = Nanos::from_millis(1000);
+    let (success, output, error) =
+        Program::run(&controller.domain, &["command", "state", "condition"]);
+    assert!(
+        success && output.contains("done: condition"),
+        "{output}{error}"
+    );
+    assert!(!controller.robot().is_busy());
+    controller.robot().busy_for = Nanos::from_millis(3_600_000);
+    let arguments = ["command", "state", "condition", "--no-wait"];
+    let (success, output, error) = Program::run(&controller.domain, &arguments);
+    assert!(
+        success && output.contains("accepted: condition"),
+        "{output}{error}"
+    );
+    assert!(controller.robot().is_busy());
+    let waiting = Program::start(
+        &controller.domain,
+        &["command", "hold", "--duration-s", "0.1"],
+    );
+    clock::sleep(Nanos::from_millis(300));
+    assert!(controller.robot().poses.is_empty(), "it waits");
+    controller.robot().end_activity();
+    let (code, _, error) = waiting.code();
+    assert_eq!(code, Some(0), "{error}");
+    assert!(!controller.robot().poses.is_empty());
+}
+
+#[test]
+fn a_stop_by_late_commands_is_told_and_can_end_the_path() {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    write!(file, "t_s,pitch_deg,yaw_deg\n0,1,-1\n1.5,2,1\n").unwrap();
+    let path = ["command", "file", file.path().to_str().unwrap()];
+    for (more, expected) in [(&[][..], 0), (&["--on-late", "end"][..], 1)] {
+        let controller = Controller::enabled();
+        let program = Program::start(&controller.domain, &[&path[..], more].concat());
+        controller.wait("commands", |robot| robot.poses.len() > 5);
+        controller.robot().stale_stops += 1;
+        let (code, output, error) = program.code();
+        assert_eq!(code, Some(expected), "{output}{error}");
+        let told = "commands came late; the trajectory is";
+        assert!(format!("{output}{error}").contains(told), "{output}{error}");
+        assert_eq!(controller.robot().lease, 0);
+    }
+}
+
+#[test]
+fn a_controller_that_is_ended_or_disabled_meanwhile_is_named_as_such() {
+    let controller = Controller::enabled();
+    let program = Program::start(&controller.domain, &["command", "hold"]);
+    controller.wait("commands", |robot| robot.poses.len() > 5);
+    controller.robot().state = OperatingState::Disabled;
+    let (code, _, error) = program.code();
+    assert_eq!(code, Some(4), "{error}");
+    assert!(
+        error.contains("disabled or ended") && !error.contains("--enable"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_wrong_domain_is_a_wrong_command_line() {
+    let output = i2ris_testing::program::output(&["command", "--domain", "a/b", "hold"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn why_names_state_and_last_refusal_with_what_to_do() {
+    let controller = Controller::start();
+    controller.robot().refuse = Some(Refusal::Range);
+    let (success, output, error) = Program::run(&controller.domain, &["why"]);
+    assert!(success, "{error}");
+    for part in [
+        "state DISABLED",
+        "refusal 6: not homed",
+        "straighten the snake",
+        "refusal 9: the last refused command: outside the position limits",
+    ] {
+        assert!(output.contains(part), "{part}: {output}");
+    }
 }

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
+use i2ris::ipc::{Domain, DomainLock, random_id};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -289,4 +290,58 @@ fn help_names_every_physics() {
             "{physics} in {text}"
         );
     }
+}
+
+#[test]
+fn it_finds_its_snake_everywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = emulate(&["--duration", "0.2", "--no-camera", "--ports"]);
+    let output = command
+        .arg(folder.path().join("ports"))
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+}
+
+#[test]
+fn start_runs_emulator_and_controller_and_ends_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+    let place = folder.path().join("here");
+    let mut command = i2ris_testing::program::command(&["start", "--no-monitor", "--folder"]);
+    command
+        .arg(&place)
+        .args(["--domain", domain.name()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut running = Running(command.spawn().unwrap());
+    let mut lines = BufReader::new(running.0.stdout.take().unwrap());
+    let mut first = String::new();
+    lines.read_line(&mut first).unwrap();
+    let logs = |name: &str| std::fs::read_to_string(place.join(name)).unwrap_or_default();
+    assert!(
+        first.contains("ready") && first.contains(domain.name()),
+        "{first}{}{}",
+        logs("emulator.log"),
+        logs("controller.log")
+    );
+    kill(
+        Pid::from_raw(running.0.id().try_into().unwrap()),
+        Signal::SIGINT,
+    )
+    .unwrap();
+    let status = running.0.wait().unwrap();
+    let mut error = String::new();
+    let _ = running.0.stderr.take().unwrap().read_to_string(&mut error);
+    assert_eq!(status.code(), Some(0), "{error}");
+    assert!(!place.join("ports").exists(), "the emulator has ended");
+    assert!(
+        logs("emulator.log").contains("ended"),
+        "{}",
+        logs("emulator.log")
+    );
+    assert!(logs("controller.log").contains(&format!("serves domain `{}`", domain.name())));
+    // The lock is free: the controller has ended.
+    drop(DomainLock::acquire(&domain).unwrap());
 }

@@ -108,7 +108,7 @@ fn linear_model(folder: &Path, name: &str, factor: f64) -> PathBuf {
 
 const SCRIPT: &str = "
 import math, sys, threading, time
-from i2ris.arm import Arm, Refused
+from i2ris.arm import Arm, OutOfReach, Refused, Stopped
 
 domain, second, broken = sys.argv[1:]
 end = time.monotonic() + 20.0
@@ -121,18 +121,36 @@ while True:
         assert time.monotonic() < end
         time.sleep(0.05)
 
-def insist(command):
+try:
+    arm.enable()
+    raise AssertionError('it is not homed')
+except Refused as refused:
+    assert refused.code == 6 and 'not homed' in refused.reason, refused
+arm.home().wait()
+assert arm.enable().wait().state == 'ENABLED'
+arm.move_jp([math.radians(3.0), math.radians(-2.0)]).wait()
+assert abs(math.degrees(arm.setpoint_js().position[0]) - 3.0) < 0.2, arm.setpoint_js()
+try:
+    arm.move_jp([math.radians(60.0), 0.0]).wait()
+    raise AssertionError('out of reach')
+except OutOfReach as out:
+    assert '60' in str(out), out
+arm.move_jp([0.0, 0.0]).wait()
+moving = arm.move_jp([math.radians(10.0), 0.0])
+assert not moving.is_done()
+arm.hold()
+try:
+    moving.wait()
+    raise AssertionError('it was stopped')
+except Stopped:
+    pass
+arm.move_jp([0.0, 0.0]).wait()
+try:
     while True:
-        try:
-            return arm.state_command(command)
-        except Refused as refused:
-            assert 'not ready' in str(refused) or 'busy' in str(refused), refused
-            time.sleep(0.05)
-
-insist('home')
-arm.wait_for(lambda state: state.homed and not state.busy)
-insist('enable')
-arm.wait_for(lambda state: state.state == 'ENABLED')
+        arm.servo_jp([math.radians(20.0), 0.0])
+        time.sleep(0.005)
+except Refused as refused:
+    assert 'step too large' in refused.reason, refused
 
 done, lead = threading.Event(), Arm(domain, deadline_s=0.5)
 def move():
@@ -146,7 +164,7 @@ mover.start()
 try:
     arm.wait_for(lambda state: state.accepted > 50)
     first = arm.model.list()
-    assert first.active.family == 'linear' and first.staged is None and first.former is None, first
+    assert first.active.family == 'linear' and first.staged is None and first.previous is None, first
     try:
         arm.model.stage(broken)
         raise AssertionError('a broken model')
@@ -172,7 +190,7 @@ try:
             time.sleep(0.02)
         return models
     swapped = in_use(staged.staged.id)
-    assert swapped.former.id == first.active.id, swapped
+    assert swapped.previous.id == first.active.id, swapped
     arm.model.rollback(force=True)
     in_use(first.active.id)
     before = arm.operating_state().accepted

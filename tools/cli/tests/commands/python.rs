@@ -140,6 +140,38 @@ fn who_commands_from_python_is_known_by_name() {
     );
 }
 
+const ENVIRONMENT: &str = "
+import os, time
+from i2ris.arm import Arm, Refused
+
+with Arm(deadline_s=0.5) as arm:
+    assert arm.version().interface == 1
+    end = time.monotonic() + 20.0
+    try:
+        while time.monotonic() < end:
+            arm.servo_jp([0.0, 0.0])
+            time.sleep(0.005)
+        raise AssertionError('refusals are lost')
+    except Refused as refused:
+        assert refused.code == 9 and 'position limits' in refused.reason, refused
+";
+
+#[test]
+fn the_domain_is_that_of_the_environment_and_a_refused_stream_raises() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::enabled();
+    controller.robot().refuse = Some(i2ris::ipc::Refusal::Range);
+    let output = command
+        .args(["-c", ENVIRONMENT])
+        .env("I2RIS_DOMAIN", controller.domain.name())
+        .output()
+        .unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{error}");
+}
+
 const FOREIGN: &str = "
 import sys
 from i2ris.arm import Arm, OtherInterface

@@ -235,3 +235,17 @@ fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
     terminal.type_keys("q");
     assert!(terminal.end().success());
 }
+
+#[test]
+fn the_line_with_process_and_model_follows_the_controller() {
+    let controller = Controller::enabled();
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 140, 50);
+    let process = format!("process {}, model", std::process::id());
+    terminal.wait("the first model", |text| {
+        text.contains(&format!("{process} 01010101"))
+    });
+    controller.robot().models = [7, 0, 1];
+    terminal.wait("the second model", |text| {
+        text.contains(&format!("{process} 07070707"))
+    });
+}

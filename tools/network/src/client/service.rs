@@ -49,6 +49,7 @@ impl Service {
         if let Some(version) = &state.version {
             self.server
                 .describe(version.shape, version.model_id, version.output_names);
+            self.server.describe_robot(version);
         }
         if let Some(goal) = state.goal {
             self.server.publish_goal(goal);

@@ -79,16 +79,68 @@ pub fn cells(
 ) -> Option<Vec<Cell>> {
     let seconds = |ns: u64| Cell::Seconds((i128::from(ns) - i128::from(start)) as f64 * 1e-9);
     let mut cells = vec![seconds(stamp), seconds(received)];
-    let mut numbers = numbers(layout, message)?.into_iter();
+    let numbers = numbers(layout, message)?;
+    let valid = valid_entries(layout, &numbers);
+    let mut numbers = numbers.into_iter();
     for field in layout.fields {
         let entries = numbers.by_ref().take(field.count);
         if is_hash(field) {
             cells.push(Cell::Hexadecimal(entries.map(hexadecimal).collect()));
+        } else if is_identity(field) {
+            cells.extend(entries.map(identity));
+        } else if field.count > 1 && field.kind == FieldType::F64 && !field.is_span {
+            let cell = |(index, entry)| Cell::Number(if index < valid { entry } else { NO_NUMBER });
+            cells.extend(entries.enumerate().map(cell));
         } else {
             cells.extend(entries.map(Cell::Number));
         }
     }
     Some(cells)
+}
+
+/// An entry that is not there is no 0.
+const NO_NUMBER: Number = Number::Float(f64::NAN);
+
+/// Number of entries that are valid in the arrays of a message.
+fn valid_entries(layout: &PayloadLayout, numbers: &[Number]) -> usize {
+    let mut before = 0;
+    for field in layout.fields {
+        if field.name == "count" {
+            return match numbers.get(before) {
+                Some(Number::Unsigned(count)) => *count as usize,
+                _ => usize::MAX,
+            };
+        }
+        before += field.count;
+    }
+    usize::MAX
+}
+
+/// Identities are random numbers, written as everywhere else: 16 hexadecimal digits.
+fn is_identity(field: &Field) -> bool {
+    ["boot_id", "client_id", "lease_client_id"].contains(&field.name)
+}
+
+fn identity(number: Number) -> Cell {
+    match number {
+        Number::Unsigned(number) => Cell::Hexadecimal(format!("{number:016x}")),
+        other => Cell::Number(other),
+    }
+}
+
+/// The unit of a column; empty for numbers without one.
+pub fn unit(column: &str) -> &'static str {
+    let name = column.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    let ends = |end: &str| name.ends_with(end);
+    match name {
+        "position" | "deviation" => "rad (m for a model of the tip)",
+        "velocity" => "rad/s (m/s for a model of the tip)",
+        "t_s" | "received_s" => "s",
+        _ if ends("_ns") => "ns",
+        _ if ends("_counts") => "counts",
+        _ if ends("_ma") => "mA",
+        _ => "",
+    }
 }
 
 fn is_hash(field: &Field) -> bool {
@@ -97,7 +149,7 @@ fn is_hash(field: &Field) -> bool {
 
 fn column_type(field: &Field) -> ColumnType {
     match field.kind {
-        _ if is_hash(field) => ColumnType::Hexadecimal,
+        _ if is_hash(field) || is_identity(field) => ColumnType::Hexadecimal,
         FieldType::F64 => ColumnType::Float,
         FieldType::I32 => ColumnType::Signed,
         unsigned => ColumnType::Unsigned(8 * unsigned.size() as u8),
@@ -143,5 +195,32 @@ mod tests {
             }
         }
         assert_eq!(cells(&JointState::LAYOUT, 0, 0, 0, &[0, 1, 0, 0, 7]), None);
+    }
+
+    #[test]
+    fn entries_that_are_not_there_are_empty_and_identities_hexadecimal() {
+        let message = encode(&JointState {
+            boot_id: 0xb007,
+            position: [0.5, 0.25, 0.0],
+            count: 2,
+            ..JointState::default()
+        });
+        let columns = columns(&JointState::LAYOUT);
+        let cells = cells(&JointState::LAYOUT, 0, 0, 0, &message).unwrap();
+        let text = |name: &str| {
+            let index = columns.iter().position(|column| column.name == name);
+            match &cells[index.unwrap()] {
+                Cell::Number(number) => number.to_string(),
+                Cell::Hexadecimal(digits) => digits.clone(),
+                Cell::Seconds(seconds) => seconds.to_string(),
+            }
+        };
+        assert_eq!(text("boot_id"), "000000000000b007");
+        assert_eq!(
+            (text("position_1"), text("position_2")),
+            ("0.25".into(), String::new())
+        );
+        assert_eq!(unit("measured_counts_1"), "counts");
+        assert_eq!((unit("deadline_ns"), unit("flags")), ("ns", ""));
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! Columns are the fields of the payload: arrays as `NAME_0`, `NAME_1`, ..., members of spans as
 //! `NAME_p50_ns`, hashes as hexadecimal digits. The first columns are `t_s`, seconds since the
-//! first message of the file, and `received_s`, the same for the arrival at the recorder.
+//! first message of the file, and `received_s`, the same for the arrival at the recorder. Entries
+//! that a message does not have are empty (NaN). `units.csv` has the unit of every column.
 //!
 //! | file | contains |
 //! |---|---|
@@ -118,12 +119,31 @@ pub fn export(
             }
         }
     }
+    let units = units(&tables);
     for OpenTable { path, writer, .. } in tables.into_values() {
         writer
             .finish()
             .map_err(|reason| ExportError::Write { path, reason })?;
     }
+    let path = folder.join("units.csv");
+    fs::write(&path, units).map_err(|error| ExportError::Write {
+        path,
+        reason: error.to_string(),
+    })?;
     Ok(exported)
+}
+
+/// The unit of every column of every table, as CSV.
+fn units(tables: &BTreeMap<u16, OpenTable>) -> String {
+    let mut text = "table,column,unit\n".to_owned();
+    for table in tables.values() {
+        let name = table.path.file_stem().unwrap_or_default().to_string_lossy();
+        for column in columns::columns(&table.layout) {
+            let unit = columns::unit(&column.name);
+            text.push_str(&format!("{name},{},{unit}\n", column.name));
+        }
+    }
+    text
 }
 
 impl OpenTable {

@@ -171,7 +171,8 @@ fn loop_width(rising: &[[f64; 3]], falling: &[[f64; 3]]) -> Option<f64> {
     };
     let branches = bin_means(falling).into_iter().zip(bin_means(rising));
     let widths = branches.filter_map(|(falling, rising)| Some(falling? - rising?));
-    quantile_of_unsorted(&mut widths.collect::<Vec<_>>(), 0.5)
+    // Which branch is above depends on the direction of the stroke.
+    quantile_of_unsorted(&mut widths.collect::<Vec<_>>(), 0.5).map(f64::abs)
 }
 
 #[cfg(test)]

@@ -36,10 +36,11 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::Version;
 use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::process::robot_description;
 use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::command::prepare::prepare;
+use crate::command::prepare::{PrepareOptions, prepare};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 use protocol::{MotionRequest, Protocol, Region};
@@ -56,7 +57,7 @@ const USED_PART: f64 = 0.75;
 /// Arguments of `i2ris calibrate collect`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris calibrate collect --config config/emulator.toml --enable --output steel.csv
+  i2ris calibrate collect --config config/emulator.toml --home --output steel.csv
   i2ris calibrate collect --config robot.toml --range-counts 300 --output first.csv
   i2ris calibrate collect --config robot.toml --protocol cycles --json --output cycles.csv
 
@@ -91,9 +92,8 @@ pub struct Arguments {
     /// Seed of what is random: the same seed gives the same motion
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Home and enable the robot first, where necessary
-    #[arg(long)]
-    enable: bool,
+    #[command(flatten)]
+    prepare: PrepareOptions,
     /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
     #[arg(long)]
     no_condition: bool,
@@ -145,13 +145,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
     }
     let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
+    tell_of_environment(domain.name(), &config, &arguments.config);
     let interrupt = Interrupt::catch()?;
     let mut client = Client::connect(&domain, CONNECT)?;
     let version = client.version()?;
     check_robot(&version, &config, &arguments.config)?;
     let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;
     let outputs = outputs(&version, count);
-    prepare(&mut client, arguments.enable, &interrupt)?;
+    prepare(&mut client, arguments.prepare, &interrupt)?;
 
     let mut sidecar = begin(arguments, &config, &request, &version);
     let file = File::create_new(&arguments.output)
@@ -300,15 +301,35 @@ fn check_output(output: &Path) -> Result<(), Failure> {
 
 fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Failure> {
     let (running, named) = (usize::from(version.shape[0]), config.motors());
-    if running == named {
-        return Ok(());
-    }
     let file = file.display();
-    Err(format!(
-        "the controller turns {running} motor(s), but {file} names {named}: it runs with \
-     another file"
-    )
-    .into())
+    if running != named {
+        return Err(format!(
+            "the controller turns {running} motor(s), but {file} names {named}: it runs with \
+             another file"
+        )
+        .into());
+    }
+    version
+        .robot_difference(&robot_description(config))
+        .map_or(Ok(()), |difference| {
+            Err(format!(
+                "{difference} as {file} says: it runs with another file, or was not restarted \
+                 since; name its file, or its domain with --domain"
+            )
+            .into())
+        })
+}
+
+/// A domain of the environment that beats that of the file is easily forgotten.
+fn tell_of_environment(domain: &str, config: &Config, file: &Path) {
+    let from_environment = std::env::var("I2RIS_DOMAIN").is_ok_and(|name| name == domain);
+    if from_environment && domain != config.ipc.domain {
+        eprintln!(
+            "note: I2RIS_DOMAIN={domain} is used, and not the domain `{}` of {}",
+            config.ipc.domain,
+            file.display()
+        );
+    }
 }
 
 /// Outputs of the camera: as the controller's model names it, if there is one that fits.

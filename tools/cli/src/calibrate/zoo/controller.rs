@@ -145,6 +145,7 @@ impl Pilot for Controller {
         self.commands += 1;
         let [pitch, yaw] = goal.map(f64::to_radians);
         let command = ServoCommand {
+            has_unknown_flags: false,
             client_id: CLIENT,
             sequence: self.commands,
             stamp: self.now + self.period,

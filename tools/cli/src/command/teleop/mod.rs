@@ -19,10 +19,10 @@ use i2ris::ipc::payload::JointState;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
-use super::prepare::prepare;
+use super::prepare::{PrepareOptions, prepare};
 use super::progress::Progress;
 use super::stream::{present_pose, two_angles};
-use super::stream_monitor::StreamMonitor;
+use super::stream_monitor::{ClipMonitor, StreamMonitor};
 use gamepad::Gamepad;
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
@@ -60,8 +60,8 @@ pub struct Plan {
     pub scale: f64,
     /// Commands per second.
     pub rate_hz: f64,
-    /// Home and enable first, where necessary.
-    pub enable: bool,
+    /// What may be done first.
+    pub prepare: PrepareOptions,
 }
 
 /// Commands the snake until the operator or the system ends it, or the controller cannot follow any
@@ -71,7 +71,7 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
         DeviceOption::Keyboard => Box::new(Keyboard::open()?),
         DeviceOption::Gamepad { path, dead_man } => Box::new(Gamepad::open(path, *dead_man)?),
     };
-    let state = prepare(client, plan.enable, interrupt)?;
+    let state = prepare(client, plan.prepare, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
     let mut teleoperation = Teleoperation {
@@ -83,6 +83,8 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
         progress: Progress::new(monitor),
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
+        goal: Latest::new(client.watcher().goal_js()),
+        clips: ClipMonitor::new(clock::now()),
     };
     teleoperation.progress.say(source.help())?;
     let period = Nanos((1e9 / plan.rate_hz) as u64);
@@ -103,6 +105,8 @@ struct Teleoperation {
     progress: Progress,
     commander: Commander,
     setpoint: Latest<JointState>,
+    goal: Latest<JointState>,
+    clips: ClipMonitor,
 }
 
 impl Teleoperation {
@@ -125,6 +129,11 @@ impl Teleoperation {
             let command = self.master.update(&input, snake, (now - last).as_seconds());
             last = now;
             self.send(&command)?;
+            if let Some(goal) = self.goal.refresh()?
+                && let Some(clipped) = self.clips.check(command.pose, goal, now)
+            {
+                self.progress.say(&clipped)?;
+            }
             if !self.progress.check(client, || line(&command))? {
                 break;
             }

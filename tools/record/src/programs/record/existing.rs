@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use i2ris::units::Nanos;
 use i2ris_record::export;
 use i2ris_record::read::Records;
+use i2ris_record::recorder::rate_hz;
 use i2ris_record::recover;
 use i2ris_terminal::{Failure, while_working};
 use mcap::records::Record;
@@ -128,12 +130,7 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     }
     for topic in topics.values() {
         let (name, messages) = (&topic.name, topic.messages);
-        let span_s = topic.last.saturating_sub(topic.first) as f64 * 1e-9;
-        let rate = if span_s > 0.0 {
-            (messages as f64 - 1.0) / span_s
-        } else {
-            0.0
-        };
+        let rate = rate_hz(messages, Nanos(topic.last.saturating_sub(topic.first)));
         let kilobytes = topic.bytes as f64 / 1e3;
         println!("{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {kilobytes:>8.1} kB");
     }

@@ -1,6 +1,6 @@
 //! `i2ris record`: records a trial.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -8,8 +8,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::Version;
+use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
+use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
+use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_record::joint_state::DEFAULT_NAMES;
 use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
@@ -34,7 +36,7 @@ pub struct Arguments {
     /// MCAP file to write, which must not exist yet
     #[arg(long, short, value_name = "FILE.mcap", required = true)]
     output: Option<PathBuf>,
-    /// Put this configuration, and the model that it names, into the file
+    /// Put this configuration into the file, which must be that of the controller
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Text that goes into the file
@@ -68,7 +70,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT_TIMEOUT)?;
     let version = client.version()?;
     let config = arguments.config.as_deref().map(Config::load).transpose()?;
-    let header = header(arguments, &version, config.as_ref())?;
+    if let (Some(config), Some(file)) = (&config, &arguments.config)
+        && let Some(difference) = version.robot_difference(&robot_description(config))
+    {
+        return Err(format!(
+            "--config {}: {difference} as the file says; name the file of this controller",
+            file.display()
+        )
+        .into());
+    }
+    let mut models = RecordedModels::default();
+    let attached = models.take_new(&mut client);
+    let header = header(arguments, &version, config.as_ref(), attached)?;
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher());
     let start = clock::now();
@@ -83,7 +96,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome.insert("length_s".to_owned(), length_s.to_string());
     // The run log has causes and callers, which the streams do not have.
     let run_log = config.and_then(|config| run_log(&config, "audit.jsonl", version.boot_id));
-    let counts = trial.finish(outcome, run_log.as_slice())?;
+    // Models that took over meanwhile.
+    let mut attachments = models.take_new(&mut client);
+    attachments.extend(run_log);
+    let counts = trial.finish(outcome, &attachments)?;
     print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
 }
 
@@ -143,6 +159,7 @@ fn header(
     arguments: &Arguments,
     version: &Version,
     config: Option<&Config>,
+    models: Vec<AttachedFile>,
 ) -> Result<RecordingHeader, Failure> {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let [major, minor, patch] = version.software;
@@ -164,14 +181,13 @@ fn header(
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .into();
-    let mut attachments = Vec::new();
+    let robot = unpadded_text(&version.robot_id);
+    if !robot.is_empty() {
+        about.insert("robot_id".to_owned(), robot);
+    }
+    let mut attachments = models;
     if let (Some(path), Some(config)) = (&arguments.config, config) {
-        about.insert("robot_id".to_owned(), config.robot_id.clone());
         attachments.push(attachment(name(path), "application/toml", read(path)?));
-        if let Some(file) = &config.control.model {
-            attachments.push(attachment(name(file), "application/json", read(file)?));
-            about.insert("model_file".to_owned(), model_file(file, version));
-        }
         attachments.extend(run_log(config, "audit-begin.jsonl", version.boot_id));
     }
     let unix_offset_ns = unix.wrapping_sub(clock::now().0);
@@ -183,18 +199,50 @@ fn header(
     })
 }
 
-/// Whether the model of the configuration, which is attached, is the one in use.
-fn model_file(file: &Path, version: &Version) -> String {
-    match ModelFile::read(file).and_then(|model| model.id()) {
-        Ok(id) if id.0 == version.model_id => format!("{}: the model in use", name(file)),
-        Ok(_) => {
-            eprintln!(
-                "warning: {} is attached, but another model is in use",
-                file.display()
-            );
-            format!("{}: not the model in use", name(file))
+/// The models that the controller uses during the recording, by identity.
+#[derive(Debug, Default)]
+struct RecordedModels(BTreeSet<ModelId>);
+
+impl RecordedModels {
+    /// The files of models that are in use, or were before, and are not attached yet. Only a file
+    /// that still holds the model is attached.
+    fn take_new(&mut self, client: &mut Client) -> Vec<AttachedFile> {
+        let Ok(reply) = client.models() else {
+            // The controller has ended, and its models are unknown.
+            return Vec::new();
+        };
+        let [used, _, previous] = reply.slots;
+        // What was in use before the recording is no part of it.
+        let is_first = self.0.is_empty();
+        let slots = [Some(used), (!is_first).then_some(previous)];
+        slots
+            .into_iter()
+            .flatten()
+            .filter(|slot| slot.flags & ModelSlot::PRESENT != 0)
+            .filter_map(|slot| {
+                let id = ModelId(slot.model_id);
+                self.0.insert(id).then(|| model_file(&slot, id)).flatten()
+            })
+            .collect()
+    }
+}
+
+/// The file of a model, if it still holds this model.
+fn model_file(slot: &ModelSlot, id: ModelId) -> Option<AttachedFile> {
+    let path = PathBuf::from(unpadded_text(&slot.file));
+    let found = ModelFile::read(&path).and_then(|model| model.id());
+    match (found, read(&path)) {
+        (Ok(found), Ok(content)) if found == id => {
+            Some(attachment(name(&path), "application/json", content))
         }
-        Err(_) => format!("{}: cannot be read", name(file)),
+        _ => {
+            eprintln!(
+                "warning: the model {id} is in use, and {} does not hold it (any more): it is not \
+                 in the recording",
+                path.display()
+            );
+            None
+        }
     }
 }
 
@@ -259,7 +307,7 @@ fn print_outcome(
         println!(
             "  {:<24} {count:>9}  {:>7.1} Hz",
             stream.name(),
-            count as f64 / length_s
+            counts.rate_hz(stream)
         );
     }
     if absent > Nanos::ZERO {

@@ -1,0 +1,192 @@
+//! `i2ris start`: emulator, controller and monitor with one command, and their end with another.
+
+use std::fs;
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use i2ris::clock;
+use i2ris::config::Config;
+use i2ris::ipc::client::Client;
+use i2ris::units::Nanos;
+use i2ris_terminal::programs::find;
+use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+
+use crate::demo::process::Process;
+
+/// The configuration of the emulated robot.
+const CONFIG: &str = include_str!("../../../config/emulator.toml");
+
+/// Time limit for emulator and controller to be there. A loaded machine needs much of it.
+const START_TIMEOUT: Nanos = Nanos::from_millis(30_000);
+const POLL_PERIOD: Nanos = Nanos::from_millis(50);
+
+/// Arguments of `i2ris start`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris start
+  i2ris start --snake config/snakes/brass.toml --no-monitor
+
+Then, in another terminal:
+  i2ris calibrate collect --config i2ris-start/controller.toml --home --output first.csv
+
+The monitor takes this terminal; q or Ctrl-C ends all three programs, the drives first.")]
+pub struct Arguments {
+    /// Parameters of the snake [default: those of the steel snake]
+    #[arg(long, value_name = "FILE")]
+    snake: Option<PathBuf>,
+    /// Folder for configuration, ports, logs and records; it is made
+    #[arg(long, value_name = "DIR", default_value = "i2ris-start")]
+    folder: PathBuf,
+    /// Run without the monitor, until Ctrl-C
+    #[arg(long)]
+    no_monitor: bool,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+/// Runs it.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let domain = arguments.domain.domain()?;
+    let controller = find("control").ok_or(
+        "there is no program i2ris-control beside i2ris or on PATH; build it with `cargo build \
+         --release`",
+    )?;
+    let interrupt = Interrupt::catch()?;
+    fs::create_dir_all(&arguments.folder)
+        .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
+    let folder = fs::canonicalize(&arguments.folder)?;
+    let config = config(&folder, domain.name())?;
+    let file = folder.join("controller.toml");
+    fs::write(&file, toml::to_string(&config)?)
+        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+
+    let mut emulator = start_emulator(arguments, &folder, domain.name())?;
+    wait(&interrupt, &mut [&mut emulator], "the ports", || {
+        config.ports.iter().all(|port| port.device.exists())
+    })?;
+    let words = ["--config".to_owned(), text(&file)?];
+    let mut control = Process::start("controller", &controller, &words, &folder)?;
+    let mut client = None;
+    wait(
+        &interrupt,
+        &mut [&mut emulator, &mut control],
+        "the controller",
+        || {
+            client = Client::connect(&domain, Nanos::ZERO).ok();
+            client.is_some()
+        },
+    )?;
+    drop(client);
+    let (name, logs) = (domain.name(), folder.display());
+    let file = file.display();
+    until_closed(Screen::stdout().say(&format!(
+        "ready: emulator and controller on domain {name}, logs in {logs}\n\
+         next, in another terminal: i2ris calibrate collect --domain {name} --config {file} --home \
+         --output first.csv"
+    )))?;
+    let outcome = watch(
+        arguments,
+        name,
+        &interrupt,
+        &mut [&mut emulator, &mut control],
+    );
+    // The controller first: it switches the drives off in order.
+    let ended = control.end().and_then(|()| emulator.end());
+    outcome.and(ended)
+}
+
+fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
+    let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
+    domain.clone_into(&mut config.ipc.domain);
+    config.record.folder = folder.join("records");
+    for (axis, port) in config.ports.iter_mut().enumerate() {
+        port.device = folder.join(format!("ports/axis{axis}"));
+    }
+    Ok(config)
+}
+
+fn start_emulator(arguments: &Arguments, folder: &Path, domain: &str) -> Result<Process, Failure> {
+    let ports = text(&folder.join("ports"))?;
+    let mut words = ["emulate", "--domain", domain, "--ports", &ports]
+        .map(str::to_owned)
+        .to_vec();
+    if let Some(snake) = &arguments.snake {
+        words.extend(["--snake".to_owned(), text(&fs::canonicalize(snake)?)?]);
+    }
+    Process::start("emulator", &std::env::current_exe()?, &words, folder)
+}
+
+/// Waits until something is there. A child that ends, or an interrupt, ends the wait.
+fn wait(
+    interrupt: &Interrupt,
+    children: &mut [&mut Process],
+    what: &str,
+    mut is_there: impl FnMut() -> bool,
+) -> Result<(), Failure> {
+    let start = clock::now();
+    while !is_there() {
+        for child in children.iter_mut() {
+            child.check()?;
+        }
+        if interrupt.came() {
+            return Err("interrupted".into());
+        }
+        if clock::now().since(start) > START_TIMEOUT {
+            let seconds = START_TIMEOUT.as_seconds();
+            return Err(format!("{what} did not appear within {seconds} s").into());
+        }
+        clock::sleep(POLL_PERIOD);
+    }
+    Ok(())
+}
+
+/// Shows the monitor where there is a terminal, until it ends or a signal comes.
+fn watch(
+    arguments: &Arguments,
+    domain: &str,
+    interrupt: &Interrupt,
+    children: &mut [&mut Process],
+) -> Result<(), Failure> {
+    let has_terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
+    let program = find("monitor").filter(|_| has_terminal && !arguments.no_monitor);
+    let mut monitor = match program {
+        Some(program) => Some(Command::new(program).args(["--domain", domain]).spawn()?),
+        None => None,
+    };
+    let outcome = loop {
+        if interrupt.came() {
+            break Ok(());
+        }
+        if let Some(monitor) = &mut monitor
+            && monitor.try_wait()?.is_some()
+        {
+            break Ok(());
+        }
+        if let Some(error) = children.iter_mut().find_map(|child| child.check().err()) {
+            break Err(error);
+        }
+        clock::sleep(POLL_PERIOD);
+    };
+    if let Some(mut monitor) = monitor {
+        end_monitor(&mut monitor)?;
+    }
+    outcome
+}
+
+/// It puts the terminal back before it ends.
+fn end_monitor(monitor: &mut std::process::Child) -> Result<(), Failure> {
+    if monitor.try_wait()?.is_none() {
+        let process = nix::unistd::Pid::from_raw(monitor.id().try_into()?);
+        let _ = nix::sys::signal::kill(process, nix::sys::signal::Signal::SIGTERM);
+    }
+    monitor.wait()?;
+    Ok(())
+}
+
+/// A path as text for a command line. Fails for a name that is not UTF-8.
+fn text(path: &Path) -> Result<String, Failure> {
+    path.to_str()
+        .map(str::to_owned)
+        .ok_or_else(|| format!("{} is not UTF-8", path.display()).into())
+}
