@@ -20,7 +20,7 @@ fn play() -> impl Strategy<Value = PlayParameters> {
         0..2_usize,
         -0.8..0.8_f64,
         2.0..150.0_f64,
-        [0.0..0.7_f64, 0.0..0.7_f64],
+        [-0.7..0.7_f64, -0.7..0.7_f64],
         0.0..0.5_f64,
     )
         .prop_map(|(motor, share, threshold_counts, growth, size)| {

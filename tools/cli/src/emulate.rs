@@ -18,9 +18,6 @@ use i2ris_emulator::{
 
 use i2ris_terminal::Failure;
 
-/// The snake of who names none.
-const STEEL: &str = include_str!("../../../config/snakes/steel.toml");
-
 /// Time between two status lines.
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
 

@@ -50,6 +50,9 @@ pub fn fit(
     let mut families: Vec<FamilyOutcome> = wanted.map(|family| fitter.attempt(family)).collect();
     let candidates = std::mem::take(&mut fitter.candidates);
     let (linear, family, judged, scores) = choose(&mut families, options.choice)?;
+    if !options.force {
+        check_worth(family, &judged)?;
+    }
     let training: Vec<usize> = fitter.context.training.to_vec();
     let all: Vec<usize> = (0..recording.rows().len()).filter(usable).collect();
     let model = match refit(
@@ -79,6 +82,20 @@ pub fn fit(
             scores,
         },
     })
+}
+
+/// Refuses a model that does worse than a constant on the rows held out.
+fn check_worth(family: Family, model: &Model) -> Result<(), FitError> {
+    let file = model.file();
+    for (output, metrics) in file.outputs.iter().zip(&file.metrics) {
+        if let Some(held_out) = metrics.held_out
+            && held_out.r2 < 0.0
+        {
+            let (output, r2) = (output.name.clone(), held_out.r2);
+            return Err(FitError::Worthless { family, output, r2 });
+        }
+    }
+    Ok(())
 }
 
 /// The rows of a fit, and what all families take from them.

@@ -56,6 +56,20 @@ pub enum FitError {
     /// The recording does not show the plane between the axes, and the family needs it.
     #[error("{0}")]
     OneAxisAtATime(Finding),
+    /// On rows held out the model is worse than the mean of the measurements.
+    #[error(
+        "the model of family `{family}` is worthless: on rows held out, R2 of `{output}` is {r2:.2}, \
+         below that of a constant; record motion with reversals of many sizes of both motors, or \
+         write it all the same with --force"
+    )]
+    Worthless {
+        /// The family.
+        family: Family,
+        /// The output.
+        output: String,
+        /// Of the output.
+        r2: f64,
+    },
     /// Nothing is held out to choose by.
     #[error(
         "choosing the best family takes rows held out; name a family with --family, or hold \

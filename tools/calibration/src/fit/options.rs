@@ -20,6 +20,8 @@ pub struct FitOptions {
     pub hold_out: HoldOut,
     /// What to take for a spike.
     pub spikes: SpikeOptions,
+    /// Take a model even if it is worthless.
+    pub force: bool,
 }
 
 impl Default for FitOptions {
@@ -31,6 +33,7 @@ impl Default for FitOptions {
             em: EmOptions::default(),
             hold_out: HoldOut::default(),
             spikes: SpikeOptions::default(),
+            force: false,
         }
     }
 }

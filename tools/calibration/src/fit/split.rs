@@ -122,7 +122,7 @@ impl Split {
     pub fn new(recording: &Recording, hold_out: HoldOut) -> Result<Self, SplitError> {
         let rows = recording.rows().len();
         let before = |fraction: f64| rows - (rows as f64 * fraction).round() as usize;
-        let from = |row: usize| vec![row..rows];
+        let from = |row: usize| std::iter::once(row..rows).collect();
         let (held_out, kind) = match hold_out {
             HoldOut::Nothing => (Vec::new(), SplitKind::Nothing),
             HoldOut::Blocks => (blocks(rows), SplitKind::Blocks),

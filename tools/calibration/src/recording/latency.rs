@@ -2,7 +2,7 @@
 //!
 //! Plain cross-correlation of angle and counts is biased here: gaps and friction make the angle lag
 //! behind the motors at any speed, and that lag is not time. The features therefore include
-//! hysteresis without time: a cubic in the counts, and play operators of several widths, whose lag
+//! hysteresis without time: a polynomial of the counts, and play operators of several widths, whose lag
 //! does not depend on the speed. The **multiple correlation**
 //! of these features, shifted in time, with the outputs is highest where the shift is the latency;
 //! around its peak, the squared residuals are a parabola, whose width gives the uncertainty.
@@ -20,7 +20,10 @@ const COARSE_S: f64 = 0.01;
 const FINE_S: f64 = 0.002;
 
 /// Half-widths of the plays, as parts of the range of a motor.
-const PLAYS: [f64; 4] = [0.01, 0.03, 0.06, 0.12];
+const PLAYS: [f64; 8] = [0.005, 0.01, 0.018, 0.034, 0.063, 0.12, 0.21, 0.4];
+
+/// Degree of the polynomial in the counts.
+const DEGREE: usize = 5;
 
 /// The least number of samples for an estimate.
 const LEAST_SAMPLES: usize = 100;
@@ -174,7 +177,11 @@ impl<'a> Features<'a> {
     /// Mean square that a linear combination of the features, taken `shift` seconds before the
     /// stamps, leaves of the outputs; summed over them.
     fn residual(&self, seen: &[&TimedOutputs], outputs: &Outputs, shift: f64) -> Option<f64> {
-        let width = 1 + self.motors * PLAYS.len() + if self.motors == 2 { 9 } else { 3 };
+        let monomials = match self.motors {
+            2 => DEGREE * (DEGREE + 3) / 2,
+            _ => DEGREE,
+        };
+        let width = 1 + self.motors * PLAYS.len() + monomials;
         let mut design = DMatrix::<f64>::zeros(seen.len(), width);
         for (mut row, seen) in design.row_iter_mut().zip(seen) {
             let features = self.features(seen.time_s - shift)?;
@@ -205,7 +212,7 @@ impl<'a> Features<'a> {
         };
         let mut features = vec![1.0];
         let q = [blend(0, 0), blend(1, 0)];
-        for degree in 1..=3 {
+        for degree in 1..=DEGREE as i32 {
             for second in 0..=if self.motors == 2 { degree } else { 0 } {
                 features.push(q[0].powi(degree - second) * q[1].powi(second));
             }

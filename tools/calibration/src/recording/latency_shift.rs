@@ -6,6 +6,17 @@ use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use super::rows::{PathPoint, Recording, Row};
 use i2ris_statistics::median;
 
+/// An estimate below this may be hysteresis that the estimate does not know: on emulated snakes of
+/// eight physics without any latency it was up to 22 ms (`i2ris calibrate zoo --keep`).
+const BIAS_S: f64 = 0.025;
+
+/// An estimate has to stand out of the bias by so many standard deviations.
+const DEVIATIONS: f64 = 3.0;
+
+/// Rows further apart in time are measured after the motors have come to rest: the path between
+/// them is not known.
+const SETTLED_S: f64 = 0.1;
+
 /// Positions further apart than this many times the usual are a gap: no outputs are moved into it.
 const GAP: f64 = 5.0;
 
@@ -14,6 +25,11 @@ impl Recording {
     /// the motion does not show it, see [`estimate_latency`].
     #[must_use]
     pub fn latency(&self) -> Option<Latency> {
+        let times: Option<Vec<f64>> = self.path.iter().map(|point| point.time_s).collect();
+        let mut steps: Vec<f64> = times?.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        if median(&mut steps)? > SETTLED_S {
+            return None;
+        }
         let mut path = Vec::new();
         for point in &self.path {
             let (time_s, counts) = (point.time_s?, point.counts);
@@ -25,6 +41,19 @@ impl Recording {
             measured.push(TimedOutputs { time_s, outputs });
         }
         estimate_latency(&path, &measured, self.motors)
+    }
+
+    /// The recording without a latency that is certain, and that latency, s: one that stands out of
+    /// what hysteresis can look like.
+    #[must_use]
+    pub fn without_latency(self) -> (Self, Option<f64>) {
+        let certain = self
+            .latency()
+            .filter(|found| found.seconds > BIAS_S + DEVIATIONS * found.deviation_s);
+        match certain {
+            Some(found) => (self.shifted(found.seconds), Some(found.seconds)),
+            None => (self, None),
+        }
     }
 
     /// The recording with all outputs `seconds` earlier, at the counts that the motors had then.

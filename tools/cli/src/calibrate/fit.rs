@@ -76,14 +76,18 @@ struct ModelArguments {
     #[arg(long, value_name = " \
      PART", default_value_t = EmOptions::default().shrinkage, value_parser = part)]
     shrinkage: f64,
-    /// What to hold out for testing: `last-cycle`, a fraction of the rows at the end, or `none`
+    /// What to hold out for testing: `blocks` all over the recording, `last-cycle`, a fraction of
+    /// the rows at the end, or `none`
     #[arg(long, value_name = "WHAT", default_value_t = HoldOut::Blocks)]
     hold_out: HoldOut,
     /// Train on readings that are flagged as spikes, too
     #[arg(long)]
     keep_spikes: bool,
-    /// Take so much off the stamps of the angles first; `auto` takes off what the recording itself
-    /// says
+    /// Write a model even if it is worse than a constant on the rows held out
+    #[arg(long)]
+    force: bool,
+    /// Take so much off the stamps of the angles first; 0 keeps them, `auto` takes off what the
+    /// recording itself says [default: what the recording says, where that is certain]
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     latency_ms: Option<LatencyChoice>,
 }
@@ -190,6 +194,7 @@ impl Arguments {
                 keep: model.keep_spikes,
                 ..SpikeOptions::default()
             },
+            force: model.force,
         }
     }
 }
@@ -229,11 +234,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let options = arguments.options(robot_id);
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
-    let mut taken_off = None;
-    if let Some(choice) = arguments.model.latency_ms {
-        let (shifted, seconds) = choice.take_off(&recording)?;
-        (recording, taken_off) = (shifted, Some(seconds));
-    }
+    let taken_off;
+    (recording, taken_off) = match arguments.model.latency_ms {
+        Some(choice) => {
+            let (shifted, seconds) = choice.take_off(&recording)?;
+            (shifted, Some(seconds))
+        }
+        None => recording.without_latency(),
+    };
     let outcome = fit(&recording, &options, &Bar::new("fitting"))
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
     if let Some(page) = &arguments.report {

@@ -2,7 +2,7 @@
 //! Prandtl-Ishlinskii model of hysteresis.
 //!
 //! The input of a play is `u = d' (q - centre)`. Its half-width is `r(u) = threshold + a max(u, 0) +
-//! b max(-u, 0)`: friction grows with the force in the wires. Its output stays constant until the
+//! b max(-u, 0)`, at least 0: friction grows, or falls, with the bend. Its output stays constant until the
 //! input pushes it, `z <- max(u - r(u), min(u + r(u), z))`. The virtual counts are `v = centre + S (q
 //! - centre) + sum_k w_k z_k`, with a diagonal `S`.
 //!
@@ -59,7 +59,7 @@ impl<const D: usize> Play<D> {
 
     fn half_width(&self, input: f64) -> f64 {
         let [above, below] = self.growth;
-        self.threshold + above * input.max(0.0) - below * input.min(0.0)
+        (self.threshold + above * input.max(0.0) - below * input.min(0.0)).max(0.0)
     }
 
     fn follow(&self, output: f64, input: f64) -> f64 {
@@ -71,10 +71,10 @@ impl<const D: usize> Play<D> {
     /// the same sums as [`Play::follow`].
     fn follow_with_slope(&self, output: f64, input: f64) -> (f64, f64) {
         let half_width = self.half_width(input);
-        let growth = if input > 0.0 {
-            self.growth[0]
-        } else {
-            -self.growth[1]
+        let growth = match input {
+            _ if half_width == 0.0 => 0.0,
+            _ if input > 0.0 => self.growth[0],
+            _ => -self.growth[1],
         };
         if input - half_width >= output {
             (input - half_width, 1.0 - growth)
@@ -271,7 +271,13 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let inputs = self.inputs(&vector(&state.position));
         let mut lags = Lags::default();
         for (play, output, input) in self.each(state, &inputs) {
-            lags.push((input - play.follow(output, input)) / play.half_width(input));
+            let half_width = play.half_width(input);
+            let lag = input - play.follow(output, input);
+            lags.push(if half_width > 0.0 {
+                lag / half_width
+            } else {
+                0.0
+            });
         }
         lags
     }

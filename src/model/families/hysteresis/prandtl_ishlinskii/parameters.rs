@@ -29,7 +29,8 @@ pub struct PlayParameters {
     pub direction: Vec<f64>,
     /// Half of the width at the centre, counts.
     pub threshold_counts: f64,
-    /// How fast the half-width grows above and below the centre, per count of the input.
+    /// How fast the half-width grows above and below the centre, per count of the input; negative
+    /// where it falls.
     pub growth: [f64; 2],
     /// How far the virtual counts of every motor move per count of the output of the play. All 0
     /// for a play that is a feature of the residual only.
@@ -85,10 +86,10 @@ impl PrandtlIshlinskiiParameters {
             )?;
             parameters(&play.growth, || name("growth"))?;
             require(
-                play.growth.iter().all(|growth| (0.0..1.0).contains(growth)),
+                play.growth.iter().all(|growth| growth.abs() < 1.0),
                 || name("growth"),
                 format!("{:?}", play.growth),
-                "must be two numbers from 0 to below 1",
+                "must be two numbers between -1 and 1",
             )?;
         }
         let pairs = self.rank_one_terms(motors);

@@ -1,7 +1,7 @@
 //! The fit of generalised play operators: family `gmr-prandtl-ishlinskii`.
 //!
 //! 1. **Structures** are tried side by side: plays on the counts of each motor or also along
-//!    directions between them, with widths that are constant or grow with the distance from the
+//!    directions between them, with widths that are constant or change with the distance from the
 //!    centre.
 //! 2. For each, **weights** that must not be negative and a polynomial of the virtual counts take
 //!    turns. Weights and penalty follow from normal equations, so that leaving out blocks costs

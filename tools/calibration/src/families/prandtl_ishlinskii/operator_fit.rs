@@ -243,11 +243,7 @@ fn operator(
             *part *= weight;
         }
     }
-    plays.retain(|play| {
-        play.weight
-            .iter()
-            .any(|weight| *weight > 0.0 || *weight < 0.0)
-    });
+    plays.retain(|play| play.weight.iter().any(|weight| *weight != 0.0));
     Ok(PrandtlIshlinskiiParameters {
         centre_counts: ranges.iter().map(|[middle, _]| *middle).collect(),
         direct_weights: (0..motors)

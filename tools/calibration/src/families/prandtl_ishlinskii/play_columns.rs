@@ -34,8 +34,8 @@ fn column(series: &Series, centre: &[f64], play: &PlayParameters) -> DVector<f64
             let input: f64 = parts
                 .map(|((part, counts), centre)| part * (counts - centre))
                 .sum();
-            let half_width =
-                play.threshold_counts + above * input.max(0.0) - below * input.min(0.0);
+            let growth = above * input.max(0.0) - below * input.min(0.0);
+            let half_width = (play.threshold_counts + growth).max(0.0);
             let old = output.unwrap_or(input);
             output = Some(f64::clamp(old, input - half_width, input + half_width));
         }

@@ -23,12 +23,22 @@ pub(super) struct Structure {
     shares: &'static [f64],
     /// Thresholds per direction.
     thresholds: usize,
-    /// Growth above and below the centre, as multiples of the threshold at the end of the range.
+    /// Growth above and below the centre, as multiples of the threshold at the end of the range;
+    /// negative where the widths fall.
     growth: &'static [[f64; 2]],
 }
 
 const CONSTANT: &[[f64; 2]] = &[[0.0, 0.0]];
-const GROWING: &[[f64; 2]] = &[[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]];
+const CHANGING: &[[f64; 2]] = &[
+    [0.0, 0.0],
+    [2.0, 2.0],
+    [2.0, 0.0],
+    [0.0, 2.0],
+    [-0.7, -0.7],
+    [-0.7, 0.0],
+    [0.0, -0.7],
+];
+const SHARES: &[f64] = &[0.1, 0.3, 0.6];
 
 /// The structures, the simplest first.
 pub(super) const STRUCTURES: [Structure; 4] = [
@@ -39,22 +49,22 @@ pub(super) const STRUCTURES: [Structure; 4] = [
         growth: CONSTANT,
     },
     Structure {
-        name: "one motor at a time, growing widths",
+        name: "one motor at a time, changing widths",
         shares: &[],
         thresholds: 10,
-        growth: GROWING,
+        growth: CHANGING,
     },
     Structure {
         name: "directions between the motors, constant widths",
-        shares: &[0.2, 0.45],
+        shares: SHARES,
         thresholds: 8,
         growth: CONSTANT,
     },
     Structure {
-        name: "directions between the motors, growing widths",
-        shares: &[0.2, 0.45],
+        name: "directions between the motors, changing widths",
+        shares: SHARES,
         thresholds: 6,
-        growth: GROWING,
+        growth: CHANGING,
     },
 ];
 

@@ -19,11 +19,11 @@ use crate::series::{Series, blocks};
 use crate::survey::identifiability::{Finding, findings};
 
 /// Samples and spacing of the thinned data.
-const COARSE_SAMPLES: usize = 2500;
-const COARSE_SPACING: f64 = 0.4;
+const COARSE_SAMPLES: usize = 1500;
+const COARSE_SPACING: f64 = 0.8;
 
 /// Spacing of the path in the end.
-const FINE_SPACING: f64 = 0.1;
+const FINE_SPACING: f64 = 0.4;
 
 /// When each part of the search ends.
 const GUESS: StoppingRule = StoppingRule {
@@ -31,16 +31,16 @@ const GUESS: StoppingRule = StoppingRule {
     tolerance: 1e-3,
 };
 const COARSE: StoppingRule = StoppingRule {
-    iterations: 25,
-    tolerance: 1e-4,
+    iterations: 15,
+    tolerance: 1e-3,
 };
 const BLOCK: StoppingRule = StoppingRule {
-    iterations: 6,
+    iterations: 4,
     tolerance: 1e-3,
 };
 const FINE: StoppingRule = StoppingRule {
-    iterations: 25,
-    tolerance: 1e-4,
+    iterations: 6,
+    tolerance: 1e-3,
 };
 
 /// Spread of the guesses around the usual parameters, logarithms.
@@ -73,7 +73,7 @@ impl Default for StopOptions {
     fn default() -> Self {
         Self {
             structures: vec![Structure::new(1, 3), Structure::new(3, 3)],
-            starts: 3,
+            starts: 2,
             seed: 1,
         }
     }

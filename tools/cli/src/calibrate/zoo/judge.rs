@@ -123,6 +123,8 @@ impl Judge {
             .map_err(|error| format!("cannot record: {error}"))?;
         let (recording, _) = Recording::read(&file, &ColumnMap::default())
             .map_err(|error| format!("cannot read the recording: {error}"))?;
+        // As `calibrate fit` does.
+        let (recording, _) = recording.without_latency();
         let candidates = self.candidates(&recording)?;
         let linear = candidates
             .first()
