@@ -172,7 +172,8 @@ fn operators_without_inverse_or_with_odd_numbers_are_refused() {
     for (text, change) in [
         (
             "virtual counts must increase",
-            (|file| file.plays[0].weight = vec![0.0, 3.0]) as fn(&mut PrandtlIshlinskiiParameters),
+            (|file| file.plays[1].direction = vec![0.5, 0.2])
+                as fn(&mut PrandtlIshlinskiiParameters),
         ),
         ("virtual counts must increase", |file| {
             file.plays[0].weight = vec![-0.1, 0.0];

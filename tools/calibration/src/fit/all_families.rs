@@ -67,6 +67,10 @@ pub fn fit(
         Some(model) => Arc::new(model),
         None => judged,
     };
+    let linear = match family {
+        Family::Linear => Arc::clone(&model),
+        _ => linear,
+    };
     let drift = Drift::new(&model, recording, &usable);
     Ok(FitOutcome {
         model,

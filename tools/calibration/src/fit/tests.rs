@@ -100,7 +100,12 @@ fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
     let chosen = outcome.report.chosen().unwrap();
     assert!(chosen.components > 1);
     let bic = chosen.fit.as_ref().map(|fit| fit.bic);
-    assert_eq!(outcome.model.file().training.bic, bic);
+    let judged = outcome
+        .families
+        .iter()
+        .find(|found| found.family == Family::Gmr);
+    let judged = judged.unwrap().result.as_ref().unwrap();
+    assert_eq!(judged.file().training.bic, bic);
 }
 
 #[test]
@@ -266,6 +271,71 @@ fn recordings_that_cannot_be_fitted_are_refused_with_the_reason() {
     ] {
         assert_contains(&refused(recording, options), &[reason]);
     }
+}
+
+#[test]
+fn the_model_is_fitted_to_all_rows_and_judged_on_rows_that_it_had_not_seen() {
+    let outcome = fitted(&bent(400), &of_family(Family::Linear));
+    assert_eq!(outcome.report.training.len(), 300);
+    assert_eq!(outcome.model.file().training.rows, 400);
+    let judged = outcome.families[0].result.as_ref().unwrap();
+    assert_eq!(judged.file().training.rows, 300);
+    for output in 0..2 {
+        assert_eq!(held_out(&outcome.model, output), held_out(judged, output));
+    }
+}
+
+#[test]
+fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
+    let mut random = noise(8);
+    let mut behind = [0.0; 2];
+    let axes = recording(2000, |time| {
+        let [a, b] = wander(time);
+        let counts = if time < 200.0 { [a, 0.0] } else { [0.0, b] };
+        for motor in 0..2 {
+            behind[motor] = f64::clamp(behind[motor], counts[motor] - 60.0, counts[motor] + 60.0);
+        }
+        (
+            counts,
+            straight(behind).map(|angle| angle + 0.03 * random()),
+        )
+    });
+    let best = FitOptions {
+        choice: Choice::Best,
+        ..options()
+    };
+    let outcome = fitted(&axes, &best);
+    assert_eq!(outcome.family, Family::GmrPrandtlIshlinskii);
+    for output in 0..2 {
+        let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
+        assert!(found < 0.5 * linear, "{found} beside {linear}");
+    }
+    let gmr = outcome
+        .families
+        .iter()
+        .find(|found| found.family == Family::Gmr);
+    let reason = gmr.unwrap().result.as_ref().unwrap_err();
+    assert_contains(
+        reason,
+        &[
+            "the motors move together on",
+            "record motion of both at once",
+        ],
+    );
+}
+
+#[test]
+fn a_model_that_is_worse_than_a_constant_is_refused_unless_forced() {
+    let mut random = noise(9);
+    let unrelated = recording(400, |time| (wander(time), [random(), random()]));
+    let linear = of_family(Family::Linear);
+    let sentence = "is worthless: on rows held out, R2 of";
+    assert_contains(&refused(&unrelated, &linear), &[sentence, "--force"]);
+    let forced = FitOptions {
+        force: true,
+        ..linear
+    };
+    assert_eq!(fitted(&unrelated, &forced).family, Family::Linear);
 }
 
 /// One axis at a time: the mixture has no data in the plane between them, and folds there with
