@@ -355,8 +355,10 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             "is turned by another axis already",
         );
         let same = |other: &&AxisConfig| other.serial_number == axis.serial_number;
+        // 0 stands in a template until the number is known; no drive has it.
+        let is_known = axis.serial_number != 0;
         findings.require(
-            config.axes().filter(same).count() == 1,
+            !is_known || config.axes().filter(same).count() == 1,
             axis_key(axis, "serial_number"),
             axis.serial_number,
             "is named by another axis already",

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::family::Family;
 use i2ris_calibration::fit::flatness::{FlatSpot, LEAST_SHARE, flat_spot};
+use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
@@ -67,6 +68,7 @@ fn the_fourth_turn_is_held_out_and_fitted_better_than_by_a_straight_model() {
             restarts: 5,
             ..EmOptions::default()
         },
+        hold_out: HoldOut::LastCycle,
         ..FitOptions::default()
     };
     let outcome = fit(&recording, &options, &Silent).unwrap();
@@ -121,6 +123,7 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
             restarts: 5,
             ..EmOptions::default()
         },
+        hold_out: HoldOut::LastCycle,
         ..FitOptions::default()
     };
     let outcome = fit(recording, &options, &Silent).unwrap();

@@ -403,7 +403,7 @@ fn options_that_make_no_sense_are_refused() {
     let bench = Bench::new(&csv(&rows(100)));
     for (options, part) in [
         ("--family cubic", "`cubic` is no family"),
-        ("--hold-out 1.5", "`1.5` is neither `last-cycle`"),
+        ("--hold-out 1.5", "`1.5` is neither `blocks`"),
         ("--components 0", "1..=64"),
         ("--restarts 0", "--restarts"),
         ("--shrinkage 2", "from 0 to 1"),
@@ -442,7 +442,10 @@ fn the_laboratorys_recording_is_fitted_as_it_is() {
         ),
         "{printed}"
     );
-    assert!(printed.contains("the last of 3.97 cycles"), "{printed}");
+    assert!(
+        printed.contains("5 blocks all over the recording"),
+        "{printed}"
+    );
     assert!(
         printed.contains("warning    both motors go round"),
         "{printed}"

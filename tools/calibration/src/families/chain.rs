@@ -2,7 +2,8 @@
 //!
 //! 1. A ridge regression of the outputs on all features finds the part that goes with the lags.
 //! 2. That part is subtracted, and a Gaussian mixture is fitted to `[virtual counts; outputs]`.
-//!    Otherwise the mixture would treat the loop as noise. The number of components is chosen by
+//!    Otherwise the mixture would treat the loop as noise. Where there is to be no residual, nothing
+//!    is subtracted. The number of components is chosen by
 //!    leaving out contiguous blocks.
 //! 3. A residual is fitted to the rest, if that lowers the error on blocks left out.
 
@@ -98,7 +99,11 @@ pub fn fit_chain(
 ) -> Result<ChainFit, ChainError> {
     let data = ChainData::new(series, points);
     let virtual_hull = Hull::from_points(data.motors, &data.virtual_counts)?.parameters();
-    let joint = data.joint(&data.without_lags()?);
+    // Without a residual nothing may be left to it.
+    let joint = match options.residual {
+        true => data.joint(&data.without_lags()?),
+        false => data.joint(&data.measured),
+    };
     let components = options
         .components
         .unwrap_or_else(|| choose_components(&joint, data.motors, &options.em, progress));

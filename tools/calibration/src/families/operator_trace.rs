@@ -49,7 +49,7 @@ pub fn trace_plays(
     })
 }
 
-/// Runs generalised play operators along the path, without samples before the memory is known.
+/// Runs generalised play operators along the path.
 ///
 /// # Errors
 ///
@@ -57,8 +57,8 @@ pub fn trace_plays(
 pub fn trace_prandtl_ishlinskii(
     series: &Series,
     operator: &PrandtlIshlinskiiParameters,
+    unknown: UnknownMemory,
 ) -> Result<Vec<TracePoint>, ModelError> {
-    let unknown = UnknownMemory::LeaveOut;
     Ok(match series.motors() {
         1 => trace::<_, 1>(series, &PrandtlIshlinskii::prepare(operator)?, unknown),
         _ => trace::<_, 2>(series, &PrandtlIshlinskii::prepare(operator)?, unknown),

@@ -7,6 +7,7 @@
 
 use std::f64::consts::TAU;
 
+use i2ris::model::file::OutputUnit;
 use i2ris::model::{Memory, Model, Query};
 use i2ris::units::MotorVec;
 
@@ -46,6 +47,24 @@ impl Score {
     pub fn total(&self) -> f64 {
         self.worst_plant
             .map_or(self.held_out, |(error, _)| self.held_out.hypot(error))
+    }
+}
+
+impl Score {
+    /// The score in a sentence, in a unit.
+    #[must_use]
+    pub fn sentence(&self, unit: OutputUnit) -> String {
+        let (family, held_out) = (self.family, self.held_out / unit.si());
+        let tracking = match self.worst_plant {
+            Some((error, plant)) => format!(
+                "its inverse leaves {:.3} {unit} on {plant}, the worst of the others, with {:.2} \
+                 times the travel of linear",
+                error / unit.si(),
+                self.travel
+            ),
+            None => "no other family is near enough to test its inverse".to_owned(),
+        };
+        format!("{family}: {held_out:.3} {unit} on rows held out; {tracking}")
     }
 }
 

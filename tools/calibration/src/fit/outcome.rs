@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
 
 use super::choice::Score;
 use super::drift::Drift;
@@ -79,6 +80,17 @@ pub struct FitReport {
     /// Scores of the families that could be fitted, the simplest first; none where a family was
     /// asked for.
     pub scores: Vec<Score>,
+}
+
+impl FitOutcome {
+    /// Why this family was taken: a sentence per family that was scored.
+    #[must_use]
+    pub fn reasons(&self) -> Vec<String> {
+        let output = self.model.file().outputs.first();
+        let unit = output.map_or(OutputUnit::Deg, |output| output.unit);
+        let scores = self.report.scores.iter();
+        scores.map(|score| score.sentence(unit)).collect()
+    }
 }
 
 impl FitReport {

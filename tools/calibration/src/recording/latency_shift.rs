@@ -15,7 +15,7 @@ const DEVIATIONS: f64 = 3.0;
 
 /// Rows further apart in time are measured after the motors have come to rest: the path between
 /// them is not known.
-const SETTLED_S: f64 = 0.1;
+const SETTLED_S: f64 = 0.3;
 
 /// Positions further apart than this many times the usual are a gap: no outputs are moved into it.
 const GAP: f64 = 5.0;

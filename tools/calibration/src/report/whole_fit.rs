@@ -40,8 +40,16 @@ pub fn of_fit(
         &report.training,
         &fitted,
     );
+    // The figures are those of the model that had not seen the rows held out; what is written was
+    // fitted to all rows.
+    if let Some(chosen) = data.families.iter_mut().find(|family| family.chosen) {
+        chosen.model_id = outcome.model.id().to_string();
+    }
     data.chosen_by_held_out = options.choice == Choice::Best && fitted.len() > 1;
     data.recording.more = read_facts(read, outcome);
+    let reasons = outcome.reasons().into_iter();
+    let reasons = reasons.map(|reason| fact("choice", reason));
+    data.recording.more.extend(reasons);
     data.settings = settings(options);
     data.warnings.extend(failures(outcome));
     data.warnings.extend(flagged(outcome));

@@ -51,6 +51,16 @@ impl Display for Report<'_> {
                 &Wrapped(&warning.to_string()).to_string()["warning".len()..]
             )?;
         }
+        let reasons = self.outcome.reasons();
+        if !reasons.is_empty() {
+            writeln!(
+                f,
+                "\nchoice     by rows held out, and by the inverse run on the other families"
+            )?;
+        }
+        for reason in reasons {
+            write!(f, "{}", Wrapped(&reason))?;
+        }
         writeln!(f, "\nmodel id   {}", self.outcome.model.id())
     }
 }
@@ -268,13 +278,13 @@ impl Report<'_> {
         };
         metrics_line(
             f,
-            &format!("{name:<12}{:<15}training", format!("{family}{taken}")),
+            &format!("{name:<12}{:<24}training", format!("{family}{taken}")),
             Some(&metrics.training),
         )?;
         if self.outcome.report.split.is_empty() {
             return Ok(());
         }
-        metrics_line(f, &format!("{:<27}held out", ""), metrics.held_out.as_ref())
+        metrics_line(f, &format!("{:<36}held out", ""), metrics.held_out.as_ref())
     }
 }
 
@@ -304,7 +314,7 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
             "refused: its inverse fails in the hull"
         }
         Verdict::Refused(_) => "refused",
-        Verdict::TooFlat(_) => "refused: it is nearly flat where the rows do not show that",
+        Verdict::TooFlat(_) => "refused: too flat somewhere",
         Verdict::Failed(_) => "no start succeeded",
     };
     let line = match &candidate.fit {

@@ -380,7 +380,7 @@ fn a_stop_by_late_commands_is_told_and_can_end_the_path() {
         assert_eq!(code, Some(expected), "{output}{error}");
         let told = "commands came late; the trajectory is";
         assert!(format!("{output}{error}").contains(told), "{output}{error}");
-        assert_eq!(controller.robot().lease, 0);
+        controller.wait("the release", |robot| robot.lease == 0);
     }
 }
 

@@ -4,7 +4,9 @@
 use std::fs;
 
 use i2ris::clock;
-use i2ris::ipc::{Domain, DomainLock, Fault, ModelAction, OperatingState, StateCommand, random_id};
+use i2ris::ipc::{
+    Domain, DomainLock, Fault, ModelAction, OperatingState, Server, StateCommand, random_id,
+};
 use nix::sys::signal::{Signal, kill};
 
 use i2ris_testing::Controller;
@@ -204,16 +206,20 @@ fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_
     );
 
     let domain = domain();
-    let guard = DomainLock::acquire(&domain).unwrap();
+    let server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
+    let other = 99;
     fs::write(
         domain.directory().join("ready"),
-        format!("{:016x} 2 1", guard.boot_id()),
+        format!("{:016x} {other} 1", server.boot_id()),
     )
     .unwrap();
     let mut terminal = Terminal::start(&domain, &["monitor"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));
     let text = terminal.screen.screen().contents();
-    assert!(text.contains("interface version 2"), "{text}");
+    assert!(
+        text.contains(&format!("interface version {other}")),
+        "{text}"
+    );
 }
 
 #[test]
@@ -239,7 +245,7 @@ fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
 #[test]
 fn the_line_with_process_and_model_follows_the_controller() {
     let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 140, 50);
+    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 50, 140);
     let process = format!("process {}, model", std::process::id());
     terminal.wait("the first model", |text| {
         text.contains(&format!("{process} 01010101"))

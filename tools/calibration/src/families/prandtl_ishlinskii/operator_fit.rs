@@ -10,7 +10,7 @@ use super::play_columns::{count_columns, play_columns};
 use super::structures::{STRUCTURES, Structure, ranges, residual_plays};
 use super::weight_search::{Columns, DIRECT_WEIGHT, Weights, fit_weights};
 use crate::families::chain::{ChainFit, ChainOptions, fit_chain};
-use crate::families::operator_trace::trace_prandtl_ishlinskii;
+use crate::families::operator_trace::{UnknownMemory, trace_prandtl_ishlinskii};
 use crate::families::play::play_fit::PlayError;
 use crate::families::play::play_mechanism::PlayMechanism;
 use crate::progress::Progress;
@@ -36,6 +36,8 @@ pub struct OperatorFit {
     pub chain: ChainFit,
     /// Properties of the mechanism.
     pub mechanism: PlayMechanism,
+    /// What the recording shows of the shape.
+    pub shape: ShapeKind,
     /// The structure that was taken.
     pub structure: &'static str,
     /// RMS length of the error of the operator on blocks left out.
@@ -69,7 +71,7 @@ impl OperatorFit {
             residual: self.chain.residual.is_some(),
             ..options.clone()
         };
-        let chain = chain(&self.operator, series, &options, progress)?;
+        let chain = chain(&self.operator, series, self.shape, &options, progress)?;
         Ok(Self {
             chain,
             ..self.clone()
@@ -84,6 +86,17 @@ pub enum ShapeKind {
     Plane,
     /// One axis at a time: no plays between the axes, and a straight regression.
     Separable,
+}
+
+impl ShapeKind {
+    /// While the first motor moves, nothing is known of the other one; without those samples there
+    /// would be nothing of the first.
+    fn unknown_memory(self) -> UnknownMemory {
+        match self {
+            Self::Plane => UnknownMemory::LeaveOut,
+            Self::Separable => UnknownMemory::Keep,
+        }
+    }
 }
 
 struct Candidate {
@@ -144,12 +157,13 @@ pub fn fit_operator(
         residual: false,
         ..options.clone()
     };
-    let first = chain(&operator, series, &plain, progress)?;
+    let first = chain(&operator, series, shape, &plain, progress)?;
     let (operator, chain) = with_residual(operator, first, series, &ranges, &options, progress)?;
     Ok(OperatorFit {
         operator,
         chain,
         mechanism,
+        shape,
         structure: best.structure.name,
         left_out_rms: best.found.left_out_error.sqrt(),
     })
@@ -296,10 +310,11 @@ fn table(rows: &DMatrix<f64>) -> DataTable {
 fn chain(
     operator: &PrandtlIshlinskiiParameters,
     series: &Series,
+    shape: ShapeKind,
     options: &ChainOptions,
     progress: &dyn Progress,
 ) -> Result<ChainFit, PlayError> {
-    let points = trace_prandtl_ishlinskii(series, operator)?;
+    let points = trace_prandtl_ishlinskii(series, operator, shape.unknown_memory())?;
     Ok(fit_chain(series, &points, options, progress)?)
 }
 
@@ -319,7 +334,7 @@ fn with_residual(
     let mut extended = operator.clone();
     extended.plays.extend(residual_plays(&half_ranges));
     extended.plays.truncate(MAX_PLAYS);
-    let second = chain(&extended, series, options, progress)?;
+    let second = chain(&extended, series, ShapeKind::Plane, options, progress)?;
     let enough =
         second.cross_validated_rms < first.cross_validated_rms * (1.0 - LEAST_GAIN_OF_RESIDUAL);
     Ok(if second.residual.is_some() && enough {
