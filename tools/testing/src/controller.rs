@@ -336,6 +336,13 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     let (mut robot, now) = (robot.lock().unwrap(), clock::now());
     let mut requests = Vec::new();
     server.poll_state_commands(now, |token, request| requests.push((token, request)));
+    // A client sends its last servo command before it gives the lease back.
+    while let Some(command) = server.poll_command(robot.lease, |_| true) {
+        match command {
+            ReceivedCommand::Joint(command) => robot.servo(command),
+            ReceivedCommand::Actuator(command) => robot.actuator(command),
+        }
+    }
     for (token, request) in requests {
         let refusal = robot.command(request).number();
         server.reply(
@@ -351,11 +358,6 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     for (token, request) in questions {
         let reply = robot.about_models(&request);
         server.reply_model(token, reply);
-    }
-    match server.poll_command(robot.lease, |_| true) {
-        Some(ReceivedCommand::Joint(command)) => robot.servo(command),
-        Some(ReceivedCommand::Actuator(command)) => robot.actuator(command),
-        None => {}
     }
     server.describe_robot(&robot.description);
     robot.tell(server, now);
