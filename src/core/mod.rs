@@ -84,7 +84,7 @@
 //!    client holds it. A pose outside the hull is clipped to it and reported. Otherwise as (6):
 //!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
 //!    time-out: the trajectory ends at rest after a time that is known when it starts, at most
-//!    [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client that dies
+//!    [`LONGEST_MOVE`] (Range for a longer one), and a client that dies
 //!    after its request has asked for nothing that it must go on confirming. `hold`, `pause` and
 //!    `disable` of any client end it.
 //!
