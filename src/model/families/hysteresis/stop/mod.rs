@@ -83,7 +83,7 @@ const FORGET_DRAG_SHARED: f64 = 5.0;
 
 /// Safety factor for effects outside the estimate of the conditioning range: the other motor, and
 /// the limits of the joints.
-const CONDITIONING_MARGIN: f64 = 1.25;
+const CONDITIONING_MARGIN: f64 = 1.5;
 
 /// Prepared stop operators of D motors.
 #[derive(Debug, Clone, PartialEq)]
