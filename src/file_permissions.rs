@@ -1,5 +1,5 @@
-//! Trust in files: configurations and models decide how the robot moves, so the controller reads only
-//! what nobody else may have written.
+//! Trust in files: configurations and models decide how the robot moves, so the controller reads
+//! only what nobody else may have written.
 //!
 //! Everything is checked on the open descriptor, so that a file that is exchanged meanwhile is not
 //! read. Only regular files of a limited length are read: a FIFO or a device could block the reader

@@ -41,8 +41,8 @@ pub struct ServoCommand {
     pub goal: ServoGoal,
     /// The clutch is open: the snake holds.
     pub clutched: bool,
-    /// The client set a flag that this version does not know. Refused: to follow the command without
-    /// what the flag asks for could be dangerous.
+    /// The client set a flag that this version does not know. Refused: to follow the command
+    /// without what the flag asks for could be dangerous.
     pub has_unknown_flags: bool,
 }
 

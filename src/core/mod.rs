@@ -17,8 +17,8 @@
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
 //!   `position_history`.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `admission` of servo commands, `refusal_record`, `lease`, `deadline`, `range_check`, `clutch`,
-//!   `motion_scaling`.
+//! - `command`: `admission` of servo commands, `refusal_record`, `lease`, `deadline`,
+//!   `range_check`, `clutch`, `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `setpoint_generation`: moves all setpoints by one tick, as the state says.

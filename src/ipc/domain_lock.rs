@@ -1,8 +1,8 @@
 //! Exclusive possession of a domain: one controller at a time, a clean start, no leftovers.
 //!
-//! The lock is an open-file-description lock on the first byte of the lock file. The kernel releases
-//! it when the process ends for any reason. Unlike `flock(2)` it can be queried without taking it, so
-//! a client that checks for a controller never delays the start of one.
+//! The lock is an open-file-description lock on the first byte of the lock file. The kernel
+//! releases it when the process ends for any reason. Unlike `flock(2)` it can be queried without
+//! taking it, so a client that checks for a controller never delays the start of one.
 //!
 //! A controller that also serves holds a second lock, on the second byte. Only this one makes an
 //! announcement valid: between the start of a controller and its clean-up, the announcement of a

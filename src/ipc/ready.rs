@@ -2,8 +2,8 @@
 //!
 //! Clients read it every few milliseconds, which costs three small file operations on a tmpfs. It
 //! distinguishes a controller that serves, one that has ended, one that was killed (the file is
-//! there, the lock is free or its successor does not serve yet), and one that was restarted (another
-//! boot id).
+//! there, the lock is free or its successor does not serve yet), and one that was restarted
+//! (another boot id).
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};

@@ -44,8 +44,9 @@ use crate::units::Nanos;
 
 /// Distance of the SCHED_FIFO priority of the port threads below that of the loop.
 const PORT_PRIORITY_DISTANCE: u8 = 10;
-/// The same of the IPC thread. Under normal scheduling, other programs delay the commands until they
-/// are stale. It is below the port threads: an exchange that has begun must not wait for a client.
+/// The same of the IPC thread. Under normal scheduling, other programs delay the commands until
+/// they are stale. It is below the port threads: an exchange that has begun must not wait for a
+/// client.
 const IPC_PRIORITY_DISTANCE: u8 = 20;
 /// Time for the other threads to end after the loop. The black box is written meanwhile.
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
@@ -362,8 +363,8 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     }
 }
 
-/// Says under which scheduling commands are read, with a warning if it is not the wanted one. How to
-/// allow it is in the warning of the loop.
+/// Says under which scheduling commands are read, with a warning if it is not the wanted one. How
+/// to allow it is in the warning of the loop.
 fn write_ipc_granted(log: &mut dyn Write, config: &ControlConfig, granted: &Granted) {
     match granted.priority {
         0 if config.priority > 0 => write_line(

@@ -59,7 +59,8 @@ const STOP_STACK: usize = 256 * 1024;
 /// If both acted at the same time, their exchanges would collide on the line.
 pub const DEFAULT_SILENCE: Nanos = Nanos::from_millis(40);
 
-/// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event to `report`.
+/// Monitors the controller until `stop` is set, and keeps `presence` up to date. Passes every event
+/// to `report`.
 pub fn run(
     config: &Config,
     domain: &Domain,

@@ -89,8 +89,8 @@ impl SharedPort {
         WatchdogEvent::Stopped(self.config.device.clone(), stopped.collect())
     }
 
-    /// Ends the exclusive use of the port by a process that was killed. The kernel does so only when
-    /// no descriptor of the port is open any more, and this one is.
+    /// Ends the exclusive use of the port by a process that was killed. The kernel does so only
+    /// when no descriptor of the port is open any more, and this one is.
     ///
     /// A controller also locks the file, and the kernel releases that lock with the process. One
     /// that tries to lock the file at this moment tries again.

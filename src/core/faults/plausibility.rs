@@ -3,8 +3,9 @@
 //! A slack or torn wire, a slipping gear, or a model of another snake does not show in the
 //! encoders. It shows in a camera that measures the angles. A camera frame is some hundredths of a
 //! second old when it arrives, so it is compared with the estimate at the time of the frame. A
-//! single frame proves nothing: only a distance that frame after frame confirms is a fault. A camera
-//! that is silent or too late proves nothing either, and then the robot says that it is not checked.
+//! single frame proves nothing: only a distance that frame after frame confirms is a fault. A
+//! camera that is silent or too late proves nothing either, and then the robot says that it is not
+//! checked.
 
 use serde::{Deserialize, Serialize};
 

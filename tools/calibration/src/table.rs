@@ -1,5 +1,7 @@
 //! A plain table of numbers, the input of the fits.
 
+use nalgebra::DMatrix;
+
 /// Rows of equally many numbers, stored one row after the other.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DataTable {
@@ -15,6 +17,13 @@ impl DataTable {
             width,
             values: Vec::new(),
         }
+    }
+
+    /// The rows of a matrix.
+    #[must_use]
+    pub fn from_matrix(rows: &DMatrix<f64>) -> Self {
+        let cells = |row| (0..rows.ncols()).map(move |column| rows[(row, column)]);
+        Self::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
     }
 
     /// A table of the given rows. Of a row longer than `width` the rest is left out; a shorter one

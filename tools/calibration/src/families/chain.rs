@@ -2,8 +2,8 @@
 //!
 //! 1. A ridge regression of the outputs on all features finds the part that goes with the lags.
 //! 2. That part is subtracted, and a Gaussian mixture is fitted to `[virtual counts; outputs]`.
-//!    Otherwise the mixture would treat the loop as noise. Where there is to be no residual, nothing
-//!    is subtracted. The number of components is chosen by
+//!    Otherwise the mixture would treat the loop as noise. Where there is to be no residual,
+//!    nothing is subtracted. The number of components is chosen by
 //!    leaving out contiguous blocks.
 //! 3. A residual is fitted to the rest, if that lowers the error on blocks left out.
 

@@ -2,8 +2,8 @@
 //!
 //! Plain cross-correlation of angle and counts is biased here: gaps and friction make the angle lag
 //! behind the motors at any speed, and that lag is not time. The features therefore include
-//! hysteresis without time: a polynomial of the counts, and play operators of several widths, whose lag
-//! does not depend on the speed. The **multiple correlation**
+//! hysteresis without time: a polynomial of the counts, and play operators of several widths, whose
+//! lag does not depend on the speed. The **multiple correlation**
 //! of these features, shifted in time, with the outputs is highest where the shift is the latency;
 //! around its peak, the squared residuals are a parabola, whose width gives the uncertainty.
 

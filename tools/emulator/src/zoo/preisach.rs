@@ -2,7 +2,8 @@
 //!
 //! Source: I. D. Mayergoyz, "Mathematical Models of Hysteresis", Springer 1991, chapter 1: the
 //! output is the integral of the density over the relays that are on; between two turning points
-//! it changes by the Everett function, the mass of the triangle between them. Passing an earlier turning point wipes out what lies after it.
+//! it changes by the Everett function, the mass of the triangle between them. Passing an earlier
+//! turning point wipes out what lies after it.
 //!
 //! The plane is cut into square cells of even density. So the Everett function is bilinear in
 //! every cell, and a table of its corners is exact.

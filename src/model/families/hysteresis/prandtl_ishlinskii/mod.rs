@@ -1,13 +1,18 @@
 //! Generalised play operators along directions in the plane of the motors: the generalised
 //! Prandtl-Ishlinskii model of hysteresis.
 //!
-//! The input of a play is `u = d' (q - centre)`. Its half-width is `r(u) = threshold + a max(u, 0) +
-//! b max(-u, 0)`, at least 0: friction grows, or falls, with the bend. Its output stays constant until the
-//! input pushes it, `z <- max(u - r(u), min(u + r(u), z))`. The virtual counts are `v = centre + S (q
-//! - centre) + sum_k w_k z_k`, with a diagonal `S`.
+//! ```text
+//! input       u = d' (q - centre)
+//! half-width  r(u) = threshold + a max(u, 0) + b max(-u, 0), at least 0
+//! output      z <- max(u - r(u), min(u + r(u), z))
+//! virtual     v = centre + S (q - centre) + sum_k w_k z_k, with a diagonal S
+//! ```
 //!
-//! Sources: P. Krejci and K. Kuhnen 2001 (weights and inverse); M. Al Janaideh, S. Rakheja and C.-Y.
-//! Su 2011 (envelope functions in place of a constant threshold).
+//! Friction grows, or falls, with the bend, and the half-width with it. The output stays constant
+//! until the input pushes it.
+//!
+//! Sources: P. Krejci and K. Kuhnen 2001 (weights and inverse); M. Al Janaideh, S. Rakheja and
+//! C.-Y. Su 2011 (envelope functions in place of a constant threshold).
 
 mod parameters;
 mod state;

@@ -129,8 +129,8 @@ fn is_coherent([weight, direction]: &[[f64; 2]; 2]) -> bool {
 }
 
 /// Whether two terms add to the determinant of the slope. The determinant of a sum of rank-one
-/// matrices `w d'` is the sum of `(w x w') (d x d')` over all pairs (Cauchy and Binet), so if no pair
-/// is negative, no choice of moving plays makes it negative.
+/// matrices `w d'` is the sum of `(w x w') (d x d')` over all pairs (Cauchy and Binet), so if no
+/// pair is negative, no choice of moving plays makes it negative.
 fn agree([weight, direction]: &[[f64; 2]; 2], [other, across]: &[[f64; 2]; 2]) -> bool {
     let cross = |a: &[f64; 2], b: &[f64; 2]| a[0] * b[1] - a[1] * b[0];
     let product = cross(weight, other) * cross(direction, across);

@@ -3,7 +3,6 @@
 use i2ris::model::ModelError;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use nalgebra::DMatrix;
 
 use super::super::chain::{ChainError, ChainFit, ChainOptions, fit_chain};
 use super::super::operator_trace::{UnknownMemory, trace_plays};
@@ -114,8 +113,12 @@ pub fn fit_play(
     let (weights, passes) =
         alternate(&states, &options.em, progress).ok_or(PlayError::Degenerate)?;
     let plays = chosen.thresholds.with(&weights);
-    let virtual_counts = table(&(states.virtual_counts(&weights) * states.scale));
-    let mechanism = PlayMechanism::new(&plays, &virtual_counts, &table(&states.outputs))?;
+    let virtual_counts = DataTable::from_matrix(&(states.virtual_counts(&weights) * states.scale));
+    let mechanism = PlayMechanism::new(
+        &plays,
+        &virtual_counts,
+        &DataTable::from_matrix(&states.outputs),
+    )?;
     let chain = chain(&plays, series, options, progress)?;
     Ok(PlayFit {
         plays,
@@ -124,11 +127,6 @@ pub fn fit_play(
         search_rms: chosen.error.sqrt(),
         passes,
     })
-}
-
-fn table(rows: &DMatrix<f64>) -> DataTable {
-    let cells = |row| (0..rows.ncols()).map(move |column| rows[(row, column)]);
-    DataTable::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
 }
 
 fn chain(

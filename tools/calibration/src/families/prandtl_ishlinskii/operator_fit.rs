@@ -297,14 +297,9 @@ fn mechanism(
     let virtual_counts = best.columns.virtual_counts(&best.found.weights);
     Ok(PlayMechanism::from_thresholds(
         &motors,
-        &table(&virtual_counts),
-        &table(outputs),
+        &DataTable::from_matrix(&virtual_counts),
+        &DataTable::from_matrix(outputs),
     )?)
-}
-
-fn table(rows: &DMatrix<f64>) -> DataTable {
-    let cells = |row| (0..rows.ncols()).map(move |column| rows[(row, column)]);
-    DataTable::from_rows(rows.ncols(), (0..rows.nrows()).map(cells))
 }
 
 fn chain(

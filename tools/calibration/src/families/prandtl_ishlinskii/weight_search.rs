@@ -1,9 +1,10 @@
 //! Weights of the plays that must not be negative, behind a polynomial of the virtual counts.
 //!
-//! The outputs are taken for `y = y_0 + M v + higher powers of v`, with the virtual counts `v` relative
-//! to their centre. For a given slope `M` and given higher powers, `v` is linear in the weights.
-//! Normal equations of the columns alone give those of the weights for every `M`: `(F' F)_jk = (c_j'
-//! c_k) (M V_j)' (M V_k)` with the column `c_j` and the virtual counts `V_j` that it moves.
+//! The outputs are taken for `y = y_0 + M v + higher powers of v`, with the virtual counts `v`
+//! relative to their centre. For a given slope `M` and given higher powers, `v` is linear in the
+//! weights. Normal equations of the columns alone give those of the weights for every `M`: `(F'
+//! F)_jk = (c_j' c_k) (M V_j)' (M V_k)` with the column `c_j` and the virtual counts `V_j` that it
+//! moves.
 
 use std::ops::Range;
 
