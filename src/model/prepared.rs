@@ -193,6 +193,34 @@ impl Model {
         self.runtime.predict(counts, memory)
     }
 
+    /// As [`Model::predict`], with the [`Model::correction`] of the memory, computed before.
+    #[must_use]
+    pub fn predict_corrected(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> Estimate {
+        self.runtime.predict_corrected(counts, memory, correction)
+    }
+
+    /// The mean of [`Model::predict_corrected`] alone, rad (m).
+    #[must_use]
+    pub fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec {
+        self.runtime.pose(counts, memory, correction)
+    }
+
+    /// [`Model::pose`] with [`Model::jacobian`]: computed together they cost little more than one.
+    #[must_use]
+    pub fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix) {
+        self.runtime.pose_and_slope(counts, memory, correction)
+    }
+
     /// Derivative of the predicted mean with respect to the counts, rad (m) per count.
     #[must_use]
     pub fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
@@ -213,6 +241,21 @@ impl Model {
     #[must_use]
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
         self.runtime.invert(goal, memory, &self.hull, query)
+    }
+
+    /// The inverses of several goals near each other, with the same memory. The search for the
+    /// first starts as [`Model::invert`], all others start at its result.
+    #[must_use]
+    pub fn invert_each<const N: usize>(
+        &self,
+        goals: &[OutputVec; N],
+        memory: &Memory,
+        query: &Query,
+    ) -> [Inverse; N] {
+        let mut found = [Inverse::default(); N];
+        self.runtime
+            .invert_each(goals, memory, &self.hull, query, &mut found);
+        found
     }
 }
 

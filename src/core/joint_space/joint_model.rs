@@ -7,15 +7,15 @@ use serde::{Deserialize, Serialize};
 use crate::config::Config;
 use crate::core::joint_space::model_blend::ModelBlend;
 use crate::core::joint_space::position_history::{HistoryCursor, NextEntry, PositionHistory};
-use crate::core::joint_space::velocity_estimate::{filtered_velocity, rate};
+use crate::core::joint_space::velocity_estimate::filtered_velocity;
 use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
 use crate::core::motion::joint_filter::{GoalStep, JointFilter};
 use crate::core::outputs::JointReport;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{Estimate, History, Inverse, Memory, Model, Query};
-use crate::units::{MotorVec, Nanos, OutputVec};
+use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory, Model, Query};
+use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// Positions of the history that a model replays per tick. One takes a microsecond or two.
 const MAX_REPLAYED: usize = 8;
@@ -28,6 +28,23 @@ pub(crate) struct JointModel {
     /// Duration of the blend after this model has taken over.
     blend_span: Nanos,
     state: JointModelState,
+    known: Known,
+}
+
+/// What has been computed from the state and holds until the state changes. Computed again it has
+/// the same bits, so it is no part of the state.
+#[derive(Debug, Clone, Copy, Default)]
+struct Known {
+    /// The setpoints that `memory` contains after the positions, motor by motor; `None`: to be
+    /// computed.
+    written: Option<[Option<f64>; MAX_MOTORS]>,
+    /// [`Model::correction`] of `measured_memory` and of `memory`.
+    measured_correction: OutputVec,
+    correction: OutputVec,
+    /// The pose at the setpoints with `memory`.
+    setpoint: Option<KnownSetpoint>,
+    /// [`Model::knows`] was true: it stays so until the memory is reset.
+    is_memory_known: bool,
 }
 
 /// Everything that changes from tick to tick.
@@ -48,6 +65,28 @@ pub(crate) struct JointModelState {
     /// The goal of the last tick after the dead-band, while angles are followed.
     dead_banded_goal: Option<OutputVec>,
     blend: Option<ModelBlend>,
+}
+
+/// A pose and its slope at setpoints.
+#[derive(Debug, Clone, Copy)]
+struct KnownSetpoint {
+    at: MotorVec,
+    mean: OutputVec,
+    slope: JacobianMatrix,
+}
+
+impl KnownSetpoint {
+    /// rad/s.
+    fn velocity(&self, increments: &MotorVec, tick: Nanos) -> OutputVec {
+        let seconds = tick.as_seconds();
+        if tick == Nanos::ZERO {
+            return OutputVec::default();
+        }
+        self.slope.map(|slope| {
+            let products = slope.iter().zip(increments);
+            products.map(|(slope, change)| slope * change).sum::<f64>() / seconds
+        })
+    }
 }
 
 /// The pose at the encoder positions.
@@ -124,6 +163,7 @@ impl JointModel {
             compensation: config.compensation.factor,
             blend_span: Nanos::from_millis(config.model_swap.blend_ms),
             state,
+            known: Known::default(),
         }
     }
 
@@ -137,7 +177,7 @@ impl JointModel {
 
     /// Enough motion has been seen to know the memory.
     pub fn is_memory_known(&self) -> bool {
-        self.model.knows(&self.state.measured_memory)
+        self.known.is_memory_known || self.model.knows(&self.state.measured_memory)
     }
 
     /// The whole position history has been replayed.
@@ -185,7 +225,7 @@ impl JointModel {
         }
         self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
         self.state.blend = None;
-        self.update_memory(drives)?;
+        self.update_memory(drives, true)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
         self.state.setpoint = Some(Setpoint {
@@ -259,7 +299,7 @@ impl JointModel {
         drives: &[AxisFeedback],
     ) -> Result<(), NotFinite> {
         let has_new = self.replay(history);
-        self.update_memory(drives)?;
+        self.update_memory(drives, has_new)?;
         let before = self.state.measured;
         if has_new || before.is_none() {
             self.update_measured(drives, before)
@@ -270,15 +310,27 @@ impl JointModel {
 
     /// The counts at which the outputs are nearest to a goal.
     pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
+        self.solve_each(&[*goal]).map(|[inverse]| inverse)
+    }
+
+    /// As [`JointModel::solve`], for several goals near each other. The searches for all but the
+    /// first goal start at the first result.
+    pub fn solve_each<const N: usize>(
+        &self,
+        goals: &[OutputVec; N],
+    ) -> Result<[Inverse; N], NotFinite> {
         let state = &self.state;
         let query = Query {
             start: state.search_start,
             correction: state.dead_band.correction(),
             compensation: self.compensation,
         };
-        let inverse = self.model.invert(goal, &state.memory, &query);
-        if vector::is_finite(&inverse.counts) {
-            Ok(inverse)
+        let inverses = self.model.invert_each(goals, &state.memory, &query);
+        if inverses
+            .iter()
+            .all(|inverse| vector::is_finite(&inverse.counts))
+        {
+            Ok(inverses)
         } else {
             Err(NotFinite)
         }
@@ -291,7 +343,18 @@ impl JointModel {
 
     /// The outputs at given counts.
     pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
-        require_finite(self.model.predict(counts, &self.state.memory)).map(|estimate| estimate.mean)
+        let pose = self
+            .model
+            .pose(counts, &self.state.memory, &self.correction());
+        vector::is_finite(&pose).then_some(pose).ok_or(NotFinite)
+    }
+
+    /// The correction of the memory.
+    fn correction(&self) -> OutputVec {
+        match self.known.written {
+            Some(_) => self.known.correction,
+            None => self.model.correction(&self.state.memory),
+        }
     }
 
     /// Takes the setpoints of this tick, and their change in it.
@@ -301,11 +364,31 @@ impl JointModel {
         increments: &MotorVec,
         tick: Nanos,
     ) -> Result<(), NotFinite> {
-        let mean = self.pose(setpoints)?;
-        let before = self.pose(&vector::difference(setpoints, increments))?;
-        let velocity = rate(&mean, &before, tick).unwrap_or_default();
-        self.state.setpoint = Some(Setpoint { mean, velocity });
+        let known = self.known.setpoint.filter(|known| known.at == *setpoints);
+        let known = match known {
+            Some(known) => known,
+            None => self.setpoint_at(setpoints)?,
+        };
+        self.known.setpoint = Some(known);
+        self.state.setpoint = Some(Setpoint {
+            mean: known.mean,
+            velocity: known.velocity(increments, tick),
+        });
         Ok(())
+    }
+
+    fn setpoint_at(&self, setpoints: &MotorVec) -> Result<KnownSetpoint, NotFinite> {
+        let (memory, correction) = (&self.state.memory, self.correction());
+        let (mean, slope) = self.model.pose_and_slope(setpoints, memory, &correction);
+        if vector::is_finite(&mean) && slope.iter().all(vector::is_finite) {
+            Ok(KnownSetpoint {
+                at: *setpoints,
+                mean,
+                slope,
+            })
+        } else {
+            Err(NotFinite)
+        }
     }
 
     /// Joint space in this tick. Without a goal, the goal is the setpoint.
@@ -329,24 +412,49 @@ impl JointModel {
         self.state.memory = self.state.measured_memory;
         self.state.measured = None;
         self.state.dead_band.reset();
+        self.known = Known::default();
     }
 
-    /// From the positions that were read to the setpoints that were written since.
-    fn update_memory(&mut self, drives: &[AxisFeedback]) -> Result<(), NotFinite> {
-        self.state.memory = self.state.measured_memory;
-        if drives.iter().any(|drive| written_since(drive).is_some()) {
-            let expected = drives
-                .iter()
-                .map(|drive| written_since(drive).unwrap_or(drive.position.as_f64()));
-            self.model
-                .advance(&mut self.state.memory, &vector::collect(expected));
+    /// From the positions that were read to the setpoints that were written since. `has_new`:
+    /// positions were replayed since the last call.
+    fn update_memory(&mut self, drives: &[AxisFeedback], has_new: bool) -> Result<(), NotFinite> {
+        let mut written = [None; MAX_MOTORS];
+        for (written, drive) in written.iter_mut().zip(drives) {
+            *written = written_since(drive);
         }
-        let correction = self.model.correction(&self.state.memory);
-        if !vector::is_finite(&correction) {
+        if has_new || self.known.written != Some(written) {
+            self.rebuild_memory(drives, written);
+        }
+        let correction = &self.known.correction;
+        if !vector::is_finite(correction) {
             return Err(NotFinite);
         }
-        self.state.dead_band.filter_correction(&correction);
+        self.state.dead_band.filter_correction(correction);
         Ok(())
+    }
+
+    fn rebuild_memory(&mut self, drives: &[AxisFeedback], written: [Option<f64>; MAX_MOTORS]) {
+        let state = &mut self.state;
+        state.memory = state.measured_memory;
+        let measured_correction = self.model.correction(&state.measured_memory);
+        let mut correction = measured_correction;
+        if written.iter().any(Option::is_some) {
+            let positions = drives.iter().map(|drive| drive.position.as_f64());
+            let expected = written
+                .iter()
+                .zip(positions)
+                .map(|(written, position)| written.unwrap_or(position));
+            self.model
+                .advance(&mut state.memory, &vector::collect(expected));
+            correction = self.model.correction(&state.memory);
+        }
+        self.known = Known {
+            written: Some(written),
+            measured_correction,
+            correction,
+            setpoint: None,
+            is_memory_known: self.is_memory_known(),
+        };
     }
 
     fn update_measured(
@@ -357,7 +465,11 @@ impl JointModel {
         let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
         let stamps = drives.iter().map(|drive| drive.stamp);
         let stamp = stamps.max().unwrap_or_default();
-        let estimate = self.model.predict(&positions, &self.state.measured_memory);
+        let estimate = self.model.predict_corrected(
+            &positions,
+            &self.state.measured_memory,
+            &self.known.measured_correction,
+        );
         let estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
         let velocity = before.map_or(OutputVec::default(), |before| {
             filtered_velocity(

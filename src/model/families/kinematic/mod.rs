@@ -209,9 +209,13 @@ impl<const D: usize, const M: usize> Regression<D, M> for Kinematic<D, M> {
         }
     }
 
+    fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M> {
+        self.local(input).mean
+    }
+
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
         Prediction {
-            mean: self.local(input).mean,
+            mean: self.mean(input),
             covariance: self.covariance,
             covariance_within: self.covariance,
         }
