@@ -16,6 +16,11 @@ pub struct ControlConfig {
     /// The loop wakes this long before each tick and spins until the tick, in microseconds, 0 to
     /// 500. 0: sleeps until the tick.
     pub spin_us: u32,
+    /// Delay each tick within its period to just before a port takes its next set-point, so that
+    /// the set-point follows the newest command. There are as many ticks as without it, and limits
+    /// per tick are the same, but the time from one tick to the next varies by up to 0.9 periods,
+    /// and so does the reported velocity of set-points.
+    pub follow_lines: bool,
     /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
     /// less, the thread that reads commands 20 less, both at least 1.
     pub priority: u8,
@@ -33,6 +38,7 @@ impl Default for ControlConfig {
         Self {
             rate_hz: 1000,
             spin_us: 100,
+            follow_lines: false,
             priority: 80,
             cpu: None,
             lock_memory: true,

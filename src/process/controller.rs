@@ -38,6 +38,7 @@ use crate::process::start_up::{
     Drives, StartModelError, bring_up_ports, load_model, software, wait_for_positions,
 };
 use crate::process::threads::{NamedThread, ThreadError};
+use crate::process::tick_plan::SharedTick;
 use crate::realtime::{self, Granted, Wanted};
 use crate::service_manager;
 use crate::units::Nanos;
@@ -179,6 +180,7 @@ fn start_threads(
     );
     let quit = Arc::new(AtomicBool::new(false));
     let (lines, recorder_lines) = mpsc::channel();
+    let next_tick = SharedTick::default();
     let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
     let parts = IpcThreadParts {
         channels: ipc_channels,
@@ -188,6 +190,7 @@ fn start_threads(
         history,
         queues,
         period: config.control.period(),
+        next_tick: next_tick.clone(),
     };
     let (to_ipc, granted) = mpsc::channel();
     let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
@@ -205,6 +208,7 @@ fn start_threads(
         channels,
         links,
         heartbeat,
+        next_tick,
     };
     let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
     // If the IPC thread has ended already, the main thread detects it.

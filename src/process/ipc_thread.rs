@@ -21,7 +21,8 @@ use crate::process::black_box::RecorderRequest;
 use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::payload_conversion as convert;
-use crate::realtime::{Granted, LoopStatistics, Ticker};
+use crate::process::tick_plan::SharedTick;
+use crate::realtime::{Granted, LoopStatistics};
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
@@ -35,6 +36,10 @@ const LATE_TICKS: usize = 256;
 
 /// Lines of the log that are published in one pass.
 const LOG_LINES: usize = 16;
+
+/// From the start of a tick to reading its report: longer than the tick takes. A report that is not
+/// there yet is read before the next tick.
+const REPORT_LAG: Nanos = Nanos::from_micros(100);
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -50,6 +55,8 @@ pub struct IpcThreadParts {
     pub queues: RequestQueues,
     /// Period of the loop.
     pub period: Nanos,
+    /// When the next tick of the loop begins.
+    pub next_tick: SharedTick,
 }
 
 /// State of the IPC thread between two passes.
@@ -93,13 +100,20 @@ impl IpcThread {
         thread
     }
 
-    /// Makes one pass shortly before every tick of the loop, until `quit`. `first` is the first
-    /// tick of the loop.
+    /// Makes one pass shortly before every tick of the loop, so that the tick gets the newest
+    /// command, and publishes its report shortly after it, until `quit`. `first` is the first tick
+    /// of the loop.
     pub fn run(mut self, first: Nanos, quit: &AtomicBool) {
-        let mut ticker = Ticker::new(first - COMMAND_POLL_LEAD, self.parts.period, Nanos::ZERO);
+        let mut tick = first;
         while !quit.load(Ordering::Acquire) {
-            let tick = ticker.wait();
-            self.pass(tick.started);
+            clock::sleep_until(tick - COMMAND_POLL_LEAD);
+            let now = clock::now();
+            self.pass(now);
+            clock::sleep_until(tick + REPORT_LAG);
+            self.take_reports();
+            // Passes that are over are not made up for.
+            let last = tick.max(now - self.parts.period);
+            tick = self.parts.next_tick.after(last, self.parts.period);
         }
         self.pass(clock::now());
     }
@@ -121,12 +135,7 @@ impl IpcThread {
         self.take_moves(now);
         self.take_model_requests(now);
         self.take_black_box_requests(now);
-        while let Ok(reply) = self.parts.channels.replies.pop() {
-            self.reply(reply);
-        }
-        while let Ok(report) = self.parts.channels.reports.pop() {
-            self.publish(&report);
-        }
+        self.take_reports();
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
@@ -137,6 +146,16 @@ impl IpcThread {
         }
         self.publish_log_lines();
         self.server.maintain(now);
+    }
+
+    /// Replies and reports of the loop.
+    fn take_reports(&mut self) {
+        while let Ok(reply) = self.parts.channels.replies.pop() {
+            self.reply(reply);
+        }
+        while let Ok(report) = self.parts.channels.reports.pop() {
+            self.publish(&report);
+        }
     }
 
     /// A command that the loop has not read yet is replaced only by one of the holder of the lease.
