@@ -43,8 +43,10 @@ use crate::model::maths::lanes::{LANES, Lanes};
 use crate::model::maths::mixture_part::Part;
 use crate::model::maths::regression::{Local, Prediction, Regression};
 
-/// The most blocks of components.
+/// The most blocks of components, and those of mixtures as they are fitted: for these the arrays
+/// of an evaluation are short.
 const MAX_BLOCKS: usize = MAX_COMPONENTS / LANES;
+const FEW_BLOCKS: usize = 8;
 
 /// A component whose log-density is this far below the likeliest is ignored: its share of 4e-18 is
 /// below the rounding error.
@@ -201,11 +203,11 @@ impl<const I: usize, const O: usize> Block<I, O> {
     }
 }
 
-/// The components at a point.
-struct Weighted<const I: usize, const O: usize> {
+/// The components at a point, in at most B blocks.
+struct Weighted<const I: usize, const O: usize, const B: usize> {
     /// The responsibility of every component relative to the likeliest one, whose share is 1.
-    shares: [Lanes; MAX_BLOCKS],
-    whitened: [[Lanes; I]; MAX_BLOCKS],
+    shares: [Lanes; B],
+    whitened: [[Lanes; I]; B],
     /// Sum of the shares, at least 1.
     total: f64,
     /// Conditional mean of the likeliest component.
@@ -225,10 +227,10 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
     }
 
     #[inline(always)]
-    fn weighted(&self, input: &SVector<f64, I>) -> Weighted<I, O> {
+    fn weighted<const B: usize>(&self, input: &SVector<f64, I>) -> Weighted<I, O, B> {
         let mut weighted = Weighted {
-            shares: [Lanes::ZERO; MAX_BLOCKS],
-            whitened: [[Lanes::ZERO; I]; MAX_BLOCKS],
+            shares: [Lanes::ZERO; B],
+            whitened: [[Lanes::ZERO; I]; B],
             total: 0.0,
             origin: SVector::zeros(),
         };
@@ -263,8 +265,36 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         weighted
     }
 
+    fn has_few(&self) -> bool {
+        self.blocks.len() <= FEW_BLOCKS
+    }
+
     fn local(&self, input: &SVector<f64, I>) -> Local<I, O> {
-        let weighted = self.weighted(input);
+        if self.has_few() {
+            self.local_of::<FEW_BLOCKS>(input)
+        } else {
+            self.local_of::<MAX_BLOCKS>(input)
+        }
+    }
+
+    fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
+        if self.has_few() {
+            self.weighted_mean(&self.weighted::<FEW_BLOCKS>(input))
+        } else {
+            self.weighted_mean(&self.weighted::<MAX_BLOCKS>(input))
+        }
+    }
+
+    fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
+        if self.has_few() {
+            self.predict_of::<FEW_BLOCKS>(input)
+        } else {
+            self.predict_of::<MAX_BLOCKS>(input)
+        }
+    }
+
+    fn local_of<const B: usize>(&self, input: &SVector<f64, I>) -> Local<I, O> {
+        let weighted = self.weighted::<B>(input);
         let mut differences = [Lanes::ZERO; O];
         let mut log_slopes = [Lanes::ZERO; I];
         let mut slopes = [[Lanes::ZERO; I]; O];
@@ -294,13 +324,8 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         }
     }
 
-    fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
-        let weighted = self.weighted(input);
-        self.weighted_mean(&weighted)
-    }
-
     #[inline(always)]
-    fn weighted_mean(&self, weighted: &Weighted<I, O>) -> SVector<f64, O> {
+    fn weighted_mean<const B: usize>(&self, weighted: &Weighted<I, O, B>) -> SVector<f64, O> {
         let mut differences = [Lanes::ZERO; O];
         let entries = weighted.shares.iter().zip(&weighted.whitened);
         for ((share, whitened), block) in entries.zip(&self.blocks) {
@@ -313,8 +338,8 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         weighted.origin + SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total)
     }
 
-    fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
-        let weighted = self.weighted(input);
+    fn predict_of<const B: usize>(&self, input: &SVector<f64, I>) -> Prediction<O> {
+        let weighted = self.weighted::<B>(input);
         let mean = self.weighted_mean(&weighted);
         let mut total_spread = [[Lanes::ZERO; O]; O];
         let mut within = [[Lanes::ZERO; O]; O];

@@ -74,7 +74,9 @@ impl DriveRig {
         config.line.processing_us = lines.processing_us.unwrap_or(config.line.processing_us);
         config.line.baud = lines.baud.unwrap_or(config.line.baud);
         config.gateway_us = lines.is_shared.then_some(0);
-        config.drives[1].node_id = 2;
+        if lines.is_shared {
+            config.drives[1].node_id = 2;
+        }
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
         Ok(Self {
             emulator: Emulator::start(config)?,

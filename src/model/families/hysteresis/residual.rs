@@ -94,15 +94,38 @@ impl<const D: usize, const M: usize> Residual<D, M> {
             .coefficients
             .split_at_checked(shape)
             .unwrap_or_default();
-        let mut sum = weighted_sum(of_shape, &values);
-        for (lag, columns) in lags.as_slice().iter().zip(of_lags.chunks_exact(with_lag)) {
-            sum += weighted_sum(columns, &values) * *lag;
+        let (lags, sum) = (lags.as_slice(), weighted_sum(of_shape, &values));
+        // The sizes of the usual degrees of two motors are known to the compiler.
+        sum + match with_lag {
+            1 => lag_sum::<1, M>(of_lags, lags, &values),
+            3 => lag_sum::<3, M>(of_lags, lags, &values),
+            6 => lag_sum::<6, M>(of_lags, lags, &values),
+            _ => {
+                let mut sum = SVector::zeros();
+                for (lag, columns) in lags.iter().zip(of_lags.chunks_exact(with_lag)) {
+                    sum += weighted_sum(columns, &values) * *lag;
+                }
+                sum
+            }
         }
-        sum
     }
 }
 
-#[inline]
+/// Every lag times the weighted sum of the first W monomials.
+fn lag_sum<const W: usize, const M: usize>(
+    columns: &[SVector<f64, M>],
+    lags: &[f64],
+    values: &[f64; MAX_MONOMIALS],
+) -> SVector<f64, M> {
+    let mut sum = SVector::<f64, M>::zeros();
+    let (groups, _) = columns.as_chunks::<W>();
+    for (lag, group) in lags.iter().zip(groups) {
+        sum += weighted_sum(group, values) * *lag;
+    }
+    sum
+}
+
+#[inline(always)]
 fn weighted_sum<const M: usize>(
     columns: &[SVector<f64, M>],
     values: &[f64; MAX_MONOMIALS],
