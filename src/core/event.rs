@@ -58,6 +58,18 @@ pub enum CycleEventKind {
         /// Model after.
         to: ModelId,
     },
+    /// A request changed the virtual fixtures.
+    Fixtures {
+        /// Client that asked.
+        client_id: u64,
+        /// The fixtures that count, as bits.
+        active: u32,
+    },
+    /// A virtual fixture limits the goal, after a second in which none did.
+    FixtureLimit {
+        /// Index of the fixture.
+        region: u8,
+    },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
     /// A drive changed its phase.

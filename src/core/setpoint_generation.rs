@@ -8,6 +8,7 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::motion::joint_trajectory::JointTrajectory;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::units::{Nanos, OutputVec};
 
@@ -40,23 +41,25 @@ pub(super) fn generate_setpoint(
     state: &ControlState,
     axes: &mut AxisGroup,
     mut joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
-    if !state.is_following_joints()
-        && let Some(joints) = &mut joints
-    {
-        joints.release_goal();
+    if !state.is_following_joints() {
+        fixtures.release_goal();
+        if let Some(joints) = &mut joints {
+            joints.release_goal();
+        }
     }
     match state {
         ControlState::Enabled(EnabledActivity::Following(command)) => {
-            follow_command(command, axes, joints, now, tick)
+            follow_command(command, axes, joints, fixtures, now, tick)
         }
         ControlState::Enabled(EnabledActivity::Conditioning(cycle)) => {
             run_conditioning(cycle, axes, joints.as_deref())
         }
         ControlState::Enabled(EnabledActivity::Moving(trajectory)) => {
-            follow_trajectory(trajectory, axes, joints, now, tick)
+            follow_trajectory(trajectory, axes, joints, fixtures, now, tick)
         }
         ControlState::Enabled(EnabledActivity::Holding)
         | ControlState::Disabled(_)
@@ -72,10 +75,11 @@ fn follow_command(
     command: &FollowedCommand,
     axes: &mut AxisGroup,
     joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
-    let inverse = follow_goal(&command.goal, axes, joints, now, tick)?;
+    let inverse = follow_goal(&command.goal, axes, joints, fixtures, now, tick)?;
     axes.track(&inverse.targets);
     Ok(GeneratedSetpoint {
         command_stamp: command.stamp,
@@ -107,6 +111,7 @@ fn follow_trajectory(
     trajectory: &JointTrajectory,
     axes: &mut AxisGroup,
     joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
@@ -116,7 +121,7 @@ fn follow_trajectory(
         now: trajectory.position_at(now),
         before: trajectory.position_at(now - tick),
     };
-    let inverse = invert_goal(goal, trajectory.end(), axes, joints, now, tick)?;
+    let inverse = invert_goal(goal, trajectory.end(), axes, joints, fixtures, now, tick)?;
     axes.track(&inverse.targets);
     let is_finished = trajectory.is_finished(now) && axes.all(AxisControl::is_at_rest);
     Ok(GeneratedSetpoint {

@@ -14,6 +14,7 @@ use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
@@ -33,6 +34,7 @@ pub struct CycleSnapshot {
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
+    fixtures: VirtualFixtures,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -67,6 +69,7 @@ impl ControlCycle {
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
+            fixtures: self.fixtures,
             ticks: self.ticks,
             stale_stops: self.stale_stops,
             lost_events: self.lost_events,
@@ -95,6 +98,7 @@ impl ControlCycle {
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
+        cycle.fixtures = snapshot.fixtures;
         cycle.ticks = snapshot.ticks;
         cycle.stale_stops = snapshot.stale_stops;
         cycle.lost_events = snapshot.lost_events;

@@ -28,6 +28,7 @@ use crate::model::Model;
 use crate::process::black_box::Recorder;
 use crate::process::channels::{LogLine, WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
+use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::main_thread::{MainThread, write_line};
@@ -102,6 +103,13 @@ pub fn run(
     );
     write_granted(log, &threads.granted);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
+    if let Some(delay_s) = config.command.tremor_filter_delay_s() {
+        let delay_ms = delay_s * 1e3;
+        write_line(
+            log,
+            format_args!("the tremor filter delays the goal by {delay_ms:.0} ms"),
+        );
+    }
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
         boot_id,
@@ -187,6 +195,7 @@ fn start_threads(
         command_check: CommandCheck::new(&config.command),
         history,
         queues,
+        fixtures: FixtureTable::new(&config.virtual_fixtures),
         period: config.control.period(),
     };
     let (to_ipc, granted) = mpsc::channel();

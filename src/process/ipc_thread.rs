@@ -12,13 +12,14 @@ use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequ
 use crate::ipc::Server;
 use crate::ipc::payload::{
     BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply, StateCommandRequest,
-    Version, padded_text,
+    Version, VirtualFixturesMsg, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
 use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
+use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::payload_conversion as convert;
 use crate::realtime::{Granted, LoopStatistics, Ticker};
@@ -38,6 +39,8 @@ const LOG_LINES: usize = 16;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
+/// The same for `virtual_fixture`.
+const FIXTURE: u64 = 1 << 62;
 
 /// What the IPC thread needs besides the server.
 pub struct IpcThreadParts {
@@ -48,6 +51,7 @@ pub struct IpcThreadParts {
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
+    pub fixtures: FixtureTable,
     /// Period of the loop.
     pub period: Nanos,
 }
@@ -119,6 +123,7 @@ impl IpcThread {
         }
         self.take_state_commands(now);
         self.take_moves(now);
+        self.take_fixture_requests(now);
         self.take_model_requests(now);
         self.take_black_box_requests(now);
         while let Ok(reply) = self.parts.channels.replies.pop() {
@@ -134,6 +139,7 @@ impl IpcThread {
                 stamp_ns: now.0,
                 ..self.health
             });
+            self.publish_fixtures(now);
         }
         self.publish_log_lines();
         self.server.maintain(now);
@@ -173,6 +179,7 @@ impl IpcThread {
                 client_id: raw.client_id,
                 command: StateCommand::Move,
                 pose: Some((raw.position, raw.count)),
+                fixture: None,
             };
             new.push((request, raw.reserved == 0));
         });
@@ -180,6 +187,31 @@ impl IpcThread {
             let checked = is_known.then_some(request).ok_or(Refusal::Malformed);
             self.request(request.id, checked);
         }
+    }
+
+    /// As [`Self::take_moves`].
+    fn take_fixture_requests(&mut self, now: Nanos) {
+        let mut new = Vec::new();
+        self.server
+            .poll_fixtures(now, |token, raw| new.push((token | FIXTURE, raw)));
+        for (id, raw) in new {
+            let request = FixtureTable::parse(&raw).map(|change| StateRequest {
+                id,
+                client_id: raw.client_id,
+                command: StateCommand::Fixture,
+                pose: None,
+                fixture: Some(change),
+            });
+            self.parts.fixtures.sent(id, raw);
+            self.request(id, request);
+        }
+    }
+
+    fn publish_fixtures(&mut self, now: Nanos) {
+        self.server.publish_fixtures(VirtualFixturesMsg {
+            stamp_ns: now.0,
+            ..self.parts.fixtures.message()
+        });
     }
 
     /// Passes a request to the loop, or replies with the refusal.
@@ -245,9 +277,15 @@ impl IpcThread {
             refusal: reply.refusal.number(),
             state: reply.state.number(),
         };
-        match reply.id & MOVE {
-            0 => self.server.reply(reply.id, payload),
-            _ => self.server.reply_move(reply.id & !MOVE, payload),
+        if reply.id & MOVE != 0 {
+            self.server.reply_move(reply.id & !MOVE, payload);
+        } else if reply.id & FIXTURE != 0 {
+            if self.parts.fixtures.answered(reply.id, reply.refusal) {
+                self.publish_fixtures(clock::now());
+            }
+            self.server.reply_fixture(reply.id & !FIXTURE, payload);
+        } else {
+            self.server.reply(reply.id, payload);
         }
     }
 
@@ -273,6 +311,7 @@ impl IpcThread {
 
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
+        self.parts.fixtures.update(report);
         self.health = convert::health(report, &tick.lost);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(tick.timing);
@@ -309,5 +348,6 @@ fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Ref
         client_id: raw.client_id,
         command,
         pose: None,
+        fixture: None,
     })
 }

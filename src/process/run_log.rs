@@ -196,7 +196,13 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
-        CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => return None,
+        CycleEventKind::Fixtures { client_id, active } => (
+            "fixtures",
+            json!({ "client": id(client_id), "active": active }),
+        ),
+        CycleEventKind::Axis { .. }
+        | CycleEventKind::Refused { .. }
+        | CycleEventKind::FixtureLimit { .. } => return None,
     })
 }
 

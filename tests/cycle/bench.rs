@@ -8,8 +8,8 @@ use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
     CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
-    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
-    ServoGoal, StateReply, StateRequest,
+    FixtureChange, HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest,
+    ServoCommand, ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -183,6 +183,7 @@ pub struct Bench {
     pub clutched: bool,
     /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
+    pub fixture: Option<FixtureChange>,
     /// Seen by a camera, in the next tick.
     pub external: Option<ExternalPose>,
     /// How many ticks late every tick is from now on.
@@ -269,6 +270,7 @@ impl Bench {
             model_request: None,
             clutched: false,
             pose: None,
+            fixture: None,
             external: None,
             missed: 0,
             probe: || 0,
@@ -408,6 +410,7 @@ impl Bench {
         self.request_id += 1;
         let id = self.request_id;
         let pose = self.pose.take();
+        let fixture = self.fixture.take();
         self.step(
             None,
             Some(StateRequest {
@@ -415,6 +418,7 @@ impl Bench {
                 client_id,
                 command,
                 pose,
+                fixture,
             }),
         );
         let reply = self

@@ -18,6 +18,7 @@ mod period_statistics;
 mod requests;
 mod state_streams;
 mod text;
+mod virtual_fixtures;
 
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
@@ -28,6 +29,7 @@ pub use requests::{
 };
 pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
 pub use text::{padded_text, unpadded_text};
+pub use virtual_fixtures::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
 
 #[cfg(test)]
 mod tests {
@@ -56,5 +58,7 @@ mod tests {
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
+        assert_eq!(size_of::<VirtualFixtureRequest>(), 48);
+        assert_eq!(size_of::<VirtualFixturesMsg>(), 1344);
     }
 }

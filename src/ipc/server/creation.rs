@@ -19,6 +19,7 @@ use crate::ipc::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
     ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
     ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -42,10 +43,12 @@ pub(super) struct Services {
     pub period_statistics: StreamFactory<PeriodStatistics>,
     pub health: StreamFactory<Health>,
     pub events: StreamFactory<EventMsg>,
+    pub virtual_fixtures: StreamFactory<VirtualFixturesMsg>,
     pub state_commands: RequestFactory<StateCommandRequest, StateCommandReply>,
     pub black_boxes: RequestFactory<BlackBoxRequest, BlackBoxReply>,
     pub models: RequestFactory<ModelRequest, ModelReply>,
     pub moves: RequestFactory<MoveRequest, StateCommandReply>,
+    pub fixture_requests: RequestFactory<VirtualFixtureRequest, StateCommandReply>,
     pub versions: RequestFactory<VersionRequest, Version>,
 }
 
@@ -98,10 +101,12 @@ impl Services {
             period_statistics: service::PERIOD_STATISTICS.create(&node)?,
             health: service::HEALTH.create(&node)?,
             events: service::EVENTS.create(&node)?,
+            virtual_fixtures: service::VIRTUAL_FIXTURES.create(&node)?,
             state_commands: create_request(&node, service::STATE_COMMAND)?,
             black_boxes: create_request(&node, service::BLACK_BOX)?,
             models: create_request(&node, service::MODEL)?,
             moves: create_request(&node, service::MOVE_JP)?,
+            fixture_requests: create_request(&node, service::VIRTUAL_FIXTURE)?,
             versions: create_request(&node, service::VERSION)?,
             node,
         })

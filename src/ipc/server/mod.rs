@@ -27,6 +27,7 @@ use super::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
     ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
     ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
@@ -72,10 +73,12 @@ pub struct Server {
     period_statistics: StreamPublisher<PeriodStatistics>,
     health: StreamPublisher<Health>,
     events: StreamPublisher<EventMsg>,
+    virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
     moves: RequestServer<MoveRequest, StateCommandReply>,
+    fixture_requests: RequestServer<VirtualFixtureRequest, StateCommandReply>,
     versions: RequestServer<VersionRequest, Version>,
     version: Version,
     failures: u64,
@@ -142,10 +145,20 @@ impl Server {
             )?,
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
+            virtual_fixtures: StreamPublisher::new(
+                &from.virtual_fixtures,
+                service::VIRTUAL_FIXTURES,
+                boot_id,
+            )?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
             moves: RequestServer::new(&from.moves, service::MOVE_JP, fast)?,
+            fixture_requests: RequestServer::new(
+                &from.fixture_requests,
+                service::VIRTUAL_FIXTURE,
+                fast,
+            )?,
             versions: RequestServer::new(&from.versions, service::VERSION, fast)?,
             version: version(boot_id),
             failures: 0,
@@ -229,6 +242,18 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Passes every new `virtual_fixture` request to `take`.
+    pub fn poll_fixtures(&mut self, now: Nanos, take: impl FnMut(u64, VirtualFixtureRequest)) {
+        let polled = self.fixture_requests.poll(now, take);
+        self.count_failure(polled);
+    }
+
+    /// Replies to a `virtual_fixture` request.
+    pub fn reply_fixture(&mut self, token: u64, reply: StateCommandReply) {
+        let sent = self.fixture_requests.reply(token, reply);
+        self.count_failure(sent);
+    }
+
     /// Passes every new request about models to `take`. These may take up to 60 s.
     pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
         let polled = self.models.poll(now, take);
@@ -296,6 +321,12 @@ impl Server {
             ipc_failures,
             ..message
         });
+        self.count_failure(sent);
+    }
+
+    /// Publishes `virtual_fixtures`.
+    pub fn publish_fixtures(&mut self, message: VirtualFixturesMsg) {
+        let sent = self.virtual_fixtures.send(message);
         self.count_failure(sent);
     }
 
@@ -368,6 +399,7 @@ impl Server {
         self.operating_state.serve_late_subscribers()?;
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
+        self.virtual_fixtures.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }
 

@@ -242,6 +242,9 @@ fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::DrivesNotReady => "see the controller's log; i2ris doctor",
         Refusal::NothingStaged | Refusal::NoFormer => "i2ris model list",
         Refusal::MemoryUnknown => "i2ris command state condition, or --force",
+        Refusal::Fixture => {
+            "i2ris command fixture list: plan around the region, or switch the fixtures off"
+        }
         Refusal::BadModel => "the controller's answer to `i2ris model stage` names the reason",
     }
 }

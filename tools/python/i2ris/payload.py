@@ -67,6 +67,7 @@ class JointState(Payload):
     VALID = 1
     MEMORY_KNOWN = 2
     CLIPPED = 4
+    FIXTURE = 8
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -120,6 +121,7 @@ class OperatingStateMsg(Payload):
     PINNED = 256
     WATCHED = 512
     COMPARED = 1024
+    FIXTURE = 2048
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
