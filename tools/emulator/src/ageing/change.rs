@@ -91,12 +91,12 @@ impl Change {
     /// When a value is out of its range, or a place does not fit the parameter.
     pub fn check(&self) -> Result<(), ChangeError> {
         let refuse = |key, value, reason| Err(ChangeError { key, value, reason });
-        let is_zero = self.parameter == Parameter::Zero;
         let by = self.by;
-        if is_zero && !(by.abs() <= MOST_DEG) {
+        let is_zero = self.parameter == Parameter::Zero;
+        if is_zero && (by.is_nan() || by.abs() > MOST_DEG) {
             return refuse("by", by, "must be degrees, at most 90 to either side");
         }
-        if !is_zero && !(by > -1.0 && by <= MOST_RELATIVE) {
+        if !is_zero && (by.is_nan() || by <= -1.0 || by > MOST_RELATIVE) {
             return refuse(
                 "by",
                 by,
