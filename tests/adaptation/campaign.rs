@@ -135,7 +135,7 @@ fn campaign(seeds: std::ops::Range<u64>, seconds: u64) {
     let count = seeds.end - seeds.start;
     for seed in seeds {
         let (shift, rate) = run(seed, seconds, &model);
-        assert!(shift <= 4.0 + 1e-6, "seed {seed}: {shift} deg");
+        assert!(shift <= 4.8 + 1e-6, "seed {seed}: {shift} deg");
         // One degree per second and motor; both may move at once.
         assert!(rate <= 1.5, "seed {seed}: {rate} deg/s");
         largest = largest.max(shift);
