@@ -8,9 +8,10 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::motion::joint_trajectory::JointTrajectory;
+use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::control_state::{ControlState, EnabledActivity};
-use crate::units::{Nanos, OutputVec};
+use crate::units::{MAX_MOTORS, Nanos, OutputVec};
 
 /// The goal that the setpoints of a tick move to.
 #[derive(Debug, Clone, Copy, Default)]
@@ -74,18 +75,54 @@ pub(super) fn generate_setpoint(
 fn follow_command(
     command: &FollowedCommand,
     axes: &mut AxisGroup,
-    joints: Option<&mut JointModel>,
+    mut joints: Option<&mut JointModel>,
     fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
-    let inverse = follow_goal(&command.goal, axes, joints, fixtures, now, tick)?;
-    axes.track(&inverse.targets);
+    let inverse = follow_goal(
+        &command.goal,
+        axes,
+        joints.as_deref_mut(),
+        fixtures,
+        now,
+        tick,
+    )?;
+    track_outside(&inverse.targets, axes, joints.as_deref(), fixtures)?;
     Ok(GeneratedSetpoint {
         command_stamp: command.stamp,
         command_sequence: command.sequence,
         ..GeneratedSetpoint::from(&inverse)
     })
+}
+
+/// Moves the motors towards their targets, but no setpoint into a virtual fixture: the goal keeps
+/// out of it, but a motor that crosses its backlash lags, and then the way of the setpoints is
+/// another one. The motor that would cause it waits for the other one.
+fn track_outside(
+    targets: &[MotorTarget; MAX_MOTORS],
+    axes: &mut AxisGroup,
+    joints: Option<&JointModel>,
+    fixtures: &mut VirtualFixtures,
+) -> Result<(), NotFinite> {
+    const NONE: u32 = 0;
+    let Some((joints, start)) = joints
+        .filter(|_| fixtures.is_on())
+        .and_then(|joints| Some((joints, joints.setpoint()?)))
+    else {
+        axes.track(targets);
+        return Ok(());
+    };
+    let before = axes.to_snapshot();
+    for moving in [0b11, 0b01, 0b10, NONE] {
+        axes.track_some(targets, moving);
+        let pose = joints.pose(&axes.setpoints())?;
+        if moving == NONE || fixtures.allows_setpoint(&start, &pose, joints.unit()) {
+            break;
+        }
+        axes.take_back(&before);
+    }
+    Ok(())
 }
 
 fn run_conditioning(
@@ -122,7 +159,7 @@ fn follow_trajectory(
         before: trajectory.position_at(now - tick),
     };
     let inverse = invert_goal(goal, trajectory.end(), axes, joints, fixtures, now, tick)?;
-    axes.track(&inverse.targets);
+    track_outside(&inverse.targets, axes, Some(joints), fixtures)?;
     let is_finished = trajectory.is_finished(now) && axes.all(AxisControl::is_at_rest);
     Ok(GeneratedSetpoint {
         is_clipped: inverse.is_clipped || trajectory.is_clipped(),

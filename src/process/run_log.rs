@@ -200,6 +200,9 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
             "fixtures",
             json!({ "client": id(client_id), "active": active }),
         ),
+        CycleEventKind::Adaptation(event) => {
+            ("adaptation", json!({ "event": format!("{event:?}") }))
+        }
         CycleEventKind::Axis { .. }
         | CycleEventKind::Refused { .. }
         | CycleEventKind::FixtureLimit { .. } => return None,

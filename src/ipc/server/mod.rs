@@ -24,9 +24,9 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
-    ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
+    Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
+    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
     VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
@@ -72,6 +72,7 @@ pub struct Server {
     operating_state: StreamPublisher<OperatingStateMsg>,
     period_statistics: StreamPublisher<PeriodStatistics>,
     health: StreamPublisher<Health>,
+    adaptation: StreamPublisher<AdaptationMsg>,
     events: StreamPublisher<EventMsg>,
     virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
@@ -144,6 +145,7 @@ impl Server {
                 boot_id,
             )?,
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
+            adaptation: StreamPublisher::new(&from.adaptation, service::ADAPTATION, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
             virtual_fixtures: StreamPublisher::new(
                 &from.virtual_fixtures,
@@ -330,6 +332,12 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes `adaptation`.
+    pub fn publish_adaptation(&mut self, message: AdaptationMsg) {
+        let sent = self.adaptation.send(message);
+        self.count_failure(sent);
+    }
+
     /// Publishes `events`.
     pub fn publish_event(&mut self, message: EventMsg) {
         let sent = self.events.send(message);
@@ -400,6 +408,7 @@ impl Server {
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
         self.virtual_fixtures.serve_late_subscribers()?;
+        self.adaptation.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }
 

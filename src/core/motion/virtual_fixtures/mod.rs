@@ -36,6 +36,8 @@ const LONGEST_STEP_RAD: f64 = 0.035;
 const LONGEST_STEP_M: f64 = 1e-4;
 /// Time without a limit after which the next one is an event.
 const QUIET_AFTER: Nanos = Nanos::from_millis(1000);
+/// Part of the margin that setpoints may use before their motors stop. The rest is for braking.
+const BRAKING_SHARE: f64 = 0.6;
 /// Points on the line of `move_jp` that are looked at.
 const LINE_POINTS: u32 = 32;
 
@@ -167,6 +169,24 @@ impl VirtualFixtures {
             return goal;
         }
         GoalStep { now, before: last }
+    }
+
+    /// Setpoints may move from one pose to another: not nearer to a region than a part of the
+    /// margin, or not deeper. Notes the region otherwise.
+    pub fn allows_setpoint(&mut self, from: &OutputVec, to: &OutputVec, unit: OutputUnit) -> bool {
+        let entered = self.regions.iter().position(|region| {
+            let Some(region) = region else { return false };
+            let border = -BRAKING_SHARE * self.margins.of(region.space);
+            let distance = |pose| goal_distance(region, pose, unit).map(|at| at.distance);
+            let (before, now) = (distance(from), distance(to));
+            !before
+                .zip(now)
+                .is_some_and(|(before, now)| now >= before.min(border))
+        });
+        if let Some(index) = entered {
+            self.limited_by = Some(index as u8);
+        }
+        entered.is_none()
     }
 
     /// A straight line from one goal to another meets no region, apart from one that it leaves. On

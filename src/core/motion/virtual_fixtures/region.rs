@@ -270,7 +270,7 @@ impl Margins {
         }
     }
 
-    fn of(&self, space: FixtureSpace) -> f64 {
+    pub(super) fn of(&self, space: FixtureSpace) -> f64 {
         match space {
             FixtureSpace::Angles => self.angles,
             FixtureSpace::Tip => self.tip,
