@@ -24,6 +24,8 @@ use crate::core::command::move_planning::plan_move;
 use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::event::{CycleEventKind, EventList};
+use crate::core::event_fold::EventFold;
+use crate::core::faults::fault_excess::age_excess;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{
@@ -48,9 +50,11 @@ use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::core::states::fault_transitions::enter_fault;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
+use crate::core::vector::distance;
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::{Fault, Refusal};
+use crate::model::file::OutputUnit;
+use crate::robot::{Excess, Fault, Quantity, Refusal};
 use crate::units::Nanos;
 
 const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
@@ -61,7 +65,7 @@ pub struct ControlCycle {
     period: Nanos,
     stale_after: Nanos,
     lost_after: Nanos,
-    range_check: RangeCheck,
+    pub(super) range_check: RangeCheck,
     conditioning_plan: ConditioningPlan,
     trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -73,6 +77,8 @@ pub struct ControlCycle {
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
+    pub(super) feedback_stops: EventFold,
+    pub(super) clips: EventFold,
     pub(super) ticks: u64,
     pub(super) stale_stops: u64,
     pub(super) lost_events: u64,
@@ -96,6 +102,8 @@ impl ControlCycle {
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
+            feedback_stops: EventFold::default(),
+            clips: EventFold::default(),
             axes: AxisGroup::new(config),
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
@@ -144,14 +152,12 @@ impl ControlCycle {
             self.machine.start(now);
         }
         let summary = self.update_feedback(now, inputs, events);
-        if let Some(transition) = next_transition(self.machine.state(), &summary) {
-            self.machine.change(transition, now, events);
-        }
+        self.follow_transition(&summary, events);
         if inputs.shutdown {
             self.shut_down(&summary, events);
         }
         let state_request = inputs.request.as_ref();
-        let refusal = state_request.map(|request| self.apply_command(request, &summary, events));
+        let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
         self.axes
@@ -162,6 +168,7 @@ impl ControlCycle {
         }
         self.stop_if_stale(now, events);
         let setpoint = self.move_setpoints(&summary, events);
+        self.report_clip(&setpoint, now, events);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
@@ -176,17 +183,57 @@ impl ControlCycle {
                 },
             ),
             reply: state_request
-                .zip(refusal)
-                .map(|(request, refusal)| StateReply {
+                .zip(outcome)
+                .map(|(request, (refusal, excess))| StateReply {
                     id: request.id,
                     refusal,
                     state: state.operating_state(),
+                    excess,
                 }),
             model_reply,
             report: self.report(now, &setpoint),
             events,
             finished: self.shutdown.is_finished(state, &summary),
         }
+    }
+
+    /// The transition of this tick that no command asks for.
+    fn follow_transition(&mut self, summary: &DriveSummary, events: &mut EventList) {
+        let Some(transition) = next_transition(self.machine.state(), summary) else {
+            self.feedback_stops.update(false, summary.now);
+            return;
+        };
+        let (next, cause) = transition;
+        let was_moving = !self.machine.state().is_holding();
+        let is_stop = matches!(self.machine.state(), ControlState::Enabled(_))
+            && was_moving
+            && next == HOLDING;
+        if self.feedback_stops.update(is_stop, summary.now) {
+            let excess = self.request_excess(Refusal::DrivesNotReady, summary);
+            events.push_measured(CycleEventKind::FeedbackStop, excess);
+        }
+        let excess = match cause {
+            TransitionCause::Fault(fault) => self.fault_excess(fault, summary),
+            _ => None,
+        };
+        self.machine.change(transition, summary.now, events);
+        events.explain_fault(excess);
+    }
+
+    /// The beginning of a clip is an event, with the distance that is cut off.
+    fn report_clip(&mut self, setpoint: &GeneratedSetpoint, now: Nanos, events: &mut EventList) {
+        if !self.clips.update(setpoint.is_clipped, now) {
+            return;
+        }
+        let followed = self.machine.state().followed_command();
+        let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
+        let excess = followed.zip(setpoint.goal).and_then(|(followed, goal)| {
+            let requested = followed.goal.joint().filter(|_| is_angle)?;
+            let distance = distance(requested, &goal).to_degrees();
+            Some(Excess::new(Quantity::Degrees, distance, None))
+        });
+        let client_id = followed.map_or(0, |followed| followed.client_id);
+        events.push_measured(CycleEventKind::Clipped { client_id }, excess);
     }
 
     fn update_feedback(
@@ -267,20 +314,32 @@ impl ControlCycle {
         }
     }
 
-    /// Carries out a state command. Returns the refusal, or [`Refusal::None`].
+    /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
+    /// measured.
     fn apply_command(
         &mut self,
         request: &StateRequest,
         summary: &DriveSummary,
         events: &mut EventList,
-    ) -> Refusal {
-        match self.try_command(request, summary, events) {
-            Ok(()) => Refusal::None,
-            Err(refusal) => {
-                self.admission.record_refusal(refusal);
-                refusal
-            }
+    ) -> (Refusal, Option<Excess>) {
+        let (client_id, command) = (request.client_id, request.command);
+        let Err(refusal) = self.try_command(request, summary, events) else {
+            self.admission.accept_request(client_id);
+            return (Refusal::None, None);
+        };
+        let excess = self.request_excess(refusal, summary);
+        if self
+            .admission
+            .refuse_request(client_id, refusal, summary.now)
+        {
+            let kind = CycleEventKind::RequestRefused {
+                client_id,
+                command,
+                refusal,
+            };
+            events.push_measured(kind, excess);
         }
+        (refusal, excess)
     }
 
     fn try_command(
@@ -405,8 +464,12 @@ impl ControlCycle {
                     .progress(ControlState::Enabled(activity), summary.now, events);
             }
             Err(refusal) => {
-                self.admission
-                    .refuse(command.client_id, refusal, summary.now, events);
+                let client_id = command.client_id;
+                if self.admission.refuse(client_id, refusal, summary.now) {
+                    let excess = self.servo_excess(refusal, command, summary);
+                    let kind = CycleEventKind::Refused { client_id, refusal };
+                    events.push_measured(kind, excess);
+                }
             }
         }
     }
@@ -443,8 +506,10 @@ impl ControlCycle {
             && let Some(age) = followed.stale_age(now)
         {
             let client_id = followed.client_id;
+            let excess = age_excess(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
-            events.push(CycleEventKind::StaleStop { client_id, age });
+            let kind = CycleEventKind::StaleStop { client_id, age };
+            events.push_measured(kind, Some(excess));
             self.machine.progress(HOLDING, now, events);
         }
     }

@@ -158,6 +158,7 @@ pub mod rehearsal;
 mod command;
 mod drive_status;
 mod event;
+mod event_fold;
 mod faults;
 mod inputs;
 mod joint_space;

@@ -8,6 +8,7 @@ use crate::config::Config;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
+use crate::core::event_fold::EventFold;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::position_history::PositionHistory;
@@ -33,6 +34,8 @@ pub struct CycleSnapshot {
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
+    feedback_stops: EventFold,
+    clips: EventFold,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -67,6 +70,8 @@ impl ControlCycle {
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
+            feedback_stops: self.feedback_stops,
+            clips: self.clips,
             ticks: self.ticks,
             stale_stops: self.stale_stops,
             lost_events: self.lost_events,
@@ -95,6 +100,8 @@ impl ControlCycle {
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
+        cycle.feedback_stops = snapshot.feedback_stops;
+        cycle.clips = snapshot.clips;
         cycle.ticks = snapshot.ticks;
         cycle.stale_stops = snapshot.stale_stops;
         cycle.lost_events = snapshot.lost_events;

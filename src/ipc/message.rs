@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
     ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use crate::units::Nanos;
 
@@ -64,5 +64,6 @@ outgoing!(
     Health,
     JointState,
     OperatingStateMsg,
-    PeriodStatistics
+    PeriodStatistics,
+    ReasonMsg
 );

@@ -25,11 +25,12 @@ use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
     ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
-    ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ReasonMsg,
+    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
+use crate::robot::Reason;
 use crate::units::{MAX_OUTPUTS, Nanos};
 use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
@@ -72,6 +73,8 @@ pub struct Server {
     period_statistics: StreamPublisher<PeriodStatistics>,
     health: StreamPublisher<Health>,
     events: StreamPublisher<EventMsg>,
+    error: StreamPublisher<ReasonMsg>,
+    warning: StreamPublisher<ReasonMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
@@ -142,6 +145,8 @@ impl Server {
             )?,
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
+            error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
+            warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
@@ -305,6 +310,17 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes a reason: a fault in `error`, all others in `warning`.
+    pub fn publish_reason(&mut self, reason: &Reason, client_id: u64, stamp: Nanos) {
+        let message = ReasonMsg::new(reason, client_id, stamp);
+        let sent = if reason.cause.is_error() {
+            self.error.send(message)
+        } else {
+            self.warning.send(message)
+        };
+        self.count_failure(sent);
+    }
+
     /// Identifies this start of the controller; also in every message that the server sends.
     #[must_use]
     pub fn boot_id(&self) -> u64 {
@@ -368,6 +384,8 @@ impl Server {
         self.operating_state.serve_late_subscribers()?;
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
+        self.error.serve_late_subscribers()?;
+        self.warning.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }
 
