@@ -5,7 +5,7 @@ use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 
 use crate::cdr;
@@ -31,6 +31,10 @@ pub enum Stream {
     Health,
     /// `events`.
     Events,
+    /// `error`.
+    Error,
+    /// `warning`.
+    Warning,
     /// `external/measured_jp`.
     External,
     /// `servo_jp`.
@@ -41,7 +45,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -50,6 +54,8 @@ impl Stream {
         Self::Statistics,
         Self::Health,
         Self::Events,
+        Self::Error,
+        Self::Warning,
         Self::External,
         Self::ServoJp,
         Self::ServoActuators,
@@ -67,6 +73,8 @@ impl Stream {
             Self::Statistics => "period_statistics",
             Self::Health => "health",
             Self::Events => "events",
+            Self::Error => "error",
+            Self::Warning => "warning",
             Self::External => "external/measured_jp",
             Self::ServoJp => "servo_jp",
             Self::ServoActuators => "actuators/servo_jp",
@@ -83,6 +91,7 @@ impl Stream {
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
+            Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,
             Self::ServoActuators => ServoActuator::LAYOUT,

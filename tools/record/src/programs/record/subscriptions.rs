@@ -6,7 +6,7 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 use i2ris_record::layout::Layout;
@@ -21,6 +21,8 @@ pub struct Subscriptions {
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
     events: Subscription<EventMsg>,
+    error: Subscription<ReasonMsg>,
+    warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
@@ -40,6 +42,8 @@ impl Subscriptions {
             statistics: watcher.period_statistics(),
             health: watcher.health(),
             events: watcher.events(),
+            error: watcher.error(),
+            warning: watcher.warning(),
             external: watcher.external(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
@@ -56,6 +60,8 @@ impl Subscriptions {
         drain(&mut self.statistics, Stream::Statistics, trial, now)?;
         drain(&mut self.health, Stream::Health, trial, now)?;
         drain(&mut self.events, Stream::Events, trial, now)?;
+        drain(&mut self.error, Stream::Error, trial, now)?;
+        drain(&mut self.warning, Stream::Warning, trial, now)?;
         drain(&mut self.external, Stream::External, trial, now)?;
         drain(&mut self.servo, Stream::ServoJp, trial, now)?;
         drain(
@@ -76,6 +82,8 @@ impl Subscriptions {
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
             (Stream::Events, self.events.missed()),
+            (Stream::Error, self.error.missed()),
+            (Stream::Warning, self.warning.missed()),
         ];
         joints.chain(others).collect()
     }
