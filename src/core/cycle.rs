@@ -44,17 +44,14 @@ use crate::core::motion::conditioning_plan::ConditioningPlan;
 use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
 use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
-use crate::core::states::automatic_transitions::next_transition;
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
 use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::core::states::fault_transitions::enter_fault;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
-use crate::core::vector::distance;
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::model::file::OutputUnit;
-use crate::robot::{Excess, Fault, Quantity, Refusal};
+use crate::robot::{Excess, Fault, Refusal};
 use crate::units::Nanos;
 
 const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
@@ -195,45 +192,6 @@ impl ControlCycle {
             events,
             finished: self.shutdown.is_finished(state, &summary),
         }
-    }
-
-    /// The transition of this tick that no command asks for.
-    fn follow_transition(&mut self, summary: &DriveSummary, events: &mut EventList) {
-        let Some(transition) = next_transition(self.machine.state(), summary) else {
-            self.feedback_stops.update(false, summary.now);
-            return;
-        };
-        let (next, cause) = transition;
-        let was_moving = !self.machine.state().is_holding();
-        let is_stop = matches!(self.machine.state(), ControlState::Enabled(_))
-            && was_moving
-            && next == HOLDING;
-        if self.feedback_stops.update(is_stop, summary.now) {
-            let excess = self.request_excess(Refusal::DrivesNotReady, summary);
-            events.push_measured(CycleEventKind::FeedbackStop, excess);
-        }
-        let excess = match cause {
-            TransitionCause::Fault(fault) => self.fault_excess(fault, summary),
-            _ => None,
-        };
-        self.machine.change(transition, summary.now, events);
-        events.explain_fault(excess);
-    }
-
-    /// The beginning of a clip is an event, with the distance that is cut off.
-    fn report_clip(&mut self, setpoint: &GeneratedSetpoint, now: Nanos, events: &mut EventList) {
-        if !self.clips.update(setpoint.is_clipped, now) {
-            return;
-        }
-        let followed = self.machine.state().followed_command();
-        let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
-        let excess = followed.zip(setpoint.goal).and_then(|(followed, goal)| {
-            let requested = followed.goal.joint().filter(|_| is_angle)?;
-            let distance = distance(requested, &goal).to_degrees();
-            Some(Excess::new(Quantity::Degrees, distance, None))
-        });
-        let client_id = followed.map_or(0, |followed| followed.client_id);
-        events.push_measured(CycleEventKind::Clipped { client_id }, excess);
     }
 
     fn update_feedback(

@@ -156,6 +156,7 @@ pub mod cycle;
 pub mod rehearsal;
 
 mod command;
+mod cycle_events;
 mod drive_status;
 mod event;
 mod event_fold;

@@ -99,8 +99,16 @@ fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.ipc.domain);
     config.record.folder = folder.join("records");
+    // Emulated drives share the computer with everything else that runs there: when it stalls, so do
+    // they, and that is no fault of a line.
+    (
+        config.limits.feedback_stale_ms,
+        config.limits.feedback_lost_ms,
+        config.limits.following_error_counts,
+    ) = (1000, 5000, 3000);
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
+        port.reply_timeout_ms = 500;
     }
     Ok(config)
 }

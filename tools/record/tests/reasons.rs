@@ -140,6 +140,33 @@ fn the_texts_of_python_are_current() {
 }
 
 #[test]
+fn the_table_of_the_manual_is_current() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../manual/src/stops-and-faults.md");
+    let text = fs::read_to_string(&file).unwrap();
+    let (head, rest) = text.split_once("<!-- reasons:").unwrap();
+    let (mark, rest) = rest.split_once("-->\n").unwrap();
+    let (_, tail) = rest.split_once("<!-- end -->").unwrap();
+    let causes = Cause::all().filter(|cause| !matches!(cause, Cause::State(_)));
+    let rows = causes.map(|cause| {
+        let (sentence, advice) = (cause.sentence(), cause.advice());
+        format!("| {cause} | {sentence} | {advice} |\n")
+    });
+    let table = format!(
+        "\n| code | what happened | what to do |\n|---|---|---|\n{}\n",
+        rows.collect::<String>()
+    );
+    let current = format!("{head}<!-- reasons:{mark}-->\n{table}<!-- end -->{tail}");
+    if std::env::var_os("I2RIS_UPDATE").is_some() {
+        fs::write(&file, &current).unwrap();
+    } else {
+        assert!(
+            text == current,
+            "run I2RIS_UPDATE=1 cargo test -p i2ris-record --test reasons"
+        );
+    }
+}
+
+#[test]
 fn python_has_the_versions_of_the_controller() {
     use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
     let link = fs::read_to_string(python_folder().join("i2ris/link.py")).unwrap();

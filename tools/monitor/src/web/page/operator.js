@@ -13,6 +13,6 @@ start((lag) => {
   const parted = partedNow(recent, live);
   byId('error').textContent = error && !old ? Math.hypot(...error).toFixed(2) + '°' : '–';
   byId('error-tile').className = 'angle' + (parted ? ' parted' : '');
-  byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate part' : 'error';
+  byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate part' : 'error, goal − camera';
   byId('lease').textContent = commander(live.state);
 });

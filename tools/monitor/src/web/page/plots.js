@@ -55,7 +55,7 @@ class Plot {
     pen.fillStyle = COLOURS.faint;
     pen.textBaseline = 'middle';
     pen.textAlign = 'right';
-    for (const value of ticks(this.rangeY, (this.bottom - this.top) / (3 * this.size))) {
+    for (const value of ticks(this.rangeY, Math.max(2, (this.bottom - this.top) / (3 * this.size)))) {
       this.stroke([[this.left, this.y(value)], [this.right, this.y(value)]]);
       pen.fillText(number(value), this.left - 5, this.y(value));
     }

@@ -5,8 +5,8 @@
 const RADIUS_MM = 0.45;
 
 function drawSnake(side, front, snake, parted, staleText) {
-  drawView(side, 'from the side: pitch bends up', snake, parted, staleText, ([, y, z]) => [z, y], [-0.35, 2.35], [-1.25, 1.25]);
-  drawView(front, 'from the front: yaw to the right', snake, parted, staleText, ([x, y]) => [x, y], [-1.5, 1.5], [-1.5, 1.5]);
+  drawView(side, 'side: pitch up', snake, parted, staleText, ([, y, z]) => [z, y], [-0.35, 2.35], [-1.25, 1.25]);
+  drawView(front, 'front: yaw right', snake, parted, staleText, ([x, y]) => [x, y], [-1.5, 1.5], [-1.5, 1.5]);
 }
 
 function drawView(plot, title, snake, parted, staleText, project, x, y) {

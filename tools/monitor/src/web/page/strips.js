@@ -18,23 +18,20 @@ function at(samples, place, instant) {
   return from + share * (to - from);
 }
 
-/** How far a frame is from the estimate at its instant, where that is too far, deg; else 0. */
-function parting(frame, samples) {
-  const distances = [0, 1].map((axis) => {
-    const estimate = at(samples, ESTIMATE + axis, frame[T]);
-    const deviation = at(samples, DEVIATION + axis, frame[T]);
-    if (estimate === null || frame[FRAME + axis] === null) return 0;
-    const distance = Math.abs(frame[FRAME + axis] - estimate);
-    return distance > Math.max(PART_DEG, 3 * (deviation || 0)) ? distance : 0;
-  });
-  return Math.max(...distances);
+/** How far a frame is from the estimate at its instant on one axis, where that is too far, deg; else 0. */
+function parting(frame, samples, axis) {
+  const estimate = at(samples, ESTIMATE + axis, frame[T]);
+  const deviation = at(samples, DEVIATION + axis, frame[T]);
+  if (estimate === null || frame[FRAME + axis] === null) return 0;
+  const distance = Math.abs(frame[FRAME + axis] - estimate);
+  return distance > Math.max(PART_DEG, 3 * (deviation || 0)) ? distance : 0;
 }
 
-/** The same for the last frame, while the camera is fresh. */
+/** The same for the last frame and the worse axis, while the camera is fresh. */
 function partedNow(recent, live) {
   const frame = recent.frames[recent.frames.length - 1];
   const fresh = live.camera && !live.camera.stale && live.camera.deg && live.estimate && !live.estimate.stale;
-  return frame && fresh ? parting(frame, recent.samples) : 0;
+  return frame && fresh ? Math.max(...[0, 1].map((axis) => parting(frame, recent.samples, axis))) : 0;
 }
 
 /** Goal minus camera at the instant of a frame: pitch and yaw, deg. */
@@ -57,7 +54,7 @@ function drawStrip(plot, axis, recent, now, staleText) {
   const frames = recent.frames.filter((row) => row[T] >= now - STRIP_S);
   const of = (place) => samples.map((row) => point(row[T] - now, row[place + axis], row[T]));
   const camera = frames.map((row) => point(row[T] - now, row[FRAME + axis], row[T]));
-  const apart = frames.map((row) => (parting(row, samples) ? point(row[T] - now, row[FRAME + axis], row[T]) : null));
+  const apart = frames.map((row) => (parting(row, samples, axis) ? point(row[T] - now, row[FRAME + axis], row[T]) : null));
   const curves = [[camera, COLOURS.camera, 2.5], [of(GOAL), COLOURS.goal, 1.5], [of(SETPOINT), COLOURS.setpoint, 1.5],
     [of(ESTIMATE), COLOURS.estimate, 2], [apart, COLOURS.alarm, 5]];
   const all = curves.flatMap(([points]) => points.filter(Boolean).map((p) => p[1]));
