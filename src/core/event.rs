@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::adaptation::AdaptationEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::drive::AxisPhase;
 use crate::model::ModelId;
@@ -90,6 +91,8 @@ pub enum CycleEventKind {
     },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
+    /// The adaptation learned or refused something, or took a correction back.
+    Adaptation(AdaptationEvent),
     /// A drive changed its phase.
     Axis {
         /// Index of the motor.
@@ -115,9 +118,11 @@ impl CycleEventKind {
             Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
                 Some(Cause::Refusal(*refusal))
             }
-            Self::Lease { .. } | Self::Model { .. } | Self::Plausibility(_) | Self::Axis { .. } => {
-                None
-            }
+            Self::Lease { .. }
+            | Self::Model { .. }
+            | Self::Plausibility(_)
+            | Self::Adaptation(_)
+            | Self::Axis { .. } => None,
         }
     }
 
@@ -134,6 +139,7 @@ impl CycleEventKind {
             | Self::FeedbackStop
             | Self::Model { .. }
             | Self::Plausibility(_)
+            | Self::Adaptation(_)
             | Self::Axis { .. } => 0,
         }
     }

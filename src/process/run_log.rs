@@ -199,6 +199,9 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
+        CycleEventKind::Adaptation(event) => {
+            ("adaptation", json!({ "event": format!("{event:?}") }))
+        }
         CycleEventKind::FeedbackStop => ("stop", json!({})),
         CycleEventKind::Axis { .. }
         | CycleEventKind::Clipped { .. }

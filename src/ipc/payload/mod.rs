@@ -11,6 +11,7 @@
 //! - `stamp_ns` is `CLOCK_MONOTONIC`. It is valid on one machine only.
 //! - `boot_id` is new for every start of the controller.
 
+mod adaptation;
 mod command_streams;
 mod definition;
 mod model_requests;
@@ -20,6 +21,7 @@ mod requests;
 mod state_streams;
 mod text;
 
+pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
@@ -60,5 +62,6 @@ mod tests {
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
         assert_eq!(size_of::<ReasonMsg>(), 392);
         assert_eq!(offset_of!(ReasonMsg, text), 72);
+        assert_eq!(size_of::<AdaptationMsg>(), 496);
     }
 }

@@ -24,9 +24,10 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ReasonMsg,
-    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
+    Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
+    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
@@ -72,6 +73,7 @@ pub struct Server {
     operating_state: StreamPublisher<OperatingStateMsg>,
     period_statistics: StreamPublisher<PeriodStatistics>,
     health: StreamPublisher<Health>,
+    adaptation: StreamPublisher<AdaptationMsg>,
     events: StreamPublisher<EventMsg>,
     error: StreamPublisher<ReasonMsg>,
     warning: StreamPublisher<ReasonMsg>,
@@ -144,6 +146,7 @@ impl Server {
                 boot_id,
             )?,
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
+            adaptation: StreamPublisher::new(&from.adaptation, service::ADAPTATION, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
             error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
             warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
@@ -304,6 +307,12 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes `adaptation`.
+    pub fn publish_adaptation(&mut self, message: AdaptationMsg) {
+        let sent = self.adaptation.send(message);
+        self.count_failure(sent);
+    }
+
     /// Publishes `events`.
     pub fn publish_event(&mut self, message: EventMsg) {
         let sent = self.events.send(message);
@@ -386,6 +395,7 @@ impl Server {
         self.health.serve_late_subscribers()?;
         self.error.serve_late_subscribers()?;
         self.warning.serve_late_subscribers()?;
+        self.adaptation.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }
 

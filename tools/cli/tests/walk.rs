@@ -63,7 +63,7 @@ fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_
     first.interrupt();
     let step = nix::unistd::Pid::from_raw(child);
     nix::sys::signal::kill(step, nix::sys::signal::Signal::SIGINT).unwrap();
-    drop(lines.by_ref().count());
+    let _rest = lines.by_ref().count();
     let (code, _, error) = first.code();
     assert!(
         code != Some(0) && error.contains("run `i2ris calibrate` again: it goes on"),

@@ -19,6 +19,7 @@
     reason = "a command-line program prints"
 )]
 
+mod adaptation;
 mod commander;
 mod dashboard;
 mod event_log;

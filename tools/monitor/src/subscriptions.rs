@@ -2,8 +2,8 @@
 
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
-    ReasonMsg,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ReasonMsg,
 };
 use i2ris::ipc::{Domain, Message};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -33,6 +33,7 @@ pub struct Subscriptions {
     error: Subscription<ReasonMsg>,
     warning: Subscription<ReasonMsg>,
     commander: Commander,
+    adaptation: Subscription<AdaptationMsg>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
@@ -52,6 +53,7 @@ impl Subscriptions {
             error: watcher.error(),
             warning: watcher.warning(),
             commander: Commander::new(domain),
+            adaptation: watcher.adaptation(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -115,6 +117,7 @@ impl Subscriptions {
             view.warning = Some(message);
         })?;
         replace_if_new(&mut view.health, self.health.newest()?);
+        replace_if_new(&mut view.adaptation, self.adaptation.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()

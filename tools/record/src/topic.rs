@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 
 use crate::cdr;
@@ -29,6 +29,8 @@ pub enum Stream {
     Statistics,
     /// `health`.
     Health,
+    /// `adaptation`.
+    Adaptation,
     /// `events`.
     Events,
     /// `error`.
@@ -45,7 +47,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -53,6 +55,7 @@ impl Stream {
         Self::State,
         Self::Statistics,
         Self::Health,
+        Self::Adaptation,
         Self::Events,
         Self::Error,
         Self::Warning,
@@ -72,6 +75,7 @@ impl Stream {
             Self::State => "operating_state",
             Self::Statistics => "period_statistics",
             Self::Health => "health",
+            Self::Adaptation => "adaptation",
             Self::Events => "events",
             Self::Error => "error",
             Self::Warning => "warning",
@@ -90,6 +94,7 @@ impl Stream {
             Self::State => OperatingStateMsg::LAYOUT,
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
+            Self::Adaptation => AdaptationMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
             Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,

@@ -6,8 +6,8 @@ mod tests;
 mod text;
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
-    ReasonMsg,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ReasonMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -36,6 +36,7 @@ pub struct LatestMessages {
     pub actuators: Option<ActuatorState>,
     pub statistics: Option<PeriodStatistics>,
     pub health: Option<Health>,
+    pub adaptation: Option<AdaptationMsg>,
     /// The last fault.
     pub error: Option<ReasonMsg>,
     /// The last refusal, stop or clip.

@@ -7,6 +7,8 @@ use i2ris::ipc::payload::{
 use i2ris::ipc::{Message, Refusal};
 use i2ris::units::{MAX_MOTORS, Nanos};
 
+use crate::adaptation;
+
 use super::text::{granted, health_text, microseconds, state_name};
 use super::{CAMERA_STALE, LatestMessages, STALE, STATISTICS_STALE, angles, count, is_valid};
 
@@ -23,6 +25,8 @@ impl LatestMessages {
                 .as_ref()
                 .map(|health| format!("health     {}", health_text(health))),
         );
+        let adaptation = self.adaptation.iter().flat_map(adaptation::lines);
+        lines.extend(adaptation.map(|line| format!("adaptation {line}")));
         lines
     }
 

@@ -49,6 +49,7 @@ fn view() -> LatestMessages {
         measured: Some(joint(4.25, -1.5)),
         health: None,
         camera: None,
+        adaptation: None,
         error: None,
         warning: None,
         actuators: Some(ActuatorState {

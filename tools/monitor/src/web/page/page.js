@@ -22,6 +22,7 @@ start((lag) => {
   showMotors(live);
   showLoop(live);
   showModels(live);
+  showAdaptation(live);
   showEvents(live, lag);
   const [now, text] = [live.now_s + lag / 1000, staleText(lag)];
   drawStrip(plots.pitch, 0, recent, now, text);
