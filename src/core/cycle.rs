@@ -25,6 +25,8 @@ use crate::core::command::move_planning::plan_move;
 use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::event::{CycleEventKind, EventList};
+use crate::core::event_fold::EventFold;
+use crate::core::faults::fault_excess::age_excess;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{
@@ -44,7 +46,6 @@ use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::{FixtureChange, VirtualFixtures};
 use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
 use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
-use crate::core::states::automatic_transitions::next_transition;
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
 use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::core::states::fault_transitions::enter_fault;
@@ -52,7 +53,7 @@ use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::{Fault, Refusal};
+use crate::robot::{Excess, Fault, Refusal};
 use crate::units::Nanos;
 
 const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
@@ -63,7 +64,7 @@ pub struct ControlCycle {
     period: Nanos,
     stale_after: Nanos,
     lost_after: Nanos,
-    range_check: RangeCheck,
+    pub(super) range_check: RangeCheck,
     conditioning_plan: ConditioningPlan,
     trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -78,6 +79,8 @@ pub struct ControlCycle {
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
     pub(super) fixtures: VirtualFixtures,
+    pub(super) feedback_stops: EventFold,
+    pub(super) clips: EventFold,
     pub(super) ticks: u64,
     pub(super) stale_stops: u64,
     pub(super) lost_events: u64,
@@ -102,6 +105,8 @@ impl ControlCycle {
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
             fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
+            feedback_stops: EventFold::default(),
+            clips: EventFold::default(),
             axes: AxisGroup::new(config),
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
@@ -151,14 +156,12 @@ impl ControlCycle {
             self.machine.start(now);
         }
         let summary = self.update_feedback(now, inputs, events);
-        if let Some(transition) = next_transition(self.machine.state(), &summary) {
-            self.machine.change(transition, now, events);
-        }
+        self.follow_transition(&summary, events);
         if inputs.shutdown {
             self.shut_down(&summary, events);
         }
         let state_request = inputs.request.as_ref();
-        let refusal = state_request.map(|request| self.apply_command(request, &summary, events));
+        let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
         self.axes
@@ -169,6 +172,7 @@ impl ControlCycle {
         }
         self.stop_if_stale(now, events);
         let setpoint = self.move_setpoints(&summary, events);
+        self.report_clip(&setpoint, now, events);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
@@ -183,11 +187,12 @@ impl ControlCycle {
                 },
             ),
             reply: state_request
-                .zip(refusal)
-                .map(|(request, refusal)| StateReply {
+                .zip(outcome)
+                .map(|(request, (refusal, excess))| StateReply {
                     id: request.id,
                     refusal,
                     state: state.operating_state(),
+                    excess,
                 }),
             model_reply,
             report: self.report(now, &setpoint),
@@ -305,20 +310,32 @@ impl ControlCycle {
         }
     }
 
-    /// Carries out a state command. Returns the refusal, or [`Refusal::None`].
+    /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
+    /// measured.
     fn apply_command(
         &mut self,
         request: &StateRequest,
         summary: &DriveSummary,
         events: &mut EventList,
-    ) -> Refusal {
-        match self.try_command(request, summary, events) {
-            Ok(()) => Refusal::None,
-            Err(refusal) => {
-                self.admission.record_refusal(refusal);
-                refusal
-            }
+    ) -> (Refusal, Option<Excess>) {
+        let (client_id, command) = (request.client_id, request.command);
+        let Err(refusal) = self.try_command(request, summary, events) else {
+            self.admission.accept_request(client_id);
+            return (Refusal::None, None);
+        };
+        let excess = self.request_excess(refusal, summary);
+        if self
+            .admission
+            .refuse_request(client_id, refusal, summary.now)
+        {
+            let kind = CycleEventKind::RequestRefused {
+                client_id,
+                command,
+                refusal,
+            };
+            events.push_measured(kind, excess);
         }
+        (refusal, excess)
     }
 
     fn try_command(
@@ -484,8 +501,12 @@ impl ControlCycle {
                     .progress(ControlState::Enabled(activity), summary.now, events);
             }
             Err(refusal) => {
-                self.admission
-                    .refuse(command.client_id, refusal, summary.now, events);
+                let client_id = command.client_id;
+                if self.admission.refuse(client_id, refusal, summary.now) {
+                    let excess = self.servo_excess(refusal, command, summary);
+                    let kind = CycleEventKind::Refused { client_id, refusal };
+                    events.push_measured(kind, excess);
+                }
             }
         }
     }
@@ -525,8 +546,10 @@ impl ControlCycle {
             && let Some(age) = followed.stale_age(now)
         {
             let client_id = followed.client_id;
+            let excess = age_excess(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
-            events.push(CycleEventKind::StaleStop { client_id, age });
+            let kind = CycleEventKind::StaleStop { client_id, age };
+            events.push_measured(kind, Some(excess));
             self.machine.progress(HOLDING, now, events);
         }
     }

@@ -165,8 +165,10 @@ pub mod cycle;
 pub mod rehearsal;
 
 mod command;
+mod cycle_events;
 mod drive_status;
 mod event;
+mod event_fold;
 mod faults;
 mod inputs;
 mod joint_space;

@@ -9,6 +9,7 @@ use crate::core::adaptation::AdaptationState;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
+use crate::core::event_fold::EventFold;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::position_history::PositionHistory;
@@ -37,6 +38,8 @@ pub struct CycleSnapshot {
     admission: CommandAdmission,
     clutch: Clutch,
     fixtures: VirtualFixtures,
+    feedback_stops: EventFold,
+    clips: EventFold,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -73,6 +76,8 @@ impl ControlCycle {
             admission: self.admission,
             clutch: self.clutch,
             fixtures: self.fixtures,
+            feedback_stops: self.feedback_stops,
+            clips: self.clips,
             ticks: self.ticks,
             stale_stops: self.stale_stops,
             lost_events: self.lost_events,
@@ -105,6 +110,8 @@ impl ControlCycle {
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
         cycle.fixtures = snapshot.fixtures;
+        cycle.feedback_stops = snapshot.feedback_stops;
+        cycle.clips = snapshot.clips;
         cycle.ticks = snapshot.ticks;
         cycle.stale_stops = snapshot.stale_stops;
         cycle.lost_events = snapshot.lost_events;

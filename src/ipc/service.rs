@@ -68,6 +68,16 @@ pub(super) const EVENTS: Stream = Stream {
     ..state("i2ris/events")
 };
 pub(super) const VIRTUAL_FIXTURES: Stream = state("i2ris/virtual_fixtures");
+/// The last faults; a client that joins later gets them, too.
+pub(super) const ERROR: Stream = Stream {
+    history: 16,
+    ..state("i2ris/error")
+};
+/// The last refusals, stops and clips.
+pub(super) const WARNING: Stream = Stream {
+    history: 16,
+    ..state("i2ris/warning")
+};
 pub(super) const EXTERNAL: Stream = Stream {
     publishers: 4,
     ..state("i2ris/external/measured_jp")

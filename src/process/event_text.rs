@@ -8,10 +8,14 @@ use crate::robot::Fault;
 
 impl fmt::Display for CycleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.kind.fmt(f)
+        match self.reason() {
+            Some(reason) => write!(f, "{}{}", self.kind, reason.text()),
+            None => self.kind.fmt(f),
+        }
     }
 }
 
+/// What happened; for an event with a cause, all but the cause.
 impl fmt::Display for CycleEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -25,23 +29,21 @@ impl fmt::Display for CycleEventKind {
                 if let Some(command) = command {
                     write!(f, " by command {command}")?;
                 }
-                if *fault != Fault::None {
-                    write!(f, ": {fault}")?;
+                match fault {
+                    Fault::None => Ok(()),
+                    _ => write!(f, ", "),
                 }
-                Ok(())
             }
-            Self::StaleStop { client_id, age } => {
-                let ms = age.as_seconds() * 1e3;
-                write!(
-                    f,
-                    "stopped: client {client_id:016x} has been silent for {ms:.1} ms"
-                )
-            }
+            Self::StaleStop { client_id, .. } => write!(f, "client {client_id:016x}: "),
+            Self::FeedbackStop => Ok(()),
+            Self::Clipped { client_id: 0 } => write!(f, "move_jp: "),
+            Self::Clipped { client_id } => write!(f, "client {client_id:016x}: "),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by client {client_id:016x}"),
-            Self::Refused { client_id, refusal } => {
-                write!(f, "refused client {client_id:016x}: {refusal}")
-            }
+            Self::Refused { client_id, .. } => write!(f, "refused client {client_id:016x}: "),
+            Self::RequestRefused {
+                client_id, command, ..
+            } => write!(f, "refused `{command}` of client {client_id:016x}: "),
             Self::Model { from, to } => {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))

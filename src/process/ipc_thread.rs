@@ -18,7 +18,7 @@ use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
-use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
+use crate::process::channels::{IpcChannels, LogEntry, RequestQueues, TickReport};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::payload_conversion as convert;
@@ -37,8 +37,8 @@ const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 /// Ticks that the loop history may lag: as many as the ring of the reports holds.
 const LATE_TICKS: usize = 256;
 
-/// Lines of the log that are published in one pass.
-const LOG_LINES: usize = 16;
+/// Lines of the log and reasons that are published in one pass.
+const LOG_ENTRIES: usize = 16;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -150,7 +150,7 @@ impl IpcThread {
             });
             self.publish_fixtures(now);
         }
-        self.publish_log_lines();
+        self.publish_log();
         self.server.maintain(now);
     }
 
@@ -229,7 +229,12 @@ impl IpcThread {
         let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
         if let Err(refusal) = pushed {
             let state = self.state;
-            self.reply(StateReply { id, refusal, state });
+            self.reply(StateReply {
+                id,
+                refusal,
+                state,
+                excess: None,
+            });
         }
     }
 
@@ -282,10 +287,7 @@ impl IpcThread {
     }
 
     fn reply(&mut self, reply: StateReply) {
-        let payload = StateCommandReply {
-            refusal: reply.refusal.number(),
-            state: reply.state.number(),
-        };
+        let payload = StateCommandReply::new(reply.refusal, reply.state, reply.excess);
         if reply.id & MOVE != 0 {
             self.server.reply_move(reply.id & !MOVE, payload);
         } else if reply.id & FIXTURE != 0 {
@@ -308,6 +310,23 @@ impl IpcThread {
         }
     }
 
+    fn publish_log(&mut self) {
+        for entry in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
+            match entry {
+                LogEntry::Line(stamp, line) => self.server.publish_event(EventMsg {
+                    stamp_ns: stamp.0,
+                    text: padded_text(&line),
+                    ..EventMsg::default()
+                }),
+                LogEntry::Reason {
+                    stamp,
+                    client_id,
+                    reason,
+                } => self.server.publish_reason(&reason, client_id, stamp),
+            }
+        }
+    }
+
     /// The drift takes minutes: not every tick is published.
     fn publish_adaptation(&mut self, now: Nanos) {
         if now < self.next_adaptation {
@@ -321,16 +340,6 @@ impl IpcThread {
                 STATISTICS_WINDOW
             };
         self.server.publish_adaptation(self.adaptation);
-    }
-
-    fn publish_log_lines(&mut self) {
-        for (stamp, line) in self.parts.channels.log_lines.try_iter().take(LOG_LINES) {
-            self.server.publish_event(EventMsg {
-                stamp_ns: stamp.0,
-                text: padded_text(&line),
-                ..EventMsg::default()
-            });
-        }
     }
 
     fn publish(&mut self, tick: &TickReport) {

@@ -16,6 +16,7 @@ mod invariants;
 mod model_swap;
 mod move_and_clutch;
 mod random_inputs;
+mod reasons;
 mod rehearsal;
 mod replay;
 mod report;

@@ -12,7 +12,7 @@ use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, VirtualFixturesMsg,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -107,6 +107,18 @@ impl Watcher {
     #[must_use]
     pub fn servo_jp(&self) -> Subscription<ServoJp> {
         self.subscription(service::SERVO_JP)
+    }
+
+    /// `error`: faults, with what was measured and what to do.
+    #[must_use]
+    pub fn error(&self) -> Subscription<ReasonMsg> {
+        self.subscription(service::ERROR)
+    }
+
+    /// `warning`: refusals, stops and clips, with what was measured and what to do.
+    #[must_use]
+    pub fn warning(&self) -> Subscription<ReasonMsg> {
+        self.subscription(service::WARNING)
     }
 
     /// `actuators/servo_jp`: motor commands of clients, accepted or not.

@@ -18,8 +18,8 @@ use crate::ipc::domain_lock::DomainLock;
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
-    VirtualFixtureRequest, VirtualFixturesMsg,
+    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -45,6 +45,8 @@ pub(super) struct Services {
     pub adaptation: StreamFactory<AdaptationMsg>,
     pub events: StreamFactory<EventMsg>,
     pub virtual_fixtures: StreamFactory<VirtualFixturesMsg>,
+    pub error: StreamFactory<ReasonMsg>,
+    pub warning: StreamFactory<ReasonMsg>,
     pub state_commands: RequestFactory<StateCommandRequest, StateCommandReply>,
     pub black_boxes: RequestFactory<BlackBoxRequest, BlackBoxReply>,
     pub models: RequestFactory<ModelRequest, ModelReply>,
@@ -104,6 +106,8 @@ impl Services {
             adaptation: service::ADAPTATION.create(&node)?,
             events: service::EVENTS.create(&node)?,
             virtual_fixtures: service::VIRTUAL_FIXTURES.create(&node)?,
+            error: service::ERROR.create(&node)?,
+            warning: service::WARNING.create(&node)?,
             state_commands: create_request(&node, service::STATE_COMMAND)?,
             black_boxes: create_request(&node, service::BLACK_BOX)?,
             models: create_request(&node, service::MODEL)?,

@@ -26,11 +26,12 @@ use super::heartbeat::HeartbeatWriter;
 use super::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
-    VirtualFixtureRequest, VirtualFixturesMsg,
+    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
+use crate::robot::Reason;
 use crate::units::{MAX_OUTPUTS, Nanos};
 use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
@@ -75,6 +76,8 @@ pub struct Server {
     adaptation: StreamPublisher<AdaptationMsg>,
     events: StreamPublisher<EventMsg>,
     virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
+    error: StreamPublisher<ReasonMsg>,
+    warning: StreamPublisher<ReasonMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
@@ -152,6 +155,8 @@ impl Server {
                 service::VIRTUAL_FIXTURES,
                 boot_id,
             )?,
+            error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
+            warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
@@ -344,6 +349,17 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes a reason: a fault in `error`, all others in `warning`.
+    pub fn publish_reason(&mut self, reason: &Reason, client_id: u64, stamp: Nanos) {
+        let message = ReasonMsg::new(reason, client_id, stamp);
+        let sent = if reason.cause.is_error() {
+            self.error.send(message)
+        } else {
+            self.warning.send(message)
+        };
+        self.count_failure(sent);
+    }
+
     /// Identifies this start of the controller; also in every message that the server sends.
     #[must_use]
     pub fn boot_id(&self) -> u64 {
@@ -408,6 +424,8 @@ impl Server {
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
         self.virtual_fixtures.serve_late_subscribers()?;
+        self.error.serve_late_subscribers()?;
+        self.warning.serve_late_subscribers()?;
         self.adaptation.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }

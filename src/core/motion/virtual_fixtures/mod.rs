@@ -15,6 +15,7 @@ mod region;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{MAX_REGIONS, VirtualFixtureConfig};
+use crate::core::event_fold::EventFold;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::vector;
 use crate::model::file::OutputUnit;
@@ -34,8 +35,6 @@ const HALVINGS: usize = 12;
 /// Longest step of the goal per tick while regions count: farther than any motor moves.
 const LONGEST_STEP_RAD: f64 = 0.035;
 const LONGEST_STEP_M: f64 = 1e-4;
-/// Time without a limit after which the next one is an event.
-const QUIET_AFTER: Nanos = Nanos::from_millis(1000);
 /// Part of the margin that setpoints may use before their motors stop. The rest is for braking.
 const BRAKING_SHARE: f64 = 0.6;
 /// Points on the line of `move_jp` that are looked at.
@@ -68,8 +67,7 @@ pub(crate) struct VirtualFixtures {
     last: Option<OutputVec>,
     /// The goal was limited in this tick, by the region with this index.
     limited_by: Option<u8>,
-    /// When a goal was last limited.
-    last_limit: Option<Nanos>,
+    limits: EventFold,
 }
 
 /// The distance of a goal to a region, with the slope in output space.
@@ -94,7 +92,7 @@ impl VirtualFixtures {
             fall: (tick.as_seconds() / slow_down.as_seconds()).min(1.0),
             last: None,
             limited_by: None,
-            last_limit: None,
+            limits: EventFold::default(),
         }
     }
 
@@ -108,13 +106,11 @@ impl VirtualFixtures {
         self.limited_by
     }
 
-    /// The region that limits the goal in this tick, after a second in which none did. Call it once
+    /// The region that begins to limit the goal in this tick; folded to one per second. Call it once
     /// per tick.
     pub fn begun_limit(&mut self, now: Nanos) -> Option<u8> {
-        let region = self.limited_by?;
-        let last = self.last_limit.replace(now);
-        let is_new = last.is_none_or(|last| now.since(last) > QUIET_AFTER);
-        is_new.then_some(region)
+        let is_new = self.limits.update(self.limited_by.is_some(), now);
+        self.limited_by.filter(|_| is_new)
     }
 
     /// The regions that count, as bits.

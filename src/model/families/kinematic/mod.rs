@@ -55,6 +55,13 @@ pub fn tip_position(pitch: f64, yaw: f64) -> TipPosition {
     }
 }
 
+/// Base, twelve joints and tip of a snake that bends by `pitch` and `yaw` in all, rad: thirteen
+/// positions, mm. z is along the straight snake, yaw bends it towards x, pitch towards y.
+#[must_use]
+pub fn shape_mm(pitch: f64, yaw: f64) -> [[f64; 3]; 2 * JOINTS_PER_AXIS + 1] {
+    tip::shape(pitch, yaw)
+}
+
 /// Numbers of the chain that differ from robot to robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
