@@ -219,6 +219,8 @@ fn any_number() -> impl Strategy<Value = f64> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     #[test]
     fn work_that_is_shared_gives_the_same_results(
         file in play_file(2, 2),
@@ -228,8 +230,6 @@ proptest! {
     ) {
         check_shared_work(file, &path, at, near);
     }
-
-    #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
     fn inverse_recovers_the_counts_with_memory_1x1(

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::core::adaptation::{Correction, Drift, DriftMemories, ModelGeometry};
 use crate::core::joint_space::model_blend::ModelBlend;
 use crate::core::joint_space::position_history::{HistoryCursor, NextEntry, PositionHistory};
-use crate::core::joint_space::velocity_estimate::filtered_velocity;
+use crate::core::joint_space::velocity_estimate::{filtered_velocity, rate};
 use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
 use crate::core::motion::joint_filter::{GoalStep, JointFilter};
 use crate::core::outputs::JointReport;
@@ -27,6 +28,8 @@ pub(crate) struct JointModel {
     compensation: f64,
     /// Duration of the blend after this model has taken over.
     blend_span: Nanos,
+    /// Only with the adaptation on, and for models that are adapted.
+    geometry: Option<ModelGeometry>,
     state: JointModelState,
     known: Known,
 }
@@ -39,9 +42,9 @@ struct Known {
     /// computed.
     written: Option<[Option<f64>; MAX_MOTORS]>,
     /// [`Model::correction`] of `measured_memory` and of `memory`.
-    measured_correction: OutputVec,
-    correction: OutputVec,
-    /// The pose at the setpoints with `memory`.
+    measured_residual: OutputVec,
+    residual: OutputVec,
+    /// The pose at the setpoints with `memory`, before the correction of the adaptation.
     setpoint: Option<KnownSetpoint>,
     /// [`Model::knows`] was true: it stays so until the memory is reset.
     is_memory_known: bool,
@@ -65,6 +68,10 @@ pub(crate) struct JointModelState {
     /// The goal of the last tick after the dead-band, while angles are followed.
     dead_banded_goal: Option<OutputVec>,
     blend: Option<ModelBlend>,
+    /// The correction of the adaptation; `None` as calibrated.
+    correction: Option<Correction>,
+    /// Motion of the goal in the last tick, rad.
+    goal_motion: OutputVec,
 }
 
 /// A pose and its slope at setpoints.
@@ -76,16 +83,14 @@ struct KnownSetpoint {
 }
 
 impl KnownSetpoint {
-    /// rad/s.
-    fn velocity(&self, increments: &MotorVec, tick: Nanos) -> OutputVec {
-        let seconds = tick.as_seconds();
-        if tick == Nanos::ZERO {
-            return OutputVec::default();
-        }
-        self.slope.map(|slope| {
+    /// The pose before the setpoints moved by some increments.
+    fn before(&self, increments: &MotorVec) -> OutputVec {
+        let mut before = self.mean;
+        for (output, slope) in before.iter_mut().zip(&self.slope) {
             let products = slope.iter().zip(increments);
-            products.map(|(slope, change)| slope * change).sum::<f64>() / seconds
-        })
+            *output -= products.map(|(slope, change)| slope * change).sum::<f64>();
+        }
+        before
     }
 }
 
@@ -93,6 +98,9 @@ impl KnownSetpoint {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Measured {
     estimate: Estimate,
+    /// The mean before the correction, rad.
+    gapped: OutputVec,
+    position: MotorVec,
     stamp: Nanos,
     /// rad/s.
     velocity: OutputVec,
@@ -104,6 +112,18 @@ struct Setpoint {
     mean: OutputVec,
     /// rad/s.
     velocity: OutputVec,
+}
+
+/// The poses at the last encoder positions, rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct MeasuredPoses {
+    pub stamp: Nanos,
+    /// counts.
+    pub position: MotorVec,
+    /// With scaled gaps.
+    pub gapped: OutputVec,
+    /// With all of the correction.
+    pub adapted: OutputVec,
 }
 
 /// The model gave a value that is not finite.
@@ -157,8 +177,12 @@ impl JointModel {
             filter: JointFilter::new(&config.command, &config.joint_limits, tick, has_angles),
             dead_banded_goal: None,
             blend: None,
+            correction: None,
+            goal_motion: OutputVec::default(),
         };
+        let adapts = config.adaptation.enabled;
         Self {
+            geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
             model,
             compensation: config.compensation.factor,
             blend_span: Nanos::from_millis(config.model_swap.blend_ms),
@@ -225,6 +249,7 @@ impl JointModel {
         }
         self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
         self.state.blend = None;
+        self.state.correction = None;
         self.update_memory(drives, true)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
@@ -264,17 +289,30 @@ impl JointModel {
         self.state.filter.reset();
         self.state.dead_banded_goal = None;
         self.state.blend = None;
+        self.state.goal_motion = OutputVec::default();
     }
 
-    /// Replays the position history, at most [`MAX_REPLAYED`] positions. Returns whether there was
-    /// a new one.
-    pub fn replay(&mut self, history: &PositionHistory) -> bool {
+    /// Replays the position history, at most [`MAX_REPLAYED`] positions, on the memory and on those
+    /// of the adaptation. Returns whether there was a new one.
+    pub fn replay(
+        &mut self,
+        history: &PositionHistory,
+        mut drift: Option<&mut DriftMemories>,
+    ) -> bool {
+        let correction = self.state.correction;
+        if let Some(correction) = &correction {
+            let scale = correction.gap_scale();
+            self.state.measured_memory.set_gap_scale(scale);
+        }
         for replayed in 0..MAX_REPLAYED {
             match history.next_after(self.state.cursor) {
                 NextEntry::End => return replayed > 0,
                 NextEntry::Position(position, cursor) => {
                     self.model
                         .advance(&mut self.state.measured_memory, &position);
+                    if let Some(drift) = &mut drift {
+                        drift.advance(&self.model, &position, &self.gap_scale());
+                    }
                     self.state.cursor = cursor;
                 }
                 // The zero has moved, so the memory belongs to other counts; or positions are
@@ -284,6 +322,9 @@ impl JointModel {
                     self.state.cursor = history.cursor();
                     if let Some(newest) = history.newest() {
                         self.model.advance(&mut self.state.measured_memory, &newest);
+                    }
+                    if let Some(drift) = drift {
+                        *drift = DriftMemories::new(&self.state.measured_memory);
                     }
                     return true;
                 }
@@ -297,8 +338,9 @@ impl JointModel {
         &mut self,
         history: &PositionHistory,
         drives: &[AxisFeedback],
+        drift: Option<&mut DriftMemories>,
     ) -> Result<(), NotFinite> {
-        let has_new = self.replay(history);
+        let has_new = self.replay(history, drift);
         self.update_memory(drives, has_new)?;
         let before = self.state.measured;
         if has_new || before.is_none() {
@@ -325,7 +367,12 @@ impl JointModel {
             correction: state.dead_band.correction(),
             compensation: self.compensation,
         };
-        let inverses = self.model.invert_each(goals, &state.memory, &query);
+        let uncorrected = |goal: &OutputVec| {
+            let correction = state.correction.as_ref();
+            correction.map_or(*goal, |correction| correction.undo(goal))
+        };
+        let goals = goals.each_ref().map(uncorrected);
+        let inverses = self.model.invert_each(&goals, &state.memory, &query);
         if inverses
             .iter()
             .all(|inverse| vector::is_finite(&inverse.counts))
@@ -343,18 +390,78 @@ impl JointModel {
 
     /// The outputs at given counts.
     pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
-        let pose = self
-            .model
-            .pose(counts, &self.state.memory, &self.correction());
-        vector::is_finite(&pose).then_some(pose).ok_or(NotFinite)
+        let (memory, residual) = (&self.state.memory, self.residual());
+        let pose = self.model.pose(counts, memory, &residual);
+        if vector::is_finite(&pose) {
+            Ok(self.corrected(pose))
+        } else {
+            Err(NotFinite)
+        }
     }
 
-    /// The correction of the memory.
-    fn correction(&self) -> OutputVec {
+    /// The part of the model that depends on the memory alone.
+    fn residual(&self) -> OutputVec {
         match self.known.written {
-            Some(_) => self.known.correction,
+            Some(_) => self.known.residual,
             None => self.model.correction(&self.state.memory),
         }
+    }
+
+    fn corrected(&self, mean: OutputVec) -> OutputVec {
+        let correction = self.state.correction.as_ref();
+        correction.map_or(mean, |correction| correction.apply(&mean))
+    }
+
+    /// What the adaptation needs to know of the model; `None` if it is not adapted.
+    pub fn geometry(&self) -> Option<&ModelGeometry> {
+        self.geometry.as_ref()
+    }
+
+    /// The memory at the last encoder positions.
+    pub fn measured_memory(&self) -> &Memory {
+        &self.state.measured_memory
+    }
+
+    /// The poses at the last encoder positions.
+    pub fn measured_at(&self) -> Option<MeasuredPoses> {
+        self.state.measured.map(|measured| MeasuredPoses {
+            stamp: measured.stamp,
+            position: measured.position,
+            gapped: measured.gapped,
+            adapted: measured.estimate.mean,
+        })
+    }
+
+    /// The gap scale in use; 1 as calibrated.
+    pub fn gap_scale(&self) -> MotorVec {
+        *self.state.correction.unwrap_or_default().gap_scale()
+    }
+
+    /// What is applied, as a drift.
+    pub fn applied_drift(&self) -> Drift {
+        self.state.correction.unwrap_or_default().drift()
+    }
+
+    /// Motion of the goal in the last tick, rad.
+    pub fn goal_motion(&self) -> &OutputVec {
+        &self.state.goal_motion
+    }
+
+    pub fn set_goal_motion(&mut self, motion: OutputVec) {
+        self.state.goal_motion = motion;
+    }
+
+    /// From now on the model is used with this correction.
+    pub fn set_correction(&mut self, correction: Correction) {
+        self.state.correction = Some(correction);
+    }
+
+    /// From now on the model is used as calibrated, with the memory that it would have then.
+    pub fn end_correction(&mut self, calibrated: &Memory) {
+        self.known = Known::default();
+        self.state.correction = None;
+        self.state.measured_memory = *calibrated;
+        self.state.memory = *calibrated;
     }
 
     /// Takes the setpoints of this tick, and their change in it.
@@ -370,16 +477,18 @@ impl JointModel {
             None => self.setpoint_at(setpoints)?,
         };
         self.known.setpoint = Some(known);
+        let mean = self.corrected(known.mean);
+        let before = self.corrected(known.before(increments));
         self.state.setpoint = Some(Setpoint {
-            mean: known.mean,
-            velocity: known.velocity(increments, tick),
+            mean,
+            velocity: rate(&mean, &before, tick).unwrap_or_default(),
         });
         Ok(())
     }
 
     fn setpoint_at(&self, setpoints: &MotorVec) -> Result<KnownSetpoint, NotFinite> {
-        let (memory, correction) = (&self.state.memory, self.correction());
-        let (mean, slope) = self.model.pose_and_slope(setpoints, memory, &correction);
+        let (memory, residual) = (&self.state.memory, self.residual());
+        let (mean, slope) = self.model.pose_and_slope(setpoints, memory, &residual);
         if vector::is_finite(&mean) && slope.iter().all(vector::is_finite) {
             Ok(KnownSetpoint {
                 at: *setpoints,
@@ -422,22 +531,24 @@ impl JointModel {
         for (written, drive) in written.iter_mut().zip(drives) {
             *written = written_since(drive);
         }
-        if has_new || self.known.written != Some(written) {
+        // A correction scales the gaps of the memory from tick to tick.
+        let is_scaled = self.state.correction.is_some();
+        if has_new || is_scaled || self.known.written != Some(written) {
             self.rebuild_memory(drives, written);
         }
-        let correction = &self.known.correction;
-        if !vector::is_finite(correction) {
+        let residual = &self.known.residual;
+        if !vector::is_finite(residual) {
             return Err(NotFinite);
         }
-        self.state.dead_band.filter_correction(correction);
+        self.state.dead_band.filter_correction(residual);
         Ok(())
     }
 
     fn rebuild_memory(&mut self, drives: &[AxisFeedback], written: [Option<f64>; MAX_MOTORS]) {
         let state = &mut self.state;
         state.memory = state.measured_memory;
-        let measured_correction = self.model.correction(&state.measured_memory);
-        let mut correction = measured_correction;
+        let measured_residual = self.model.correction(&state.measured_memory);
+        let mut residual = measured_residual;
         if written.iter().any(Option::is_some) {
             let positions = drives.iter().map(|drive| drive.position.as_f64());
             let expected = written
@@ -446,14 +557,15 @@ impl JointModel {
                 .map(|(written, position)| written.unwrap_or(position));
             self.model
                 .advance(&mut state.memory, &vector::collect(expected));
-            correction = self.model.correction(&state.memory);
+            residual = self.model.correction(&state.memory);
         }
         self.known = Known {
             written: Some(written),
-            measured_correction,
-            correction,
+            measured_residual,
+            residual,
             setpoint: None,
-            is_memory_known: self.is_memory_known(),
+            // Scaled gaps may take the knowledge away again.
+            is_memory_known: self.state.correction.is_none() && self.is_memory_known(),
         };
     }
 
@@ -468,9 +580,11 @@ impl JointModel {
         let estimate = self.model.predict_corrected(
             &positions,
             &self.state.measured_memory,
-            &self.known.measured_correction,
+            &self.known.measured_residual,
         );
-        let estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
+        let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
+        let gapped = estimate.mean;
+        estimate.mean = self.corrected(gapped);
         let velocity = before.map_or(OutputVec::default(), |before| {
             filtered_velocity(
                 &before.velocity,
@@ -481,6 +595,8 @@ impl JointModel {
         });
         self.state.measured = Some(Measured {
             estimate,
+            gapped,
+            position: positions,
             stamp,
             velocity,
         });

@@ -14,6 +14,7 @@ use crate::model::error::{ModelError, require};
 pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
 pub use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::memory::State;
+use crate::model::families::memory::UNSCALED;
 use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
@@ -93,7 +94,7 @@ impl<const D: usize> Plays<D> {
         &'a self,
         state: &'a PlayState,
         motor: usize,
-    ) -> impl Iterator<Item = (&'a Play, f64)> {
+    ) -> impl Iterator<Item = (Play, f64)> {
         let outputs = state
             .outputs
             .get(motor)
@@ -104,7 +105,9 @@ impl<const D: usize> Plays<D> {
             .get(motor)
             .map(Vec::as_slice)
             .unwrap_or_default();
-        plays.iter().zip(outputs.iter().copied())
+        let scale = state.gap_scale.get(motor).copied().unwrap_or(1.0);
+        let scaled = plays.iter().map(move |play| play.scaled(scale));
+        scaled.zip(outputs.iter().copied())
     }
 
     /// Virtual counts and their slope for one motor.
@@ -126,10 +129,19 @@ impl<const D: usize> Plays<D> {
             .sum()
     }
 
+    fn invert_motor(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+        let scale = state.gap_scale.get(motor).copied().unwrap_or(1.0);
+        if scale == 1.0 {
+            self.invert_in_order(state, motor, goal)
+        } else {
+            self.invert_by_newton(state, motor, goal)
+        }
+    }
+
     /// From the present position towards the goal, the input pushes one play after the other, in
     /// the order of their thresholds: outputs of neighbours differ by no more than their
     /// thresholds. So one pass over the plays finds the piece of the sum that contains the goal.
-    fn invert_motor(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+    fn invert_in_order(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
         let from = state.position.get(motor).copied().unwrap_or_default();
         let left = goal - self.value(state, motor, from);
         let direction = if left < 0.0 { -1.0 } else { 1.0 };
@@ -149,9 +161,33 @@ impl<const D: usize> Plays<D> {
         }
         from + direction * (distance + (left - sum) / slope)
     }
+
+    /// For thresholds that have changed, whose outputs need not be in order. Newton's method from
+    /// the present position. Above this position the sum is convex, below it concave. After the
+    /// first step the search therefore never passes the goal, and it ends exactly after at most one
+    /// step per play.
+    fn invert_by_newton(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+        let mut counts = state.position.get(motor).copied().unwrap_or_default();
+        for _ in 0..=MAX_PLAYS {
+            let (sum, slope) = self.sum(state, motor, counts);
+            let step = (goal - sum) / slope;
+            counts += step;
+            if step.abs() < 1e-9 {
+                break;
+            }
+        }
+        counts
+    }
 }
 
 impl Play {
+    fn scaled(&self, scale: f64) -> Self {
+        Self {
+            threshold: scale * self.threshold,
+            ..*self
+        }
+    }
+
     /// The output after a motion of the input, and whether the input pushes it. Both use the same
     /// sums. The rounded distance of input and output would not do: a slope without one of its
     /// plays makes the inverse diverge.
@@ -216,15 +252,18 @@ impl<const D: usize> Operator<D> for Plays<D> {
             position,
             outputs: position.map(|at| [at; MAX_PLAYS]),
             planar: [position; MAX_PLAYS],
+            gap_scale: UNSCALED,
         }
     }
 
     fn advance(&self, state: &mut PlayState, counts: &SVector<f64, D>) {
         state.position = array(counts);
         let position = state.position;
-        for ((outputs, plays), at) in state.outputs.iter_mut().zip(&self.motors).zip(position) {
+        let motors = state.outputs.iter_mut().zip(&self.motors);
+        for ((outputs, plays), (at, scale)) in motors.zip(position.into_iter().zip(state.gap_scale))
+        {
             for (output, play) in outputs.iter_mut().zip(plays) {
-                *output = play.drag(*output, at).0;
+                *output = play.scaled(scale).drag(*output, at).0;
             }
         }
         for (disc, threshold) in state.planar.iter_mut().zip(&self.planar) {

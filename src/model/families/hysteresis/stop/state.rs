@@ -8,6 +8,7 @@ use super::balance::Equilibrium;
 use super::parameters::{MAX_SEGMENTS, MAX_STOPS};
 use super::segment::{Bends, Reaction, Reactions};
 use crate::model::families::hysteresis::Lags;
+use crate::model::families::memory::UNSCALED;
 use crate::model::maths::regression::{array, vector};
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -20,6 +21,8 @@ pub struct StopState {
     pub(in crate::model) position: MotorVec,
     pub(in crate::model) force: Pair,
     pub(in crate::model) segments: [SegmentState; MAX_SEGMENTS],
+    /// Factor on slack and friction of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
 }
 
 /// The bend of a segment and the positions of its stops.
@@ -44,6 +47,7 @@ impl StopState {
             position: array(position),
             force: array(&equilibrium.force),
             segments,
+            gap_scale: UNSCALED,
         }
     }
 
@@ -60,8 +64,9 @@ impl<const D: usize> Stops<D> {
     /// The reactions for the next step. The reach of the stops follows the forces of the last step.
     pub(in crate::model) fn reactions<'a>(&self, state: &'a StopState) -> Reactions<'a, D> {
         let load = self.load(&vector(&state.force), &state.bend());
-        let own_reach = load.map(|load| self.base_friction + load);
-        let shared_reach = self.base_friction + load.norm();
+        let scale = vector::<D>(&state.gap_scale);
+        let own_reach = load.zip_map(&scale, |load, scale| scale * (self.base_friction + load));
+        let shared_reach = scale.mean() * (self.base_friction + load.norm());
         let mut reactions = state.segments.each_ref().map(|state| Reaction {
             bend: vector(&state.bend),
             state,
