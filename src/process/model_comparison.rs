@@ -22,9 +22,10 @@ impl<'a> ModelState<'a> {
     }
 }
 
-/// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the
-/// present position, and its maximum over the hull of `old`. `None` if the models have different
-/// outputs.
+/// Motor motion when `new` takes over and the outputs are to stay: from the counts that `old`
+/// commands for its own estimate to those that `new` commands for it. At the present position, and
+/// its maximum over the hull of `old`. A model differs from itself by 0. `None` if the models have
+/// different outputs.
 #[must_use]
 pub fn difference(
     old: ModelState<'_>,
@@ -55,8 +56,8 @@ pub fn difference(
     Some(difference)
 }
 
-/// Motion from a position to where `new` has the estimate of `old`, and whether it was clipped to
-/// the hull of `new`.
+/// Motion from the counts that `old` commands for its estimate at a position to those that `new`
+/// commands for it, and whether these were clipped to the hull of `new`.
 fn motion(
     old: ModelState<'_>,
     new: ModelState<'_>,
@@ -69,12 +70,13 @@ fn motion(
         correction: None,
         compensation,
     };
-    let inverse = new.model.invert(&estimate, new.memory, &query);
-    let mut counts = inverse.counts;
-    for (counts, position) in counts.iter_mut().zip(position) {
-        *counts -= position;
+    let from = old.model.invert(&estimate, old.memory, &query);
+    let to = new.model.invert(&estimate, new.memory, &query);
+    let mut counts = to.counts;
+    for (counts, from) in counts.iter_mut().zip(&from.counts) {
+        *counts -= from;
     }
-    (counts, inverse.clipped)
+    (counts, to.clipped)
 }
 
 /// A regular grid in the hull, and its corners.
