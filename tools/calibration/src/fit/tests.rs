@@ -346,7 +346,12 @@ fn a_model_that_is_worse_than_a_constant_is_refused_unless_forced() {
         force: true,
         ..linear
     };
-    assert_eq!(fitted(&unrelated, &forced).family, Family::Linear);
+    let outcome = fitted(&unrelated, &forced);
+    let mark = outcome.model.file().worthless.clone().unwrap();
+    assert_contains(
+        &mark,
+        &["on rows held out, R2 of", "below that of a constant"],
+    );
 }
 
 /// One axis at a time: the mixture has no data in the plane between them, and folds there with
