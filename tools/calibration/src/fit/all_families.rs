@@ -236,7 +236,13 @@ fn refit(
     let data = TrainingData::new(recording, rows).ok()?;
     let mut fitter = data.fitter(survey, split, options, progress);
     fitter.known = Some(&judged.file().family);
-    let model = fitter.attempt(family).result.ok()?;
+    let mut refined = fitter.attempt(family).result;
+    if refined.is_err() {
+        // What was chosen for most of the rows does not suit all of them.
+        fitter.known = None;
+        refined = fitter.attempt(family).result;
+    }
+    let model = refined.ok()?;
     let mut file = model.file().clone();
     let honest = file.metrics.iter_mut().zip(&judged.file().metrics);
     for (metrics, judged) in honest {

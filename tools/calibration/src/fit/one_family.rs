@@ -135,7 +135,11 @@ impl FamilyFitter<'_> {
             let candidate =
                 fit(components).map_err(|source| FitError::Family { family, source })?;
             match self.context.model(&candidate.fitted) {
-                Err(ModelError::NotInvertible { .. }) if candidate.components > 1 => {
+                Err(
+                    ModelError::NotInvertible { .. }
+                    | ModelError::Gain { .. }
+                    | ModelError::Rehearsal { .. },
+                ) if candidate.components > 1 => {
                     components = fewer(candidate.components);
                 }
                 checked => return checked.map_err(|source| refused(family, source)),
