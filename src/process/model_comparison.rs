@@ -22,10 +22,13 @@ impl<'a> ModelState<'a> {
     }
 }
 
-/// Motor motion when `new` takes over and the outputs are to stay: from the counts that `old`
-/// commands for its own estimate to those that `new` commands for it. At the present position, and
-/// its maximum over the hull of `old`. A model differs from itself by 0. `None` if the models have
-/// different outputs.
+/// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the
+/// present position, and its maximum over the hull of `old`. `None` if the models have different
+/// outputs.
+///
+/// Both models invert the same estimate from the same start, each with its memory of the same
+/// history. So a model does not differ from itself, although an inverse with compensation does not
+/// return to where the estimate was made.
 #[must_use]
 pub fn difference(
     old: ModelState<'_>,
@@ -56,8 +59,8 @@ pub fn difference(
     Some(difference)
 }
 
-/// Motion from the counts that `old` commands for its estimate at a position to those that `new`
-/// commands for it, and whether these were clipped to the hull of `new`.
+/// Motion from where `old` has its own estimate to where `new` has it, and whether that was clipped
+/// to the hull of `new`.
 fn motion(
     old: ModelState<'_>,
     new: ModelState<'_>,
@@ -70,13 +73,13 @@ fn motion(
         correction: None,
         compensation,
     };
-    let from = old.model.invert(&estimate, old.memory, &query);
-    let to = new.model.invert(&estimate, new.memory, &query);
-    let mut counts = to.counts;
-    for (counts, from) in counts.iter_mut().zip(&from.counts) {
+    let inverse = new.model.invert(&estimate, new.memory, &query);
+    let from = old.model.invert(&estimate, old.memory, &query).counts;
+    let mut counts = inverse.counts;
+    for (counts, from) in counts.iter_mut().zip(from) {
         *counts -= from;
     }
-    (counts, to.clipped)
+    (counts, inverse.clipped)
 }
 
 /// A regular grid in the hull, and its corners.
