@@ -255,7 +255,7 @@ impl Report<'_> {
         let header = ["R2", "RMSD", "NRMSD", "MAE", "max"]
             .map(|name| format!(" {name:>9}"))
             .concat();
-        writeln!(f, "\n{:<36}{header}", "")?;
+        writeln!(f, "\n{:<44}{header}", "")?;
         for (index, output) in self.recording.outputs().iter().enumerate() {
             let mut name = format!("{} ({})", output.name, output.unit);
             for outcome in &self.outcome.families {
@@ -328,10 +328,10 @@ fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>)
         }) => {
             writeln!(
                 f,
-                "{name:<36} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3} {max:>9.3}"
+                "{name:<44} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3} {max:>9.3}"
             )
         }
-        None => writeln!(f, "{name:<36} {:>9}", "constant"),
+        None => writeln!(f, "{name:<44} {:>9}", "constant"),
     }
 }
 
