@@ -146,7 +146,9 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             log_likelihood: None,
             bic: None,
             software: "test".to_owned(),
+            linear_gain: None,
         },
+        worthless: None,
         metrics: vec![
             OutputMetrics {
                 training: metrics,
