@@ -32,7 +32,6 @@ mod campaign;
 mod coverage;
 mod h01;
 mod h02;
-mod h02_network;
 mod h03;
 mod h04;
 mod h05;

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import iceoryx2 as iox2
 
-INTERFACE_VERSION = 2
+from .payload import INTERFACE_VERSION
+
 #: Period of reading the announcement of the controller, s.
 PROBE_S = 0.02
 
