@@ -18,6 +18,9 @@ mod tip;
 
 use std::f64::consts::{SQRT_2, TAU};
 
+pub use joint::{ROLLING_RADIUS_MM, STOP_RAD};
+pub use tip::JOINT_PITCH_MM;
+
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +31,7 @@ use crate::model::output_unit::OutputUnit;
 use crate::units::MAX_OUTPUTS;
 
 /// Number of pitch joints, and of yaw joints (the robot's drawing).
-const JOINTS_PER_AXIS: usize = 6;
+pub const JOINTS_PER_AXIS: usize = 6;
 
 /// Numbers of the chain that differ from robot to robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

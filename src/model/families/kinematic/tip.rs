@@ -15,7 +15,7 @@ use super::JOINTS_PER_AXIS;
 use super::joint::ROLLING_RADIUS_MM;
 
 /// Distance of neighbouring joints when straight, mm (the robot's drawing).
-const JOINT_PITCH_MM: f64 = 0.1495;
+pub const JOINT_PITCH_MM: f64 = 0.1495;
 
 /// The position of the tip, mm, and its derivative with respect to pitch and yaw of a single joint,
 /// mm per rad.
