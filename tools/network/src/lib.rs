@@ -45,8 +45,8 @@
 //!
 //! Every person has a certificate of the robot's own authority, the server has one too, and both
 //! ends check each other (TLS 1.3). Zenoh lets every key send under its own name only, and put
-//! commands only if the [`keys::AccessList`] says so; the server checks the list once more. There is
-//! no way in without a key, not even on one computer.
+//! commands only if the [`keys::AccessList`] says so; the server checks the list once more. There
+//! is no way in without a key, not even on one computer.
 
 pub mod client;
 mod error;

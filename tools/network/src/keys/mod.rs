@@ -10,10 +10,10 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `authority.pem`, `authority.key` | signs all certificates; its key never leaves this computer |
+//! | `authority.pem`, `authority.key` | signs all certificates; its key stays here |
 //! | `server.pem`, `server.key` | the end beside the controller |
 //! | `access.toml` | [`AccessList`] |
-//! | `people/ID/` | `ca.pem`, `certificate.pem`, `key.pem`: the key of a person, to be handed over |
+//! | `people/ID/` | the key of a person: `ca.pem`, `certificate.pem`, `key.pem` |
 
 mod access;
 mod authority;
