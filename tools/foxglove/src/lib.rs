@@ -2,14 +2,12 @@
 //! WebSocket with the topics of a recording ([`i2ris_record::topic`]), which only sends.
 
 mod live;
+pub mod server;
 
+use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use foxglove::websocket::{ChannelView, Client, ServerListener};
-use foxglove::{Context, FoxgloveError};
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{self, ClientError, Watcher};
@@ -18,6 +16,7 @@ use i2ris_record::joints;
 use i2ris_record::subscriptions::Subscriptions;
 
 use live::Live;
+use server::Server;
 
 /// The layout: angles, error, plane, loops, state and the snake.
 pub const LAYOUT: &str = include_str!("../layout.json");
@@ -36,11 +35,8 @@ pub enum LiveError {
         /// The address.
         address: SocketAddr,
         /// The reason.
-        source: FoxgloveError,
+        source: io::Error,
     },
-    /// A topic cannot be offered.
-    #[error("cannot offer a topic: {0}")]
-    Topic(#[from] FoxgloveError),
     /// The controller cannot be heard.
     #[error(transparent)]
     Controller(#[from] ClientError),
@@ -57,16 +53,6 @@ pub struct LiveServer {
     pub period: Nanos,
 }
 
-/// Remembers that somebody has come who wants what is sent once.
-#[derive(Debug, Default)]
-struct Newcomers(AtomicBool);
-
-impl ServerListener for Newcomers {
-    fn on_subscribe(&self, _client: Client, _channel: ChannelView) {
-        self.0.store(true, Ordering::Release);
-    }
-}
-
 impl LiveServer {
     /// Serves until `stop`. A controller that is not there, or no longer, is waited for. `ready`
     /// gets the address, with the port if the system chose it.
@@ -79,18 +65,13 @@ impl LiveServer {
         stop: impl Fn() -> bool,
         ready: impl FnOnce(SocketAddr),
     ) -> Result<(), LiveError> {
-        let (context, newcomers) = (Context::new(), Arc::new(Newcomers::default()));
-        let mut live = Live::new(&context, unix_offset_ns(), self.period)?;
-        let server = { context.websocket_server() }
-            .name("i2ris")
-            .bind(self.listen.ip().to_string(), self.listen.port())
-            .listener(Arc::clone(&newcomers) as Arc<dyn ServerListener>)
-            .start_blocking()
-            .map_err(|source| LiveError::Listen {
+        let server =
+            Server::start(self.listen, &live::channels()).map_err(|source| LiveError::Listen {
                 address: self.listen,
                 source,
             })?;
-        ready(SocketAddr::new(self.listen.ip(), server.port()));
+        ready(server.address());
+        let mut live = Live::new(server, unix_offset_ns(), self.period);
         let mut subscriptions = Subscriptions::new(&Watcher::new(&self.domain));
         let mut named = None;
         while !stop() {
@@ -102,12 +83,9 @@ impl LiveServer {
             if named != live.boot_id() {
                 named = self.name_joints(&mut live);
             }
-            if newcomers.0.swap(false, Ordering::AcqRel) {
-                live.repeat();
-            }
+            live.repeat_for_newcomers();
             clock::sleep(READ_PERIOD);
         }
-        server.stop();
         Ok(())
     }
 

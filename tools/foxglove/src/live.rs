@@ -1,9 +1,7 @@
 //! What goes to Foxglove: the messages of a recording, each stream as often as a screen needs it.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
-use foxglove::{Context, FoxgloveError, PartialMetadata, RawChannel, Schema};
 use i2ris::ipc::Message;
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
 use i2ris::units::Nanos;
@@ -14,14 +12,34 @@ use i2ris_record::subscriptions::Sink;
 use i2ris_record::topic::{Stream, Topic};
 use i2ris_record::{cdr, joints};
 
+use crate::server::{Channel, Server};
+
 /// Topic of the goal minus the estimate.
 const ERROR: &str = "/tracking_error";
+
+/// All channels: the topics of a recording, in their order, and the error.
+pub fn channels() -> Vec<Channel> {
+    let channel = |topic: String, schema_name: String, schema: String| Channel {
+        topic,
+        encoding: cdr::ENCODING,
+        schema_name,
+        schema_encoding: schema::ENCODING,
+        schema,
+    };
+    let topics = Topic::all().map(|topic| {
+        let schema = topic.schema();
+        channel(topic.name(), schema.name, schema.definition)
+    });
+    let (name, definition) = (JOINT_STATE.name.to_owned(), JOINT_STATE.definition());
+    let error = channel(ERROR.to_owned(), name, definition);
+    topics.chain([error]).collect()
+}
 
 /// What goes to Foxglove.
 #[derive(Debug)]
 pub struct Live {
-    channels: BTreeMap<Topic, Arc<RawChannel>>,
-    error: Arc<RawChannel>,
+    server: Server,
+    topics: Vec<Topic>,
     standard: StandardMessages,
     period: Nanos,
     next: BTreeMap<Stream, Nanos>,
@@ -31,37 +49,19 @@ pub struct Live {
 }
 
 impl Live {
-    /// Offers all topics.
-    pub fn new(
-        context: &Arc<Context>,
-        unix_offset_ns: u64,
-        period: Nanos,
-    ) -> Result<Self, FoxgloveError> {
-        let offer = |topic: &str, name: String, definition: String| {
-            let schema = Schema::new(name, schema::ENCODING, definition.into_bytes());
-            { context.channel_builder(topic) }
-                .message_encoding(cdr::ENCODING)
-                .schema(schema)
-                .build_raw()
-        };
-        let mut channels = BTreeMap::new();
-        for topic in Topic::all() {
-            let schema = topic.schema();
-            let channel = offer(&topic.name(), schema.name, schema.definition)?;
-            channels.insert(topic, channel);
-        }
-        let error = offer(ERROR, JOINT_STATE.name.to_owned(), JOINT_STATE.definition())?;
+    /// Sends by a server of [`channels`].
+    pub fn new(server: Server, unix_offset_ns: u64, period: Nanos) -> Self {
         let names = DEFAULT_NAMES.map(str::to_owned).to_vec();
-        Ok(Self {
-            channels,
-            error,
+        Self {
+            server,
+            topics: Topic::all().collect(),
             standard: StandardMessages::new(unix_offset_ns, names, joints::snake().base()),
             period,
             next: BTreeMap::new(),
             goal: None,
             last_state: None,
             boot_id: None,
-        })
+        }
     }
 
     /// The start of the controller that was heard last.
@@ -74,24 +74,27 @@ impl Live {
         self.standard.joints = names;
     }
 
-    /// Sends again what is sent once: the URDF, and the operating state.
-    pub fn repeat(&self) {
+    /// Sends again what is sent once, the URDF and the operating state, when somebody has come.
+    pub fn repeat_for_newcomers(&self) {
+        if !self.server.has_newcomer() {
+            return;
+        }
         let now = i2ris::clock::now().0;
-        self.send(Topic::Description, now, &text(&joints::snake().urdf()));
+        self.send(Topic::Description, now, text(&joints::snake().urdf()));
         if let Some((stamp_ns, bytes)) = &self.last_state {
-            self.send(Topic::Standard(Stream::State), *stamp_ns, bytes);
+            self.send(Topic::Standard(Stream::State), *stamp_ns, bytes.clone());
         }
     }
 
-    fn send(&self, topic: Topic, stamp_ns: u64, bytes: &[u8]) {
-        if let Some(channel) = self.channels.get(&topic) {
-            self.log(channel, stamp_ns, bytes);
+    fn send(&self, topic: Topic, stamp_ns: u64, bytes: Vec<u8>) {
+        if let Some(channel) = self.topics.iter().position(|known| *known == topic) {
+            self.send_to(channel, stamp_ns, bytes);
         }
     }
 
-    fn log(&self, channel: &RawChannel, stamp_ns: u64, bytes: &[u8]) {
+    fn send_to(&self, channel: usize, stamp_ns: u64, bytes: Vec<u8>) {
         let unix_ns = stamp_ns.wrapping_add(self.standard.unix_offset_ns);
-        channel.log_with_meta(bytes, PartialMetadata::with_log_time(unix_ns));
+        self.server.send(channel, unix_ns, bytes);
     }
 
     /// Whether the next message of a stream is due. Streams of a tick stay together.
@@ -124,7 +127,7 @@ impl Sink for Live {
         let every_one = matches!(stream, Stream::Events | Stream::Health);
         if every_one || self.is_due(stream, message.stamp()) {
             let bytes = cdr::encode(message);
-            self.send(Topic::Payload(stream), message.stamp().0, &bytes);
+            self.send(Topic::Payload(stream), message.stamp().0, bytes);
         }
     }
 
@@ -137,14 +140,14 @@ impl Sink for Live {
             return;
         }
         let stamp_ns = message.stamp_ns;
-        self.send(Topic::Payload(stream), stamp_ns, &cdr::encode(message));
+        self.send(Topic::Payload(stream), stamp_ns, cdr::encode(message));
         if let Some(bytes) = self.standard.joint_state(message) {
-            self.send(Topic::Standard(stream), stamp_ns, &bytes);
+            self.send(Topic::Standard(stream), stamp_ns, bytes);
         }
         if stream == Stream::Measured
             && let Some(bytes) = self.tracking_error(message)
         {
-            self.log(&self.error, stamp_ns, &bytes);
+            self.send_to(self.topics.len(), stamp_ns, bytes);
         }
     }
 
@@ -153,21 +156,21 @@ impl Sink for Live {
             return;
         }
         let bytes = cdr::encode(command);
-        self.send(Topic::Payload(Stream::ServoJp), command.stamp_ns, &bytes);
+        self.send(Topic::Payload(Stream::ServoJp), command.stamp_ns, bytes);
         if let Some(bytes) = self.standard.servo_jp(command) {
-            self.send(Topic::Standard(Stream::ServoJp), command.stamp_ns, &bytes);
+            self.send(Topic::Standard(Stream::ServoJp), command.stamp_ns, bytes);
         }
     }
 
     fn state(&mut self, message: &OperatingStateMsg, _received: Nanos) {
         let stamp_ns = message.stamp_ns;
         if let Some(bytes) = self.standard.operating_state(message) {
-            self.send(Topic::Standard(Stream::State), stamp_ns, &bytes);
+            self.send(Topic::Standard(Stream::State), stamp_ns, bytes.clone());
             self.last_state = Some((stamp_ns, bytes));
         }
         if self.is_due(Stream::State, message.stamp()) {
             let bytes = cdr::encode(message);
-            self.send(Topic::Payload(Stream::State), stamp_ns, &bytes);
+            self.send(Topic::Payload(Stream::State), stamp_ns, bytes);
         }
     }
 }

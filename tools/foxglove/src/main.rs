@@ -77,7 +77,8 @@ fn write_layout(path: &Path) -> Result<(), Failure> {
     let written = File::create_new(path).and_then(|mut file| file.write_all(LAYOUT.as_bytes()));
     written.map_err(|error| format!("cannot make {}: {error}", path.display()))?;
     let line = format!("{}: import it as a layout in Foxglove", path.display());
-    Ok(until_closed(Screen::stdout().say(&line))?)
+    until_closed(Screen::stdout().say(&line))?;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -19,6 +19,10 @@ use tungstenite::{Message, WebSocket};
 /// Long compared with anything that takes place here.
 const PATIENCE: Nanos = Nanos::from_millis(20_000);
 
+/// The same protocol has two names.
+const FOXGLOVE: &str = "foxglove.sdk.v1";
+const LICHTBLICK: &str = "foxglove.websocket.v1";
+
 struct Viewer {
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     /// What the server has advertised, by topic.
@@ -27,9 +31,9 @@ struct Viewer {
 }
 
 impl Viewer {
-    fn open(address: &str) -> Self {
+    fn open(address: &str, protocol: &'static str) -> Self {
         let mut request = address.into_client_request().unwrap();
-        let protocol = HeaderValue::from_static("foxglove.sdk.v1");
+        let protocol = HeaderValue::from_static(protocol);
         request
             .headers_mut()
             .insert("Sec-WebSocket-Protocol", protocol);
@@ -134,7 +138,7 @@ fn start(domain: &Domain) -> (Program, String) {
 fn a_viewer_sees_angles_state_and_the_robot() {
     let controller = Controller::enabled();
     let (mut program, address) = start(&controller.domain);
-    let mut viewer = Viewer::open(&address);
+    let mut viewer = Viewer::open(&address, FOXGLOVE);
     for (topic, schema) in [
         ("/measured_js", "sensor_msgs/msg/JointState"),
         ("/tracking_error", "sensor_msgs/msg/JointState"),
@@ -171,7 +175,7 @@ fn a_viewer_sees_angles_state_and_the_robot() {
     controller.robot().state = OperatingState::Paused;
     viewer.wait_for("/operating_state", |bytes| has(bytes, "PAUSED"));
     // Who comes later sees the state without a change of it.
-    let mut second = Viewer::open(&address);
+    let mut second = Viewer::open(&address, LICHTBLICK);
     second.subscribe("/operating_state");
     second.wait_for("/operating_state", |bytes| has(bytes, "PAUSED"));
     program.interrupt();
@@ -183,7 +187,8 @@ fn a_viewer_sees_angles_state_and_the_robot() {
 fn it_waits_for_a_controller_and_accepts_no_commands() {
     let nobody = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     let (_program, address) = start(&nobody);
-    let mut viewer = Viewer::open(&address);
+    assert!(tungstenite::connect(&address).is_err(), "another protocol");
+    let mut viewer = Viewer::open(&address, LICHTBLICK);
     viewer.subscribe("/robot_description");
     viewer.wait_for("/robot_description", |bytes| has(bytes, "i2ris_base"));
     let channel = json!({ "id": 1, "topic": "/servo_jp", "encoding": "cdr", "schemaName": "x" });

@@ -38,6 +38,8 @@ pub enum BridgeEvent {
         /// The reason.
         reason: String,
     },
+    /// Something that Zenoh warns of, for instance a certificate that was not accepted.
+    Warning(String),
     /// The client's domain is served.
     Serving,
     /// There is no controller at the other end.
@@ -69,6 +71,7 @@ impl fmt::Display for BridgeEvent {
             Self::AccessChanged => write!(f, "the list of keys has changed; all sessions ended"),
             Self::Closed(reason) => write!(f, "nobody is served: {reason}"),
             Self::Refused { address, reason } => write!(f, "{address}: {reason}"),
+            Self::Warning(text) => write!(f, "warning: {text}"),
             Self::Serving => write!(f, "the controller is there"),
             Self::NoController => write!(f, "there is no controller at the other end"),
             Self::RoundTrip(span) => write!(f, "round trip {:.1} ms", span.as_seconds() * 1e3),

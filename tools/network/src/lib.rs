@@ -36,7 +36,7 @@
 //! # Streams and requests
 //!
 //! Streams go in QUIC datagrams, which are not sent again when they are lost: the next message is
-//! newer. Requests are Zenoh queries in QUIC streams; a client asks again until it has an answer,
+//! newer. Where they queue on the way they are sent less often. Requests are Zenoh queries in QUIC streams; a client asks again until it has an answer,
 //! and the server knows the numbers and carries each out once. One that is older than half a second
 //! when it arrives is not carried out, since nobody waits for it any more, unless it is one that
 //! stops.
@@ -56,9 +56,11 @@ pub mod link;
 pub mod message;
 pub mod names;
 pub mod offset;
+mod pace;
 pub mod request;
 pub mod server;
 pub mod state;
+mod warnings;
 
 pub use client::BridgeClient;
 pub use error::NetworkError;

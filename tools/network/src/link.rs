@@ -5,9 +5,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
-use crate::NetworkError;
 use crate::keys::{Access, AccessList, PersonalKey};
 use crate::names::{FROM, STATES, Source, What};
+use crate::{NetworkError, warnings};
 
 /// Silence after which Zenoh gives up a connection, ms. A session ends long before.
 const LEASE_MS: u64 = 4000;
@@ -28,7 +28,11 @@ fn endpoint(address: &str) -> String {
 fn common(mode: &str) -> Value {
     json!({
         "mode": mode,
-        "scouting": { "multicast": { "enabled": false }, "gossip": { "enabled": false } },
+        "scouting": {
+            "delay": 0,
+            "multicast": { "enabled": false },
+            "gossip": { "enabled": false },
+        },
         "timestamping": { "enabled": false },
         "adminspace": { "enabled": false },
         "transport": {
@@ -79,7 +83,8 @@ pub(crate) fn connect(address: &str, key: &PersonalKey) -> Result<Session, Netwo
     let mut config = common("client");
     config["connect"] = json!({
         "endpoints": [endpoint(address)],
-        "timeout_ms": OPEN_TIMEOUT_MS,
+        // One attempt, so that its reason is told.
+        "timeout_ms": 0,
         "exit_on_failure": true,
     });
     config["transport"]["link"]["tls"] = json!({
@@ -94,10 +99,13 @@ pub(crate) fn connect(address: &str, key: &PersonalKey) -> Result<Session, Netwo
 }
 
 fn open(action: &'static str, address: &str, config: &Value) -> Result<Session, NetworkError> {
+    warnings::collect();
+    drop(warnings::take());
     let failed = |error: zenoh::Error| NetworkError::Link {
         action,
         address: address.to_owned(),
-        reason: error.to_string(),
+        // What Zenoh returns says that it failed, the first warning says why.
+        reason: { warnings::take().into_iter().next() }.unwrap_or_else(|| error.to_string()),
     };
     let config = Config::from_json5(&config.to_string()).map_err(failed)?;
     zenoh::open(config).wait().map_err(failed)

@@ -166,7 +166,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn say(line: &str) -> Result<(), Failure> {
-    Ok(until_closed(Screen::stdout().say(line))?)
+    until_closed(Screen::stdout().say(line))?;
+    Ok(())
 }
 
 fn key(arguments: &KeyArguments) -> Result<(), Failure> {

@@ -10,6 +10,11 @@ pub struct Alive {
     pub interface: u32,
     /// 1: the client ends.
     pub leaving: u32,
+    /// How much later than the quickest one messages of streams arrived since the last question,
+    /// us; 0: not known.
+    pub lag_us: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// `alive`, reply.
@@ -26,6 +31,11 @@ pub struct AliveReply {
     pub commands: u32,
     /// 1: there is a controller.
     pub controller: u32,
+    /// How much later than the quickest one commands arrived since the last answer, us; 0: none
+    /// arrived.
+    pub lag_us: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// Why there is no session.

@@ -21,8 +21,9 @@ use zerocopy::{FromBytes, IntoBytes};
 use crate::keys::{Access, AccessList};
 use crate::message::{Alive, AliveReply, SessionRefusal};
 use crate::names::{self, Source, What};
+use crate::pace::{Pace, lag_of_us};
 use crate::request::Question;
-use crate::{BridgeEvent, NetworkError};
+use crate::{BridgeEvent, NetworkError, warnings};
 use controller::Controller;
 use network::{Arrival, Network};
 use session::{Session, reply};
@@ -68,6 +69,7 @@ impl BridgeServer {
         let access = AccessList::load(&self.keys)?;
         let network = Network::open(&self.listen, &self.keys, &access, self.commands)?;
         let controller = Controller::new(&self.domain)?;
+        let pace = Pace::new(self.period);
         Ok(OpenServer {
             options: self,
             access,
@@ -76,8 +78,9 @@ impl BridgeServer {
             controller,
             sessions: Vec::new(),
             ended: VecDeque::new(),
-            next_state: Nanos::ZERO,
+            pace,
             next_access: Nanos::ZERO,
+            last_warning: String::new(),
         })
     }
 }
@@ -100,8 +103,10 @@ pub struct OpenServer {
     sessions: Vec<Session>,
     /// Numbers of sessions that have ended, oldest first.
     ended: VecDeque<u64>,
-    next_state: Nanos,
+    /// How often the state is sent. The slowest client decides.
+    pace: Pace,
     next_access: Nanos,
+    last_warning: String,
 }
 
 impl OpenServer {
@@ -111,18 +116,28 @@ impl OpenServer {
             self.receive(&mut report);
             let now = clock::now();
             self.answer();
-            if now >= self.next_state {
-                self.next_state = now + self.options.period;
+            if self.pace.is_due(now) {
                 self.send_state(now);
             }
             self.expire(now, &mut report);
             if now >= self.next_access {
                 self.next_access = now + ACCESS_PERIOD;
                 self.follow_access(now, &mut report);
+                self.tell_warnings(&mut report);
             }
         }
         if let Some(network) = self.network.take() {
             network.close();
+        }
+    }
+
+    /// Tells what Zenoh warns of, for instance who was not let in and why; a repeated warning once.
+    fn tell_warnings(&mut self, report: &mut impl FnMut(BridgeEvent)) {
+        for warning in warnings::take() {
+            if warning != self.last_warning {
+                self.last_warning.clone_from(&warning);
+                report(BridgeEvent::Warning(warning));
+            }
         }
     }
 
@@ -150,7 +165,7 @@ impl OpenServer {
         if let Some(session) = find(&mut self.sessions, &source) {
             session.heard = now;
             let bytes = sample.payload().to_bytes();
-            session.command(source.what, &bytes, &mut self.controller);
+            session.command(source.what, &bytes, now, &mut self.controller);
         }
     }
 
@@ -189,13 +204,21 @@ impl OpenServer {
         report: &mut impl FnMut(BridgeEvent),
     ) {
         let refusal = self.admit(source, alive, now, report).err();
-        let commands = find(&mut self.sessions, source).is_some_and(|session| session.commands);
+        let session = find(&mut self.sessions, source);
+        let (commands, lag_us) = session.map_or((false, 0), |session| {
+            (session.commands, session.lag.take_us())
+        });
+        if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none()) {
+            self.pace.note(lag);
+        }
         let answer = AliveReply {
             now_ns: clock::now().0,
             interface: INTERFACE_VERSION,
             refusal: refusal.map_or(0, |refusal| refusal as u32),
             commands: commands.into(),
             controller: self.controller.is_present().into(),
+            lag_us,
+            reserved: 0,
         };
         reply(query, answer.as_bytes());
     }
@@ -294,8 +317,9 @@ impl OpenServer {
         let limit = self.options.lost_after;
         let is_lost = |session: &&Session| now.since(session.heard) > limit;
         while let Some(lost) = self.sessions.iter().find(is_lost) {
+            let number = lost.number;
             report(BridgeEvent::Lost(lost.id.clone()));
-            self.end(lost.number);
+            self.end(number);
         }
     }
 
@@ -309,8 +333,8 @@ impl OpenServer {
         if let Some(network) = self.network.take() {
             network.close();
         }
-        while let Some(session) = self.sessions.first() {
-            self.end(session.number);
+        while let Some(number) = self.sessions.first().map(|session| session.number) {
+            self.end(number);
         }
         let options = &self.options;
         let opened = AccessList::load(&options.keys)

@@ -41,19 +41,19 @@ macro_rules! for_each_stream {
 impl State {
     /// Hands over the name and the bytes of every stream that is there.
     pub fn write(&self, mut send: impl FnMut(&'static str, &[u8])) {
-        macro_rules! write {
+        macro_rules! write_stream {
             ($name:literal, $field:ident) => {
                 if let Some(message) = &self.$field {
                     send($name, message.as_bytes());
                 }
             };
         }
-        for_each_stream!(write);
+        for_each_stream!(write_stream);
     }
 
     /// Takes in a message. `false`: there is no such stream, or this is no message of it.
     pub fn read(&mut self, stream: &str, bytes: &[u8]) -> bool {
-        macro_rules! read {
+        macro_rules! read_stream {
             ($name:literal, $field:ident) => {
                 if stream == $name {
                     let message = value(bytes);
@@ -62,18 +62,18 @@ impl State {
                 }
             };
         }
-        for_each_stream!(read);
+        for_each_stream!(read_stream);
         false
     }
 
     /// Keeps what was known where nothing is new.
     pub fn update(&mut self, new: &Self) {
-        macro_rules! update {
+        macro_rules! update_stream {
             ($name:literal, $field:ident) => {
                 self.$field = new.$field.or(self.$field);
             };
         }
-        for_each_stream!(update);
+        for_each_stream!(update_stream);
     }
 
     /// The same with every stamp on our clock; `None` while it is not known how the clocks stand.

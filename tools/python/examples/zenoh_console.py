@@ -97,12 +97,13 @@ class Console:
     def alive(self, timeout_s):
         """Asks for a sign of life: whether we are admitted, and how the clocks stand."""
         sent = time.monotonic_ns()
-        for reply in self.zenoh.get(f"{self.source}/alive", payload=struct.pack("<II", INTERFACE_VERSION, 0),
+        for reply in self.zenoh.get(f"{self.source}/alive", payload=struct.pack("<IIII", INTERFACE_VERSION, 0, 0, 0),
                                     timeout=timeout_s):
             if reply.ok is None:
                 continue
             arrived = time.monotonic_ns()
-            now, _, refusal, commands, controller = struct.unpack("<QIIII", reply.ok.payload.to_bytes())
+            answer = reply.ok.payload.to_bytes()
+            now, _, refusal, commands, controller = struct.unpack_from("<QIIII", answer)
             if refusal:
                 self.ended = REFUSALS.get(refusal, f"refusal {refusal}")
                 return False
@@ -160,7 +161,7 @@ class Console:
     def close(self):
         self.ended = self.ended or "closed"
         self.thread.join()
-        leaving = struct.pack("<II", INTERFACE_VERSION, 1)
+        leaving = struct.pack("<IIII", INTERFACE_VERSION, 1, 0, 0)
         list(self.zenoh.get(f"{self.source}/alive", payload=leaving, timeout=0.5))
         self.zenoh.close()
 

@@ -1,5 +1,7 @@
 //! A session that the server has admitted, and the domain that stands for its controller.
 
+use std::collections::BTreeMap;
+
 use i2ris::ipc::Domain;
 use i2ris::ipc::payload::EventMsg;
 use i2ris::ipc::ready::INTERFACE_VERSION;
@@ -13,6 +15,7 @@ use super::service::Service;
 use crate::message::{AliveReply, SessionRefusal};
 use crate::names::{EVENTS, What};
 use crate::offset::ClockOffset;
+use crate::pace::{Lag, Pace, lag_of_us};
 use crate::request::Answer;
 use crate::state::State;
 use crate::{BridgeEvent, NetworkError};
@@ -32,6 +35,11 @@ pub(super) struct Joined {
     admitted: Option<AliveReply>,
     offset: ClockOffset,
     known: State,
+    /// How late messages of streams arrive.
+    lag: Lag,
+    /// How often commands are sent, and the newest of every client that waits for it.
+    pace: Pace,
+    waiting: BTreeMap<u64, ReceivedCommand>,
     /// The domain, while there is a controller at the other end.
     service: Option<Service>,
     pending: PendingRequests,
@@ -57,6 +65,9 @@ impl Joined {
             admitted: None,
             offset: ClockOffset::default(),
             known: State::default(),
+            lag: Lag::default(),
+            pace: Pace::new(Nanos::ZERO),
+            waiting: BTreeMap::new(),
             service: None,
             pending: PendingRequests::default(),
             next_alive: Nanos::ZERO,
@@ -83,13 +94,18 @@ impl Joined {
     pub fn pass_on(&mut self, now: Nanos) {
         if now >= self.next_alive {
             self.next_alive = now + ALIVE_PERIOD;
-            self.network.alive(false);
+            self.network.alive(false, self.lag.take_us());
         }
         let Some(service) = &mut self.service else {
             return;
         };
         for command in service.commands() {
-            send(&self.network, command, &self.offset, now);
+            self.waiting.insert(sender(&command), command);
+        }
+        if !self.waiting.is_empty() && self.pace.is_due(now) {
+            for command in std::mem::take(&mut self.waiting).into_values() {
+                send(&self.network, command, &self.offset, now);
+            }
         }
         service.questions(now, |token, kind, payload| {
             self.pending.take(token, kind, payload, now);
@@ -159,6 +175,9 @@ impl Joined {
             None => {}
         }
         self.offset.note(sent, Nanos(reply.now_ns), arrived);
+        if let Some(lag) = lag_of_us(reply.lag_us) {
+            self.pace.note(lag);
+        }
         let former = self.admitted.replace(reply);
         if former.is_none() {
             report(BridgeEvent::Joined {
@@ -188,6 +207,7 @@ impl Joined {
         self.service = None;
         self.known = State::default();
         self.pending = PendingRequests::default();
+        self.waiting.clear();
     }
 
     /// Shows clients here what the controller reports; another start of the controller is another
@@ -197,6 +217,9 @@ impl Joined {
         let Some(new) = new.here(&self.offset, now).filter(|_| is_there) else {
             return Ok(());
         };
+        if let Some(measured) = &new.measured {
+            self.lag.note(now.since(Nanos(measured.stamp_ns)));
+        }
         let boot = new.operating.map(|message| message.boot_id);
         let serves = self.service.as_ref().map(Service::boot_id);
         if boot.is_some() && serves.is_some() && boot != serves {
@@ -232,8 +255,16 @@ impl Joined {
 
     /// Ends: clients here see a controller that is gone.
     pub fn leave(self) {
-        self.network.alive(true);
+        self.network.alive(true, 0);
         self.network.close();
+    }
+}
+
+/// The client that sends a command.
+fn sender(command: &ReceivedCommand) -> u64 {
+    match command {
+        ReceivedCommand::Joint(command) => command.client_id,
+        ReceivedCommand::Actuator(command) => command.client_id,
     }
 }
 

@@ -22,8 +22,6 @@ use crate::{NetworkError, link};
 
 /// What may wait to be looked at.
 const WAITING: usize = 1024;
-/// Time to say good-bye.
-const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 /// A sign of life whose answer takes longer tells nothing any more.
 const ALIVE_TIMEOUT: Duration = Duration::from_secs(2);
 /// The longest that anyone waits for an answer.
@@ -136,10 +134,12 @@ impl Network {
     }
 
     /// Sends a sign of life.
-    pub fn alive(&self, leaving: bool) {
+    pub fn alive(&self, leaving: bool, lag_us: u32) {
         let alive = Alive {
             interface: INTERFACE_VERSION,
             leaving: leaving.into(),
+            lag_us,
+            reserved: 0,
         };
         let (sent, sender) = (clock::now(), self.sender.clone());
         self.ask(What::Alive, alive.as_bytes(), ALIVE_TIMEOUT, move |bytes| {
@@ -205,7 +205,7 @@ impl Network {
     /// Says good-bye, without waiting for a server that does not hear it.
     pub fn close(self) {
         drop(thread::Builder::new().spawn(move || {
-            let _ = self.session.close().timeout(CLOSE_TIMEOUT).wait();
+            let _ = self.session.close().wait();
         }));
     }
 }

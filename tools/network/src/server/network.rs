@@ -20,8 +20,6 @@ use crate::{NetworkError, link};
 /// What may wait to be looked at. A client that floods loses its own commands and everyone's
 /// newest; the controller holds by its deadline then.
 const WAITING: usize = 1024;
-/// Time to say good-bye.
-const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// What arrives.
 #[derive(Debug)]
@@ -127,9 +125,9 @@ impl Network {
         let _ = publisher.put(bytes).wait();
     }
 
-    /// Says good-bye, without waiting for those who do not hear it.
+    /// Says good-bye, and gives the address free.
     pub fn close(self) {
-        let _ = self.session.close().timeout(CLOSE_TIMEOUT).wait();
+        let _ = self.session.close().wait();
     }
 }
 

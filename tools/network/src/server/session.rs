@@ -9,6 +9,7 @@ use zerocopy::FromBytes;
 
 use super::controller::Controller;
 use crate::names::What;
+use crate::pace::Lag;
 use crate::request::{Answer, Outcome, Question};
 
 /// Requests that are remembered, so that one that was repeated is not carried out twice. More than
@@ -23,6 +24,8 @@ pub(super) struct Session {
     pub heard: Nanos,
     /// Whether commands and requests pass.
     pub commands: bool,
+    /// How late commands arrive.
+    pub lag: Lag,
     requests: BTreeMap<u64, Request>,
 }
 
@@ -40,23 +43,28 @@ impl Session {
             number,
             heard: now,
             commands,
+            lag: Lag::default(),
             requests: BTreeMap::new(),
         }
     }
 
     /// Passes a command on. Its stamp is on the controller's clock already.
-    pub fn command(&self, what: What, bytes: &[u8], controller: &mut Controller) {
+    pub fn command(&mut self, what: What, bytes: &[u8], now: Nanos, controller: &mut Controller) {
         if !self.commands {
             return;
         }
+        let lag = &mut self.lag;
+        let mut arrived = |stamp_ns| lag.note(now.since(Nanos(stamp_ns)));
         match what {
             What::ServoJp => {
                 if let Ok(command) = ServoJp::read_from_bytes(bytes) {
+                    arrived(command.stamp_ns);
                     controller.servo_jp(command);
                 }
             }
             What::ServoActuators => {
                 if let Ok(command) = ServoActuator::read_from_bytes(bytes) {
+                    arrived(command.stamp_ns);
                     controller.servo_actuators(command);
                 }
             }

@@ -175,7 +175,7 @@ impl RawClient {
     pub fn alive(&self) -> Option<AliveReply> {
         let alive = Alive {
             interface: INTERFACE_VERSION,
-            leaving: 0,
+            ..Alive::default()
         };
         let bytes = self.get(&self.source(What::Alive), alive.as_bytes())?;
         AliveReply::read_from_bytes(&bytes).ok()
