@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `sections` | tables of the process, of commands and of motion |
 //! | `ports` | serial ports, and the axes behind them |
+//! | `virtual_fixtures` | forbidden regions, and what makes one |
 //! | `validation` | ranges, and what must fit together |
 //! | `key_hint` | help for a key that does not exist |
 
@@ -16,6 +17,7 @@ mod ports;
 mod schema_file;
 mod sections;
 mod validation;
+mod virtual_fixtures;
 
 use std::path::{Path, PathBuf};
 
@@ -25,10 +27,14 @@ use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
 
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
 pub use sections::{
-    CommandConfig, CompensationConfig, ConditioningConfig, ControlConfig, IpcConfig,
-    JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig, RecordConfig,
+    AdaptationConfig, CommandConfig, CompensationConfig, ConditioningConfig, ControlConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
+    RecordConfig,
 };
 pub use validation::Finding;
+pub use virtual_fixtures::{
+    FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS, VirtualFixtureConfig,
+};
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,9 +70,15 @@ pub struct Config {
     /// The trajectory of `move_jp`.
     #[serde(default)]
     pub move_jp: MoveConfig,
+    /// Regions that the snake may not enter.
+    #[serde(default)]
+    pub virtual_fixtures: VirtualFixtureConfig,
     /// Comparison of camera and model.
     #[serde(default)]
     pub plausibility: PlausibilityConfig,
+    /// Drift of the calibration, followed by the camera.
+    #[serde(default)]
+    pub adaptation: AdaptationConfig,
     /// Black box and run log.
     #[serde(default)]
     pub record: RecordConfig,

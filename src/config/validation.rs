@@ -6,6 +6,7 @@ use std::fmt::{self, Display};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use super::virtual_fixtures;
 use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
 use crate::model::Model;
 use crate::units::{Counts, LONGEST_WINDOW, MAX_MOTORS};
@@ -49,10 +50,10 @@ impl Display for Finding {
 
 /// Collects what is refused.
 #[derive(Default)]
-struct Findings(Vec<Finding>);
+pub(super) struct Findings(Vec<Finding>);
 
 impl Findings {
-    fn require(
+    pub(super) fn require(
         &mut self,
         is_valid: bool,
         key: impl Into<String>,
@@ -65,7 +66,7 @@ impl Findings {
         }
     }
 
-    fn within<T: PartialOrd + Display>(
+    pub(super) fn within<T: PartialOrd + Display>(
         &mut self,
         key: impl Into<String>,
         value: T,
@@ -76,7 +77,7 @@ impl Findings {
     }
 
     /// Above 0, up to a limit. TOML has `nan` and `inf`, and serde accepts them.
-    fn above_zero<T: PartialOrd + Default + Display>(
+    pub(super) fn above_zero<T: PartialOrd + Default + Display>(
         &mut self,
         key: impl Into<String>,
         value: T,
@@ -101,6 +102,8 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     check_limits(config, &mut findings);
     check_joint_limits(config, &mut findings);
     check_motion(config, &mut findings);
+    virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
+    check_adaptation(config, &mut findings);
     check_ports(config, &mut findings);
     findings.0
 }
@@ -320,6 +323,38 @@ fn check_motion(config: &Config, findings: &mut Findings) {
         "plausibility.debounce_ms",
         config.plausibility.debounce_ms,
         0..=MAX_MS,
+    );
+}
+
+fn check_adaptation(config: &Config, findings: &mut Findings) {
+    let adaptation = &config.adaptation;
+    for (key, value, limit) in [
+        ("zero_budget_deg", adaptation.zero_budget_deg, 10.0),
+        ("gain_budget", adaptation.gain_budget, 0.4),
+        ("gap_budget", adaptation.gap_budget, 1.5),
+        ("latency_budget_ms", adaptation.latency_budget_ms, 200.0),
+        ("total_budget_deg", adaptation.total_budget_deg, 20.0),
+        ("slew_deg_s", adaptation.slew_deg_s, 10.0),
+        ("camera_deviation_deg", adaptation.camera_deviation_deg, 5.0),
+    ] {
+        findings.above_zero(format!("adaptation.{key}"), value, limit);
+    }
+    let within = [
+        ("largest_step_deg", adaptation.largest_step_deg, 10.0),
+        ("least_quality", adaptation.least_quality, 1.0),
+    ];
+    for (key, value, limit) in within {
+        findings.within(format!("adaptation.{key}"), value, 0.0..=limit);
+    }
+    let distance = config.plausibility.distance_deg;
+    findings.require(
+        !adaptation.enabled || distance == 0.0 || adaptation.total_budget_deg < distance,
+        "adaptation.total_budget_deg",
+        adaptation.total_budget_deg,
+        format!(
+            "must be below plausibility.distance_deg = {distance}: adaptation may not lead to a \
+             fault by itself"
+        ),
     );
 }
 

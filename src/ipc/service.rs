@@ -60,11 +60,23 @@ pub(super) const GOAL_JS: Stream = state("i2ris/goal_js");
 pub(super) const ACTUATORS: Stream = state("i2ris/actuators/measured_js");
 pub(super) const OPERATING_STATE: Stream = state("i2ris/operating_state");
 pub(super) const PERIOD_STATISTICS: Stream = state("i2ris/period_statistics");
+pub(super) const ADAPTATION: Stream = state("i2ris/adaptation");
 pub(super) const HEALTH: Stream = state("i2ris/health");
 pub(super) const EVENTS: Stream = Stream {
     // A client that joins after a fault sees what led to it.
     history: 16,
     ..state("i2ris/events")
+};
+pub(super) const VIRTUAL_FIXTURES: Stream = state("i2ris/virtual_fixtures");
+/// The last faults; a client that joins later gets them, too.
+pub(super) const ERROR: Stream = Stream {
+    history: 16,
+    ..state("i2ris/error")
+};
+/// The last refusals, stops and clips.
+pub(super) const WARNING: Stream = Stream {
+    history: 16,
+    ..state("i2ris/warning")
 };
 pub(super) const EXTERNAL: Stream = Stream {
     publishers: 4,
@@ -75,6 +87,7 @@ pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
 pub(super) const BLACK_BOX: &str = "i2ris/black_box";
 pub(super) const MODEL: &str = "i2ris/model";
 pub(super) const MOVE_JP: &str = "i2ris/move_jp";
+pub(super) const VIRTUAL_FIXTURE: &str = "i2ris/virtual_fixture";
 pub(super) const VERSION: &str = "i2ris/version";
 
 /// A call into iceoryx2 failed: the step, the service, and the reason that iceoryx2 gives.

@@ -29,7 +29,7 @@ use crate::model::ModelId;
 /// The first bytes of every file.
 const MAGIC: [u8; 8] = *b"I2RISBOX";
 /// The only version that this software writes and reads.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Bytes before the content.
 const HEAD: usize = 8 + 4 + 8 + 32;
 
@@ -287,8 +287,9 @@ mod tests {
         assert!(error(b"t_s,q0_counts").contains("is no black box"));
         assert!(error(b"").contains("is no black box"));
         let mut newer = bytes.clone();
-        newer[8] = 3;
-        assert!(error(&newer).contains("has format 3, and this software reads 2 only"));
+        newer[8] = 99;
+        let expected = format!("has format 99, and this software reads {VERSION} only");
+        assert!(error(&newer).contains(&expected));
         let longer = [bytes.as_slice(), &[0]].concat();
         assert!(error(&longer).contains("incomplete"));
     }

@@ -6,6 +6,7 @@
 //! | `cdr` | payloads as CDR, the encoding of ROS 2 messages, and back |
 //! | `schema` | message definitions of ROS 2 |
 //! | `cpp_header` | the payloads as a C++ header |
+//! | `python_reasons` | sentence and advice of every cause as a Python module |
 //! | `standard` | standard messages of ROS 2 and CRTK |
 //! | `subscriptions` | subscriptions to every stream of a controller |
 //! | `joints` | names of the joints of a controller, and the shape of its snake |
@@ -26,6 +27,7 @@ pub mod cpp_header;
 pub mod export;
 pub mod joints;
 pub mod layout;
+pub mod python_reasons;
 pub mod read;
 pub mod recorder;
 pub mod recover;

@@ -8,8 +8,8 @@ use crate::topic::Stream;
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 
@@ -54,7 +54,10 @@ pub struct Subscriptions {
     state: Subscription<OperatingStateMsg>,
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
+    adaptation: Subscription<AdaptationMsg>,
     events: Subscription<EventMsg>,
+    error: Subscription<ReasonMsg>,
+    warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
@@ -74,7 +77,10 @@ impl Subscriptions {
             state: watcher.operating_state(),
             statistics: watcher.period_statistics(),
             health: watcher.health(),
+            adaptation: watcher.adaptation(),
             events: watcher.events(),
+            error: watcher.error(),
+            warning: watcher.warning(),
             external: watcher.external(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
@@ -94,7 +100,10 @@ impl Subscriptions {
         self.state.drain(|message| sink.state(&message, now))?;
         drain(&mut self.statistics, Stream::Statistics, sink, now)?;
         drain(&mut self.health, Stream::Health, sink, now)?;
+        drain(&mut self.adaptation, Stream::Adaptation, sink, now)?;
         drain(&mut self.events, Stream::Events, sink, now)?;
+        drain(&mut self.error, Stream::Error, sink, now)?;
+        drain(&mut self.warning, Stream::Warning, sink, now)?;
         drain(&mut self.external, Stream::External, sink, now)?;
         self.servo.drain(|command| sink.servo_jp(&command, now))?;
         let servo = &mut self.servo_actuators;
@@ -111,7 +120,10 @@ impl Subscriptions {
             (Stream::State, self.state.missed()),
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
+            (Stream::Adaptation, self.adaptation.missed()),
             (Stream::Events, self.events.missed()),
+            (Stream::Error, self.error.missed()),
+            (Stream::Warning, self.warning.missed()),
         ];
         joints.chain(others).collect()
     }
