@@ -25,7 +25,7 @@ const fn program(name: &'static str, package: &'static str, about: &'static str)
 }
 
 /// All of them, in the order of the help.
-pub const PROGRAMS: [Program; 7] = [
+pub const PROGRAMS: [Program; 6] = [
     program("monitor", "i2ris-monitor", "Watch the robot"),
     program(
         "record",
@@ -41,11 +41,6 @@ pub const PROGRAMS: [Program; 7] = [
         "bridge",
         "i2ris-network",
         "Watch and command from another computer, over the network",
-    ),
-    program(
-        "foxglove",
-        "i2ris-foxglove",
-        "Watch the robot live in Foxglove or Lichtblick",
     ),
     program(
         "vision",

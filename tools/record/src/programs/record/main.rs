@@ -8,6 +8,7 @@
 mod existing;
 mod recording;
 mod run_log;
+mod subscriptions;
 
 use std::process::ExitCode;
 
