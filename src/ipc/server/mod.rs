@@ -321,9 +321,9 @@ impl Server {
         self.count_failure(sent);
     }
 
-    /// Publishes `health`. The server sets the number of its own failures.
+    /// Publishes `health`. The server adds the number of its own failures.
     pub fn publish_health(&mut self, message: Health) {
-        let ipc_failures = self.failures;
+        let ipc_failures = message.ipc_failures.saturating_add(self.failures);
         let sent = self.health.send(Health {
             ipc_failures,
             ..message

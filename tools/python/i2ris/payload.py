@@ -7,6 +7,9 @@ A test compares names, sizes and offsets with those of the controller.
 import ctypes
 from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 
+#: Version of all payloads together. Client and controller have the same.
+INTERFACE_VERSION = 3
+
 
 class Payload(ctypes.Structure):
     """A message of fixed size. ``NAME`` is its name in iceoryx2, with the version of its layout."""
