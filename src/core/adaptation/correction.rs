@@ -11,6 +11,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pair;
+use super::budget::BudgetUse;
 use super::drift::Drift;
 use super::geometry::{ModelGeometry, inverse, pair, product};
 use super::settings::Settings;
@@ -106,29 +107,46 @@ struct MotorRow {
 }
 
 impl MovingCorrection {
-    /// Moves one tick towards a drift. `goal_motion`: of the motors by the goal in this tick,
-    /// counts.
+    /// Moves one tick towards a drift, inside the budget. `goal_motion`: of the motors by the goal
+    /// in this tick, counts.
     pub fn advance(
         &mut self,
         drift: &Drift,
         pose: Pair,
         goal_motion: MotorVec,
+        gap_reach: Pair,
         geometry: &ModelGeometry,
         settings: &Settings,
     ) {
         let target = rows(drift, geometry);
-        for (motor, row) in self.rows.iter_mut().enumerate() {
+        let mut used = self.used(gap_reach, geometry, settings);
+        for motor in 0..MAX_MOTORS {
             let motion = goal_motion[motor];
+            let before = *self;
             let column = [geometry.slope[0][motor], geometry.slope[1][motor]];
             let limit = settings.slew * settings.tick_s / column[0].hypot(column[1]);
             let limit = limit.min(SHARE * motion.abs());
-            row.advance(&target[motor], pose, motion, limit, settings.tick_s);
+            self.rows[motor].advance(&target[motor], pose, motion, limit, settings.tick_s);
             if motion.abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
                 let step = GAP_SLEW_PER_S * settings.tick_s;
                 let change = drift.gap[motor] - self.gap[motor];
                 self.gap[motor] += change.max(-step).min(step);
             }
+            // The motors go their ways at different times: what they make together may be more than
+            // what was estimated at any time.
+            let next = self.used(gap_reach, geometry, settings);
+            if next > 1.0 && next > used {
+                *self = before;
+            } else {
+                used = next;
+            }
         }
+    }
+
+    /// The largest share of the budget.
+    fn used(&self, gap_reach: Pair, geometry: &ModelGeometry, settings: &Settings) -> f64 {
+        let drift = self.correction(geometry).drift();
+        BudgetUse::new(&drift, geometry, gap_reach, settings).largest()
     }
 
     pub fn correction(&self, geometry: &ModelGeometry) -> Correction {

@@ -204,7 +204,9 @@ impl Adaptation {
         state.excitation.add(&regressors, frame.interval_s.min(1.0));
         if self.state.pauses.look_away() {
             self.state.filter.counts.paused += 1;
-            self.state.score.restart();
+            if self.state.pauses.contains(Pause::Settling) {
+                self.state.score.restart();
+            }
             return;
         }
         if self.state.is_used_up || self.state.is_taken_back {
@@ -346,16 +348,12 @@ impl Adaptation {
         let motion = geometry.counts(pair(joints.goal_motion()));
         if self.state.conditions.is_settled(now) {
             let drift = self.drift(geometry);
-            let inside = inside(
-                &drift,
-                geometry,
-                self.state.excitation.gap_reach(),
-                &self.settings,
-            );
+            let reach = self.state.excitation.gap_reach();
+            let inside = inside(&drift, geometry, reach, &self.settings);
             let pose = pair(&joints.setpoint().unwrap_or_default());
             self.state
                 .correction
-                .advance(&inside, pose, motion, geometry, &self.settings);
+                .advance(&inside, pose, motion, reach, geometry, &self.settings);
         }
         let correction = self.state.correction.correction(geometry);
         joints.set_correction(correction);
