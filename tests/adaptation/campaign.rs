@@ -8,10 +8,9 @@ use std::sync::Arc;
 use i2ris::core::ExternalPose;
 use i2ris::model::Model;
 use i2ris::units::Nanos;
-use i2ris_calibration::fit::Family;
 
 use crate::ageing::Ageing;
-use crate::fitted::model;
+use crate::fitted::first_model;
 use crate::plant::SNAKES;
 use crate::random::Random;
 use crate::trial::{ON, Trial};
@@ -130,7 +129,7 @@ fn run(seed: u64, seconds: u64, model: &Arc<Model>) -> (f64, f64) {
 }
 
 fn campaign(seeds: std::ops::Range<u64>, seconds: u64) {
-    let model = model(SNAKES[0], Family::GmrPlay, Ageing::NONE);
+    let model = first_model();
     let (mut largest, mut fastest) = (0.0_f64, 0.0_f64);
     let count = seeds.end - seeds.start;
     for seed in seeds {
