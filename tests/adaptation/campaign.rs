@@ -135,8 +135,8 @@ fn campaign(seeds: std::ops::Range<u64>, seconds: u64) {
     for seed in seeds {
         let (shift, rate) = run(seed, seconds, &model);
         assert!(shift <= 4.8 + 1e-6, "seed {seed}: {shift} deg");
-        // One degree per second and motor; both may move at once.
-        assert!(rate <= 1.5, "seed {seed}: {rate} deg/s");
+        // The goal is a little ahead of the pose for which the limit holds.
+        assert!(rate <= 1.05, "seed {seed}: {rate} deg/s");
         largest = largest.max(shift);
         fastest = fastest.max(rate);
     }

@@ -136,10 +136,9 @@ fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
     let on = config("[adaptation]\nenabled = true");
     let mut bench = Bench::new(on, Some(Arc::clone(&first)));
     bench.camera = Some([0.008, -0.006]);
-    bench.recording = Some(Recording {
-        interval: 3001,
-        ..Recording::default()
-    });
+    let mut recording = Recording::default();
+    recording.interval = 3001;
+    bench.recording = Some(recording);
     run_adapting_session(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();
     recording.keep(&first);

@@ -14,7 +14,7 @@ use super::Pair;
 use super::budget::BudgetUse;
 use super::drift::Drift;
 use super::geometry::{ModelGeometry, inverse, pair, product};
-use super::settings::Settings;
+use super::settings::{Settings, length};
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.
@@ -119,18 +119,31 @@ impl MovingCorrection {
         settings: &Settings,
     ) {
         let target = rows(drift, geometry);
-        let mut used = self.used(gap_reach, geometry, settings);
-        for motor in 0..MAX_MOTORS {
+        let slew = settings.slew * settings.tick_s;
+        let mut steps = [MotorStep::default(); MAX_MOTORS];
+        let mut tip = Pair::default();
+        for (motor, step) in steps.iter_mut().enumerate() {
             let motion = goal_motion[motor];
+            let limit = SHARE * motion.abs();
+            *step = self.rows[motor].step(&target[motor], pose, motion, limit, settings.tick_s);
+            for (tip, row) in tip.iter_mut().zip(&geometry.slope) {
+                *tip += row[motor] * step.shift;
+            }
+        }
+        // Both motors together move the tip no faster than the limit.
+        let share = if length(tip) > slew {
+            slew / length(tip)
+        } else {
+            1.0
+        };
+        let mut used = self.used(gap_reach, geometry, settings);
+        for (motor, step) in steps.iter().enumerate() {
             let before = *self;
-            let column = [geometry.slope[0][motor], geometry.slope[1][motor]];
-            let limit = settings.slew * settings.tick_s / column[0].hypot(column[1]);
-            let limit = limit.min(SHARE * motion.abs());
-            self.rows[motor].advance(&target[motor], pose, motion, limit, settings.tick_s);
-            if motion.abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
-                let step = GAP_SLEW_PER_S * settings.tick_s;
+            self.rows[motor].take(step, share);
+            if goal_motion[motor].abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
+                let most = GAP_SLEW_PER_S * settings.tick_s;
                 let change = drift.gap[motor] - self.gap[motor];
-                self.gap[motor] += change.max(-step).min(step);
+                self.gap[motor] += change.max(-most).min(most);
             }
             // The motors go their ways at different times: what they make together may be more than
             // what was estimated at any time.
@@ -164,27 +177,44 @@ impl MovingCorrection {
     }
 }
 
+/// A step of the correction of a motor.
+#[derive(Debug, Clone, Copy, Default)]
+struct MotorStep {
+    row: MotorRow,
+    /// How far it moves the motor at the present pose, counts.
+    shift: f64,
+}
+
 impl MotorRow {
-    fn advance(&mut self, target: &Self, pose: Pair, motion: f64, limit: f64, tick_s: f64) {
-        if motion == 0.0 {
-            return;
-        }
-        let (zero, gain) = (
-            target.zero - self.zero,
-            [target.gain[0] - self.gain[0], target.gain[1] - self.gain[1]],
-        );
+    /// The step towards a target, along the motion of the goal, that moves the motor by at most
+    /// `limit`.
+    fn step(&self, target: &Self, pose: Pair, motion: f64, limit: f64, tick_s: f64) -> MotorStep {
+        let row = Self {
+            zero: target.zero - self.zero,
+            gain: [target.gain[0] - self.gain[0], target.gain[1] - self.gain[1]],
+        };
         // The inverse takes the correction away from the goal.
-        let shift = -(zero + gain[0] * pose[0] + gain[1] * pose[1]);
-        if shift * motion < 0.0 {
-            return;
+        let shift = -(row.zero + row.gain[0] * pose[0] + row.gain[1] * pose[1]);
+        if motion == 0.0 || shift * motion < 0.0 {
+            return MotorStep::default();
         }
         let mut share = NEARER_PER_S * tick_s;
         if share * shift.abs() > limit {
             share = limit / shift.abs();
         }
-        self.zero += share * zero;
-        self.gain[0] += share * gain[0];
-        self.gain[1] += share * gain[1];
+        MotorStep {
+            row: Self {
+                zero: share * row.zero,
+                gain: row.gain.map(|gain| share * gain),
+            },
+            shift: share * shift,
+        }
+    }
+
+    fn take(&mut self, step: &MotorStep, share: f64) {
+        self.zero += share * step.row.zero;
+        self.gain[0] += share * step.row.gain[0];
+        self.gain[1] += share * step.row.gain[1];
     }
 }
 

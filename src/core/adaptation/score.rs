@@ -14,7 +14,8 @@ const WINDOW: Nanos = Nanos::from_millis(10_000);
 /// Frames that a window needs; with fewer it goes on.
 const LEAST_FRAMES: u32 = 20;
 
-/// Windows in a row in which the adapted model is worse, before it is taken back.
+/// Windows in which the adapted model is worse, before it is taken back; one that is not worse
+/// takes one of them away.
 const WORSE_WINDOWS: u8 = 3;
 
 /// By less than this the adapted model is not worse, rad.
@@ -60,7 +61,7 @@ impl Score {
         self.worse = if adapted > calibrated + MARGIN {
             self.worse + 1
         } else {
-            0
+            self.worse.saturating_sub(1)
         };
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
         if self.worse < WORSE_WINDOWS {
@@ -95,10 +96,10 @@ mod tests {
     }
 
     #[test]
-    fn three_worse_windows_in_a_row_take_the_correction_back() {
+    fn three_worse_windows_take_the_correction_back() {
         let mut score = Score::default();
         assert!(run(&mut score, 1, 25, [0.5, 0.6]).is_empty());
-        // A window that is not worse begins the count again.
+        // A window that is not worse takes one away.
         assert!(run(&mut score, 30, 12, [0.5, 0.4]).is_empty());
         assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]).len(), 1);
     }
