@@ -88,6 +88,21 @@ impl Trial {
         trial
     }
 
+    /// Another trial that goes on from here, with the same configuration and model.
+    pub fn branch(&self, table: &str, model: &Arc<Model>) -> Self {
+        let snapshot = self.cycle.snapshot().expect("no model waits to be freed");
+        let find = |_| Some(Arc::clone(model));
+        Self {
+            cycle: ControlCycle::restored(&config(table), &snapshot, find).unwrap(),
+            plant: self.plant.clone(),
+            camera: None,
+            frame: None,
+            events: Vec::new(),
+            times: None,
+            ..*self
+        }
+    }
+
     /// Another motion of the hand.
     pub fn seed(&mut self, seed: u64) {
         self.seed = seed;
