@@ -26,6 +26,8 @@ pub struct ControlConfig {
     /// The model file, relative to the folder of this file. Absent: motors move by counts only,
     /// which is what calibration needs.
     pub model: Option<PathBuf>,
+    /// Accept models that `i2ris calibrate fit --force` wrote although it found them worthless.
+    pub allow_worthless_model: bool,
 }
 
 impl Default for ControlConfig {
@@ -37,6 +39,7 @@ impl Default for ControlConfig {
             cpu: None,
             lock_memory: true,
             model: None,
+            allow_worthless_model: false,
         }
     }
 }

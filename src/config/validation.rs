@@ -406,7 +406,8 @@ fn check_ports(config: &Config, findings: &mut Findings) {
 pub(super) fn check_model_file(config: &Config) -> Option<Finding> {
     let path = config.control.model.as_ref()?;
     let model = Model::load_trusted(path);
-    let checked = model.and_then(|model| model.check_robot(&config.robot_id, config.motors()));
+    let allow = config.control.allow_worthless_model;
+    let checked = model.and_then(|model| model.check_use(&config.robot_id, config.motors(), allow));
     checked.err().map(|error| Finding {
         key: "control.model".to_owned(),
         value: path.display().to_string(),

@@ -7,9 +7,9 @@ use i2ris::config::Config;
 use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
-    FixtureChange, HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest,
-    ServoCommand, ServoGoal, StateReply, StateRequest,
+    CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, FixtureChange,
+    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
+    ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -147,7 +147,9 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             log_likelihood: None,
             bic: None,
             software: "test".to_owned(),
+            linear_gain: None,
         },
+        worthless: None,
         metrics: vec![
             OutputMetrics {
                 training: metrics,

@@ -39,6 +39,10 @@ pub struct ModelFile {
     /// The slow part of the error, where there is one: the adaptation follows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slow_error: Option<SlowErrorParameters>,
+    /// Why the fit found the model worthless, if it was written by `--force` all the same. The
+    /// controller refuses it unless its configuration allows such models.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worthless: Option<String>,
 }
 
 /// The slow part of the error of a model: one number along one direction of two outputs.
@@ -155,6 +159,9 @@ pub struct TrainingRecord {
     pub bic: Option<f64>,
     /// Version of the software that fitted it.
     pub software: String,
+    /// Gain of the affine model of the same rows, m rows of d; absent in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linear_gain: Option<Vec<Vec<f64>>>,
 }
 
 /// Quality of the fit of one output, in its unit.

@@ -158,7 +158,9 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
             log_likelihood: None,
             bic: None,
             software: "i2ris-bench".to_owned(),
+            linear_gain: None,
         },
+        worthless: None,
         metrics: vec![
             OutputMetrics {
                 training: fit,

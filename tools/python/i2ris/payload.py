@@ -208,6 +208,26 @@ class AdaptationMsg(Payload):
     ]
 
 
+class VirtualFixturesMsg(Payload):
+    """``virtual_fixtures``, out: regions that the snake may not enter.
+
+    ``active`` has a bit per region. The values of a region depend on its kind, as in ``VirtualFixtureRequest``; a
+    polygon (5) has the number of its corners and pitch and yaw of each.
+    """
+
+    NAME = "I2risVirtualFixturesV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("active", c_uint32),
+        ("limited_by", c_uint32),
+        ("kind", c_uint32 * 8),
+        ("values", (c_double * 17) * 8),
+        ("name", (c_uint8 * 24) * 8),
+    ]
+
+
 class EventMsg(Payload):
     """``events``, out: a line of the log, UTF-8, padded with 0."""
 
@@ -318,6 +338,17 @@ class MoveRequest(Payload):
         ("count", c_uint32),
         ("reserved", c_uint32),
     ]
+
+
+class VirtualFixtureRequest(Payload):
+    """``virtual_fixture``, request; the reply is a ``StateCommandReply``.
+
+    Actions: 1 on, 2 off, 3 add, 4 remove. Kinds to add, with their values: 1 circle (pitch, yaw, radius), 2 half-plane
+    (normal, normal, offset), rad; 3 ball (x, y, z, radius), 4 half-space (normal of 3, offset), m.
+    """
+
+    NAME = "I2risVirtualFixtureRequestV1"
+    _fields_ = [("client_id", c_uint64), ("action", c_uint32), ("kind", c_uint32), ("values", c_double * 4)]
 
 
 class VersionRequest(Payload):
