@@ -54,6 +54,7 @@
 //! ==================================================================== real time
 //! control loop      process/control_loop.rs: waits for the tick, reads, steps, writes
 //!                   core/cycle.rs:
+//!                     adaptation/     drift of the calibration, by the camera
 //!                     states/         drive status, faults, state transitions
 //!                     command/        admission: lease, deadline, range; goal extrapolation
 //!                     motion/         tremor filter, joint limits, backlash dead-band
@@ -93,6 +94,8 @@
 //! - **plausibility**: the comparison of the camera with the estimate of the model.
 //! - **overrun**: a tick that begins a period late or more.
 //! - **following error**: distance between setpoint and encoder.
+//! - **drift, adaptation**: how a robot comes to differ from its calibration; what follows that by
+//!   the camera. **Budget**: the largest drift that is followed.
 //! - **model slots**: the active, the staged and the previous model; swap and rollback exchange
 //!   them.
 //! - **heartbeat, watchdog**: one word in shared memory that the loop writes every tick; the

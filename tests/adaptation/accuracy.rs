@@ -3,7 +3,7 @@
 use i2ris_calibration::fit::Family;
 
 use crate::ageing::Ageing;
-use crate::fitted::model;
+use crate::fitted::{first_model, model};
 use crate::plant::SNAKES;
 use crate::trial::{ON, Trial};
 
@@ -12,6 +12,23 @@ const AGED: Ageing = Ageing {
     gain: 0.92,
     zero_deg: [0.6, -0.5],
 };
+
+#[test]
+fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse() {
+    let model = first_model();
+    let errors = [Ageing::NONE, AGED].map(|ageing| {
+        ["", ON].map(|table| {
+            let mut trial = Trial::new(table, SNAKES[0], &model, ageing);
+            trial.move_for(50.0);
+            trial.move_for(30.0)
+        })
+    });
+    let [[new, new_adapted], [aged, aged_adapted]] = errors;
+    println!("new {new:.3}, adapted {new_adapted:.3}; aged {aged:.3}, adapted {aged_adapted:.3}");
+    assert!(new_adapted <= new + 0.02);
+    assert!(aged > 2.5 * new, "{aged}");
+    assert!(aged_adapted < 1.6 * new, "{aged_adapted}");
+}
 
 #[test]
 #[ignore = "a table of some minutes, for people"]

@@ -8,13 +8,12 @@ use std::sync::Arc;
 use i2ris::core::ExternalPose;
 use i2ris::model::Model;
 use i2ris::units::Nanos;
-use i2ris_calibration::fit::Family;
 
 use crate::ageing::Ageing;
-use crate::fitted::model;
+use crate::fitted::first_model;
 use crate::plant::SNAKES;
 use crate::random::Random;
-use crate::trial::{ON, Trial};
+use crate::trial::Trial;
 
 /// Kinds of signals.
 const KINDS: u64 = 12;
@@ -86,12 +85,12 @@ impl Signal {
     }
 }
 
+const TABLE: &str = "[adaptation]\nenabled = true\n[plausibility]\ndistance_deg = 0.0";
+
 /// The largest correction, and the largest rate of it beyond what the gain adds to the goal's own
 /// motion; deg and deg/s.
-fn run(seed: u64, seconds: u64, model: &Arc<Model>) -> (f64, f64) {
-    let table = format!("{ON}\n[plausibility]\ndistance_deg = 0.0");
-    let mut on = Trial::new(&table, SNAKES[0], model, Ageing::NONE);
-    on.camera = None;
+fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64) {
+    let mut on = start.branch(TABLE, model);
     on.seed(seed);
     let mut signal = Signal::new(seed);
     let (mut largest, mut fastest) = (0.0_f64, 0.0_f64);
@@ -129,28 +128,33 @@ fn run(seed: u64, seconds: u64, model: &Arc<Model>) -> (f64, f64) {
     (largest, fastest)
 }
 
-fn campaign(seeds: std::ops::Range<u64>, seconds: u64) {
-    let model = model(SNAKES[0], Family::GmrPlay, Ageing::NONE);
-    let (mut largest, mut fastest) = (0.0_f64, 0.0_f64);
-    let count = seeds.end - seeds.start;
+fn campaign(seeds: impl Iterator<Item = u64>, seconds: u64) {
+    let model = first_model();
+    let start = Trial::new(TABLE, SNAKES[0], &model, Ageing::NONE);
+    let (mut count, mut largest, mut fastest) = (0, 0.0_f64, 0.0_f64);
     for seed in seeds {
-        let (shift, rate) = run(seed, seconds, &model);
+        let (shift, rate) = run(seed, seconds, &start, &model);
         assert!(shift <= 4.8 + 1e-6, "seed {seed}: {shift} deg");
-        // One degree per second and motor; both may move at once.
-        assert!(rate <= 1.5, "seed {seed}: {rate} deg/s");
+        // The goal is a little ahead of the pose for which the limit holds.
+        assert!(rate <= 1.05, "seed {seed}: {rate} deg/s");
+        count += 1;
         largest = largest.max(shift);
         fastest = fastest.max(rate);
+        if count % 20 == 0 {
+            println!("{count}: largest correction {largest:.3} deg, fastest {fastest:.3} deg/s");
+        }
     }
     println!("{count} signals: largest correction {largest:.3} deg, fastest {fastest:.3} deg/s");
 }
 
 #[test]
 fn wrong_cameras_move_the_tip_within_budget_and_limit() {
-    campaign(0..60, 8);
+    // One of every kind, at every rate.
+    campaign((0..KINDS).map(|kind| 5 * kind + kind % 5), 12);
 }
 
 #[test]
-#[ignore = "a thousand signals take minutes: for people"]
+#[ignore = "a thousand signals take an hour: for people"]
 fn a_thousand_wrong_cameras_move_the_tip_within_budget_and_limit() {
     campaign(0..1020, 20);
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufWriter;
+use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use i2ris::model::Model;
@@ -14,7 +15,7 @@ use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
 use i2ris_emulator::zoo::DrawnSnake;
 
 use crate::ageing::Ageing;
-use crate::plant::{Plant, TICK_S};
+use crate::plant::{Plant, SNAKES, TICK_S};
 use crate::random::Random;
 
 /// A model of a snake, from a recording of two minutes. Every model is made once.
@@ -27,6 +28,12 @@ pub fn model(snake: DrawnSnake, family: Family, ageing: Ageing) -> Arc<Model> {
             .entry(key)
             .or_insert_with(|| fit_model(snake, family, ageing)),
     )
+}
+
+/// The model of the first snake, as [`model`] makes it: a fit of plays takes a minute.
+pub fn first_model() -> Arc<Model> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation");
+    Arc::new(Model::load(&folder.join("lugre-1.json")).unwrap())
 }
 
 fn fit_model(snake: DrawnSnake, family: Family, ageing: Ageing) -> Arc<Model> {
@@ -91,4 +98,12 @@ fn condition(plant: &mut Plant) {
         let size = 800.0 * (1.0 - share) * (8.0 * share).min(1.0);
         plant.tick([size * sin, size * cos]);
     }
+}
+
+#[test]
+#[ignore = "writes the model that the tests use"]
+fn renew_the_first_model() {
+    let model = model(SNAKES[0], Family::GmrPlay, Ageing::NONE);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation");
+    model.file().write(&folder.join("lugre-1.json")).unwrap();
 }

@@ -16,3 +16,4 @@ mod trial;
 mod accuracy;
 mod campaign;
 mod fences;
+mod timing;

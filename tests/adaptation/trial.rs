@@ -1,6 +1,7 @@
 //! A trial: the cycle in front of a plant, a hand that moves a goal, and a camera.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use i2ris::config::Config;
 use i2ris::core::adaptation::AdaptationReport;
@@ -41,8 +42,8 @@ pub struct Trial {
     pub frame: Option<ExternalPose>,
     pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
-    /// Every tick, if it is to be recorded.
-    pub inputs: Option<Vec<(Nanos, CycleInputs, CycleOutputs)>>,
+    /// Of every tick: whether it had a frame, and its time, us.
+    pub times: Option<Vec<(bool, f64)>>,
     feedback: [AxisFeedback; MAX_MOTORS],
     requests: [AxisRequest; MAX_MOTORS],
     commands: u64,
@@ -73,7 +74,7 @@ impl Trial {
             frame: None,
             out,
             events: Vec::new(),
-            inputs: None,
+            times: None,
             feedback: [homed; MAX_MOTORS],
             requests: [AxisRequest::default(); MAX_MOTORS],
             commands: 0,
@@ -85,6 +86,21 @@ impl Trial {
         trial.command(StateCommand::Condition);
         trial.camera = Some(Camera::new(CameraPlan::default()));
         trial
+    }
+
+    /// Another trial that goes on from here, with the same configuration and model.
+    pub fn branch(&self, table: &str, model: &Arc<Model>) -> Self {
+        let snapshot = self.cycle.snapshot().expect("no model waits to be freed");
+        let find = |_| Some(Arc::clone(model));
+        Self {
+            cycle: ControlCycle::restored(&config(table), &snapshot, find).unwrap(),
+            plant: self.plant.clone(),
+            camera: None,
+            frame: None,
+            events: Vec::new(),
+            times: None,
+            ..*self
+        }
     }
 
     /// Another motion of the hand.
@@ -130,14 +146,16 @@ impl Trial {
             feedback: self.feedback,
             ..CycleInputs::default()
         };
+        let begun = Instant::now();
         self.out = self.cycle.step(self.now, &inputs);
+        if let Some(times) = &mut self.times {
+            let microseconds = begun.elapsed().as_secs_f64() * 1e6;
+            times.push((inputs.external.is_some(), microseconds));
+        }
         drop(self.cycle.take_retired());
         self.requests = self.out.requests;
         let events = self.out.events.iter().flatten();
         self.events.extend(events.map(|event| event.kind));
-        if let Some(recorded) = &mut self.inputs {
-            recorded.push((self.now, inputs, self.out));
-        }
         let axes = self.requests.iter().zip(encoders);
         let setpoints: Vec<f64> = axes
             .map(|(request, counts)| match request.demand {

@@ -81,7 +81,18 @@ fn cause_fault(bench: &mut Bench, session: u32) {
 
 #[test]
 fn ten_thousand_ticks_with_faults_recoveries_and_swaps_do_not_allocate() {
-    let mut bench = Bench::standard();
+    count_calls(Bench::standard());
+}
+
+#[test]
+fn ten_thousand_ticks_with_adaptation_do_not_allocate() {
+    let on = bench::config("[adaptation]\nenabled = true");
+    let mut bench = Bench::new(on, Some(bench::play_model()));
+    bench.camera = Some([0.01, -0.01]);
+    count_calls(bench);
+}
+
+fn count_calls(mut bench: Bench) {
     bench.probe = calls;
     let models = [bench::play_model(), bench::model(OutputUnit::Deg)];
     let begin = bench.now;

@@ -7,9 +7,9 @@ use i2ris::config::Config;
 use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
-    FixtureChange, HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest,
-    ServoCommand, ServoGoal, StateReply, StateRequest,
+    CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, FixtureChange,
+    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
+    ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -131,6 +131,7 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
         max: 0.2,
     };
     ModelFile {
+        slow_error: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
@@ -190,6 +191,8 @@ pub struct Bench {
     pub fixture: Option<FixtureChange>,
     /// Seen by a camera, in the next tick.
     pub external: Option<ExternalPose>,
+    /// A camera that sees the estimate and this shift, rad, 30 times a second and 20 ms late.
+    pub camera: Option<[f64; 2]>,
     /// How many ticks late every tick is from now on.
     pub missed: u32,
     /// Something that counts, read before and after every step, and the sum of the differences.
@@ -210,6 +213,8 @@ pub struct Bench {
 pub struct Recording {
     pub ticks: Vec<TickRecord>,
     pub snapshots: Vec<CycleSnapshot>,
+    /// Ticks from snapshot to snapshot; 0: in every tick.
+    pub interval: usize,
     pub offers: Vec<OfferRecord>,
     pub models: Vec<Vec<u8>>,
     offered: Option<u64>,
@@ -237,7 +242,8 @@ impl Recording {
             outputs: *outputs,
             timing,
         });
-        self.snapshots.extend(snapshot);
+        let is_due = self.ticks.len().is_multiple_of(self.interval.max(1));
+        self.snapshots.extend(snapshot.filter(|_| is_due));
     }
 
     pub fn keep(&mut self, model: &Model) {
@@ -277,6 +283,7 @@ impl Bench {
             pose: None,
             fixture: None,
             external: None,
+            camera: None,
             missed: 0,
             probe: || 0,
             probed: 0,
@@ -305,6 +312,7 @@ impl Bench {
             drive.tick(self.now, request);
         }
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
+        self.see();
         let (model, external, missed) =
             (self.model_request.take(), self.external.take(), self.missed);
         let inputs = CycleInputs {
@@ -328,6 +336,21 @@ impl Bench {
         self.watch.check(&inputs, &self.out);
         self.note_events();
         self.record_motion();
+    }
+
+    fn see(&mut self) {
+        let is_due = (self.now.0 / 1_000_000).is_multiple_of(33);
+        if let Some([pitch, yaw]) = self.camera
+            && is_due
+            && let Some(joint) = self.out.report.joint
+        {
+            self.external = Some(ExternalPose {
+                stamp: self.now - Nanos::from_millis(20),
+                position: [joint.measured[0] + pitch, joint.measured[1] + yaw, 0.0],
+                outputs: 2,
+                quality: 0.0,
+            });
+        }
     }
 
     fn record_motion(&mut self) {

@@ -1,6 +1,7 @@
 //! Replay: a recorded session gives the same outputs to the bit, with swaps, faults, homings, and
 //! from any snapshot.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -92,6 +93,80 @@ fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
     );
     assert_eq!(replayed.swaps, 3);
     assert!(replayed.ticks > 2000);
+}
+
+/// Motion that adapts, a swap, a rollback and a fault on the way.
+fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
+    let follow = |bench: &mut Bench, phase: f64| {
+        for k in 0..1000 {
+            let t = f64::from(k) * 0.005;
+            let goal = [
+                5.0 * (3.0 * t).sin(),
+                4.0 * (2.0 * t + phase).sin() * t.min(1.0),
+            ];
+            assert_eq!(bench.joint(goal[0], goal[1]), Refusal::None);
+            bench.run(4);
+        }
+        bench.until("the start", |bench| bench.report().holding);
+        bench.pose = Some(([0.0; 3], 2));
+        assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+        bench.idle();
+    };
+    bench.home();
+    bench.enable();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    follow(bench, 0.0);
+    assert_eq!(bench.swap(second), Refusal::None);
+    follow(bench, 0.3);
+    let rolled_back = bench.change_model(ModelChange::Rollback, false);
+    assert_eq!(rolled_back, Refusal::None);
+    follow(bench, 0.6);
+    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    bench.run(50);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.idle();
+    bench.enable();
+    follow(bench, 0.9);
+}
+
+#[test]
+fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
+    let (first, second) = (play_model(), scaled_play_model(1.1));
+    let on = config("[adaptation]\nenabled = true");
+    let mut bench = Bench::new(on, Some(Arc::clone(&first)));
+    bench.camera = Some([0.008, -0.006]);
+    let mut recording = Recording::default();
+    recording.interval = 3001;
+    bench.recording = Some(recording);
+    run_adapting_session(&mut bench, &second);
+    let mut recording = bench.recording.take().unwrap();
+    recording.keep(&first);
+    let adapted = recording.ticks.iter().filter_map(|tick| {
+        let adaptation = tick.outputs.report.adaptation?;
+        (adaptation.applied.zero != [0.0; 2]).then_some(adaptation.model)
+    });
+    let models: BTreeSet<_> = adapted.flatten().collect();
+    assert_eq!(models.len(), 2, "both models were adapted");
+    let mut content = BlackBox {
+        header: Header {
+            software: "test".to_owned(),
+            ..Header::default()
+        },
+        config: toml::to_string(&bench.config).unwrap(),
+        models: recording.models,
+        offers: recording.offers,
+        snapshots: recording.snapshots,
+        ticks: recording.ticks,
+    };
+    let bytes = content.to_bytes().unwrap();
+    content = BlackBox::from_bytes(&bytes, Path::new("session.box")).unwrap();
+    // From every snapshot to the end: in motion, between models, after the fault.
+    while !content.snapshots.is_empty() {
+        let replayed = replay(&content).unwrap();
+        assert_eq!(replayed.difference, None);
+        content.snapshots.remove(0);
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use i2ris::core::adaptation::{AdaptationEvent, AdaptationReport};
+use i2ris::core::adaptation::{AdaptationEvent, AdaptationReport, Drift};
 use i2ris::core::{CycleEventKind, ExternalPose};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::{Memory, Model};
@@ -103,13 +103,17 @@ impl Drifting {
 
     /// How far the correction moves the tip at a pose, deg.
     pub fn shift(&self, pose: [f64; 2]) -> f64 {
-        let applied = self.adaptation().applied;
-        let [x, y] = [0, 1].map(|i| {
-            let [a, b] = applied.gain[i];
-            applied.zero[i].to_degrees() + a * pose[0] + b * pose[1]
-        });
+        let [x, y] = shift(&self.adaptation().applied, pose);
         x.hypot(y)
     }
+}
+
+/// How a correction moves the tip at a pose, deg.
+pub fn shift(applied: &Drift, pose: [f64; 2]) -> [f64; 2] {
+    [0, 1].map(|i| {
+        let [a, b] = applied.gain[i];
+        applied.zero[i].to_degrees() + a * pose[0] + b * pose[1]
+    })
 }
 
 /// A hand that wanders by up to 9 deg, deg.

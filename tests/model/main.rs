@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod direction;
+mod drifted;
 mod file;
 mod gmr;
 mod hull;

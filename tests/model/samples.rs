@@ -27,6 +27,7 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
         unit: OutputUnit::Deg,
     };
     ModelFile {
+        slow_error: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),

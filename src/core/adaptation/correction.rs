@@ -11,9 +11,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::Pair;
+use super::budget::BudgetUse;
 use super::drift::Drift;
 use super::geometry::{ModelGeometry, inverse, pair, product};
-use super::settings::Settings;
+use super::settings::{Settings, length};
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.
@@ -106,29 +107,59 @@ struct MotorRow {
 }
 
 impl MovingCorrection {
-    /// Moves one tick towards a drift. `goal_motion`: of the motors by the goal in this tick,
-    /// counts.
+    /// Moves one tick towards a drift, inside the budget. `goal_motion`: of the motors by the goal
+    /// in this tick, counts.
     pub fn advance(
         &mut self,
         drift: &Drift,
         pose: Pair,
         goal_motion: MotorVec,
+        gap_reach: Pair,
         geometry: &ModelGeometry,
         settings: &Settings,
     ) {
         let target = rows(drift, geometry);
-        for (motor, row) in self.rows.iter_mut().enumerate() {
+        let slew = settings.slew * settings.tick_s;
+        let mut steps = [MotorStep::default(); MAX_MOTORS];
+        let mut tip = Pair::default();
+        for (motor, step) in steps.iter_mut().enumerate() {
             let motion = goal_motion[motor];
-            let column = [geometry.slope[0][motor], geometry.slope[1][motor]];
-            let limit = settings.slew * settings.tick_s / column[0].hypot(column[1]);
-            let limit = limit.min(SHARE * motion.abs());
-            row.advance(&target[motor], pose, motion, limit, settings.tick_s);
-            if motion.abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
-                let step = GAP_SLEW_PER_S * settings.tick_s;
-                let change = drift.gap[motor] - self.gap[motor];
-                self.gap[motor] += change.max(-step).min(step);
+            let limit = SHARE * motion.abs();
+            *step = self.rows[motor].step(&target[motor], pose, motion, limit, settings.tick_s);
+            for (tip, row) in tip.iter_mut().zip(&geometry.slope) {
+                *tip += row[motor] * step.shift;
             }
         }
+        // Both motors together move the tip no faster than the limit.
+        let share = if length(tip) > slew {
+            slew / length(tip)
+        } else {
+            1.0
+        };
+        let mut used = self.used(gap_reach, geometry, settings);
+        for (motor, step) in steps.iter().enumerate() {
+            let before = *self;
+            self.rows[motor].take(step, share);
+            if goal_motion[motor].abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
+                let most = GAP_SLEW_PER_S * settings.tick_s;
+                let change = drift.gap[motor] - self.gap[motor];
+                self.gap[motor] += change.max(-most).min(most);
+            }
+            // The motors go their ways at different times: what they make together may be more than
+            // what was estimated at any time.
+            let next = self.used(gap_reach, geometry, settings);
+            if next > 1.0 && next > used {
+                *self = before;
+            } else {
+                used = next;
+            }
+        }
+    }
+
+    /// The largest share of the budget.
+    fn used(&self, gap_reach: Pair, geometry: &ModelGeometry, settings: &Settings) -> f64 {
+        let drift = self.correction(geometry).drift();
+        BudgetUse::new(&drift, geometry, gap_reach, settings).largest()
     }
 
     pub fn correction(&self, geometry: &ModelGeometry) -> Correction {
@@ -146,27 +177,44 @@ impl MovingCorrection {
     }
 }
 
+/// A step of the correction of a motor.
+#[derive(Debug, Clone, Copy, Default)]
+struct MotorStep {
+    row: MotorRow,
+    /// How far it moves the motor at the present pose, counts.
+    shift: f64,
+}
+
 impl MotorRow {
-    fn advance(&mut self, target: &Self, pose: Pair, motion: f64, limit: f64, tick_s: f64) {
-        if motion == 0.0 {
-            return;
-        }
-        let (zero, gain) = (
-            target.zero - self.zero,
-            [target.gain[0] - self.gain[0], target.gain[1] - self.gain[1]],
-        );
+    /// The step towards a target, along the motion of the goal, that moves the motor by at most
+    /// `limit`.
+    fn step(&self, target: &Self, pose: Pair, motion: f64, limit: f64, tick_s: f64) -> MotorStep {
+        let row = Self {
+            zero: target.zero - self.zero,
+            gain: [target.gain[0] - self.gain[0], target.gain[1] - self.gain[1]],
+        };
         // The inverse takes the correction away from the goal.
-        let shift = -(zero + gain[0] * pose[0] + gain[1] * pose[1]);
-        if shift * motion < 0.0 {
-            return;
+        let shift = -(row.zero + row.gain[0] * pose[0] + row.gain[1] * pose[1]);
+        if motion == 0.0 || shift * motion < 0.0 {
+            return MotorStep::default();
         }
         let mut share = NEARER_PER_S * tick_s;
         if share * shift.abs() > limit {
             share = limit / shift.abs();
         }
-        self.zero += share * zero;
-        self.gain[0] += share * gain[0];
-        self.gain[1] += share * gain[1];
+        MotorStep {
+            row: Self {
+                zero: share * row.zero,
+                gain: row.gain.map(|gain| share * gain),
+            },
+            shift: share * shift,
+        }
+    }
+
+    fn take(&mut self, step: &MotorStep, share: f64) {
+        self.zero += share * step.row.zero;
+        self.gain[0] += share * step.row.gain[0];
+        self.gain[1] += share * step.row.gain[1];
     }
 }
 

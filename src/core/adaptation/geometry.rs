@@ -64,7 +64,7 @@ impl ModelGeometry {
             corners: corners.into_iter().map(|(_, pose)| pose).collect(),
             deviation: deviation(model),
             outputs: outputs.len(),
-            slow: None,
+            slow: slow_error(model),
             has_gap: matches!(
                 model.file().family,
                 FamilyParameters::GmrPlay { .. }
@@ -140,8 +140,21 @@ pub(super) fn subtract(a: Pair, b: Pair) -> Pair {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// Root mean square deviation of the fit on rows that it has not seen, if there were any.
+fn slow_error(model: &Model) -> Option<SlowError> {
+    let slow = model.file().slow_error?;
+    Some(SlowError {
+        direction: slow.direction,
+        deviation: slow.deviation.to_radians(),
+        time_constant_s: slow.time_constant_s,
+    })
+}
+
+/// Root mean square deviation of the fit on rows that it has not seen, if there were any; beside
+/// the slow part of the error, if it is known.
 fn deviation(model: &Model) -> Pair {
+    if let Some(slow) = &model.file().slow_error {
+        return [slow.rest.to_radians().max(LEAST_DEVIATION); 2];
+    }
     let mut deviation = [LEAST_DEVIATION; 2];
     for (deviation, metrics) in deviation.iter_mut().zip(&model.file().metrics) {
         let fit = metrics.held_out.unwrap_or(metrics.training);

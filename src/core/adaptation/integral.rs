@@ -23,8 +23,9 @@ const ACTUATION_S: f64 = 0.02;
 /// The zero stays within this, rad.
 const LARGEST: f64 = 1.0 * DEG;
 
-/// Frames further away are refused, rad.
+/// Frames further away than this, rad, or than so many deviations of the model are refused.
 const GATE: f64 = 3.0 * DEG;
+const GATE_DEVIATIONS: f64 = 3.0;
 
 /// Time over which the delay is averaged, s.
 const DELAY_S: f64 = 2.0;
@@ -42,14 +43,15 @@ impl Integral {
         self.zero
     }
 
-    /// Takes a frame; false if it was refused. `error`: camera minus adapted pose, rad.
-    pub fn add(&mut self, error: Pair, frame: &Frame, is_learning: bool) -> bool {
+    /// Takes a frame; false if it was refused. `error`: camera minus adapted pose, rad. `model`:
+    /// deviation of the model, rad.
+    pub fn add(&mut self, error: Pair, model: f64, frame: &Frame, is_learning: bool) -> bool {
         let interval_s = frame.interval_s.min(1.0);
         let delay_s = frame.age_s + 0.5 * interval_s + ACTUATION_S;
         let before = self.delay_s.unwrap_or(delay_s);
         let delay_s = forget(before, delay_s, DELAY_S, interval_s);
         self.delay_s = Some(delay_s);
-        if error[0].hypot(error[1]) > GATE {
+        if error[0].hypot(error[1]) > GATE.max(GATE_DEVIATIONS * model) {
             return false;
         }
         if is_learning {
@@ -80,7 +82,7 @@ mod tests {
         };
         for _ in 0..100 {
             let error = [0.5 * DEG - integral.zero()[0], 0.0];
-            assert!(integral.add(error, &frame, true));
+            assert!(integral.add(error, 0.0, &frame, true));
         }
         // One time constant of 3.3 s.
         assert!(
@@ -88,10 +90,10 @@ mod tests {
             "{integral:?}"
         );
         for _ in 0..3000 {
-            assert!(integral.add([2.0 * DEG, -2.0 * DEG], &frame, true));
+            assert!(integral.add([2.0 * DEG, -2.0 * DEG], 0.0, &frame, true));
         }
         assert_eq!(integral.zero(), [LARGEST, -LARGEST]);
-        assert!(!integral.add([4.0 * DEG, 0.0], &frame, true));
+        assert!(!integral.add([4.0 * DEG, 0.0], 0.0, &frame, true));
     }
 
     #[test]
@@ -104,7 +106,7 @@ mod tests {
         };
         let follow = |age_s| {
             let mut integral = Integral::default();
-            integral.add([0.1 * DEG, 0.0], &frame(age_s), true);
+            integral.add([0.1 * DEG, 0.0], 0.0, &frame(age_s), true);
             integral.zero()[0]
         };
         assert!(follow(1.5) < 0.7 * follow(0.05));

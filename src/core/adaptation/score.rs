@@ -14,11 +14,14 @@ const WINDOW: Nanos = Nanos::from_millis(10_000);
 /// Frames that a window needs; with fewer it goes on.
 const LEAST_FRAMES: u32 = 20;
 
-/// Windows in a row in which the adapted model is worse, before it is taken back.
+/// Windows in which the adapted model is worse, before it is taken back; one that is not worse
+/// takes one of them away.
 const WORSE_WINDOWS: u8 = 3;
 
-/// By less than this the adapted model is not worse, rad.
+/// By less than this the adapted model is not worse, rad, and as a share: a push from outside, which
+/// adds to both errors, takes nothing back.
 const MARGIN: f64 = 0.02 * DEG;
+const MARGIN_SHARE: f64 = 0.05;
 
 /// Larger errors count as this, rad: one outlier decides no window.
 const LARGEST: f64 = 3.0 * DEG;
@@ -57,10 +60,10 @@ impl Score {
         }
         self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
         let [calibrated, adapted] = self.last;
-        self.worse = if adapted > calibrated + MARGIN {
+        self.worse = if adapted > (1.0 + MARGIN_SHARE) * calibrated + MARGIN {
             self.worse + 1
         } else {
-            0
+            self.worse.saturating_sub(1)
         };
         (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
         if self.worse < WORSE_WINDOWS {
@@ -95,10 +98,10 @@ mod tests {
     }
 
     #[test]
-    fn three_worse_windows_in_a_row_take_the_correction_back() {
+    fn three_worse_windows_take_the_correction_back() {
         let mut score = Score::default();
         assert!(run(&mut score, 1, 25, [0.5, 0.6]).is_empty());
-        // A window that is not worse begins the count again.
+        // A window that is not worse takes one away.
         assert!(run(&mut score, 30, 12, [0.5, 0.4]).is_empty());
         assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]).len(), 1);
     }
@@ -106,7 +109,7 @@ mod tests {
     #[test]
     fn equal_errors_and_single_outliers_take_nothing_back() {
         let mut score = Score::default();
-        assert!(run(&mut score, 1, 100, [0.5, 0.51]).is_empty());
+        assert!(run(&mut score, 1, 100, [0.5, 0.54]).is_empty());
         for second in 0..100 {
             assert!(run(&mut score, 200 + second, 1, [0.5, 0.4]).is_empty());
             let now = Nanos::from_millis((200 + second) * 1000 + 990);

@@ -29,6 +29,9 @@ use crate::units::Nanos;
 /// swing.
 const FRAMES_BEYOND: u32 = 60;
 
+/// The share of the budget that is as good as all of it: the estimate is kept inside.
+const USED_UP: f64 = 0.99;
+
 /// The adaptation of the active model.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::core) struct Adaptation {
@@ -204,7 +207,9 @@ impl Adaptation {
         state.excitation.add(&regressors, frame.interval_s.min(1.0));
         if self.state.pauses.look_away() {
             self.state.filter.counts.paused += 1;
-            self.state.score.restart();
+            if self.state.pauses.contains(Pause::Settling) {
+                self.state.score.restart();
+            }
             return;
         }
         if self.state.is_used_up || self.state.is_taken_back {
@@ -213,7 +218,7 @@ impl Adaptation {
             self.filter_frame(&frame, &regressors, geometry, events);
             self.update_budget(geometry, events);
         } else {
-            self.integrate_frame(&frame, &regressors, events);
+            self.integrate_frame(&frame, &regressors, geometry, events);
             self.update_budget(geometry, events);
         }
         self.judge(&frame, &regressors, geometry, now, events);
@@ -253,7 +258,13 @@ impl Adaptation {
         self.count(found.is_accepted, is_learning, seconds, events);
     }
 
-    fn integrate_frame(&mut self, frame: &Frame, regressors: &Regressors, events: &mut EventList) {
+    fn integrate_frame(
+        &mut self,
+        frame: &Frame,
+        regressors: &Regressors,
+        geometry: &ModelGeometry,
+        events: &mut EventList,
+    ) {
         let state = &mut self.state;
         let is_learning = !state.pauses.contains(Pause::CameraDisbelieved)
             && state.excitation.shown().first() == Some(&true);
@@ -261,7 +272,8 @@ impl Adaptation {
         let zero = state.integral.zero();
         let expected = [0, 1].map(|output| regressors.moment.gapped[output] + zero[output]);
         let error = subtract(frame.pose, expected);
-        let is_accepted = state.integral.add(error, frame, is_learning);
+        let model = length(geometry.deviation);
+        let is_accepted = state.integral.add(error, model, frame, is_learning);
         self.count(is_accepted, is_learning, frame.interval_s.min(1.0), events);
     }
 
@@ -295,7 +307,7 @@ impl Adaptation {
         let reach = state.excitation.gap_reach();
         state.used = BudgetUse::new(&drift, geometry, reach, settings);
         let used = state.used.largest();
-        state.frames_beyond = if used >= 1.0 {
+        state.frames_beyond = if used >= USED_UP {
             state.frames_beyond + 1
         } else {
             0
@@ -346,16 +358,12 @@ impl Adaptation {
         let motion = geometry.counts(pair(joints.goal_motion()));
         if self.state.conditions.is_settled(now) {
             let drift = self.drift(geometry);
-            let inside = inside(
-                &drift,
-                geometry,
-                self.state.excitation.gap_reach(),
-                &self.settings,
-            );
+            let reach = self.state.excitation.gap_reach();
+            let inside = inside(&drift, geometry, reach, &self.settings);
             let pose = pair(&joints.setpoint().unwrap_or_default());
             self.state
                 .correction
-                .advance(&inside, pose, motion, geometry, &self.settings);
+                .advance(&inside, pose, motion, reach, geometry, &self.settings);
         }
         let correction = self.state.correction.correction(geometry);
         joints.set_correction(correction);

@@ -8,6 +8,9 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 /// The longest name of an output, in bytes.
 const MAX_NAME_BYTES: usize = 16;
 
+/// Beyond every angle and every time of a slow error.
+const LARGEST_SLOW: f64 = 1e6;
+
 /// Checks everything except the parameters of the family and the hull. Returns the number of
 /// motors.
 pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
@@ -21,6 +24,7 @@ pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
     )?;
     check_outputs(file)?;
     check_records(file)?;
+    check_slow_error(file)?;
     let motors = file.hull.corners.first().map_or(0, Vec::len);
     require(
         (1..=MAX_MOTORS).contains(&motors),
@@ -44,6 +48,46 @@ pub(in crate::model) fn check_header(format: &str, schema_version: u64) -> Resul
         });
     }
     Ok(())
+}
+
+fn check_slow_error(file: &ModelFile) -> Result<(), ModelError> {
+    let Some(slow) = &file.slow_error else {
+        return Ok(());
+    };
+    let key = |name: &str| format!("slow_error.{name}");
+    let outputs = file.outputs.len();
+    require(
+        outputs == 2,
+        || "slow_error".to_owned(),
+        format!("{outputs} outputs"),
+        "only a model of two outputs has one",
+    )?;
+    let [x, y] = slow.direction;
+    require(
+        (x.hypot(y) - 1.0).abs() < 1e-6,
+        || key("direction"),
+        format!("{:?}", slow.direction),
+        "must have length 1",
+    )?;
+    let positive = [
+        ("deviation", slow.deviation),
+        ("time_constant_s", slow.time_constant_s),
+    ];
+    for (name, value) in positive {
+        let is_valid = value > 0.0 && value < LARGEST_SLOW;
+        require(
+            is_valid,
+            || key(name),
+            value,
+            "must be above 0 and below 1000000",
+        )?;
+    }
+    require(
+        (0.0..LARGEST_SLOW).contains(&slow.rest),
+        || key("rest"),
+        slow.rest,
+        "must be 0 to 1000000",
+    )
 }
 
 fn check_outputs(file: &ModelFile) -> Result<(), ModelError> {

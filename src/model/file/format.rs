@@ -36,10 +36,27 @@ pub struct ModelFile {
     pub training: TrainingRecord,
     /// Quality of the fit, one entry per output.
     pub metrics: Vec<OutputMetrics>,
+    /// The slow part of the error, where there is one: the adaptation follows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slow_error: Option<SlowErrorParameters>,
     /// Why the fit found the model worthless, if it was written by `--force` all the same. The
     /// controller refuses it unless its configuration allows such models.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worthless: Option<String>,
+}
+
+/// The slow part of the error of a model: one number along one direction of two outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SlowErrorParameters {
+    /// Of length 1.
+    pub direction: [f64; 2],
+    /// Its standard deviation, in the unit of the outputs, above 0.
+    pub deviation: f64,
+    /// Time after which its autocorrelation has fallen to 1/e, s, above 0.
+    pub time_constant_s: f64,
+    /// Standard deviation of the error across the direction, in the unit of the outputs.
+    pub rest: f64,
 }
 
 /// One output of a model.

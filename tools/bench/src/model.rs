@@ -247,6 +247,7 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
         max: 0.0,
     };
     ModelFile {
+        slow_error: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),

@@ -171,6 +171,7 @@ mod tests {
             max: 2.0,
         };
         Model::from_file(ModelFile {
+            slow_error: None,
             format: FORMAT.to_owned(),
             schema_version: SCHEMA_VERSION,
             robot_id: "test".to_owned(),

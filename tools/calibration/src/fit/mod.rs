@@ -8,6 +8,7 @@
 //! | `metrics` | errors of predictions |
 //! | `flatness` | models that are flat where the robot is not |
 //! | `drift` | slow changes of the outputs during a recording |
+//! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
 //! | `gmr` | mixtures on the counts, and their number of components |
 //! | `one_family` | the fit of each family |
@@ -28,6 +29,7 @@ mod model_file;
 mod one_family;
 pub mod options;
 pub mod outcome;
+mod slow_error;
 pub mod split;
 #[cfg(test)]
 mod tests;

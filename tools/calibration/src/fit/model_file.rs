@@ -2,11 +2,12 @@
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, SCHEMA_VERSION,
-    TrainingRecord,
+    SlowErrorParameters, TrainingRecord,
 };
 use i2ris::model::{Model, ModelError};
 
 use super::metrics::{metrics, predictions};
+use super::slow_error::slow_error;
 use super::split::Split;
 use crate::recording::Recording;
 use crate::regression::linear::LinearFit;
@@ -83,13 +84,16 @@ impl FileContext<'_> {
     /// When the model is refused, as it would be by the controller.
     pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
         let mut file = self.file(fitted);
-        file.metrics = self.measure(&Model::from_file(file.clone())?);
+        let model = Model::from_file(file.clone())?;
+        file.metrics = self.measure(&model);
+        file.slow_error = self.slow_error(&model);
         Model::from_file(file)
     }
 
     /// The model file without metrics: these need the model.
     fn file(&self, fitted: &Fitted) -> ModelFile {
         ModelFile {
+            slow_error: None,
             format: FORMAT.to_owned(),
             schema_version: SCHEMA_VERSION,
             robot_id: self.robot_id.to_owned(),
@@ -110,6 +114,17 @@ impl FileContext<'_> {
             worthless: None,
             metrics: vec![NO_METRICS; self.recording.outputs().len()],
         }
+    }
+
+    /// On rows held out, if there are any: on those the error is that of a camera in use.
+    fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
+        let held_out: Vec<usize> = self.split.held_out().collect();
+        let rows = if held_out.is_empty() {
+            self.training
+        } else {
+            &held_out
+        };
+        slow_error(model, self.recording, rows)
     }
 
     /// Metrics on the rows used for training and on all rows held out, flagged ones included: what

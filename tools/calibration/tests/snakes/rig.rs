@@ -72,6 +72,7 @@ pub fn model_file(family: FamilyParameters, recording: &Recording) -> ModelFile 
         .map(|position| position.counts)
         .collect();
     ModelFile {
+        slow_error: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),

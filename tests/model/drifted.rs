@@ -1,0 +1,150 @@
+//! Gap scales of a memory, and model files with a drift built in.
+
+use i2ris::model::file::{FamilyParameters, FileDrift, MixtureParameters, ModelFile};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::{Model, Query};
+
+use crate::samples::{file, linear, region, some_stops, two_by_two};
+
+/// 0.02 deg per count of every motor.
+fn flat_mixture() -> MixtureParameters {
+    let (spread, gain) = (800.0_f64.powi(2), 0.02);
+    let (cross, out) = (gain * spread, gain * gain * spread + 0.01);
+    MixtureParameters {
+        weights: vec![1.0],
+        means: vec![vec![0.0; 4]],
+        covariances: vec![vec![
+            vec![spread, 0.0, cross, 0.0],
+            vec![0.0, spread, 0.0, cross],
+            vec![cross, 0.0, out, 0.0],
+            vec![0.0, cross, 0.0, out],
+        ]],
+    }
+}
+
+fn play_file() -> ModelFile {
+    let plays = PlayParameters {
+        thresholds_counts: vec![vec![0.0, 20.0, 80.0]; 2],
+        weights: vec![vec![0.4, 0.3, 0.3]; 2],
+        planar_thresholds_counts: vec![],
+    };
+    let family = FamilyParameters::GmrPlay {
+        plays,
+        mixture: flat_mixture(),
+        residual: None,
+        virtual_hull: i2ris::model::file::HullParameters {
+            corners: region(2, 1500.0),
+        },
+    };
+    file(2, family, region(2, 1500.0))
+}
+
+fn stop_file() -> ModelFile {
+    let family = FamilyParameters::GmrStop {
+        stops: some_stops(2),
+        mixture: flat_mixture(),
+        residual: None,
+        virtual_hull: i2ris::model::file::HullParameters {
+            corners: region(2, 1500.0),
+        },
+    };
+    file(2, family, region(2, 1500.0))
+}
+
+/// To and fro, with minor loops.
+fn path() -> impl Iterator<Item = [f64; 2]> {
+    (0..600).map(|k| {
+        let t = f64::from(k) * 0.05;
+        [
+            700.0 * (t + 0.3).sin() + 200.0 * (3.1 * t).sin(),
+            600.0 * (0.8 * t).sin() - 250.0 * (2.3 * t).sin(),
+        ]
+    })
+}
+
+const DRIFT: FileDrift = FileDrift {
+    zero: [0.02, -0.01],
+    gain: [[0.1, 0.03], [-0.02, -0.08]],
+    gap: [0.4, 0.4],
+};
+
+/// The largest distance between a file with a drift and the model with the drift beside it, rad.
+fn largest_difference(file: &ModelFile, drift: &FileDrift) -> f64 {
+    let model = Model::from_file(file.clone()).unwrap();
+    let drifted = Model::from_file(file.drifted(drift).unwrap()).unwrap();
+    let (mut memory, mut other) = (model.new_memory(), drifted.new_memory());
+    let scale = drift.gap.map(|gap| 1.0 + gap);
+    let mut largest = 0.0_f64;
+    for counts in path() {
+        memory.set_gap_scale(&scale);
+        model.advance(&mut memory, &counts);
+        memory.set_gap_scale(&scale);
+        drifted.advance(&mut other, &counts);
+        let [x, y, _] = model.predict(&counts, &memory).mean;
+        let expected = [0, 1].map(|i| {
+            let [a, b] = drift.gain[i];
+            [x, y][i] + drift.zero[i] + a * x + b * y
+        });
+        let found = drifted.predict(&counts, &other).mean;
+        let distance = (found[0] - expected[0]).hypot(found[1] - expected[1]);
+        largest = largest.max(distance);
+    }
+    largest
+}
+
+#[test]
+fn a_file_with_a_drift_predicts_what_the_model_predicts_with_the_drift_beside_it() {
+    let gain: &[&[f64]] = &[&[0.02, 0.01], &[-0.01, 0.02]];
+    let linear = file(2, linear(gain, &[1.0, -2.0]), region(2, 1500.0));
+    let gmr = file(2, two_by_two(), region(2, 400.0));
+    for (name, file) in [
+        ("linear", linear),
+        ("gmr", gmr),
+        ("play", play_file()),
+        ("stop", stop_file()),
+    ] {
+        let largest = largest_difference(&file, &DRIFT);
+        assert!(largest < 1e-9, "{name}: {largest} rad");
+    }
+}
+
+#[test]
+fn a_larger_gap_lags_more_and_its_inverse_is_exact() {
+    for file in [play_file(), stop_file()] {
+        let model = Model::from_file(file).unwrap();
+        let (mut usual, mut wide) = (model.new_memory(), model.new_memory());
+        let mut apart = 0.0_f64;
+        for counts in path() {
+            model.advance(&mut usual, &counts);
+            model.advance(&mut wide, &counts);
+            wide.set_gap_scale(&[1.5, 1.0]);
+            let [a, b] = [usual, wide].map(|memory| model.predict(&counts, &memory).mean);
+            apart = apart.max((a[0] - b[0]).abs());
+            // A goal nearby, from the memory with the wider gap.
+            let goal = [a[0] + 0.01, a[1] - 0.01, 0.0];
+            let inverse = model.invert(&goal, &wide, &Query::new(counts));
+            let reached = model.predict(&inverse.counts, &wide).mean;
+            let error = (reached[0] - goal[0]).hypot(reached[1] - goal[1]);
+            assert!(inverse.clipped || error < 1e-6, "{error}");
+        }
+        assert!(apart > 0.1_f64.to_radians(), "{apart}");
+    }
+}
+
+#[test]
+fn a_gap_scale_of_one_changes_no_bit() {
+    for file in [play_file(), stop_file()] {
+        let model = Model::from_file(file).unwrap();
+        let (mut usual, mut scaled) = (model.new_memory(), model.new_memory());
+        for counts in path() {
+            model.advance(&mut usual, &counts);
+            scaled.set_gap_scale(&[1.0; 2]);
+            model.advance(&mut scaled, &counts);
+            assert_eq!(
+                model.predict(&counts, &usual),
+                model.predict(&counts, &scaled)
+            );
+        }
+        assert_eq!(usual, scaled);
+    }
+}

@@ -1,0 +1,138 @@
+//! The slow part of the error of a model: what is left after the fit lies along one direction of
+//! the outputs, and changes slowly. A camera can follow it.
+
+use i2ris::model::Model;
+use i2ris::model::file::SlowErrorParameters;
+
+use super::metrics::predictions;
+use crate::recording::Recording;
+
+/// The share of the error that lies along the direction. With less it is not one number.
+const LEAST_SHARE: f64 = 0.85;
+
+/// The error is slow if it is the same for at least so long, s and rows.
+const LEAST_TIME_S: f64 = 0.3;
+const LEAST_ROWS: f64 = 2.0;
+
+/// Rows between which the autocorrelation is looked at.
+const LARGEST_LAG: usize = 200;
+
+/// Rows that tell anything of a correlation.
+const LEAST_LENGTH: usize = 100;
+
+/// The slow part of the error on these rows; `None` if there is none, or the recording has no time
+/// stamps or not two outputs.
+pub(super) fn slow_error(
+    model: &Model,
+    recording: &Recording,
+    rows: &[usize],
+) -> Option<SlowErrorParameters> {
+    if recording.outputs().len() != 2 || rows.len() < LEAST_LENGTH {
+        return None;
+    }
+    let predicted = predictions(model, recording);
+    let all = recording.rows();
+    let errors = rows.iter().map(|row| {
+        let (seen, said) = (&all[*row].outputs, &predicted[*row]);
+        [seen[0] - said[0], seen[1] - said[1]]
+    });
+    let errors: Vec<[f64; 2]> = errors.collect();
+    let (direction, along, across) = principal(&errors);
+    let share = along / (along + across);
+    // Rows that were held out come in blocks: the usual interval is that within a block.
+    let times: Vec<f64> = rows.iter().filter_map(|row| all[*row].time_s).collect();
+    let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    let interval_s = *intervals.get(intervals.len() / 2)?;
+    let series: Vec<f64> = errors
+        .iter()
+        .map(|error| direction[0] * error[0] + direction[1] * error[1])
+        .collect();
+    let time_rows = correlation_time(&series)?;
+    let is_slow = time_rows >= LEAST_ROWS && time_rows * interval_s >= LEAST_TIME_S;
+    (share >= LEAST_SHARE && is_slow && interval_s > 0.0).then_some(SlowErrorParameters {
+        direction,
+        deviation: along.sqrt(),
+        time_constant_s: time_rows * interval_s,
+        rest: across.sqrt(),
+    })
+}
+
+/// The direction of the largest variance around 0, and the variances along and across it.
+fn principal(errors: &[[f64; 2]]) -> ([f64; 2], f64, f64) {
+    let count = errors.len() as f64;
+    let mean = |of: fn(&[f64; 2]) -> f64| errors.iter().map(of).sum::<f64>() / count;
+    let (a, b, c) = (
+        mean(|error| error[0] * error[0]),
+        mean(|error| error[0] * error[1]),
+        mean(|error| error[1] * error[1]),
+    );
+    let angle = 0.5 * (2.0 * b).atan2(a - c);
+    let half = (0.25 * (a - c) * (a - c) + b * b).sqrt();
+    let middle = 0.5 * (a + c);
+    (
+        [angle.cos(), angle.sin()],
+        middle + half,
+        (middle - half).max(0.0),
+    )
+}
+
+/// The number of rows after which the autocorrelation around 0 has fallen to 1/e.
+fn correlation_time(series: &[f64]) -> Option<f64> {
+    let square: f64 = series.iter().map(|value| value * value).sum();
+    let correlation = |lag: usize| {
+        let pairs = series.iter().zip(series.get(lag..).unwrap_or_default());
+        let scale = series.len() as f64 / (series.len() - lag) as f64;
+        scale * pairs.map(|(a, b)| a * b).sum::<f64>() / square
+    };
+    let limit = (-1.0_f64).exp();
+    let mut before = 1.0;
+    for lag in 1..LARGEST_LAG.min(series.len() / 2) {
+        let now = correlation(lag);
+        if now.is_nan() {
+            return None;
+        }
+        if now < limit {
+            return Some(lag as f64 - (limit - now) / (before - now));
+        }
+        before = now;
+    }
+    Some(LARGEST_LAG as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A slow number along a direction, and a fast one across it.
+    fn errors(direction: [f64; 2]) -> Vec<[f64; 2]> {
+        let mut slow = 0.0;
+        let mut state = 1_u64;
+        let mut noise = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 40) as f64 / (1_u64 << 24) as f64 - 0.5
+        };
+        let next = |_| {
+            slow += -0.05 * slow + noise();
+            let fast = 0.3 * noise();
+            [
+                slow * direction[0] - fast * direction[1],
+                slow * direction[1] + fast * direction[0],
+            ]
+        };
+        (0..20_000).map(next).collect()
+    }
+
+    #[test]
+    fn direction_and_correlation_time_are_found() {
+        let (direction, along, across) = principal(&errors([-0.8, 0.6]));
+        let cosine = (direction[0] * -0.8 + direction[1] * 0.6).abs();
+        assert!(cosine > 0.999, "{direction:?}");
+        assert!(along > 20.0 * across, "{along} {across}");
+        let series: Vec<f64> = errors([1.0, 0.0]).iter().map(|error| error[0]).collect();
+        let time = correlation_time(&series).unwrap();
+        assert!((16.0..25.0).contains(&time), "{time}");
+    }
+}
