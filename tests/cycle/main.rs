@@ -23,3 +23,4 @@ mod report;
 mod shutdown;
 mod simulated_drive;
 mod stopping;
+mod virtual_fixtures;

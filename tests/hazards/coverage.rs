@@ -8,13 +8,16 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Names of the tests in this folder that run by default.
+/// Where tests of hazards are. Those that need the network are with it, so that the tests of the
+/// controller do not build it.
+const FOLDERS: [&str; 2] = ["tests/hazards", "tools/network/tests"];
+
+/// Names of the tests that run by default.
 fn tests() -> BTreeSet<String> {
     let mut names = BTreeSet::new();
-    for entry in fs::read_dir(Path::new(ROOT).join("tests/hazards"))
-        .unwrap()
-        .flatten()
-    {
+    let folder = |name| fs::read_dir(Path::new(ROOT).join(name)).unwrap().flatten();
+    let is_file = |entry: &fs::DirEntry| entry.path().is_file();
+    for entry in FOLDERS.into_iter().flat_map(folder).filter(is_file) {
         let text = fs::read_to_string(entry.path()).unwrap();
         let lines: Vec<&str> = text.lines().map(str::trim).collect();
         for pair in lines.windows(2) {
