@@ -8,9 +8,9 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Where tests of hazards are. Those that need the network are with it, so that the tests of the
-/// controller do not build it.
-const FOLDERS: [&str; 2] = ["tests/hazards", "tools/network/tests"];
+/// Where tests of hazards are. Those that need the network or ROS are with it, so that the tests of
+/// the controller do not build it.
+const FOLDERS: [&str; 3] = ["tests/hazards", "tools/network/tests", "tools/ros/tests"];
 
 /// Names of the tests that run by default.
 fn tests() -> BTreeSet<String> {
@@ -50,7 +50,7 @@ fn every_hazard_has_a_row_and_a_test_with_its_id() {
     let (tests, table) = (tests(), table());
     let ids: Vec<&str> = table.iter().map(|(id, _)| id.as_str()).collect();
     let expected: Vec<String> = (1..=18)
-        .chain(20..=23)
+        .chain(20..=24)
         .map(|id| format!("H{id:02}"))
         .collect();
     assert_eq!(ids, expected);

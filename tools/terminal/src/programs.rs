@@ -25,7 +25,7 @@ const fn program(name: &'static str, package: &'static str, about: &'static str)
 }
 
 /// All of them, in the order of the help.
-pub const PROGRAMS: [Program; 6] = [
+pub const PROGRAMS: [Program; 7] = [
     program("monitor", "i2ris-monitor", "Watch the robot"),
     program(
         "record",
@@ -41,6 +41,11 @@ pub const PROGRAMS: [Program; 6] = [
         "bridge",
         "i2ris-network",
         "Watch and command from another computer, over the network",
+    ),
+    program(
+        "ros",
+        "i2ris-ros",
+        "Show and command the robot in ROS 2, as CRTK names it",
     ),
     program(
         "vision",

@@ -1,0 +1,85 @@
+//! What the threads tell the one that publishes.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use i2ris::units::Nanos;
+
+/// Events that may wait. More are dropped: one who floods must not fill the memory.
+const WAITING: usize = 1024;
+
+/// Names that are kept.
+const NAMES: usize = 256;
+
+/// What happened.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Event {
+    /// A command was refused.
+    Refused {
+        /// Whose.
+        client: String,
+        /// Topic and number of a reason: repeats are folded by client and kind.
+        kind: (&'static str, u32),
+        /// The reason, as a sentence.
+        reason: String,
+        /// How many.
+        count: u64,
+    },
+    /// Something that is worth a line.
+    Status(String),
+    /// Something that somebody should do something about.
+    Warning(String),
+    /// A client asked for a motion; the answer follows.
+    MoveAsked,
+    /// The controller moves, since this instant; or does not.
+    MoveAnswered(Option<Nanos>),
+}
+
+/// The sending end.
+#[derive(Debug, Clone)]
+pub(crate) struct Events(SyncSender<Event>);
+
+/// A channel of events.
+pub(crate) fn channel() -> (Events, Receiver<Event>) {
+    let (sender, receiver) = sync_channel(WAITING);
+    (Events(sender), receiver)
+}
+
+impl Events {
+    /// Tells an event, or drops it.
+    pub fn tell(&self, event: Event) {
+        let _ = self.0.try_send(event);
+    }
+
+    /// Tells of a motion. These are few, and none may be missing.
+    pub fn tell_of_move(&self, event: Event) {
+        let _ = self.0.send(event);
+    }
+}
+
+/// The names of clients, by their identity for the controller.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ClientNames(Arc<Mutex<BTreeMap<u64, String>>>);
+
+impl ClientNames {
+    /// Notes the name of a client.
+    pub fn note(&self, client_id: u64, name: &str) {
+        let mut names = self.lock();
+        if names.get(&client_id).is_none_or(|known| known != name) {
+            if names.len() >= NAMES {
+                names.clear();
+            }
+            names.insert(client_id, name.to_owned());
+        }
+    }
+
+    /// The name of a client, if it is one of ROS.
+    pub fn of(&self, client_id: u64) -> Option<String> {
+        self.lock().get(&client_id).cloned()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, String>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

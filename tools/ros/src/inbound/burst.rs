@@ -1,0 +1,81 @@
+//! What arrived together.
+//!
+//! A reliable writer delivers what it kept in one go, after a stall or at a match. Of a stream only
+//! the newest counts then.
+
+use ros2_client::{MessageInfo, ROSTime, Subscription};
+use serde::de::DeserializeOwned;
+
+use crate::admission::{Times, Writer};
+use crate::clock::Moment;
+use i2ris::units::Nanos;
+
+/// Messages of one topic that are read at once: more are left for the next time, so that a flood on
+/// one topic does not keep `hold` waiting.
+const AT_ONCE: usize = 256;
+
+/// How long a message can have waited here.
+const WAITED: Nanos = Nanos::from_millis(10_000);
+
+/// A message with its writer and its times.
+#[derive(Debug)]
+pub(super) struct Received<M> {
+    pub message: M,
+    pub writer: Writer,
+    pub times: Times,
+}
+
+/// What a topic had.
+#[derive(Debug)]
+pub(super) struct Arrivals<M> {
+    /// In the order of arrival.
+    pub messages: Vec<Received<M>>,
+    /// Messages without the type of the topic. Their writers are not known.
+    pub undecodable: u64,
+}
+
+/// Takes what arrived.
+pub(super) fn take<M: DeserializeOwned + 'static>(subscription: &Subscription<M>) -> Arrivals<M> {
+    let (mut messages, mut undecodable) = (Vec::new(), 0);
+    for _ in 0..AT_ONCE {
+        match subscription.take() {
+            Ok(Some((message, info))) => messages.push(Received {
+                message,
+                writer: Writer::from(info.publisher_gid()),
+                times: times(&info),
+            }),
+            Ok(None) => break,
+            Err(_) => undecodable += 1,
+        }
+    }
+    Arrivals {
+        messages,
+        undecodable,
+    }
+}
+
+impl<M> Arrivals<M> {
+    /// The newest message of every writer, with how many it sent.
+    pub fn newest(self) -> Vec<(Received<M>, u32)> {
+        let mut newest: Vec<(Received<M>, u32)> = Vec::new();
+        for next in self.messages {
+            match newest.iter_mut().find(|(it, _)| it.writer == next.writer) {
+                Some((before, count)) => (*before, *count) = (next, *count + 1),
+                None => newest.push((next, 1)),
+            }
+        }
+        newest
+    }
+}
+
+fn times(info: &MessageInfo) -> Times {
+    let unix_ns = |time: ROSTime| u64::try_from(time.to_nanos()).ok().filter(|ns| *ns > 0);
+    let now = Moment::now();
+    let arrived_unix_ns = info.received_timestamp().and_then(unix_ns);
+    let arrived_unix_ns = arrived_unix_ns.unwrap_or(now.unix_ns);
+    Times {
+        arrived: now.monotonic_at(arrived_unix_ns, WAITED),
+        arrived_unix_ns,
+        sent_unix_ns: info.source_timestamp().and_then(unix_ns),
+    }
+}

@@ -1,0 +1,194 @@
+//! Who takes part: names of participants, those that went, and those whose topics do not fit.
+
+use std::collections::BTreeMap;
+
+use ros2_client::entities_info::ParticipantEntitiesInfo;
+use ros2_client::{Context, MessageTypeName, Node, QosProfile, Subscription};
+use rustdds::qos::policy;
+use rustdds::{
+    DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID, QosPolicies, StatusEvented,
+};
+
+use crate::RosError;
+use crate::admission::{Participant, Writer};
+use crate::event::{Event, Events};
+use crate::participant::NODE;
+
+/// Participants whose names are kept.
+const NAMES: usize = 256;
+
+/// Where rmw announces which nodes a participant has.
+const DISCOVERY: &str = "ros_discovery_info";
+
+/// What is known of the others.
+pub(super) struct Graph {
+    status: DomainParticipantStatusListener,
+    nodes: Subscription<ParticipantEntitiesInfo>,
+    names: BTreeMap<Participant, String>,
+    /// Our own endpoints under the name of the robot.
+    robot: String,
+}
+
+impl Graph {
+    pub fn new(context: &Context, node: &mut Node, robot: &str) -> Result<Self, RosError> {
+        let failed = |error: ros2_client::CreateError| RosError::Topic {
+            name: DISCOVERY.to_owned(),
+            reason: error.to_string(),
+        };
+        let kind = MessageTypeName::new("rmw_dds_common", "ParticipantEntitiesInfo");
+        let qos = QosProfile::publisher_default()
+            .durability(ros2_client::qos::Durability::TransientLocal)
+            .history(ros2_client::qos::History::KeepLast { depth: 1 });
+        let topic = context
+            .create_topic(DISCOVERY.to_owned(), kind, &qos)
+            .map_err(failed)?;
+        let nodes = node
+            .create_subscription(&topic, Some(qos))
+            .map_err(failed)?;
+        Ok(Self {
+            status: context.domain_participant().status_listener(),
+            nodes,
+            names: BTreeMap::new(),
+            robot: robot.to_owned(),
+        })
+    }
+
+    /// The name of a writer's participant: those of its nodes, or else its number.
+    pub fn name(&self, writer: Writer) -> String {
+        let participant = writer.participant();
+        let known = self.names.get(&participant).cloned();
+        known.unwrap_or_else(|| format!("participant {participant}"))
+    }
+
+    /// Takes in what is new. `lost` is called for participants that went.
+    pub fn update(&mut self, events: &Events, mut lost: impl FnMut(Participant)) {
+        // Undecodable announcements are somebody else's problem.
+        while let Ok(Some((info, _))) = self.nodes.take() {
+            let names: Vec<String> = { info.nodes().iter() }
+                .map(|node| node.fully_qualified_name())
+                .collect();
+            if !names.is_empty() {
+                self.note(Writer::from(info.gid()).participant(), names.join(", "));
+            }
+        }
+        while let Some(event) = self.status.try_recv_status() {
+            self.take(event, events, &mut lost);
+        }
+    }
+
+    fn take(
+        &mut self,
+        event: DomainParticipantStatusEvent,
+        events: &Events,
+        lost: &mut impl FnMut(Participant),
+    ) {
+        match event {
+            DomainParticipantStatusEvent::ParticipantDiscovered { dpd } => {
+                let participant = Writer(dpd.guid.to_bytes()).participant();
+                if let Some(name) = dpd.entity_name
+                    && !self.names.contains_key(&participant)
+                {
+                    self.note(participant, name);
+                }
+            }
+            DomainParticipantStatusEvent::ParticipantLost { id, .. } => {
+                let mut guid = GUID::from_bytes([0; 16]);
+                guid.prefix = id;
+                let participant = Writer(guid.to_bytes()).participant();
+                lost(participant);
+                if let Some(name) = self.names.remove(&participant) {
+                    events.tell(Event::Status(format!("{name} is gone")));
+                }
+            }
+            DomainParticipantStatusEvent::RemoteWriterQosIncompatible {
+                remote_writer,
+                requested_qos,
+                offered_qos,
+                ..
+            } => self.say_mismatch(
+                remote_writer,
+                "publishes",
+                &offered_qos,
+                &requested_qos,
+                events,
+            ),
+            DomainParticipantStatusEvent::RemoteReaderQosIncompatible {
+                remote_reader,
+                requested_qos,
+                offered_qos,
+                ..
+            } => self.say_mismatch(remote_reader, "wants", &requested_qos, &offered_qos, events),
+            DomainParticipantStatusEvent::WriterDetected { writer }
+                if !self.is_own_type(&writer.topic_name, &writer.type_name) =>
+            {
+                let name = self.name(Writer(writer.guid.to_bytes()));
+                events.tell(Event::Warning(format!(
+                    "{name} publishes {} as {}: that type is not read",
+                    ros_name(&writer.topic_name),
+                    writer.type_name
+                )));
+            }
+            _ => {}
+        }
+    }
+
+    fn note(&mut self, participant: Participant, name: String) {
+        if self.names.len() >= NAMES {
+            self.names.clear();
+        }
+        self.names.insert(participant, name);
+    }
+
+    fn say_mismatch(
+        &self,
+        other: GUID,
+        verb: &str,
+        theirs: &QosPolicies,
+        ours: &QosPolicies,
+        events: &Events,
+    ) {
+        let name = self.name(Writer(other.to_bytes()));
+        if name.contains(NODE) {
+            return;
+        }
+        events.tell(Event::Warning(format!(
+            "{name} {verb} {}, and here is {}: nothing is exchanged",
+            words(theirs),
+            words(ours)
+        )));
+    }
+
+    /// Whether a writer of one of our topics has our type. Topics of others are none of our
+    /// business.
+    fn is_own_type(&self, topic: &str, kind: &str) -> bool {
+        let under = format!("rt/{}/", self.robot);
+        let Some(name) = topic.strip_prefix(&under) else {
+            return true;
+        };
+        match name {
+            "servo_jp" | "servo_jr" | "move_jp" | "move_jr" | "external/measured_jp" => {
+                kind == "sensor_msgs::msg::dds_::JointState_"
+            }
+            "state_command" => kind == "crtk_msgs::msg::dds_::StringStamped_",
+            "hold" => kind == "std_msgs::msg::dds_::Empty_",
+            _ => true,
+        }
+    }
+}
+
+/// The name that users of ROS know.
+fn ros_name(topic: &str) -> String {
+    topic.strip_prefix("rt").unwrap_or(topic).to_owned()
+}
+
+fn words(qos: &QosPolicies) -> String {
+    let reliability = match qos.reliability() {
+        Some(policy::Reliability::Reliable { .. }) => "RELIABLE",
+        Some(policy::Reliability::BestEffort) | None => "BEST_EFFORT",
+    };
+    let durability = match qos.durability() {
+        Some(policy::Durability::Volatile) | None => "VOLATILE",
+        Some(_) => "TRANSIENT_LOCAL",
+    };
+    format!("{reliability} {durability}")
+}

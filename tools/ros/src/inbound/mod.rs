@@ -1,0 +1,146 @@
+//! From ROS to the controller: one thread that waits for messages, and one that waits for answers.
+//!
+//! | file | contains |
+//! |---|---|
+//! | `burst` | what arrived together |
+//! | `commands` | everything that can move the robot |
+//! | `requests` | the thread that asks the controller |
+//! | `graph` | who takes part in ROS |
+
+mod burst;
+mod commands;
+mod graph;
+mod requests;
+
+use std::io::{self, ErrorKind};
+use std::time::Duration;
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::units::Nanos;
+use ros2_client::{Context, Node};
+use rustdds::mio1::event::Source;
+use rustdds::mio1::{Events as Ready, Interest, Poll, Token};
+
+use crate::RosError;
+use crate::event::{ClientNames, Events};
+use crate::message::{NoRequest, TriggerOperatingStateResponse, TriggerResponse};
+use crate::outbound::SharedState;
+use crate::topics::{Inputs, Services};
+use commands::Commands;
+use graph::Graph;
+
+/// How long to wait for messages before anything else is looked at.
+const WAIT: Duration = Duration::from_millis(10);
+
+/// The version of CRTK's messages that these are.
+const CRTK_VERSION: &str = "1.3.0";
+
+/// What the threads share.
+#[derive(Debug, Clone)]
+pub(crate) struct Shared {
+    /// The controller's domain.
+    pub domain: Domain,
+    /// The name of the robot.
+    pub robot: String,
+    pub events: Events,
+    pub names: ClientNames,
+    pub state: SharedState,
+}
+
+/// The thread's state.
+pub(crate) struct Inbound {
+    poll: Poll,
+    graph: Graph,
+    commands: Option<Commands>,
+    services: Services,
+    shared: Shared,
+}
+
+impl Inbound {
+    /// Begins to listen. Without `inputs` nothing moves the robot.
+    pub fn new(
+        context: &Context,
+        node: &mut Node,
+        inputs: Option<Inputs>,
+        services: Services,
+        shared: Shared,
+    ) -> Result<Self, RosError> {
+        let failed = |source| RosError::System {
+            action: "wait for messages",
+            source,
+        };
+        let commands = inputs.map(|inputs| Commands::new(inputs, shared.clone()));
+        let mut inbound = Self {
+            poll: Poll::new().map_err(failed)?,
+            graph: Graph::new(context, node, &shared.robot)?,
+            commands: commands.transpose()?,
+            services,
+            shared,
+        };
+        inbound.register().map_err(failed)?;
+        Ok(inbound)
+    }
+
+    fn register(&mut self) -> io::Result<()> {
+        let mut sources: Vec<&mut dyn Source> = vec![
+            &mut self.services.operating_state,
+            &mut self.services.crtk_version,
+        ];
+        if let Some(Commands { inputs, .. }) = &mut self.commands {
+            let inputs: [&mut dyn Source; 7] = [
+                &mut inputs.servo_jp,
+                &mut inputs.servo_jr,
+                &mut inputs.move_jp,
+                &mut inputs.move_jr,
+                &mut inputs.state_command,
+                &mut inputs.hold,
+                &mut inputs.external,
+            ];
+            sources.extend(inputs);
+        }
+        for (place, source) in sources.into_iter().enumerate() {
+            source.register(self.poll.registry(), Token(place), Interest::READABLE)?;
+        }
+        Ok(())
+    }
+
+    /// Serves until `stop`.
+    pub fn run(mut self, stop: impl Fn() -> bool) {
+        let mut ready = Ready::with_capacity(16);
+        while !stop() {
+            if let Err(error) = self.poll.poll(&mut ready, Some(WAIT))
+                && error.kind() != ErrorKind::Interrupted
+            {
+                clock::sleep(Nanos::from_millis(1));
+            }
+            if let Some(commands) = &mut self.commands {
+                commands.take_all(&self.graph);
+            }
+            // After the commands: nothing may delay them.
+            let commands = &mut self.commands;
+            self.graph.update(&self.shared.events, |participant| {
+                if let Some(commands) = commands {
+                    commands.lost(participant);
+                }
+            });
+            self.answer();
+        }
+    }
+
+    fn answer(&self) {
+        while let Ok(Some((id, NoRequest { .. }))) = self.services.operating_state.receive_request()
+        {
+            let operating_state = self.shared.state.get();
+            let response = TriggerOperatingStateResponse { operating_state };
+            let _ = self.services.operating_state.send_response(id, response);
+        }
+        while let Ok(Some((id, NoRequest { .. }))) = self.services.crtk_version.receive_request() {
+            let response = TriggerResponse {
+                success: true,
+                message: CRTK_VERSION.to_owned(),
+            };
+            let _ = self.services.crtk_version.send_response(id, response);
+        }
+    }
+}

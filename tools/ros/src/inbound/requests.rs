@@ -1,0 +1,212 @@
+//! A thread that asks the controller and waits for its answers, so that a stream of commands does
+//! not wait behind a request.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::{ClientError, Latest, RequestForwarder, Watcher};
+use i2ris::ipc::payload::{MoveRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest};
+use i2ris::robot::{OperatingState, Refusal, StateCommand};
+
+use crate::RosError;
+use crate::admission::{Pose, Reason, Topic};
+use crate::event::{ClientNames, Event, Events};
+
+/// Requests that may wait at the same time.
+const WAITING: usize = 16;
+
+/// How often a pending hold is looked for while nothing else is asked.
+const IDLE: Duration = Duration::from_millis(20);
+
+/// A request of a client.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ask {
+    pub client_id: u64,
+    pub what: What,
+}
+
+/// What is asked for.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum What {
+    State(StateCommand),
+    Move(Topic, Pose),
+}
+
+/// The thread. Ends when dropped, once its last request is answered.
+#[derive(Debug)]
+pub(super) struct Requests {
+    asks: Option<SyncSender<Ask>>,
+    /// The client that wants to hold; 0: none. It overtakes everything that waits.
+    hold: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Requests {
+    pub fn start(domain: &Domain, events: &Events, names: &ClientNames) -> Result<Self, RosError> {
+        let (asks, to_ask) = sync_channel(WAITING);
+        let hold = Arc::new(AtomicU64::new(0));
+        let worker = Worker {
+            controller: RequestForwarder::new(domain),
+            state: Latest::new(Watcher::new(domain).operating_state()),
+            hold: Arc::clone(&hold),
+            events: events.clone(),
+            names: names.clone(),
+        };
+        let thread = thread::Builder::new()
+            .name("requests".to_owned())
+            .spawn(move || worker.run(&to_ask))
+            .map_err(|source| RosError::System {
+                action: "start a thread",
+                source,
+            })?;
+        Ok(Self {
+            asks: Some(asks),
+            hold,
+            thread: Some(thread),
+        })
+    }
+
+    /// Asks for something.
+    ///
+    /// # Errors
+    ///
+    /// [`Reason::Waiting`].
+    pub fn ask(&self, ask: Ask) -> Result<(), Reason> {
+        let asks = self.asks.as_ref().ok_or(Reason::Waiting)?;
+        asks.try_send(ask).map_err(|_| Reason::Waiting)
+    }
+
+    /// Asks to hold. Never refused.
+    pub fn hold(&self, client_id: u64) {
+        self.hold.store(client_id, Ordering::Release);
+        // Wakes the thread; if it has much to do already it will look by itself.
+        let what = What::State(StateCommand::Hold);
+        let _ = self.ask(Ask { client_id, what });
+    }
+}
+
+impl Drop for Requests {
+    fn drop(&mut self) {
+        self.asks = None;
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}
+
+struct Worker {
+    controller: RequestForwarder,
+    state: Latest<OperatingStateMsg>,
+    hold: Arc<AtomicU64>,
+    events: Events,
+    names: ClientNames,
+}
+
+impl Worker {
+    fn run(mut self, asks: &Receiver<Ask>) {
+        loop {
+            match asks.recv_timeout(IDLE) {
+                Ok(ask) => {
+                    let held = self.hold_if_wanted();
+                    let is_hold = matches!(ask.what, What::State(StateCommand::Hold));
+                    if !(held && is_hold) {
+                        self.carry_out(ask);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => drop(self.hold_if_wanted()),
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+        }
+    }
+
+    fn hold_if_wanted(&mut self) -> bool {
+        let client_id = self.hold.swap(0, Ordering::AcqRel);
+        if client_id != 0 {
+            self.change_state(client_id, StateCommand::Hold);
+        }
+        client_id != 0
+    }
+
+    fn carry_out(&mut self, ask: Ask) {
+        match ask.what {
+            What::State(StateCommand::Home) if self.is_homed() => {
+                let name = self.name(ask.client_id);
+                self.events.tell(Event::Status(format!(
+                    "{name}: home: homed already; `unhome` first to set a new zero"
+                )));
+            }
+            What::State(command) => self.change_state(ask.client_id, command),
+            What::Move(topic, pose) => self.move_to(ask.client_id, topic, &pose),
+        }
+    }
+
+    fn change_state(&mut self, client_id: u64, command: StateCommand) {
+        let reply = self.controller.state_command(StateCommandRequest {
+            client_id,
+            command: command.number(),
+            reserved: 0,
+        });
+        let done = self.check(client_id, "state_command", command, reply);
+        if let Some(state) = done {
+            let name = self.name(client_id);
+            let line = format!("{name}: {command}; the controller is {state}");
+            self.events.tell(Event::Status(line));
+        }
+    }
+
+    fn move_to(&mut self, client_id: u64, topic: Topic, pose: &Pose) {
+        self.events.tell_of_move(Event::MoveAsked);
+        let reply = self.controller.move_jp(MoveRequest {
+            client_id,
+            position: pose.position,
+            count: pose.count,
+            reserved: 0,
+        });
+        let answered = clock::now();
+        let moves = self.check(client_id, topic.name(), StateCommand::Move, reply);
+        let since = moves.map(|_| answered);
+        self.events.tell_of_move(Event::MoveAnswered(since));
+    }
+
+    /// The state after a command that was accepted. The reason for a refusal is in the controller's
+    /// stream of warnings.
+    fn check(
+        &mut self,
+        client_id: u64,
+        topic: &'static str,
+        command: StateCommand,
+        reply: Result<StateCommandReply, ClientError>,
+    ) -> Option<OperatingState> {
+        let client = self.name(client_id);
+        match reply {
+            Ok(reply) => {
+                let state = OperatingState::from_number(reply.state);
+                if reply.refusal == Refusal::None.number() {
+                    return state;
+                }
+                let state = state.map_or("unknown", OperatingState::text);
+                let line = format!("{client}: {topic}: {command} refused in state {state}");
+                self.events.tell(Event::Status(line));
+            }
+            Err(error) => self.events.tell(Event::Refused {
+                client,
+                kind: (topic, u32::MAX),
+                reason: format!("{command} failed: {error}"),
+                count: 1,
+            }),
+        }
+        None
+    }
+
+    fn is_homed(&mut self) -> bool {
+        let state = self.state.refresh().ok().flatten();
+        state.is_some_and(|state| state.flags & OperatingStateMsg::HOMED != 0)
+    }
+
+    fn name(&self, client_id: u64) -> String {
+        self.names.of(client_id).unwrap_or_default()
+    }
+}

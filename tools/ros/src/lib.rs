@@ -1,0 +1,142 @@
+//! The robot in ROS 2, with the topics, types and quality of service of CRTK: a client of the
+//! controller like any other. It needs no installation of ROS.
+//!
+//! | file | contains |
+//! |---|---|
+//! | [`run`] | everything, until it is stopped |
+//! | `participant`, `loopback` | joining the network of ROS, and keeping to this computer |
+//! | `topics`, `message` | the topics with their quality of service, and the messages |
+//! | [`admission`] | which commands of which client are passed on |
+//! | `inbound` | from ROS to the controller |
+//! | `outbound` | from the controller to ROS |
+//! | `event`, `clock`, `error` | between the threads; between the clocks; why it cannot run |
+//!
+//! ```text
+//! ROS 2 (DDS)        servo_jp, state_command, ...      measured_js, operating_state, ...
+//!                          |                                  ^
+//! one thread each      inbound -- admission               outbound
+//!                          |   \______ requests ___ events ____^
+//!                          v                                  |
+//! shared memory        commands of every client           streams of the controller
+//! ```
+//!
+//! Every client of ROS is a client of its own for the controller, which follows one at a time.
+//! What the controller does not know of, a message that somebody kept, or a stream that went on
+//! after it broke off, is refused here.
+
+#![deny(unsafe_op_in_unsafe_fn)]
+
+pub mod admission;
+mod clock;
+mod error;
+mod event;
+mod inbound;
+mod loopback;
+pub mod message;
+mod outbound;
+mod participant;
+mod topics;
+
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use i2ris::ipc::Domain;
+use i2ris::units::Nanos;
+pub use ros2_client::ServiceMapping;
+
+pub use error::RosError;
+pub use participant::{LARGEST_DOMAIN, NODE, join};
+
+use event::ClientNames;
+use inbound::{Inbound, Shared};
+use outbound::{Outbound, SharedState};
+use topics::{Inputs, Outputs, Services};
+
+/// How the robot is shown in ROS.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The controller's domain.
+    pub domain: Domain,
+    /// The name of the robot, under which its topics are.
+    pub robot: String,
+    /// Domain of ROS.
+    pub ros_domain: u16,
+    /// Addresses of this computer in the networks to take part in; none: this computer only.
+    pub networks: Vec<IpAddr>,
+    /// Nobody may command.
+    pub read_only: bool,
+    /// Between two messages of the joints.
+    pub period: Nanos,
+    /// How services are put on DDS, which differs between implementations of ROS.
+    pub services: ServiceMapping,
+}
+
+/// Shows the robot in ROS until `stop`. `say` gets a line for everything that happens.
+///
+/// # Errors
+///
+/// When it cannot take part in ROS.
+pub fn run(
+    options: &Options,
+    stop: impl Fn() -> bool,
+    mut say: impl FnMut(&str),
+) -> Result<(), RosError> {
+    let (context, mut node) = join(options.ros_domain, &options.networks, NODE)?;
+    let robot = options.robot.as_str();
+    let outputs = Outputs::new(&mut node, robot)?;
+    let services = Services::new(&mut node, robot, options.services)?;
+    let inputs = match options.read_only {
+        true => None,
+        false => Some(Inputs::new(&mut node, robot)?),
+    };
+    let (events, receiver) = event::channel();
+    let (names, state) = (ClientNames::default(), SharedState::default());
+    let shared = Shared {
+        domain: options.domain.clone(),
+        robot: robot.to_owned(),
+        events,
+        names: names.clone(),
+        state: state.clone(),
+    };
+    let inbound = Inbound::new(&context, &mut node, inputs, services, shared)?;
+    let outbound = Outbound::new(
+        (outputs, node),
+        &options.domain,
+        robot,
+        options.period,
+        (receiver, names),
+        state,
+    );
+    say(&format!(
+        "/{robot} is in domain {} of ROS, {}, {}; Ctrl-C ends",
+        options.ros_domain,
+        reach(&options.networks),
+        if options.read_only {
+            "to watch only"
+        } else {
+            "to watch and to command"
+        }
+    ));
+    let ended = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let inbound = thread::Builder::new()
+            .name("inbound".to_owned())
+            .spawn_scoped(scope, || inbound.run(|| ended.load(Ordering::Relaxed)))
+            .map_err(|source| RosError::System {
+                action: "start a thread",
+                source,
+            })?;
+        outbound.run(|| stop() || inbound.is_finished(), say);
+        ended.store(true, Ordering::Relaxed);
+        Ok(())
+    })
+}
+
+fn reach(networks: &[IpAddr]) -> String {
+    if networks.is_empty() {
+        return "on this computer only".to_owned();
+    }
+    let networks: Vec<String> = networks.iter().map(IpAddr::to_string).collect();
+    format!("in the network of {}", networks.join(", "))
+}

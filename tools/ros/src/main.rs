@@ -1,0 +1,184 @@
+//! `i2ris ros`: the robot in ROS 2.
+
+use std::net::IpAddr;
+use std::process::ExitCode;
+
+use clap::{Parser, ValueEnum};
+use i2ris::units::Nanos;
+use i2ris_geometry::Snake;
+use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
+use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+
+/// Show and command the robot in ROS 2, as CRTK names it
+#[derive(Debug, Parser)]
+#[command(
+    name = "i2ris-ros",
+    bin_name = "i2ris ros",
+    version,
+    propagate_version = true,
+    args_conflicts_with_subcommands = true
+)]
+#[command(after_help = "Examples:
+  i2ris ros                                     topics under /i2ris, this computer only
+  i2ris ros --name eye --read-only              topics under /eye, nobody can command
+  i2ris ros --network 192.168.1.10              other computers of that network, too
+  i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
+
+No installation of ROS is needed. Topics, types and quality of service are those of CRTK: \
+measured_js, setpoint_js, measured_cp, operating_state, error, warning, status; servo_jp, servo_jr, \
+move_jp, move_jr, state_command, hold.
+
+ROS 2 has no access control: with --network everybody in that network can command, unless \
+--read-only is given.")]
+struct Arguments {
+    #[command(subcommand)]
+    other: Option<Other>,
+    #[command(flatten)]
+    run: RunArguments,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Other {
+    /// Print a URDF of the snake
+    Urdf {
+        /// The name of the robot, with which the names of all links begin
+        #[arg(default_value = "i2ris", value_parser = name)]
+        name: String,
+    },
+}
+
+#[derive(Debug, clap::Args)]
+struct RunArguments {
+    /// The name of the robot, under which its topics are
+    #[arg(long, default_value = "i2ris", value_name = "NAME", value_parser = name)]
+    name: String,
+    /// Domain of ROS
+    #[arg(
+        long,
+        env = "ROS_DOMAIN_ID",
+        default_value_t = 0,
+        value_name = "NUMBER",
+        value_parser = clap::value_parser!(u16).range(0..=i64::from(LARGEST_DOMAIN))
+    )]
+    ros_domain: u16,
+    /// Address of this computer in a network to take part in; may be repeated. Without one, only
+    /// this computer is reached
+    #[arg(long, value_name = "ADDRESS")]
+    network: Vec<IpAddr>,
+    /// Take no commands
+    #[arg(long)]
+    read_only: bool,
+    /// Time between two messages of measured_js and setpoint_js
+    #[arg(
+        long,
+        default_value_t = 10,
+        value_name = "MS",
+        value_parser = clap::value_parser!(u64).range(1..=1000)
+    )]
+    period_ms: u64,
+    /// How services are put on DDS: as Fast DDS does, or as Cyclone DDS does
+    #[arg(long, value_enum, env = "RMW_IMPLEMENTATION", default_value_t = Rmw::FastDds)]
+    rmw: Rmw,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Rmw {
+    #[value(name = "rmw_fastrtps_cpp", alias = "rmw_fastrtps_dynamic_cpp")]
+    FastDds,
+    #[value(name = "rmw_cyclonedds_cpp")]
+    CycloneDds,
+}
+
+impl Rmw {
+    const fn mapping(self) -> ServiceMapping {
+        match self {
+            Self::FastDds => ServiceMapping::Enhanced,
+            Self::CycloneDds => ServiceMapping::Cyclone,
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let only_prints = |arguments: &Arguments| arguments.other.is_some();
+    i2ris_terminal::program::run(only_prints, run)
+}
+
+fn run(arguments: Arguments) -> Result<(), Failure> {
+    let mut screen = Screen::stdout();
+    if let Some(Other::Urdf { name }) = arguments.other {
+        until_closed(screen.say(Snake::new(&name).urdf().trim_end()))?;
+        return Ok(());
+    }
+    let RunArguments {
+        name,
+        ros_domain,
+        network,
+        read_only,
+        period_ms,
+        rmw,
+        domain,
+    } = arguments.run;
+    let options = Options {
+        domain: domain.domain()?,
+        robot: name,
+        ros_domain,
+        networks: network,
+        read_only,
+        period: Nanos::from_millis(period_ms),
+        services: rmw.mapping(),
+    };
+    let interrupt = Interrupt::catch()?;
+    // A reader of the lines that went away ends nothing: the robot may depend on it.
+    i2ris_ros::run(&options, || interrupt.came(), |line| drop(screen.say(line)))?;
+    Ok(())
+}
+
+/// A name that ROS takes as a part of topics, and URDF as a part of links.
+fn name(text: &str) -> Result<String, String> {
+    let letters = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let begins = text.starts_with(|c: char| c.is_ascii_alphabetic());
+    if begins && text.chars().all(letters) && !text.contains("__") && !text.ends_with('_') {
+        Ok(text.to_owned())
+    } else {
+        Err("must be letters, digits and single _, beginning with a letter".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_help_has_an_example_and_the_command_line_is_consistent() {
+        let mut command = Arguments::command();
+        let help = command.render_long_help().to_string();
+        assert!(
+            help.contains("Examples") && help.contains("i2ris ros"),
+            "{help}"
+        );
+        command.debug_assert();
+    }
+
+    #[test]
+    fn names_are_those_that_ros_takes() {
+        for good in ["i2ris", "PSM1", "left_eye"] {
+            assert_eq!(name(good).as_deref(), Ok(good));
+        }
+        for bad in [
+            "",
+            "1eye",
+            "_eye",
+            "eye_",
+            "left__eye",
+            "left/eye",
+            "eye ",
+            "äuge",
+        ] {
+            assert!(name(bad).is_err(), "{bad}");
+        }
+    }
+}

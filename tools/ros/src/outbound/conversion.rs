@@ -1,0 +1,171 @@
+//! From the controller's messages to those of ROS. Without I/O.
+
+use i2ris::ipc::payload::JointState as Payload;
+use i2ris::units::Nanos;
+use i2ris_geometry::{Bend, LinkPose, Snake};
+
+use crate::clock::Moment;
+use crate::message::{Header, JointState, Pose, PoseStamped, Time, TransformStamped, Transforms};
+
+/// Values older than this are not valid: the controller is gone or hangs.
+const FRESH: Nanos = Nanos::from_millis(200);
+
+/// The names of the joints; also those of the URDF.
+const NAMES: [&str; 2] = ["pitch", "yaw"];
+
+/// Angles that are valid now.
+fn valid<'a>(state: Option<&'a Payload>, now: &Moment) -> Option<&'a Payload> {
+    state.filter(|state| {
+        state.flags & Payload::VALID != 0
+            && (1..=NAMES.len()).contains(&(state.count as usize))
+            && now.monotonic.since(Nanos(state.stamp_ns)) < FRESH
+    })
+}
+
+fn header(state: Option<&Payload>, now: &Moment, frame_id: &str) -> Header {
+    let unix_ns = state.map_or(0, |state| now.unix_ns_at(Nanos(state.stamp_ns)));
+    Header {
+        stamp: Time::from_unix_ns(unix_ns),
+        frame_id: frame_id.to_owned(),
+    }
+}
+
+/// Angles and their velocities. Without valid ones: stamp 0 and no values.
+pub(super) fn joint_state(state: Option<&Payload>, now: &Moment) -> JointState {
+    let state = valid(state, now);
+    let count = state.map_or(0, |state| state.count as usize);
+    let values = |of: fn(&Payload) -> &[f64]| {
+        let all = state.map_or(&[][..], of);
+        all.get(..count).unwrap_or_default().to_vec()
+    };
+    JointState {
+        header: header(state, now, ""),
+        name: NAMES.map(str::to_owned).to_vec(),
+        position: values(|state| &state.position),
+        velocity: values(|state| &state.velocity),
+        effort: Vec::new(),
+    }
+}
+
+fn bend(state: &Payload) -> Bend {
+    let angle = |joint: usize| {
+        let given = joint < state.count as usize;
+        if given { state.position[joint] } else { 0.0 }
+    };
+    Bend {
+        pitch: angle(0),
+        yaw: angle(1),
+    }
+}
+
+/// The tip, as the base sees it. Without valid angles: stamp 0.
+pub(super) fn tip(snake: &Snake, state: Option<&Payload>, now: &Moment) -> PoseStamped {
+    let state = valid(state, now);
+    let pose = state.map_or_else(Pose::default, |state| {
+        let LinkPose {
+            position_m,
+            quaternion,
+        } = snake.tip_pose(bend(state));
+        Pose {
+            position: position_m.into(),
+            orientation: quaternion.into(),
+        }
+    });
+    PoseStamped {
+        header: header(state, now, &snake.base()),
+        pose,
+    }
+}
+
+/// All links; `None` without valid angles: a frame with stamp 0 would be one for all times.
+pub(super) fn links(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Option<Transforms> {
+    let state = valid(state, now)?;
+    let transforms = snake.link_poses(bend(state)).map(|(joint, pose)| {
+        let LinkPose {
+            position_m,
+            quaternion,
+        } = pose;
+        TransformStamped {
+            header: header(Some(state), now, &joint.parent),
+            child_frame_id: joint.child.clone(),
+            translation: position_m.into(),
+            rotation: quaternion.into(),
+        }
+    });
+    Some(Transforms {
+        transforms: transforms.collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NOW: Moment = Moment {
+        monotonic: Nanos(10_000_000_000),
+        unix_ns: 1_795_000_000_000_000_000,
+    };
+
+    fn payload() -> Payload {
+        Payload {
+            stamp_ns: NOW.monotonic.0 - 1_000_000,
+            position: [0.1, -0.2, 0.0],
+            velocity: [1.0, 2.0, 0.0],
+            count: 2,
+            flags: Payload::VALID,
+            ..Payload::default()
+        }
+    }
+
+    #[test]
+    fn the_stamp_is_that_of_the_values_on_the_wall_clock() {
+        let message = joint_state(Some(&payload()), &NOW);
+        let stamp = message.header.stamp.unix_ns().unwrap();
+        assert_eq!(stamp, NOW.unix_ns - 1_000_000);
+        assert_eq!(message.name, ["pitch", "yaw"]);
+        assert_eq!(message.position, [0.1, -0.2]);
+        assert_eq!(message.velocity, [1.0, 2.0]);
+    }
+
+    #[test]
+    fn values_that_are_not_valid_have_stamp_zero_and_are_left_out() {
+        let not_valid = Payload {
+            flags: 0,
+            ..payload()
+        };
+        let old = Payload {
+            stamp_ns: NOW.monotonic.0 - FRESH.0,
+            ..payload()
+        };
+        let of_the_tip = Payload {
+            count: 3,
+            ..payload()
+        };
+        let snake = Snake::new("eye");
+        for state in [None, Some(&not_valid), Some(&old), Some(&of_the_tip)] {
+            let message = joint_state(state, &NOW);
+            assert_eq!(message.header.stamp, Time::INVALID);
+            assert!(message.position.is_empty() && message.velocity.is_empty());
+            assert_eq!(tip(&snake, state, &NOW).header.stamp, Time::INVALID);
+            assert_eq!(links(&snake, state, &NOW), None);
+        }
+    }
+
+    #[test]
+    fn the_frames_are_those_of_the_urdf() {
+        let snake = Snake::new("eye");
+        let (state, urdf) = (payload(), snake.urdf());
+        let links = links(&snake, Some(&state), &NOW).unwrap();
+        for link in &links.transforms {
+            for frame in [&link.child_frame_id, &link.header.frame_id] {
+                assert!(urdf.contains(&format!("<link name=\"{frame}\"")), "{frame}");
+            }
+        }
+        for name in NAMES {
+            assert!(urdf.contains(&format!("<joint name=\"{name}\"")));
+        }
+        let tip = tip(&snake, Some(&state), &NOW);
+        assert_eq!(tip.header.frame_id, "eye_base");
+        assert!(tip.pose.position.y > 0.0 && tip.pose.position.x < 0.0);
+    }
+}

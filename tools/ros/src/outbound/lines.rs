@@ -1,0 +1,165 @@
+//! What happened, as lines for `error`, `warning` and `status`.
+
+use i2ris::ipc::client::ClientError;
+use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
+use i2ris::robot::{Cause, OperatingState, Refusal};
+
+use crate::event::ClientNames;
+
+/// How much a line matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Level {
+    /// The robot does not work.
+    Error,
+    /// Something was refused, or is not as it was asked.
+    Warning,
+    /// Something changed.
+    Status,
+}
+
+impl Level {
+    /// In front of a line.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Error => "error",
+            Self::Warning => "warning",
+            Self::Status => "status",
+        }
+    }
+}
+
+/// What was said already.
+#[derive(Debug)]
+pub(super) struct Lines {
+    names: ClientNames,
+    last: Option<OperatingStateMsg>,
+    /// The absence of the controller was said.
+    absent: bool,
+}
+
+impl Lines {
+    pub fn new(names: ClientNames) -> Self {
+        Self {
+            names,
+            last: None,
+            absent: false,
+        }
+    }
+
+    /// The controller is not there.
+    pub fn absent(&mut self, error: &ClientError) -> Option<(Level, String)> {
+        self.last = None;
+        let first = !self.absent;
+        self.absent = true;
+        first.then(|| (Level::Error, error.to_string()))
+    }
+
+    /// What changed in the controller's state.
+    pub fn state(&mut self, now: &OperatingStateMsg) -> Vec<(Level, String)> {
+        self.absent = false;
+        let before = self.last.replace(*now);
+        let mut lines = Vec::new();
+        if before.is_none_or(|before| before.state != now.state) {
+            lines.push(match OperatingState::from_number(now.state) {
+                Some(state) => (Level::Status, format!("the robot is {state}")),
+                None => {
+                    let number = now.state;
+                    (
+                        Level::Error,
+                        format!("state {number} is of another release"),
+                    )
+                }
+            });
+        }
+        let lease = now.lease_client_id;
+        if before.map_or(0, |before| before.lease_client_id) != lease {
+            let text = if lease == 0 {
+                "nobody commands".to_owned()
+            } else {
+                format!("{} commands", self.client(lease))
+            };
+            lines.push((Level::Status, text));
+        }
+        lines
+    }
+
+    /// A reason that the controller gives, with the client that it concerns.
+    pub fn reason(&self, message: &ReasonMsg) -> String {
+        let (text, advice) = (message.text(), message.advice());
+        let lease = Cause::Refusal(Refusal::Lease);
+        let holder = self.last.map_or(0, |state| state.lease_client_id);
+        let by = match message.reason() {
+            Some(reason) if reason.cause == lease && holder != 0 => {
+                format!(": {}", self.client(holder))
+            }
+            _ => String::new(),
+        };
+        let line = format!("{text}{by}; do: {advice}");
+        match message.client_id {
+            0 => line,
+            client_id => format!("{}: {line}", self.client(client_id)),
+        }
+    }
+
+    fn client(&self, client_id: u64) -> String {
+        let name = self.names.of(client_id);
+        name.unwrap_or_else(|| format!("client {client_id:016x} outside of ROS"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::robot::Fault;
+    use i2ris::units::Nanos;
+
+    use super::*;
+
+    fn message(state: OperatingState) -> OperatingStateMsg {
+        OperatingStateMsg {
+            state: state.number(),
+            ..OperatingStateMsg::default()
+        }
+    }
+
+    #[test]
+    fn every_change_is_said_once() {
+        let names = ClientNames::default();
+        names.note(7, "/console");
+        let mut lines = Lines::new(names);
+        let said = lines.state(&message(OperatingState::Enabled));
+        assert_eq!(said, [(Level::Status, "the robot is ENABLED".to_owned())]);
+        let leased = OperatingStateMsg {
+            lease_client_id: 7,
+            ..message(OperatingState::Enabled)
+        };
+        let commands = (Level::Status, "/console commands".to_owned());
+        assert_eq!(lines.state(&leased), [commands]);
+        assert_eq!(lines.state(&leased), []);
+    }
+
+    #[test]
+    fn one_who_is_refused_learns_who_commands_and_what_to_do() {
+        let names = ClientNames::default();
+        names.note(7, "/console");
+        names.note(8, "/intruder");
+        let mut lines = Lines::new(names);
+        lines.state(&OperatingStateMsg {
+            lease_client_id: 7,
+            ..message(OperatingState::Enabled)
+        });
+        let reason = |cause: Cause, client_id| {
+            lines.reason(&ReasonMsg::new(&cause.into(), client_id, Nanos(1)))
+        };
+        let line = reason(Cause::Refusal(Refusal::Lease), 8);
+        assert!(
+            line.starts_with("/intruder: refusal 4: another client"),
+            "{line}"
+        );
+        assert!(line.contains(": /console; do: "), "{line}");
+        let line = reason(Cause::Fault(Fault::Link), 0);
+        assert!(
+            line.starts_with("fault 2: ") && line.contains("; do: "),
+            "{line}"
+        );
+    }
+}

@@ -1,0 +1,264 @@
+//! From the controller to ROS: reads what the controller publishes, and publishes it.
+//!
+//! | file | contains |
+//! |---|---|
+//! | `conversion` | messages of the controller as messages of ROS |
+//! | `state` | when an operating state is published |
+//! | `refusals` | refusals as warnings |
+//! | `lines` | what happened, as lines for `error`, `warning` and `status` |
+
+mod conversion;
+mod lines;
+mod refusals;
+mod state;
+
+use std::sync::mpsc::Receiver;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::{Latest, Subscription, Watcher};
+use i2ris::ipc::payload::{JointState as JointPayload, OperatingStateMsg, ReasonMsg};
+use i2ris::units::Nanos;
+use i2ris_geometry::Snake;
+use ros2_client::log::LogLevel;
+use ros2_client::rosout::RosoutRaw;
+use ros2_client::{Node, Publisher};
+use serde::Serialize;
+
+use crate::clock::{Moment, RisingStamps};
+use crate::event::{ClientNames, Event};
+use crate::message::{Header, OperatingState, Text, Time};
+use crate::participant::NODE;
+use crate::topics::Outputs;
+use lines::{Level, Lines};
+use refusals::Refusals;
+use state::{Snapshot, StateReport, UNDEFINED};
+
+/// The pose of the tip and the frames are published so often, as cisst-ros does.
+const POSE_PERIOD: Nanos = Nanos::from_millis(20);
+
+/// The state is looked at so often.
+const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
+
+/// The operating state that was published last, for those who ask.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SharedState(Arc<Mutex<OperatingState>>);
+
+impl SharedState {
+    /// The state.
+    pub fn get(&self) -> OperatingState {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, OperatingState> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What is published, and from what.
+pub(crate) struct Outbound {
+    outputs: Outputs,
+    node: Node,
+    snake: Snake,
+    period: Nanos,
+    measured: Latest<JointPayload>,
+    setpoint: Latest<JointPayload>,
+    states: Subscription<OperatingStateMsg>,
+    errors: Subscription<ReasonMsg>,
+    warnings: Subscription<ReasonMsg>,
+    events: Receiver<Event>,
+    report: StateReport,
+    stamps: RisingStamps,
+    shared: SharedState,
+    refusals: Refusals,
+    lines: Lines,
+}
+
+impl Outbound {
+    /// A publisher of everything, `period` between two messages of the joints.
+    pub fn new(
+        (outputs, node): (Outputs, Node),
+        domain: &Domain,
+        robot: &str,
+        period: Nanos,
+        (events, names): (Receiver<Event>, ClientNames),
+        shared: SharedState,
+    ) -> Self {
+        let watcher = Watcher::new(domain);
+        Self {
+            outputs,
+            node,
+            snake: Snake::new(robot),
+            period,
+            measured: Latest::new(watcher.measured_js()),
+            setpoint: Latest::new(watcher.setpoint_js()),
+            states: watcher.operating_state(),
+            errors: watcher.error(),
+            warnings: watcher.warning(),
+            events,
+            report: StateReport::default(),
+            stamps: RisingStamps::default(),
+            shared,
+            refusals: Refusals::default(),
+            lines: Lines::new(names),
+        }
+    }
+
+    /// Publishes until `stop`; every line is said, too.
+    pub fn run(mut self, stop: impl Fn() -> bool, mut say: impl FnMut(&str)) {
+        let description = self.snake.urdf();
+        publish(&self.outputs.description, Text { data: description });
+        self.publish_state(UNDEFINED);
+        let look = self.period.min(LOOK_PERIOD);
+        let (mut next, mut next_joints, mut next_pose) = (clock::now(), Nanos::ZERO, Nanos::ZERO);
+        while !stop() {
+            let now = Moment::now();
+            self.look(now.monotonic, &mut say);
+            if now.monotonic >= next_joints {
+                next_joints = following(next_joints, self.period, now.monotonic);
+                self.publish_joints();
+            }
+            if now.monotonic >= next_pose {
+                next_pose = following(next_pose, POSE_PERIOD, now.monotonic);
+                self.publish_pose();
+            }
+            next = following(next, look, clock::now());
+            clock::sleep_until(next);
+        }
+    }
+
+    /// Takes in what the controller and the other threads say.
+    fn look(&mut self, now: Nanos, say: &mut impl FnMut(&str)) {
+        // Before the states: an answer changes how they are understood.
+        while let Ok(event) = self.events.try_recv() {
+            self.take(event, now, say);
+        }
+        let mut messages = Vec::new();
+        match self.states.drain(|message| messages.push(message)) {
+            Ok(_) => {
+                for message in &messages {
+                    if let Some(snapshot) = self.report.state(message) {
+                        self.publish_state(snapshot);
+                    }
+                }
+                if let Some(last) = messages.last() {
+                    for (level, line) in self.lines.state(last) {
+                        self.say(level, line, say);
+                    }
+                }
+            }
+            Err(error) => {
+                if let Some(snapshot) = self.report.absent() {
+                    self.publish_state(snapshot);
+                }
+                if let Some((level, line)) = self.lines.absent(&error) {
+                    self.say(level, line, say);
+                }
+            }
+        }
+        self.read_reasons(say);
+        for line in self.refusals.due(now) {
+            self.say(Level::Warning, line, say);
+        }
+    }
+
+    /// Faults, and what was refused, stopped or clipped, as the controller says it.
+    fn read_reasons(&mut self, say: &mut impl FnMut(&str)) {
+        let mut reasons = Vec::new();
+        for (level, stream) in [
+            (Level::Error, &mut self.errors),
+            (Level::Warning, &mut self.warnings),
+        ] {
+            // Without a controller there are none.
+            let _ = stream.drain(|message| reasons.push((level, message)));
+        }
+        for (level, message) in reasons {
+            let line = self.lines.reason(&message);
+            self.say(level, line, say);
+        }
+    }
+
+    fn take(&mut self, event: Event, now: Nanos, say: &mut impl FnMut(&str)) {
+        match event {
+            Event::Refused {
+                client,
+                kind,
+                reason,
+                count,
+            } => {
+                if let Some(line) = self.refusals.add(client, kind, reason, count, now) {
+                    self.say(Level::Warning, line, say);
+                }
+            }
+            Event::Status(line) => self.say(Level::Status, line, say),
+            Event::Warning(line) => self.say(Level::Warning, line, say),
+            Event::MoveAsked => self.report.move_asked(),
+            Event::MoveAnswered(since) => {
+                if let Some(snapshot) = self.report.move_answered(since) {
+                    self.publish_state(snapshot);
+                }
+            }
+        }
+    }
+
+    fn publish_state(&mut self, snapshot: Snapshot) {
+        let stamp = self.stamps.next(Moment::now().unix_ns);
+        let message = OperatingState {
+            header: Header {
+                stamp: Time::from_unix_ns(stamp),
+                frame_id: String::new(),
+            },
+            state: snapshot.state.to_owned(),
+            is_homed: snapshot.homed,
+            is_busy: snapshot.busy,
+        };
+        *self.shared.lock() = message.clone();
+        publish(&self.outputs.operating_state, message);
+    }
+
+    fn publish_joints(&mut self) {
+        // Without a controller nothing is known.
+        let measured = self.measured.refresh().ok().flatten();
+        let setpoint = self.setpoint.refresh().ok().flatten();
+        let now = Moment::now();
+        let [measured, setpoint] =
+            [measured, setpoint].map(|state| conversion::joint_state(state, &now));
+        publish(&self.outputs.measured_js, measured);
+        publish(&self.outputs.setpoint_js, setpoint);
+    }
+
+    fn publish_pose(&mut self) {
+        let measured = self.measured.refresh().ok().flatten();
+        let now = Moment::now();
+        let tip = conversion::tip(&self.snake, measured, &now);
+        publish(&self.outputs.measured_cp, tip);
+        if let Some(links) = conversion::links(&self.snake, measured, &now) {
+            publish(&self.outputs.transforms, links);
+        }
+    }
+
+    fn say(&self, level: Level, line: String, say: &mut impl FnMut(&str)) {
+        say(&format!("{}: {line}", level.word()));
+        let (publisher, log_level) = match level {
+            Level::Error => (&self.outputs.error, LogLevel::Error),
+            Level::Warning => (&self.outputs.warning, LogLevel::Warn),
+            Level::Status => (&self.outputs.status, LogLevel::Info),
+        };
+        let stamp = ros2_client::builtin_interfaces::Time::now();
+        self.node
+            .rosout_raw(stamp, log_level, NODE, &line, "", "", 0);
+        publish(publisher, Text { data: line });
+    }
+}
+
+/// The next instant of a grid after `now`: what was missed is left out.
+fn following(planned: Nanos, period: Nanos, now: Nanos) -> Nanos {
+    let next = planned + period;
+    if next > now { next } else { now + period }
+}
+
+/// Publishes, or drops it where a reader is stopped: it is told the next one.
+fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) {
+    let _ = publisher.publish(message);
+}

@@ -1,0 +1,191 @@
+//! When an operating state is published, and what it says. Without I/O.
+//!
+//! It is published on change. A motion by `move_jp` is two messages, busy and then not busy, also
+//! when its way has no length: CRTK's client waits for both.
+
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::robot::OperatingState;
+use i2ris::units::Nanos;
+
+/// What a message says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Snapshot {
+    pub state: &'static str,
+    pub homed: bool,
+    pub busy: bool,
+}
+
+/// Without a controller, or with one of another release.
+pub(crate) const UNDEFINED: Snapshot = Snapshot {
+    state: "UNDEFINED",
+    homed: false,
+    busy: false,
+};
+
+/// What has been published, and what is going on.
+#[derive(Debug)]
+pub(crate) struct StateReport {
+    published: Snapshot,
+    /// A motion was asked for, and is not answered yet: what the controller says of being busy may
+    /// be about it, and waits.
+    asked: bool,
+    /// The controller moves since then.
+    moving: Option<Nanos>,
+}
+
+impl Default for StateReport {
+    fn default() -> Self {
+        Self {
+            published: UNDEFINED,
+            asked: false,
+            moving: None,
+        }
+    }
+}
+
+impl StateReport {
+    /// The controller's state. Returns what to publish.
+    pub fn state(&mut self, message: &OperatingStateMsg) -> Option<Snapshot> {
+        let has = |flag| message.flags & flag != 0;
+        let busy = has(OperatingStateMsg::BUSY);
+        let Some(state) = OperatingState::from_number(message.state) else {
+            return self.change(UNDEFINED);
+        };
+        if let Some(since) = self.moving
+            && message.stamp_ns > since.0
+            && !busy
+        {
+            self.moving = None;
+        }
+        let busy = match (self.moving, self.asked) {
+            (Some(_), _) => true,
+            (None, true) => self.published.busy,
+            (None, false) => busy,
+        };
+        self.change(Snapshot {
+            state: state.text(),
+            homed: has(OperatingStateMsg::HOMED),
+            busy,
+        })
+    }
+
+    /// There is no controller any more.
+    pub fn absent(&mut self) -> Option<Snapshot> {
+        self.moving = None;
+        self.change(UNDEFINED)
+    }
+
+    /// A client asked for a motion.
+    pub fn move_asked(&mut self) {
+        self.asked = true;
+    }
+
+    /// The controller began it at this instant, or refused. A motion that was accepted is always
+    /// published.
+    pub fn move_answered(&mut self, since: Option<Nanos>) -> Option<Snapshot> {
+        self.asked = false;
+        let since = since?;
+        self.moving = Some(since);
+        self.published.busy = true;
+        Some(self.published)
+    }
+
+    fn change(&mut self, next: Snapshot) -> Option<Snapshot> {
+        let changed = next != self.published;
+        self.published = next;
+        changed.then_some(next)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(ms: u64, busy: bool) -> OperatingStateMsg {
+        OperatingStateMsg {
+            stamp_ns: ms * 1_000_000,
+            state: OperatingState::Enabled.number(),
+            flags: OperatingStateMsg::HOMED | if busy { OperatingStateMsg::BUSY } else { 0 },
+            ..OperatingStateMsg::default()
+        }
+    }
+
+    fn busy(snapshot: Option<Snapshot>) -> Option<bool> {
+        snapshot.map(|snapshot| snapshot.busy)
+    }
+
+    const fn at(ms: u64) -> Option<Nanos> {
+        Some(Nanos::from_millis(ms))
+    }
+
+    fn enabled() -> StateReport {
+        let mut report = StateReport::default();
+        let first = report.state(&message(1, false)).unwrap();
+        assert_eq!(
+            (first.state, first.homed, first.busy),
+            ("ENABLED", true, false)
+        );
+        assert_eq!(report.state(&message(2, false)), None, "nothing new");
+        report
+    }
+
+    #[test]
+    fn a_motion_of_length_zero_is_busy_and_then_not() {
+        let mut report = enabled();
+        report.move_asked();
+        assert_eq!(busy(report.move_answered(at(10))), Some(true));
+        assert_eq!(report.state(&message(9, false)), None, "from before");
+        assert_eq!(busy(report.state(&message(11, false))), Some(false));
+        assert_eq!(report.state(&message(12, false)), None);
+    }
+
+    #[test]
+    fn a_motion_that_ends_before_its_answer_is_seen_is_one_pair() {
+        let mut report = enabled();
+        report.move_asked();
+        assert_eq!(
+            report.state(&message(5, true)),
+            None,
+            "waits for the answer"
+        );
+        assert_eq!(report.state(&message(6, false)), None);
+        assert_eq!(busy(report.move_answered(at(4))), Some(true));
+        assert_eq!(busy(report.state(&message(7, false))), Some(false));
+    }
+
+    #[test]
+    fn a_long_motion_is_busy_until_it_ends() {
+        let mut report = enabled();
+        report.move_asked();
+        assert_eq!(busy(report.move_answered(at(10))), Some(true));
+        for ms in 11..500 {
+            assert_eq!(report.state(&message(ms, true)), None);
+        }
+        assert_eq!(busy(report.state(&message(500, false))), Some(false));
+    }
+
+    #[test]
+    fn a_refused_motion_changes_nothing_and_the_one_under_way_goes_on() {
+        let mut report = enabled();
+        report.move_asked();
+        assert_eq!(report.move_answered(None), None);
+        assert_eq!(report.state(&message(20, false)), None);
+        report.move_asked();
+        report.move_answered(at(30));
+        report.move_asked();
+        assert_eq!(report.move_answered(None), None, "busy");
+        assert_eq!(report.state(&message(40, true)), None);
+        assert_eq!(busy(report.state(&message(50, false))), Some(false));
+    }
+
+    #[test]
+    fn without_a_controller_the_state_is_undefined_and_nothing_is_busy() {
+        let mut report = enabled();
+        report.move_asked();
+        report.move_answered(at(10));
+        assert_eq!(report.absent(), Some(UNDEFINED));
+        assert_eq!(report.absent(), None);
+        let back = report.state(&message(11, false)).unwrap();
+        assert_eq!((back.state, back.busy), ("ENABLED", false));
+    }
+}

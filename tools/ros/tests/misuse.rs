@@ -1,0 +1,329 @@
+//! Clients of ROS that do what they should not: each ends in a hold or in a refusal with a reason,
+//! never in motion.
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may")]
+
+mod common;
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+use common::bridge::Bridge;
+use common::eventually;
+use common::peer::{Peer, publisher, qos, ros_domain};
+use common::robot::Robot;
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_ros::message::{Header, JointState, StringStamped, Text, Time};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use ros2_client::qos::Durability;
+
+const ROBOT: &str = "i2ris";
+
+fn start() -> (Robot, Bridge, Peer) {
+    let (robot, domain) = (Robot::start(), ros_domain());
+    let bridge = Bridge::start(&robot.domain, domain, &[]);
+    let peer = Peer::new(domain, ROBOT, "console");
+    (robot, bridge, peer)
+}
+
+fn swing(t: f64) -> [f64; 2] {
+    [3.0 * (2.0 * t).sin(), 2.0 * (1.5 * t).sin()]
+}
+
+/// A client in a process of its own: enables the robot and swings it until it is killed.
+struct Swinger {
+    child: Child,
+    lines: std::io::Lines<BufReader<ChildStdout>>,
+}
+
+const DOMAIN: &str = "I2RIS_TEST_ROS_DOMAIN";
+
+impl Swinger {
+    fn start(ros_domain: u16) -> Self {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "swinger_process", "--ignored", "--nocapture"])
+            .env(DOMAIN, ros_domain.to_string())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        Self { child, lines }
+    }
+
+    /// Waits until it swings.
+    fn wait(&mut self) {
+        let mut lines = self.lines.by_ref().map_while(Result::ok);
+        assert!(lines.any(|line| line.contains("swinging")), "it ended");
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(self.child.id() as i32), signal).unwrap();
+    }
+}
+
+impl Drop for Swinger {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The process of [`Swinger`].
+#[test]
+#[ignore = "runs as a process of other tests"]
+#[allow(clippy::print_stdout, reason = "the other test waits for it")]
+fn swinger_process() {
+    let domain = std::env::var(DOMAIN).unwrap().parse().unwrap();
+    let mut peer = Peer::new(domain, ROBOT, "swinger");
+    peer.enable();
+    let mut said = false;
+    peer.stream(|t| {
+        if t > 1.0 && !said {
+            println!("swinging");
+            said = true;
+        }
+        Some(swing(t))
+    });
+}
+
+#[test]
+fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
+    let (robot, domain) = (Robot::start(), ros_domain());
+    // A client of an earlier session: its commands are kept for those who come late.
+    let early = Peer::new(domain, ROBOT, "early");
+    let before = clock::now();
+    for word in ["home", "enable"] {
+        early.command(word);
+    }
+    clock::sleep(Nanos::from_millis(2500));
+    let bridge = Bridge::start(&robot.domain, domain, &[]);
+    let mut watcher = Peer::new(domain, ROBOT, "watcher");
+    watcher.connect();
+    // Long after the writer and the reader have met.
+    let status = format!("/{ROBOT}/state_command");
+    eventually("they meet", || {
+        (early.node.subscription_count(&status) > 0).then_some(())
+    });
+    clock::sleep(Nanos::from_millis(3000));
+    watcher.update();
+    let state = watcher.seen.last().unwrap();
+    assert_eq!((state.state.as_str(), state.is_homed), ("DISABLED", false));
+    assert!(!robot.moved_since(before));
+    // The same client is heard when it asks now.
+    early.command("home");
+    watcher.wait_for("home", |state| state.is_homed);
+    assert!(!bridge.lines().iter().any(|line| line.contains("enable;")));
+}
+
+#[test]
+fn h24_a_state_command_with_an_old_stamp_is_refused() {
+    let (robot, bridge, mut peer) = start();
+    peer.connect();
+    peer.wait_for("a robot that waits", |state| !state.is_busy);
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let now = now.unwrap().as_nanos() as u64;
+    for (seconds, word) in [(60_u64, "home"), (3, "home")] {
+        let header = Header {
+            stamp: Time::from_unix_ns(now - seconds * 1_000_000_000),
+            ..Header::default()
+        };
+        let string = word.to_owned();
+        peer.send_state_command(StringStamped { header, string });
+    }
+    peer.wait_for_line("warning", "kept for late joiners");
+    assert!(!peer.seen.iter().any(|state| state.is_homed));
+    peer.command("dance");
+    let line = peer.wait_for_line("warning", "none of enable");
+    assert!(line.starts_with("/console: state_command"), "{line}");
+    drop((robot, bridge));
+}
+
+#[test]
+fn the_snake_holds_when_its_client_is_killed_and_another_one_takes_over() {
+    let (robot, _bridge, mut peer) = start();
+    let mut swinger = Swinger::start(peer.node.domain_id());
+    swinger.wait();
+    swinger.signal(Signal::SIGKILL);
+    robot.wait_until_still();
+    peer.wait_for_line("warning", "later than their deadline");
+    let from = clock::now();
+    let [pitch, yaw] = peer.setpoint_degrees();
+    peer.stream(|t| (t < 1.0).then_some([pitch + t, yaw]));
+    assert!(robot.moved_since(from));
+}
+
+#[test]
+fn h24_a_client_that_is_stopped_and_goes_on_does_not_move_the_snake() {
+    let (robot, bridge, mut peer) = start();
+    let mut swinger = Swinger::start(peer.node.domain_id());
+    swinger.wait();
+    swinger.signal(Signal::SIGSTOP);
+    robot.wait_until_still();
+    clock::sleep(Nanos::from_millis(2000));
+    swinger.signal(Signal::SIGCONT);
+    robot.assert_still_for(Nanos::from_millis(3000));
+    // Where its messages come through again they are refused with a reason; on a busy machine the
+    // other end of DDS may have given it up.
+    peer.update();
+    let lines = bridge.lines();
+    let took = { lines.iter() }.filter(|line| line.contains("/swinger commands"));
+    assert_eq!(took.count(), 1, "it does not command again: {lines:?}");
+    let refused =
+        { lines.iter() }.any(|line| line.contains("/swinger: servo_jp: the stream broke"));
+    eprintln!("refused with a reason: {refused}");
+}
+
+#[test]
+fn a_second_writer_is_refused_by_name() {
+    let (robot, bridge, mut peer) = start();
+    let mut swinger = Swinger::start(peer.node.domain_id());
+    swinger.wait();
+    for _ in 0..100 {
+        peer.send_degrees("servo_jp", [0.0, 0.0]);
+        clock::sleep(Nanos::from_millis(5));
+    }
+    let line = peer.wait_for_line("warning", "another client holds the lease");
+    assert!(line.starts_with("/console: refusal 4"), "{line}");
+    assert!(line.contains(": /swinger; do: "), "who commands: {line}");
+    // A pose while somebody commands, too.
+    peer.send_degrees("move_jp", [1.0, 1.0]);
+    peer.wait_for_line("status", "/console: move_jp: move refused");
+    let from = clock::now();
+    eventually("the first one goes on", || {
+        robot.moved_since(from).then_some(())
+    });
+    // Anybody may stop it.
+    peer.hold();
+    peer.wait_for_line("status", "/console: hold");
+    drop(bridge);
+}
+
+#[test]
+fn two_publishers_in_one_process_are_two_clients() {
+    let (_robot, _bridge, mut peer) = start();
+    peer.enable();
+    let second = peer.publisher("servo_jp", &qos(Durability::Volatile));
+    clock::sleep(Nanos::from_millis(1000));
+    peer.stream(|t| {
+        let message = JointState {
+            position: vec![0.0, 0.0],
+            ..JointState::default()
+        };
+        second.publish(message).unwrap();
+        (t < 1.0).then(|| swing(t))
+    });
+    peer.wait_for_line("warning", "another client holds the lease");
+}
+
+#[test]
+fn a_flood_ends_in_a_hold() {
+    let (robot, bridge, mut peer) = start();
+    peer.enable();
+    let (start, mut next, mut sent) = (clock::now(), clock::now(), 0_u64);
+    while clock::now() - start < Nanos::from_millis(2000) {
+        let t = (clock::now() - start).as_seconds();
+        peer.send_degrees("servo_jp", swing(t));
+        sent += 1;
+        next = next + Nanos::from_micros(100);
+        if next > clock::now() {
+            clock::sleep_until(next);
+        }
+    }
+    assert!(sent > 5000, "a flood: {sent}");
+    let line = peer.wait_for_line("warning", "messages a second");
+    assert!(line.starts_with("/console: servo_jp"), "{line}");
+    robot.wait_until_still();
+    // It stays so while it goes on, and what came after the flood does not go on either.
+    let from = clock::now();
+    peer.stream(|t| (t < 1.0).then(|| swing(2.0 + t)));
+    assert!(!robot.moved_since(from), "{:?}", bridge.lines());
+    // Something deliberate begins anew.
+    peer.hold();
+    let [pitch, yaw] = peer.setpoint_degrees();
+    eventually("it is followed again", || {
+        peer.stream(|t| (t < 0.5).then_some([pitch + t, yaw]));
+        robot.moved_since(from).then_some(())
+    });
+}
+
+#[test]
+fn values_that_make_no_sense_are_refused_and_counted() {
+    let (robot, bridge, mut peer) = start();
+    peer.enable();
+    robot.wait_until_still();
+    let from = clock::now();
+    for topic in ["servo_jp", "servo_jr", "move_jp", "move_jr"] {
+        for wrong in [&[][..], &[0.1], &[0.1; 3], &[0.1; 50]] {
+            peer.send(topic, wrong);
+            clock::sleep(Nanos::from_millis(50));
+        }
+        let given = format!("/console: {topic}: 0 positions for 2 joints");
+        peer.wait_for_line("warning", &given);
+        for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            peer.send(topic, &[wrong, 0.0]);
+            clock::sleep(Nanos::from_millis(50));
+        }
+        peer.wait_for_line("warning", &format!("{topic}: a position is not finite"));
+    }
+    // Far away in one step.
+    for _ in 0..20 {
+        peer.send_degrees("servo_jp", [40.0, 0.0]);
+        clock::sleep(Nanos::from_millis(5));
+    }
+    peer.wait_for_line("warning", "step too large");
+    let counted = { peer.said.iter() }.any(|(_, line)| line.contains("times)"));
+    assert!(counted, "{:?}", peer.said);
+    assert!(!robot.moved_since(from), "{:?}", bridge.lines());
+}
+
+#[test]
+fn a_message_of_another_type_moves_nothing() {
+    let (robot, bridge, mut peer) = start();
+    peer.enable();
+    robot.wait_until_still();
+    let from = clock::now();
+    let volatile = qos(Durability::Volatile);
+    // Another type by its name: the two never meet.
+    let kind = ("std_msgs", "String");
+    let text = publisher::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
+    // Another content under the right name.
+    let kind = ("sensor_msgs", "JointState");
+    let liar = publisher::<Text>(&mut peer.node, ROBOT, "servo_jp", kind, &volatile);
+    clock::sleep(Nanos::from_millis(1000));
+    for _ in 0..100 {
+        for publisher in [&text, &liar] {
+            let data = "go to 0.2".to_owned();
+            publisher.publish(Text { data }).unwrap();
+        }
+        clock::sleep(Nanos::from_millis(5));
+    }
+    peer.wait_for_line("warning", "does not have the type");
+    peer.wait_for_line("warning", "std_msgs::msg::dds_::String_");
+    assert!(!robot.moved_since(from), "{:?}", bridge.lines());
+}
+
+#[test]
+fn a_reader_that_is_stopped_does_not_stop_the_others() {
+    let (robot, bridge, peer) = start();
+    let mut swinger = Swinger::start(peer.node.domain_id());
+    swinger.wait();
+    let memory = bridge.memory_kb();
+    swinger.signal(Signal::SIGSTOP);
+    robot.wait_until_still();
+    let from = clock::now();
+    let [pitch, yaw] = peer.setpoint_degrees();
+    peer.hold();
+    // It is followed, and served, all the time.
+    let end = clock::now() + Nanos::from_millis(15_000);
+    while clock::now() < end {
+        let before = clock::now();
+        peer.stream(|t| (t < 0.3).then(|| [pitch + 0.5 * (before - from).as_seconds().sin(), yaw]));
+        peer.next_measured(|it| it.position.len() == 2);
+    }
+    assert!(robot.moved_since(from));
+    let more = bridge.memory_kb().saturating_sub(memory);
+    assert!(more < 40_000, "{more} kB more");
+    drop(peer);
+}

@@ -1,0 +1,339 @@
+//! A client of ROS, with the topics and the quality of service of CRTK's, and the emulated snake.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+mod common;
+
+use common::bridge::Bridge;
+use common::eventually;
+use common::peer::{Peer, qos, ros_domain};
+use common::robot::Robot;
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_ros::message::{
+    JointState, NoRequest, OperatingState, Text, Time, Transforms, TriggerOperatingStateResponse,
+    TriggerResponse,
+};
+use ros2_client::qos::{Durability, History};
+use ros2_client::{Name, QosProfile, ServiceMapping, ServiceTypeName, Subscription};
+
+const ROBOT: &str = "i2ris";
+
+fn start(arguments: &[&str]) -> (Robot, Bridge, Peer) {
+    let (robot, domain) = (Robot::start(), ros_domain());
+    let bridge = Bridge::start(&robot.domain, domain, arguments);
+    let peer = Peer::new(domain, ROBOT, "console");
+    (robot, bridge, peer)
+}
+
+fn unix_ns(state: &OperatingState) -> u64 {
+    state.header.stamp.unix_ns().unwrap()
+}
+
+#[test]
+fn a_client_homes_enables_moves_servoes_and_holds() {
+    let (robot, bridge, mut peer) = start(&[]);
+    peer.enable();
+    // From rest to rest.
+    peer.seen.clear();
+    peer.send_degrees("move_jp", [4.0, -2.0]);
+    peer.wait_for("it is busy", |state| state.is_busy);
+    peer.wait_for("it has moved", |state| !state.is_busy);
+    let [pitch, yaw] = peer.setpoint_degrees();
+    assert!(
+        (pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2,
+        "{pitch} {yaw}"
+    );
+    // By a difference.
+    peer.send_degrees("move_jr", [-4.0, 2.0]);
+    peer.wait_for("it is busy", |state| state.is_busy);
+    peer.wait_for("it has moved back", |state| !state.is_busy);
+    let [pitch, yaw] = peer.setpoint_degrees();
+    assert!(pitch.abs() < 0.2 && yaw.abs() < 0.2, "{pitch} {yaw}");
+    // A stream.
+    let from = clock::now();
+    peer.stream(|t| (t < 1.5).then(|| [3.0 * (2.0 * t).sin(), 0.0]));
+    assert!(robot.moved_since(from), "{:?}", bridge.lines());
+    peer.hold();
+    robot.wait_until_still();
+    // Steps of differences.
+    let [before, _] = peer.setpoint_degrees();
+    for _ in 0..50 {
+        peer.send_degrees("servo_jr", [0.02, 0.0]);
+        clock::sleep(Nanos::from_millis(5));
+    }
+    eventually("the snake follows the steps", || {
+        let [after, _] = peer.setpoint_degrees();
+        (after - before > 0.5).then_some(())
+    });
+    peer.wait_for_line("status", "console commands");
+    let state = robot.wait_for(|state| state.lease_client_id == 0);
+    assert_eq!(state.fault, 0);
+    assert!(bridge.end(), "it ends in order");
+}
+
+#[test]
+fn a_move_of_length_zero_is_busy_and_then_not_and_stamps_rise() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let pose = peer.setpoint_degrees();
+    for _ in 0..3 {
+        let before = peer.seen.len();
+        peer.send_degrees("move_jp", pose);
+        eventually("busy, then not busy", || {
+            peer.update();
+            let busy: Vec<bool> = peer.seen[before..].iter().map(|it| it.is_busy).collect();
+            (busy.ends_with(&[true, false])).then_some(())
+        });
+    }
+    let stamps: Vec<u64> = peer.seen.iter().map(unix_ns).collect();
+    assert!(
+        stamps.windows(2).all(|pair| pair[0] < pair[1]),
+        "{stamps:?}"
+    );
+}
+
+#[test]
+fn one_who_comes_late_gets_the_state_and_what_was_said() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let mut late = Peer::new(peer.node.domain_id(), ROBOT, "late");
+    late.wait_for("the kept state", |state| state.state == "ENABLED");
+    late.wait_for_line("status", "the robot is ENABLED");
+    assert!(late.seen.len() > 1, "the states before, too");
+    assert!(
+        late.seen
+            .windows(2)
+            .all(|pair| unix_ns(&pair[0]) < unix_ns(&pair[1]))
+    );
+    let kind = ("std_msgs", "String");
+    let description: Subscription<Text> =
+        late.subscription("robot_description", kind, &qos(Durability::TransientLocal));
+    let urdf = eventually("the URDF", || description.take().ok().flatten());
+    assert_eq!(urdf.0.data, i2ris_geometry::Snake::new(ROBOT).urdf());
+}
+
+#[test]
+fn the_tip_and_the_frames_are_those_of_the_bend() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let kind = ("tf2_msgs", "TFMessage");
+    let frames: Subscription<Transforms> =
+        peer.subscription("/tf", kind, &qos(Durability::Volatile));
+    peer.send_degrees("move_jp", [8.0, 0.0]);
+    peer.wait_for("it is busy", |state| state.is_busy);
+    peer.wait_for("it has moved", |state| !state.is_busy);
+    let tip = peer.next_tip(|tip| tip.header.stamp != Time::INVALID);
+    let [pitch, yaw] = peer.measured_degrees();
+    let bend = i2ris_geometry::Bend {
+        pitch: pitch.to_radians(),
+        yaw: yaw.to_radians(),
+    };
+    let expected = i2ris_geometry::Snake::new(ROBOT).tip_pose(bend);
+    let found = [
+        tip.pose.position.x,
+        tip.pose.position.y,
+        tip.pose.position.z,
+    ];
+    for (found, expected) in found.iter().zip(expected.position_m) {
+        assert!((found - expected).abs() < 2e-5, "{found} {expected}");
+    }
+    assert!(tip.pose.position.y > 1e-4, "it is bent: {tip:?}");
+    let (Transforms { transforms }, _) = eventually("frames", || frames.take().ok().flatten());
+    assert_eq!(transforms.len(), 25);
+    assert_eq!(transforms[0].header.frame_id, "i2ris_base");
+}
+
+#[test]
+fn without_a_controller_the_state_is_undefined_and_data_have_stamp_zero() {
+    let (mut robot, bridge, mut peer) = start(&[]);
+    peer.wait_for("a controller", |state| state.state == "DISABLED");
+    peer.next_measured(|it| it.header.stamp != Time::INVALID && it.position.len() == 2);
+    robot.stop_controller();
+    peer.wait_for("no controller", |state| state.state == "UNDEFINED");
+    peer.next_measured(|it| it.header.stamp == Time::INVALID && it.position.is_empty());
+    peer.next_tip(|it| it.header.stamp == Time::INVALID);
+    bridge.wait_for("no controller serves domain");
+    robot.start_controller();
+    peer.wait_for("a controller again", |state| state.state == "DISABLED");
+    peer.next_measured(|it| it.header.stamp != Time::INVALID);
+}
+
+#[test]
+fn a_robot_to_watch_only_has_no_topic_for_commands() {
+    let (robot, bridge, mut peer) = start(&["--read-only"]);
+    peer.wait_for("a state", |_| true);
+    peer.wait_for_line("status", "the robot is DISABLED");
+    assert!(bridge.lines()[0].contains("to watch only"));
+    peer.command("home");
+    clock::sleep(Nanos::from_millis(1500));
+    for topic in [
+        "servo_jp",
+        "move_jp",
+        "state_command",
+        "hold",
+        "external/measured_jp",
+    ] {
+        let name = format!("/{ROBOT}/{topic}");
+        assert_eq!(peer.node.subscription_count(&name), 0, "{name}");
+    }
+    assert!(
+        !peer
+            .seen
+            .iter()
+            .any(|state| state.is_homed || state.is_busy)
+    );
+    drop(robot);
+}
+
+#[test]
+fn what_is_not_supported_has_no_topic() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.connect();
+    for topic in [
+        "servo_cp", "servo_jv", "servo_jf", "move_cp", "goal_js", "servo_cv",
+    ] {
+        let name = format!("/{ROBOT}/{topic}");
+        let both = (
+            peer.node.subscription_count(&name),
+            peer.node.publisher_count(&name),
+        );
+        assert_eq!(both, (0, 0), "{name}");
+    }
+}
+
+#[test]
+fn another_domain_and_another_name_are_another_robot() {
+    let (robot, domain) = (Robot::start(), ros_domain());
+    let _bridge = Bridge::start(&robot.domain, domain, &["--name", "eye"]);
+    let mut there = Peer::new(domain, "eye", "there");
+    there.connect();
+    let (mut elsewhere, mut other) = (
+        Peer::new(ros_domain(), "eye", "elsewhere"),
+        Peer::new(domain, ROBOT, "other"),
+    );
+    clock::sleep(Nanos::from_millis(3000));
+    elsewhere.update();
+    other.update();
+    assert_eq!((elsewhere.seen.len(), other.seen.len()), (0, 0));
+}
+
+#[test]
+fn the_services_answer() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.connect();
+    let service = |depth| qos(Durability::Volatile).history(History::KeepLast { depth });
+    let (name, kind) = (
+        Name::parse(&format!("/{ROBOT}/crtk_version")).unwrap(),
+        ServiceTypeName::new("std_srvs", "Trigger"),
+    );
+    let mapping = ServiceMapping::Enhanced;
+    let version = peer.node.create_client::<NoRequest, TriggerResponse>(
+        mapping,
+        &name,
+        &kind,
+        service(10),
+        service(10),
+    );
+    let version = version.unwrap();
+    let answer = ask(
+        || version.send_request(NoRequest::default()).is_ok(),
+        || version.receive_response().ok().flatten(),
+    );
+    assert!(
+        answer.1.success && answer.1.message.starts_with("1."),
+        "{answer:?}"
+    );
+    let (name, kind) = (
+        Name::parse(&format!("/{ROBOT}/operating_state")).unwrap(),
+        ServiceTypeName::new("crtk_msgs", "TriggerOperatingState"),
+    );
+    let state = peer
+        .node
+        .create_client::<NoRequest, TriggerOperatingStateResponse>(
+            mapping,
+            &name,
+            &kind,
+            service(10),
+            service(10),
+        );
+    let state = state.unwrap();
+    let answer = ask(
+        || state.send_request(NoRequest::default()).is_ok(),
+        || state.receive_response().ok().flatten(),
+    );
+    assert_eq!(answer.1.operating_state.state, "DISABLED");
+}
+
+/// Asks until there is an answer: matching takes a moment.
+fn ask<A>(send: impl Fn() -> bool, receive: impl Fn() -> Option<A>) -> A {
+    let mut sent = Nanos::ZERO;
+    eventually("an answer", || {
+        if clock::now().since(sent) > Nanos::from_millis(1000) {
+            send();
+            sent = clock::now();
+        }
+        receive()
+    })
+}
+
+#[test]
+fn a_camera_of_ros_feeds_the_controller() {
+    let (robot, _bridge, mut peer) = start(&[]);
+    peer.connect();
+    let mut seen = robot.client().watcher().external();
+    let found = eventually("a measurement", || {
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        let mut message = JointState {
+            position: vec![0.02, -0.01],
+            ..JointState::default()
+        };
+        let exposed = now.unwrap().as_nanos() as u64 - 30_000_000;
+        message.header.stamp = Time::from_unix_ns(exposed);
+        peer.send_message("external/measured_jp", message);
+        clock::sleep(Nanos::from_millis(10));
+        seen.newest()
+            .ok()
+            .flatten()
+            .map(|seen| (seen, clock::now()))
+    });
+    let (measurement, now) = found;
+    assert_eq!(measurement.position[..2], [0.02, -0.01]);
+    let age = now.since(Nanos(measurement.stamp_ns));
+    assert!(
+        age >= Nanos::from_millis(30),
+        "the exposure, not the arrival: {age:?}"
+    );
+    peer.send("external/measured_jp", &[f64::NAN, 0.0]);
+    peer.wait_for_line("warning", "external/measured_jp: a position is not finite");
+}
+
+#[test]
+fn quality_of_service_that_does_not_fit_is_said() {
+    let (robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let best_effort = QosProfile::subscription_default();
+    // Fits: a reader may ask for less than is offered.
+    let kind = ("sensor_msgs", "JointState");
+    let less: Subscription<JointState> = peer.subscription("measured_js", kind, &best_effort);
+    eventually("a best-effort reader is served", || {
+        less.take().ok().flatten()
+    });
+    // Does not: a reader asks for kept samples of a stream.
+    let _more: Subscription<JointState> =
+        peer.subscription("measured_js", kind, &qos(Durability::TransientLocal));
+    peer.wait_for_line("warning", "wants RELIABLE TRANSIENT_LOCAL");
+    // Does not: a writer offers less than commands need.
+    let careless = peer.publisher("servo_jp", &best_effort);
+    peer.wait_for_line("warning", "publishes BEST_EFFORT VOLATILE");
+    let from = clock::now();
+    for step in 0..100 {
+        let position = vec![0.0005 * f64::from(step), 0.0];
+        let message = JointState {
+            position,
+            ..JointState::default()
+        };
+        careless.publish(message).unwrap();
+        clock::sleep(Nanos::from_millis(5));
+    }
+    assert!(!robot.moved_since(from));
+}
