@@ -40,6 +40,7 @@ REFUSALS: dict[int, str] = {
     19: "the hysteresis memory is unknown: condition first, or force it",
     20: "the model is refused",
     21: "busy: the conditioning cycle is running; it ends by itself",
+    22: "a virtual fixture is in the way",
 }
 STOPS: dict[int, str] = {
     1: "commands came later than their deadline, and the robot stopped in between",
@@ -47,6 +48,7 @@ STOPS: dict[int, str] = {
 }
 CLIPS: dict[int, str] = {
     1: "the goal is outside the calibrated hull or the position limits",
+    2: "a virtual fixture slows or stops the goal",
 }
 #: What to do, by kind (1 fault, 2 refusal, 3 stop, 4 clip) and number.
 ADVICE: dict[tuple[int, int], str] = {
@@ -81,9 +83,11 @@ ADVICE: dict[tuple[int, int], str] = {
     (2, 19): "`i2ris command state condition`, or `--force`",
     (2, 20): "read the reason in the controller's answer to `i2ris model stage`",
     (2, 21): "wait until it is done, or `i2ris command state hold`",
+    (2, 22): "go around the region (`i2ris command fixture list`), or switch the fixtures off",
     (3, 1): "send faster, or with a longer deadline; look at the load of the computer",
     (3, 2): "check cable and supply (`i2ris doctor`)",
     (4, 1): "command less, or calibrate a wider range",
+    (4, 2): "go around the region (`i2ris command fixture list`)",
 }
 #: Units of measured values.
 QUANTITIES: dict[int, str] = {
