@@ -55,6 +55,11 @@ impl Encoder {
         self.primitive(value.to_le_bytes());
     }
 
+    /// Appends `bool`.
+    pub fn bool(&mut self, value: bool) {
+        self.primitive([u8::from(value)]);
+    }
+
     /// Appends `string`.
     pub fn string(&mut self, text: &str) {
         self.u32(text.len() as u32 + 1);

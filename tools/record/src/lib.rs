@@ -7,7 +7,9 @@
 //! | `schema` | message definitions of ROS 2 |
 //! | `cpp_header` | the payloads as a C++ header |
 //! | `python_reasons` | sentence and advice of every cause as a Python module |
-//! | `joint_state` | the standard message `sensor_msgs/JointState` |
+//! | `standard` | standard messages of ROS 2 and CRTK |
+//! | `subscriptions` | subscriptions to every stream of a controller |
+//! | `joints` | names of the joints of a controller, and the shape of its snake |
 //! | `topic` | streams and topics of a recording |
 //! | `recorder` | writes messages into a file that survives its writer |
 //! | `read` | records of a file, complete or cut off |
@@ -15,15 +17,15 @@
 //! | `export` | tables as CSV and Parquet |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //!
-//! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` has the
-//! same angles as a standard ROS 2 message. Stamps in payloads are of the monotonic clock. Stamps
-//! of the file and of standard messages are Unix time; the offset between both clocks is measured
-//! at the start and written to the metadata.
+//! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` tells the
+//! same as a standard ROS 2 or CRTK message, as a recording of a dVRK does. Stamps in payloads are
+//! of the monotonic clock. Stamps of the file and of standard messages are Unix time; the offset
+//! between both clocks is measured at the start and written to the metadata.
 
 pub mod cdr;
 pub mod cpp_header;
 pub mod export;
-pub mod joint_state;
+pub mod joints;
 pub mod layout;
 pub mod python_reasons;
 pub mod read;
@@ -31,4 +33,6 @@ pub mod recorder;
 pub mod recover;
 pub mod report;
 pub mod schema;
+pub mod standard;
+pub mod subscriptions;
 pub mod topic;

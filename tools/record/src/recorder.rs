@@ -17,14 +17,14 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use i2ris::ipc::Message;
-use i2ris::ipc::payload::JointState;
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
 use i2ris::units::Nanos;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
 use crate::cdr;
-use crate::joint_state;
 use crate::layout::Layout;
+use crate::standard::{StandardMessages, text};
 use crate::topic::{Stream, Topic};
 
 /// The most that is lost when the program is killed.
@@ -105,6 +105,10 @@ pub struct RecordingHeader {
     pub unix_offset_ns: u64,
     /// Names of the joints.
     pub joints: Vec<String>,
+    /// The link that stands still.
+    pub frame: String,
+    /// The robot as a URDF; empty: none.
+    pub urdf: String,
 }
 
 /// Numbers of messages.
@@ -158,8 +162,7 @@ pub struct TrialRecorder {
     queue: Option<SyncSender<QueuedMessage>>,
     thread: Option<JoinHandle<Result<McapFile, McapError>>>,
     has_failed: Arc<AtomicBool>,
-    unix_offset_ns: u64,
-    joints: Vec<String>,
+    standard: StandardMessages,
     counts: MessageCounts,
 }
 
@@ -194,8 +197,7 @@ impl TrialRecorder {
             queue: Some(queue),
             thread: Some(thread),
             has_failed,
-            unix_offset_ns,
-            joints: header.joints,
+            standard: StandardMessages::new(unix_offset_ns, header.joints, header.frame),
             counts: MessageCounts::default(),
         })
     }
@@ -228,9 +230,33 @@ impl TrialRecorder {
     /// Records angles, also as the standard message.
     pub fn record_joints(&mut self, stream: Stream, message: &JointState, received: Nanos) {
         self.record(stream, message, received);
-        let unix_ns = message.stamp_ns.wrapping_add(self.unix_offset_ns);
-        if let Some(bytes) = joint_state::encode(message, unix_ns, &self.joints) {
-            self.push(Topic::Joint(stream), message, received, bytes);
+        let standard = self.standard.joint_state(message);
+        self.push_standard(stream, message, received, standard);
+    }
+
+    /// Records a command, also as the standard message.
+    pub fn record_servo_jp(&mut self, command: &ServoJp, received: Nanos) {
+        self.record(Stream::ServoJp, command, received);
+        let standard = self.standard.servo_jp(command);
+        self.push_standard(Stream::ServoJp, command, received, standard);
+    }
+
+    /// Records the operating state; where it changes, also as that of CRTK.
+    pub fn record_state(&mut self, message: &OperatingStateMsg, received: Nanos) {
+        self.record(Stream::State, message, received);
+        let standard = self.standard.operating_state(message);
+        self.push_standard(Stream::State, message, received, standard);
+    }
+
+    fn push_standard(
+        &mut self,
+        stream: Stream,
+        message: &impl Message,
+        received: Nanos,
+        standard: Option<Vec<u8>>,
+    ) {
+        if let Some(bytes) = standard {
+            self.push(Topic::Standard(stream), message, received, bytes);
         }
     }
 
@@ -262,7 +288,7 @@ impl TrialRecorder {
         let joined = self.thread.take().and_then(|thread| thread.join().ok());
         let written = joined.ok_or_else(|| RecordError::Thread { path: path.clone() })?;
         let finish = |mut file: McapFile| {
-            attach(&mut file, attachments, self.unix_offset_ns)?;
+            attach(&mut file, attachments, self.standard.unix_offset_ns)?;
             write_metadata(&mut file, OUTCOME, outcome)?;
             file.finish().map(drop)
         };
@@ -288,8 +314,29 @@ fn write_header(file: File, header: &RecordingHeader) -> Result<McapFile, McapEr
     for topic in Topic::all() {
         topic.declare(&mut file)?;
     }
+    if !header.urdf.is_empty() {
+        describe(&mut file, header)?;
+    }
     file.flush()?;
     Ok(file)
+}
+
+/// Writes the URDF where tools of ROS look for it, and attaches it.
+fn describe(file: &mut McapFile, header: &RecordingHeader) -> Result<(), McapError> {
+    let now = header.unix_offset_ns.wrapping_add(i2ris::clock::now().0);
+    let message = MessageHeader {
+        channel_id: Topic::Description.declare(file)?,
+        sequence: 0,
+        log_time: now,
+        publish_time: now,
+    };
+    file.write_to_known_channel(&message, &text(&header.urdf))?;
+    let attachment = AttachedFile {
+        name: "robot.urdf".to_owned(),
+        media_type: "application/xml",
+        content: header.urdf.clone().into_bytes(),
+    };
+    attach(file, &[attachment], header.unix_offset_ns)
 }
 
 fn write_metadata(

@@ -14,18 +14,52 @@ pub const PACKAGE: &str = "i2ris_msgs";
 const SEPARATOR: &str =
     "================================================================================";
 
-/// Name of the standard message for joints.
-pub const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
+/// A standard message: its name and its definition with all that it needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StandardType {
+    /// Full name.
+    pub name: &'static str,
+    fields: &'static str,
+    has_header: bool,
+}
 
-/// The definition of the standard message for joints with all that it needs.
-#[must_use]
-pub fn joint_state_definition() -> String {
-    format!(
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n\
-         float64[] effort\n\
-         {SEPARATOR}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n\
-         {SEPARATOR}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-    )
+/// Angles and their velocities.
+pub const JOINT_STATE: StandardType = StandardType {
+    name: "sensor_msgs/msg/JointState",
+    fields: "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n\
+             float64[] effort\n",
+    has_header: true,
+};
+
+/// The operating state of CRTK.
+pub const OPERATING_STATE: StandardType = StandardType {
+    name: "crtk_msgs/msg/OperatingState",
+    fields: "std_msgs/Header header\nstring state\nbool is_homed\nbool is_busy\n",
+    has_header: true,
+};
+
+/// A text.
+pub const STRING: StandardType = StandardType {
+    name: "std_msgs/msg/String",
+    fields: "string data\n",
+    has_header: false,
+};
+
+impl StandardType {
+    /// The definition with all that it needs.
+    #[must_use]
+    pub fn definition(&self) -> String {
+        let mut text = self.fields.to_owned();
+        if self.has_header {
+            let _ = write!(
+                text,
+                "{SEPARATOR}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\n\
+                 string frame_id\n\
+                 {SEPARATOR}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+            );
+        }
+        text
+    }
 }
 
 /// Full name of the message of a payload.

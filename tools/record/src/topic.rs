@@ -10,7 +10,7 @@ use i2ris::ipc::payload::{
 
 use crate::cdr;
 use crate::layout::{Layout, PayloadLayout};
-use crate::schema;
+use crate::schema::{self, StandardType};
 
 /// A stream of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -103,10 +103,16 @@ impl Stream {
         }
     }
 
-    /// Whether its messages are recorded as the standard message, too.
+    /// The standard message that tells the same, if there is one.
     #[must_use]
-    pub const fn is_joint(self) -> bool {
-        matches!(self, Self::Measured | Self::Setpoint | Self::Goal)
+    pub const fn standard(self) -> Option<StandardType> {
+        match self {
+            Self::Measured | Self::Setpoint | Self::Goal | Self::ServoJp => {
+                Some(schema::JOINT_STATE)
+            }
+            Self::State => Some(schema::OPERATING_STATE),
+            _ => None,
+        }
     }
 
     /// Whether only the controller sends. Commands and camera angles can have several senders, so
@@ -122,18 +128,31 @@ impl Stream {
 pub enum Topic {
     /// `i2ris/NAME`: payloads, bit by bit.
     Payload(Stream),
-    /// `NAME`: the same angles as `sensor_msgs/JointState`.
-    Joint(Stream),
+    /// `NAME`: the same as a standard message.
+    Standard(Stream),
+    /// `robot_description`: the URDF of the robot, once.
+    Description,
+}
+
+/// Schema of a topic: name and definition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TopicSchema {
+    /// Full name of the message.
+    pub name: String,
+    /// Its definition with all that it needs.
+    pub definition: String,
 }
 
 impl Topic {
     /// All topics of a recording.
     pub fn all() -> impl Iterator<Item = Self> {
-        let joints = Stream::ALL.into_iter().filter(|stream| stream.is_joint());
+        let has_standard = |stream: &Stream| stream.standard().is_some();
+        let standard = Stream::ALL.into_iter().filter(has_standard);
         Stream::ALL
             .into_iter()
             .map(Self::Payload)
-            .chain(joints.map(Self::Joint))
+            .chain(standard.map(Self::Standard))
+            .chain([Self::Description])
     }
 
     /// Its name in the file.
@@ -141,7 +160,31 @@ impl Topic {
     pub fn name(self) -> String {
         match self {
             Self::Payload(stream) => format!("/i2ris/{}", stream.name()),
-            Self::Joint(stream) => format!("/{}", stream.name()),
+            Self::Standard(stream) => format!("/{}", stream.name()),
+            Self::Description => "/robot_description".to_owned(),
+        }
+    }
+
+    /// Its schema.
+    #[must_use]
+    pub fn schema(self) -> TopicSchema {
+        let payload = |stream: Stream| {
+            let layout = stream.layout();
+            TopicSchema {
+                name: schema::name(&layout),
+                definition: schema::definition(&layout),
+            }
+        };
+        let standard = |standard: StandardType| TopicSchema {
+            name: standard.name.to_owned(),
+            definition: standard.definition(),
+        };
+        match self {
+            Self::Payload(stream) => payload(stream),
+            Self::Standard(stream) => {
+                { stream.standard() }.map_or_else(|| payload(stream), standard)
+            }
+            Self::Description => standard(schema::STRING),
         }
     }
 
@@ -158,16 +201,7 @@ impl Topic {
         self,
         file: &mut mcap::Writer<W>,
     ) -> mcap::McapResult<u16> {
-        let (name, definition) = match self {
-            Self::Joint(_) => (
-                schema::JOINT_STATE.to_owned(),
-                schema::joint_state_definition(),
-            ),
-            Self::Payload(stream) => {
-                let layout = stream.layout();
-                (schema::name(&layout), schema::definition(&layout))
-            }
-        };
+        let TopicSchema { name, definition } = self.schema();
         let schema = file.add_schema(&name, schema::ENCODING, definition.as_bytes())?;
         file.add_channel(schema, &self.name(), cdr::ENCODING, &BTreeMap::new())
     }

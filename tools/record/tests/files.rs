@@ -1,6 +1,8 @@
 //! Recordings are read as they were written, complete or damaged, in Rust and in Python.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
+mod python;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::mem::{offset_of, size_of};
@@ -17,6 +19,7 @@ use i2ris_record::report::TrialReport;
 use i2ris_record::topic::Stream;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::RowAccessor;
+use python::run_python;
 use tempfile::TempDir;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
@@ -33,6 +36,7 @@ fn record(path: &Path) {
         }],
         unix_offset_ns: UNIX,
         joints: vec!["pitch".to_owned(), "yaw".to_owned()],
+        ..RecordingHeader::default()
     };
     let mut trial = TrialRecorder::start(path, header).unwrap();
     for number in 1..=MESSAGES {
@@ -248,36 +252,6 @@ fn damaged_bytes_cause_no_panic() {
         fs::write(&bad, damaged).unwrap();
         let _ = export(&bad, &folder.path().join("tables"), TableFormat::Csv);
     }
-}
-
-fn python(modules: &str) -> Option<Command> {
-    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name)
-        .args(["-c", &format!("import {modules}")])
-        .output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
-        return None;
-    }
-    let mut command = Command::new(name);
-    command
-        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
-        .env("PYTHONDONTWRITEBYTECODE", "1");
-    Some(command)
-}
-
-/// Runs a script in Python with these modules; skips without them.
-fn run_python(modules: &str, script: &str, arguments: &[&str]) {
-    let Some(mut command) = python(modules) else {
-        return;
-    };
-    let output = command
-        .args(["-c", script])
-        .args(arguments)
-        .output()
-        .unwrap();
-    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    assert!(output.status.success(), "{out}{err}");
 }
 
 #[test]

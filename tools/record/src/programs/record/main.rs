@@ -8,7 +8,6 @@
 mod existing;
 mod recording;
 mod run_log;
-mod subscriptions;
 
 use std::process::ExitCode;
 

@@ -13,13 +13,13 @@ use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
-use i2ris_record::joint_state::DEFAULT_NAMES;
+use i2ris_record::joints;
 use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
+use i2ris_record::subscriptions::Subscriptions;
 use i2ris_record::topic::Stream;
 use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen};
 
 use super::run_log::lines_of_run;
-use super::subscriptions::Subscriptions;
 
 /// Waiting time for a controller that is starting.
 const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
@@ -132,7 +132,7 @@ fn record(
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
     loop {
         let now = clock::now();
-        match subscriptions.record(trial, now) {
+        match subscriptions.read(trial, now) {
             Ok(()) => {}
             // The recording continues if the controller starts again.
             Err(error) if error.is_absent() => absent = absent + now.since(before),
@@ -195,7 +195,9 @@ fn header(
         about,
         attachments,
         unix_offset_ns,
-        joints: joints(version),
+        joints: joints::names(version),
+        frame: joints::snake().base(),
+        urdf: joints::snake().urdf(),
     })
 }
 
@@ -255,22 +257,6 @@ fn name(path: &Path) -> String {
 
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     fs::read(path).map_err(|error| format!("cannot read {}: {error}", path.display()).into())
-}
-
-fn joints(version: &Version) -> Vec<String> {
-    let named = version.output_names.iter().map(|bytes| {
-        let end = bytes
-            .iter()
-            .position(|byte| *byte == 0)
-            .unwrap_or(bytes.len());
-        String::from_utf8_lossy(&bytes[..end]).into_owned()
-    });
-    let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
-    if named.is_empty() {
-        DEFAULT_NAMES.map(str::to_owned).to_vec()
-    } else {
-        named
-    }
 }
 
 fn print_outcome(

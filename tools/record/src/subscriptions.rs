@@ -1,7 +1,10 @@
-//! Subscriptions to every stream of the controller.
+//! Subscriptions to every stream of a controller.
 
 use std::collections::BTreeMap;
 
+use crate::layout::Layout;
+use crate::recorder::TrialRecorder;
+use crate::topic::Stream;
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
@@ -9,11 +12,42 @@ use i2ris::ipc::payload::{
     OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
-use i2ris_record::layout::Layout;
-use i2ris_record::recorder::TrialRecorder;
-use i2ris_record::topic::Stream;
+
+/// Takes in messages.
+pub trait Sink {
+    /// A message without a standard form.
+    fn message<T: Layout + Message>(&mut self, stream: Stream, message: &T, received: Nanos);
+
+    /// Angles.
+    fn joints(&mut self, stream: Stream, message: &JointState, received: Nanos);
+
+    /// A command in angles.
+    fn servo_jp(&mut self, command: &ServoJp, received: Nanos);
+
+    /// The operating state.
+    fn state(&mut self, message: &OperatingStateMsg, received: Nanos);
+}
+
+impl Sink for TrialRecorder {
+    fn message<T: Layout + Message>(&mut self, stream: Stream, message: &T, received: Nanos) {
+        self.record(stream, message, received);
+    }
+
+    fn joints(&mut self, stream: Stream, message: &JointState, received: Nanos) {
+        self.record_joints(stream, message, received);
+    }
+
+    fn servo_jp(&mut self, command: &ServoJp, received: Nanos) {
+        self.record_servo_jp(command, received);
+    }
+
+    fn state(&mut self, message: &OperatingStateMsg, received: Nanos) {
+        self.record_state(message, received);
+    }
+}
 
 /// All subscriptions.
+#[derive(Debug)]
 pub struct Subscriptions {
     joints: [(Stream, Subscription<JointState>); 3],
     actuators: Subscription<ActuatorState>,
@@ -30,7 +64,8 @@ pub struct Subscriptions {
 }
 
 impl Subscriptions {
-    /// Subscribes; streams are opened by the first call of [`Subscriptions::record`].
+    /// Subscribes; streams are opened by the first call of [`Subscriptions::read`].
+    #[must_use]
     pub fn new(watcher: &Watcher) -> Self {
         Self {
             joints: [
@@ -52,30 +87,31 @@ impl Subscriptions {
         }
     }
 
-    /// Records every message that has arrived.
-    pub fn record(&mut self, trial: &mut TrialRecorder, now: Nanos) -> Result<(), ClientError> {
+    /// Hands over every message that has arrived.
+    ///
+    /// # Errors
+    ///
+    /// As [`Subscription::read`].
+    pub fn read(&mut self, sink: &mut impl Sink, now: Nanos) -> Result<(), ClientError> {
         for (stream, subscription) in &mut self.joints {
-            subscription.drain(|message| trial.record_joints(*stream, &message, now))?;
+            subscription.drain(|message| sink.joints(*stream, &message, now))?;
         }
-        drain(&mut self.actuators, Stream::Actuators, trial, now)?;
-        drain(&mut self.state, Stream::State, trial, now)?;
-        drain(&mut self.statistics, Stream::Statistics, trial, now)?;
-        drain(&mut self.health, Stream::Health, trial, now)?;
-        drain(&mut self.adaptation, Stream::Adaptation, trial, now)?;
-        drain(&mut self.events, Stream::Events, trial, now)?;
-        drain(&mut self.error, Stream::Error, trial, now)?;
-        drain(&mut self.warning, Stream::Warning, trial, now)?;
-        drain(&mut self.external, Stream::External, trial, now)?;
-        drain(&mut self.servo, Stream::ServoJp, trial, now)?;
-        drain(
-            &mut self.servo_actuators,
-            Stream::ServoActuators,
-            trial,
-            now,
-        )
+        drain(&mut self.actuators, Stream::Actuators, sink, now)?;
+        self.state.drain(|message| sink.state(&message, now))?;
+        drain(&mut self.statistics, Stream::Statistics, sink, now)?;
+        drain(&mut self.health, Stream::Health, sink, now)?;
+        drain(&mut self.adaptation, Stream::Adaptation, sink, now)?;
+        drain(&mut self.events, Stream::Events, sink, now)?;
+        drain(&mut self.error, Stream::Error, sink, now)?;
+        drain(&mut self.warning, Stream::Warning, sink, now)?;
+        drain(&mut self.external, Stream::External, sink, now)?;
+        self.servo.drain(|command| sink.servo_jp(&command, now))?;
+        let servo = &mut self.servo_actuators;
+        drain(servo, Stream::ServoActuators, sink, now)
     }
 
     /// Messages that were overwritten before they were read, of all streams with one sender.
+    #[must_use]
     pub fn missed(&self) -> BTreeMap<Stream, u64> {
         let joints = self.joints.iter();
         let joints = joints.map(|(stream, subscription)| (*stream, subscription.missed()));
@@ -96,9 +132,9 @@ impl Subscriptions {
 fn drain<T: Layout + Message>(
     subscription: &mut Subscription<T>,
     stream: Stream,
-    trial: &mut TrialRecorder,
+    sink: &mut impl Sink,
     now: Nanos,
 ) -> Result<(), ClientError> {
-    let drained = subscription.drain(|message| trial.record(stream, &message, now));
+    let drained = subscription.drain(|message| sink.message(stream, &message, now));
     drained.map(drop)
 }

@@ -1,0 +1,146 @@
+//! Standard messages of ROS 2 and CRTK, which every tool of ROS knows: `sensor_msgs/JointState`,
+//! `crtk_msgs/OperatingState` and `std_msgs/String`.
+
+use i2ris::ipc::OperatingState;
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+
+use crate::cdr::Encoder;
+
+/// Names of the joints if no model names them.
+pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
+
+/// What standard messages say besides the values.
+#[derive(Debug, Clone, Default)]
+pub struct StandardMessages {
+    /// Unix time minus monotonic time, ns.
+    pub unix_offset_ns: u64,
+    /// Names of the joints.
+    pub joints: Vec<String>,
+    /// The link that stands still, in which angles are told.
+    pub frame: String,
+    last_state: Option<([u32; 2], u64)>,
+}
+
+impl StandardMessages {
+    /// Messages of a robot with these joints.
+    #[must_use]
+    pub fn new(unix_offset_ns: u64, joints: Vec<String>, frame: String) -> Self {
+        Self {
+            unix_offset_ns,
+            joints,
+            frame,
+            last_state: None,
+        }
+    }
+
+    /// Angles; `None` if they are not valid.
+    #[must_use]
+    pub fn joint_state(&self, state: &JointState) -> Option<Vec<u8>> {
+        let count = state.count as usize;
+        if state.flags & JointState::VALID == 0 || count == 0 {
+            return None;
+        }
+        let velocity = state.velocity.get(..count)?;
+        Some(self.angles(state.stamp_ns, state.position.get(..count)?, velocity))
+    }
+
+    /// A command, as it was sent; `None` if it has no values.
+    #[must_use]
+    pub fn servo_jp(&self, command: &ServoJp) -> Option<Vec<u8>> {
+        let position = command.position.get(..command.count as usize)?;
+        (!position.is_empty()).then(|| self.angles(command.stamp_ns, position, &[]))
+    }
+
+    fn angles(&self, stamp_ns: u64, position: &[f64], velocity: &[f64]) -> Vec<u8> {
+        let mut encoder = self.header(stamp_ns.wrapping_add(self.unix_offset_ns));
+        encoder.u32(position.len() as u32);
+        for joint in 0..position.len() {
+            encoder.string(self.joints.get(joint).map_or("", String::as_str));
+        }
+        encoder.f64s(position);
+        encoder.f64s(velocity);
+        encoder.f64s(&[]);
+        encoder.finish()
+    }
+
+    /// The operating state as in CRTK; `None` if it is that of the last call, because CRTK sends
+    /// changes. Stamps rise strictly: clients of CRTK ignore a message that is not newer.
+    pub fn operating_state(&mut self, message: &OperatingStateMsg) -> Option<Vec<u8>> {
+        let flags = OperatingStateMsg::HOMED | OperatingStateMsg::BUSY;
+        let value = [message.state, message.flags & flags];
+        let unix_ns = message.stamp_ns.wrapping_add(self.unix_offset_ns);
+        let unix_ns = match self.last_state {
+            Some((last, _)) if last == value => return None,
+            Some((_, last_ns)) => unix_ns.max(last_ns + 1),
+            None => unix_ns,
+        };
+        self.last_state = Some((value, unix_ns));
+        let mut encoder = self.header(unix_ns);
+        let state = OperatingState::from_number(message.state);
+        encoder.string(&state.map_or_else(String::new, |state| state.to_string()));
+        encoder.bool(message.flags & OperatingStateMsg::HOMED != 0);
+        encoder.bool(message.flags & OperatingStateMsg::BUSY != 0);
+        Some(encoder.finish())
+    }
+
+    fn header(&self, unix_ns: u64) -> Encoder {
+        let mut encoder = Encoder::default();
+        encoder.i32(i32::try_from(unix_ns / 1_000_000_000).unwrap_or(i32::MAX));
+        encoder.u32((unix_ns % 1_000_000_000) as u32);
+        encoder.string(&self.frame);
+        encoder
+    }
+}
+
+/// A text, as `std_msgs/String`.
+#[must_use]
+pub fn text(text: &str) -> Vec<u8> {
+    let mut encoder = Encoder::default();
+    encoder.string(text);
+    encoder.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_operating_state_is_told_on_change_with_rising_stamps() {
+        let mut messages = StandardMessages::new(0, Vec::new(), "base".to_owned());
+        let at = |stamp_ns, state: OperatingState, flags| OperatingStateMsg {
+            stamp_ns,
+            state: state.number(),
+            flags,
+            ..OperatingStateMsg::default()
+        };
+        let (enabled, busy) = (OperatingState::Enabled, OperatingStateMsg::BUSY);
+        let stamp = |message: &[u8]| u32::from_le_bytes(message[8..12].try_into().unwrap());
+        let first = messages.operating_state(&at(5, enabled, 0)).unwrap();
+        assert_eq!(stamp(&first), 5);
+        assert_eq!(messages.operating_state(&at(6, enabled, 0)), None);
+        let holding = at(6, enabled, OperatingStateMsg::HOLDING);
+        assert_eq!(
+            messages.operating_state(&holding),
+            None,
+            "CRTK has no such flag"
+        );
+        // A motion of length zero: busy and not busy in the same tick.
+        let second = messages.operating_state(&at(7, enabled, busy)).unwrap();
+        let third = messages.operating_state(&at(7, enabled, 0)).unwrap();
+        assert_eq!((stamp(&second), stamp(&third)), (7, 8));
+        assert!(first.windows(7).any(|bytes| bytes == b"ENABLED"));
+        assert_eq!((second[second.len() - 1], third[third.len() - 1]), (1, 0));
+    }
+
+    #[test]
+    fn angles_that_are_not_valid_are_none() {
+        let messages = StandardMessages::new(0, Vec::new(), String::new());
+        assert_eq!(messages.joint_state(&JointState::default()), None);
+        assert_eq!(messages.servo_jp(&ServoJp::default()), None);
+        let too_many = ServoJp {
+            count: 99,
+            ..ServoJp::default()
+        };
+        assert_eq!(messages.servo_jp(&too_many), None);
+    }
+}

@@ -1,0 +1,137 @@
+//! A recording has what a recording of a dVRK has: standard messages and those of CRTK, and the
+//! robot as a URDF.
+#![allow(clippy::unwrap_used, clippy::print_stderr)]
+
+mod python;
+
+use std::path::{Path, PathBuf};
+
+use i2ris::ipc::OperatingState;
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+use i2ris::units::Nanos;
+use i2ris_record::joints::snake;
+use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
+use i2ris_record::topic::Stream;
+use python::run_python;
+use tempfile::TempDir;
+
+const UNIX: u64 = 1_700_000_000_000_000_000;
+
+/// A robot that is enabled, and then moves.
+fn record(path: &Path) {
+    let header = RecordingHeader {
+        unix_offset_ns: UNIX,
+        joints: vec!["pitch".to_owned(), "yaw".to_owned()],
+        frame: snake().base(),
+        urdf: snake().urdf(),
+        ..RecordingHeader::default()
+    };
+    let mut trial = TrialRecorder::start(path, header).unwrap();
+    for number in 1..=100 {
+        let stamp = Nanos::from_millis(number);
+        let (state, busy) = match number {
+            1..20 => (OperatingState::Disabled, false),
+            20..30 => (OperatingState::Disabled, true),
+            _ => (OperatingState::Enabled, false),
+        };
+        let busy = if busy { OperatingStateMsg::BUSY } else { 0 };
+        let message = OperatingStateMsg {
+            sequence: number,
+            stamp_ns: stamp.0,
+            state: state.number(),
+            flags: OperatingStateMsg::HOMED | busy,
+            ..OperatingStateMsg::default()
+        };
+        trial.record_state(&message, stamp);
+        let angles = [0.001 * number as f64, -0.5, 0.0];
+        if number > 50 {
+            let command = ServoJp {
+                sequence: number,
+                stamp_ns: stamp.0,
+                client_id: 7,
+                position: angles,
+                count: 2,
+                ..ServoJp::default()
+            };
+            trial.record_servo_jp(&command, stamp);
+        }
+        let joints = JointState {
+            sequence: number,
+            stamp_ns: stamp.0,
+            position: angles,
+            count: 2,
+            flags: JointState::VALID,
+            ..JointState::default()
+        };
+        trial.record_joints(Stream::Measured, &joints, stamp);
+    }
+    trial.finish(Default::default(), &[]).unwrap();
+}
+
+fn recording() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    record(&file);
+    (folder, file)
+}
+
+/// What both readers check, with the messages by topic in `seen`.
+const CHECKS: &str = "
+states = [f'{m.state} {m.is_homed} {m.is_busy}' for m in seen['/operating_state']]
+assert states == ['DISABLED True False', 'DISABLED True True', 'ENABLED True False'], states
+stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in seen['/operating_state']]
+assert stamps == [1700000000000000000 + k * 1000000 for k in (1, 20, 30)], stamps
+servo = seen['/servo_jp']
+assert len(servo) == 50 and list(servo[0].name) == ['pitch', 'yaw'], servo
+assert abs(servo[0].position[0] - 0.051) < 1e-12 and len(servo[0].velocity) == 0, servo[0]
+topics = ['/servo_jp', '/measured_js', '/operating_state']
+frames = {m.header.frame_id for topic in topics for m in seen[topic]}
+assert frames == {'i2ris_base'}, frames
+[description] = seen['/robot_description']
+for element in ('<link name=\"i2ris_base\"', '<joint name=\"pitch\"'):
+    assert element in description.data, description.data
+";
+
+#[test]
+fn the_python_package_of_mcap_sees_a_robot_of_crtk() {
+    let (_folder, file) = recording();
+    let script = "
+import sys
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+reader = make_reader(open(sys.argv[1], 'rb'), decoder_factories=[DecoderFactory()])
+seen, types = {}, {}
+for schema, channel, message, decoded in reader.iter_decoded_messages():
+    seen.setdefault(channel.topic, []).append(decoded)
+    types[channel.topic] = schema.name
+assert types['/operating_state'] == 'crtk_msgs/msg/OperatingState', types
+assert types['/servo_jp'] == 'sensor_msgs/msg/JointState', types
+[urdf] = [a for a in reader.iter_attachments() if a.name == 'robot.urdf']
+assert urdf.data.decode() == seen['/robot_description'][0].data
+";
+    run_python(
+        "mcap, mcap_ros2",
+        &format!("{script}{CHECKS}"),
+        &[file.to_str().unwrap()],
+    );
+}
+
+#[test]
+fn rosbags_sees_a_robot_of_crtk() {
+    let (_folder, file) = recording();
+    let script = "
+import sys
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+seen = {}
+with AnyReader([Path(sys.argv[1])]) as reader:
+    for connection, stamp, raw in reader.messages():
+        message = reader.deserialize(raw, connection.msgtype)
+        seen.setdefault(connection.topic, []).append(message)
+";
+    run_python(
+        "rosbags",
+        &format!("{script}{CHECKS}"),
+        &[file.to_str().unwrap()],
+    );
+}
