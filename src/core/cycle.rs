@@ -17,6 +17,7 @@
 use std::sync::Arc;
 
 use crate::config::Config;
+use crate::core::adaptation::{Adaptation, Surroundings};
 use crate::core::command::admission::{AdmissionContext, CommandAdmission};
 use crate::core::command::clutch::Clutch;
 use crate::core::command::followed_command::FollowedCommand;
@@ -70,6 +71,8 @@ pub struct ControlCycle {
     pub(super) overruns: OverrunMonitor,
     pub(super) plausibility: PlausibilityMonitor,
     pub(super) plausibility_check: PlausibilityCheck,
+    /// `None` if it is switched off.
+    pub(super) adaptation: Option<Adaptation>,
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
@@ -101,6 +104,7 @@ impl ControlCycle {
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
             plausibility: PlausibilityMonitor::new(&config.plausibility),
             plausibility_check: PlausibilityCheck::default(),
+            adaptation: Adaptation::new(&config.adaptation, config.control.period()),
             models: LoadedModels::new(model.map(|model| JointModel::new(model, config))),
             machine: StateMachine::new(),
             admission: CommandAdmission::new(&config.command),
@@ -196,7 +200,8 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> DriveSummary {
         self.axes.update_feedback(&inputs.feedback, now, events);
-        let is_model_finite = self.update_models().is_ok();
+        let is_model_finite = self.update_models(now).is_ok();
+        self.adapt(inputs.external.as_ref(), now, events);
         let is_overrun = self.overruns.add(u32::from(inputs.missed > 0), now);
         let check = self.plausibility_check;
         let is_implausible = self.is_implausible(inputs.external.as_ref(), now);
@@ -221,11 +226,14 @@ impl ControlCycle {
 
     /// Replays the new positions on all models. Without a feedback of every drive there is nothing
     /// to replay.
-    fn update_models(&mut self) -> Result<(), NotFinite> {
+    fn update_models(&mut self, now: Nanos) -> Result<(), NotFinite> {
         // The zero moves: a jump of the counts is no motion.
         if self.machine.state().is_homing() {
             self.history.start_epoch();
             self.plausibility.reset();
+            if let Some(adaptation) = &mut self.adaptation {
+                adaptation.begin(self.models.active_mut(), now);
+            }
         }
         let feedback = self.axes.feedback();
         let drives = feedback.get(..self.axes.count()).unwrap_or_default();
@@ -234,10 +242,27 @@ impl ControlCycle {
         }
         self.history.record(drives);
         self.models.replay_inactive(&self.history);
+        let drift = self.adaptation.as_mut().map(Adaptation::memories_mut);
         match self.models.active_mut() {
-            Some(joints) => joints.update_feedback(&self.history, drives),
+            Some(joints) => joints.update_feedback(&self.history, drives, drift),
             None => Ok(()),
         }
+    }
+
+    /// Follows the drift of the active model by a frame of the camera.
+    fn adapt(&mut self, frame: Option<&ExternalPose>, now: Nanos, events: &mut EventList) {
+        let (Some(adaptation), Some(joints)) = (&mut self.adaptation, self.models.active_mut())
+        else {
+            return;
+        };
+        let state = self.machine.state();
+        let surroundings = Surroundings {
+            now,
+            is_following: state.is_following_joints(),
+            is_unsettled: !matches!(state, ControlState::Enabled(_)) || state.is_conditioning(),
+            is_disabled: matches!(state, ControlState::Disabled(_)),
+        };
+        adaptation.step(joints, frame, &surroundings, events);
     }
 
     /// Compares the measured pose with the model.
@@ -250,7 +275,17 @@ impl ControlCycle {
         };
         let is_on = self.machine.state().expected_power() == ExpectedPower::On;
         let is_checked = is_on && self.axes.all(AxisControl::is_homed) && report.memory_known;
-        self.plausibility.record_estimate(now, report.measured);
+        // A loose wire must show, however much of it has been followed as drift.
+        let mut calibrated = report.measured;
+        if let Some(adaptation) = &self.adaptation
+            && let Some(pose) = adaptation.calibrated_pose()
+        {
+            for (calibrated, pose) in calibrated.iter_mut().zip(pose) {
+                *calibrated = pose;
+            }
+        }
+        let estimates = [report.measured, calibrated];
+        self.plausibility.record_estimates(now, estimates);
         let outputs = joints.outputs();
         let is_implausible = self
             .plausibility
@@ -376,6 +411,9 @@ impl ControlCycle {
             let to = active(&self.models).unwrap_or_default();
             events.push(CycleEventKind::Model { from, to });
             self.plausibility.reset();
+            if let Some(adaptation) = &mut self.adaptation {
+                adaptation.begin(self.models.previous_mut(), now);
+            }
         }
         ModelSwapReply {
             id: request.id,
@@ -505,6 +543,10 @@ impl ControlCycle {
             refusals: self.admission.refusals(),
             stale_stops: self.stale_stops,
             models: self.models.report(&self.history),
+            adaptation: self
+                .adaptation
+                .as_ref()
+                .map(|adaptation| adaptation.report(joints)),
             mark: self.history.cursor(),
             joint: joints.and_then(|joints| joints.report(setpoint.goal)),
             setpoints: self.axes.targets(),

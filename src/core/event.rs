@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::adaptation::AdaptationEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::drive::AxisPhase;
 use crate::model::ModelId;
@@ -60,6 +61,8 @@ pub enum CycleEventKind {
     },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
+    /// The adaptation learned or refused something, or took a correction back.
+    Adaptation(AdaptationEvent),
     /// A drive changed its phase.
     Axis {
         /// Index of the motor.

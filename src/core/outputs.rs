@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::adaptation::AdaptationReport;
 use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
 use crate::core::event::CycleEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
@@ -83,6 +84,8 @@ pub struct CycleReport {
     pub stale_stops: u64,
     /// Loaded models.
     pub models: ModelSlots,
+    /// Drift followed by the camera; `None` if the adaptation is off.
+    pub adaptation: Option<AdaptationReport>,
     /// Newest entry of the position history.
     pub mark: HistoryCursor,
     /// Goal, setpoint and estimate in joint space. `None` without a model, or before every drive

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::core::adaptation::AdaptationState;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
@@ -19,7 +20,7 @@ use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
 use crate::units::MAX_MOTORS;
 
-/// All values of the cycle that change from tick to tick. About 20 kB, without pointers.
+/// All values of the cycle that change from tick to tick. About 35 kB, without pointers.
 ///
 /// Order and types of the fields are part of the file format of the black box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,6 +31,7 @@ pub struct CycleSnapshot {
     overruns: OverrunMonitor,
     plausibility: PlausibilityMonitor,
     plausibility_check: PlausibilityCheck,
+    adaptation: Option<AdaptationState>,
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
@@ -64,6 +66,7 @@ impl ControlCycle {
             overruns: self.overruns,
             plausibility: self.plausibility,
             plausibility_check: self.plausibility_check,
+            adaptation: self.adaptation.map(|adaptation| adaptation.state),
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
@@ -92,6 +95,9 @@ impl ControlCycle {
         cycle.overruns = snapshot.overruns;
         cycle.plausibility = snapshot.plausibility;
         cycle.plausibility_check = snapshot.plausibility_check;
+        if let (Some(adaptation), Some(state)) = (&mut cycle.adaptation, snapshot.adaptation) {
+            adaptation.state = state;
+        }
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use crate::core::adaptation::AdaptationEvent;
 use crate::core::{CycleEvent, CycleEventKind, PlausibilityCheck};
 use crate::robot::Fault;
 
@@ -54,6 +55,26 @@ impl fmt::Display for CycleEventKind {
                 PlausibilityCheck::TooOld => {
                     "warning: frames of the camera are older than 0.5 s, or stamped by another \
                      clock; the pose is NOT compared with them"
+                }
+            }),
+            Self::Adaptation(event) => f.write_str(match event {
+                AdaptationEvent::BudgetWarning => {
+                    "warning: adaptation: 70 % of the budget are used; calibrate soon"
+                }
+                AdaptationEvent::BudgetUsed => {
+                    "warning: adaptation: the budget is used up, nothing more is learned; calibrate"
+                }
+                AdaptationEvent::TakenBack => {
+                    "warning: adaptation: the adapted model was worse than the calibration for \
+                     30 s; the correction is taken back"
+                }
+                AdaptationEvent::Slip => "adaptation: the zero has slipped; it is found anew",
+                AdaptationEvent::CameraDisbelieved => {
+                    "warning: adaptation: most frames of the camera are far from what is expected; \
+                     nothing is learned from them"
+                }
+                AdaptationEvent::CameraBelieved => {
+                    "adaptation: the frames of the camera are near what is expected again"
                 }
             }),
             Self::Axis {

@@ -59,6 +59,7 @@ pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
         stamp: Nanos(raw.stamp_ns),
         position: raw.position,
         outputs: raw.count,
+        quality: raw.quality,
     };
     (valid && raw.position.iter().all(|value| value.is_finite())).then_some(seen)
 }

@@ -196,6 +196,9 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
+        CycleEventKind::Adaptation(event) => {
+            ("adaptation", json!({ "event": format!("{event:?}") }))
+        }
         CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => return None,
     })
 }
