@@ -2,10 +2,12 @@
 
 mod collect;
 mod compare;
+mod drift;
 mod fit;
 mod fit_report;
 mod merge;
 mod progress_bar;
+mod update;
 mod zoo;
 
 use i2ris_terminal::Failure;
@@ -15,7 +17,8 @@ use i2ris_terminal::Failure;
 #[command(after_help = "Examples:
   i2ris calibrate collect --config config/emulator.toml --home --output RECORDING.csv
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
-  i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv")]
+  i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
+  i2ris calibrate update minute.csv --model config/models/snake.json --output today.json")]
 pub enum Command {
     /// Move the motors through a calibration protocol and record them with what a camera sees
     Collect(collect::Arguments),
@@ -25,6 +28,8 @@ pub enum Command {
     Fit(fit::Arguments),
     /// Put angles that were measured in pictures in the place of those of a recording
     Merge(merge::Arguments),
+    /// Make a new model from an old one and a minute of motion
+    Update(update::Arguments),
     /// Judge the fit on emulated snakes of many physics, in simulated time
     Zoo(zoo::Arguments),
 }
@@ -43,6 +48,7 @@ pub fn run(command: Command) -> Result<(), Failure> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
+        Command::Update(arguments) => update::run(&arguments),
         Command::Zoo(arguments) => zoo::run(&arguments),
     }
 }
