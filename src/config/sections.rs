@@ -359,7 +359,7 @@ impl Default for AdaptationConfig {
             gain_budget: 0.2,
             gap_budget: 0.6,
             latency_budget_ms: 60.0,
-            total_budget_deg: 4.0,
+            total_budget_deg: 4.8,
             slew_deg_s: 1.0,
             largest_step_deg: 1.5,
             camera_deviation_deg: 0.07,

@@ -5,8 +5,8 @@ use std::fmt::Debug;
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
 };
 use crate::units::Nanos;
 
@@ -60,6 +60,7 @@ macro_rules! outgoing {
 message!(ExternalPosition, ServoActuator, ServoJp);
 outgoing!(
     ActuatorState,
+    AdaptationMsg,
     EventMsg,
     Health,
     JointState,

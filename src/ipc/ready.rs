@@ -13,7 +13,7 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::{DomainLock, is_served};
 
 /// Version of the payloads and services. A client of another version gets an error.
-pub const INTERFACE_VERSION: u32 = 2;
+pub const INTERFACE_VERSION: u32 = 3;
 
 /// A controller that serves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,8 +11,8 @@ use crate::clock;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
 use crate::ipc::payload::{
-    BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply, StateCommandRequest,
-    Version, padded_text,
+    AdaptationMsg, BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply,
+    StateCommandRequest, Version, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
@@ -24,6 +24,9 @@ use crate::process::payload_conversion as convert;
 use crate::realtime::{Granted, LoopStatistics, Ticker};
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
+
+/// Interval of the messages of the adaptation, while it is on.
+const ADAPTATION_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
@@ -63,6 +66,9 @@ pub struct IpcThread {
     statistics: LoopStatistics,
     /// Filled by every tick, published with the statistics.
     health: Health,
+    /// Filled by every tick, published at times.
+    adaptation: AdaptationMsg,
+    next_adaptation: Nanos,
     /// Ticks for the loop history, while another thread reads it.
     late: VecDeque<CycleReport>,
     model: Option<ModelId>,
@@ -79,6 +85,8 @@ impl IpcThread {
             server,
             statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
             health: Health::default(),
+            adaptation: AdaptationMsg::default(),
+            next_adaptation: Nanos::ZERO,
             late: VecDeque::with_capacity(LATE_TICKS),
             parts,
             granted,
@@ -127,6 +135,7 @@ impl IpcThread {
         while let Ok(report) = self.parts.channels.reports.pop() {
             self.publish(&report);
         }
+        self.publish_adaptation(now);
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
@@ -261,6 +270,21 @@ impl IpcThread {
         }
     }
 
+    /// The drift takes minutes: not every tick is published.
+    fn publish_adaptation(&mut self, now: Nanos) {
+        if now < self.next_adaptation {
+            return;
+        }
+        let is_on = self.adaptation.flags & AdaptationMsg::ON != 0;
+        self.next_adaptation = now
+            + if is_on {
+                ADAPTATION_PERIOD
+            } else {
+                STATISTICS_WINDOW
+            };
+        self.server.publish_adaptation(self.adaptation);
+    }
+
     fn publish_log_lines(&mut self) {
         for (stamp, line) in self.parts.channels.log_lines.try_iter().take(LOG_LINES) {
             self.server.publish_event(EventMsg {
@@ -274,6 +298,7 @@ impl IpcThread {
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
         self.health = convert::health(report, &tick.lost);
+        self.adaptation = convert::adaptation(report);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(tick.timing);
         if self.late.len() == LATE_TICKS {

@@ -30,6 +30,7 @@ mod simulated_drive;
 
 mod campaign;
 mod coverage;
+mod drifting;
 mod h01;
 mod h02;
 mod h02_network;
@@ -49,3 +50,7 @@ mod h15;
 mod h16;
 mod h17;
 mod h18;
+mod h20;
+mod h21;
+mod h22;
+mod h23;

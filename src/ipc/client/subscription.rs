@@ -11,8 +11,8 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -77,6 +77,12 @@ impl Watcher {
     #[must_use]
     pub fn health(&self) -> Subscription<Health> {
         self.subscription(service::HEALTH)
+    }
+
+    /// `adaptation`: the drift from the calibration that the camera shows.
+    #[must_use]
+    pub fn adaptation(&self) -> Subscription<AdaptationMsg> {
+        self.subscription(service::ADAPTATION)
     }
 
     /// `events`: the log of the controller, line by line.

@@ -11,6 +11,7 @@
 //! - `stamp_ns` is `CLOCK_MONOTONIC`. It is valid on one machine only.
 //! - `boot_id` is new for every start of the controller.
 
+mod adaptation;
 mod command_streams;
 mod definition;
 mod model_requests;
@@ -19,6 +20,7 @@ mod requests;
 mod state_streams;
 mod text;
 
+pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
@@ -56,5 +58,6 @@ mod tests {
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
+        assert_eq!(size_of::<AdaptationMsg>(), 496);
     }
 }

@@ -1,178 +1,192 @@
-//! Model files with a drift built in.
+//! A model file with a drift built in: the same robot, some time later.
 
-use nalgebra::{DMatrix, DVector};
-
+use super::{FamilyParameters, MixtureParameters, ModelFile};
 use crate::model::error::{ModelError, require};
 use crate::model::families::hysteresis::residual::ResidualParameters;
-use crate::model::file::{FamilyParameters, MixtureParameters, ModelFile};
 
-/// The drift of a robot from its calibration, in the units of a model file.
-///
-/// `outputs = calibrated + zero + gain calibrated`, where the gaps of the calibrated model are
-/// scaled.
-#[derive(Debug, Clone, PartialEq)]
+/// A drift of the outputs, `y <- y + gain y + zero`, and of the gaps of the motors.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FileDrift {
-    /// Shift of every output, deg (mm).
-    pub zero: Vec<f64>,
-    /// One row per output: its part of every calibrated output that is added.
-    pub gain: Vec<Vec<f64>>,
-    /// Per motor: 1 as calibrated.
-    pub gap_scale: Vec<f64>,
+    /// In SI units.
+    pub zero: [f64; 2],
+    /// Rows: outputs, columns: outputs.
+    pub gain: [[f64; 2]; 2],
+    /// Growth of the gap of every motor.
+    pub gap: [f64; 2],
+}
+
+/// The affine map of the outputs, in units of the file.
+struct OutputMap {
+    matrix: Vec<Vec<f64>>,
+    zero: Vec<f64>,
 }
 
 impl ModelFile {
-    /// The model with a drift built in. Gaps are scaled as by [`super::super::Memory`]; a family
-    /// without gaps ignores their scale. Training record and metrics stay those of the calibration.
+    /// The model with a drift built in. Training record and metrics stay those of the calibration;
+    /// `training.software` says that it is not one.
     ///
     /// # Errors
     ///
-    /// When sizes do not fit, or the family cannot hold the drift: `kinematic` has no gain matrix.
+    /// When the model has more than two outputs, or a kinematic chain shall get another gain.
     pub fn drifted(&self, drift: &FileDrift) -> Result<Self, ModelError> {
-        let motors = self.hull.corners.first().map_or(0, Vec::len);
         let outputs = self.outputs.len();
-        let fits = drift.zero.len() == outputs
-            && drift.gain.len() == outputs
-            && drift.gain.iter().all(|row| row.len() == outputs)
-            && drift.gap_scale.len() == motors;
-        let sizes = || format!("{outputs} outputs, {motors} motors");
-        require(fits, || "drift".to_owned(), sizes(), "must have these sizes")?;
-        let identity = DMatrix::<f64>::identity(outputs, outputs);
-        let rows = drift.gain.concat();
-        let bent = Bent {
-            matrix: identity + DMatrix::from_row_slice(outputs, outputs, &rows),
-            zero: DVector::from_column_slice(&drift.zero),
-        };
-        let mut family = self.family.clone();
-        bent.apply(&mut family)?;
-        scale_gaps(&mut family, &drift.gap_scale);
-        Ok(Self {
-            family,
-            ..self.clone()
-        })
-    }
-}
-
-/// `outputs <- matrix outputs + zero`.
-struct Bent {
-    matrix: DMatrix<f64>,
-    zero: DVector<f64>,
-}
-
-impl Bent {
-    fn apply(&self, family: &mut FamilyParameters) -> Result<(), ModelError> {
-        match family {
+        require(
+            (1..=2).contains(&outputs),
+            || "outputs".to_owned(),
+            outputs,
+            "a drift is known of one or two outputs",
+        )?;
+        let si = self.outputs.first().map_or(1.0, |output| output.unit.si());
+        let map = OutputMap::new(drift, outputs, si);
+        let mut file = self.clone();
+        file.training.software = format!("{}, with a drift built in", self.training.software);
+        match &mut file.family {
             FamilyParameters::Linear {
                 gain,
                 offset,
                 covariance,
             } => {
-                self.rows(gain);
-                self.covariance(covariance);
-                *offset = self.moved(offset);
+                *gain = map.times(gain);
+                *offset = map.apply(offset);
+                *covariance = map.around(covariance);
             }
             FamilyParameters::Kinematic { offset, .. } => {
-                let is_unbent = self.matrix.is_identity(1e-12);
-                let key = || "drift.gain".to_owned();
-                let reason = "must be 0: the kinematic family has no gain matrix";
-                require(is_unbent, key, "a matrix", reason)?;
-                *offset = self.moved(offset);
+                let is_shift = drift.gain.as_flattened().iter().all(|gain| *gain == 0.0);
+                require(
+                    is_shift,
+                    || "family.offset".to_owned(),
+                    format!("{:?}", drift.gain),
+                    "a kinematic chain has no gain that could drift",
+                )?;
+                *offset = map.apply(offset);
             }
             FamilyParameters::Gmr { mixture } | FamilyParameters::GmrDirection { mixture, .. } => {
-                self.mixture(mixture);
+                map.mixture(mixture);
             }
             FamilyParameters::GmrPlay {
-                mixture, residual, ..
-            }
-            | FamilyParameters::GmrPrandtlIshlinskii {
-                mixture, residual, ..
-            }
-            | FamilyParameters::GmrStop {
-                mixture, residual, ..
+                plays,
+                mixture,
+                residual,
+                ..
             } => {
-                self.mixture(mixture);
-                if let Some(ResidualParameters { coefficients, .. }) = residual {
-                    self.rows(coefficients);
+                for (thresholds, gap) in plays.thresholds_counts.iter_mut().zip(drift.gap) {
+                    scale(thresholds, 1.0 + gap);
                 }
+                scale(&mut plays.planar_thresholds_counts, 1.0 + mean(drift));
+                map.chain(mixture, residual);
+            }
+            FamilyParameters::GmrPrandtlIshlinskii {
+                operator,
+                mixture,
+                residual,
+                ..
+            } => {
+                for play in &mut operator.plays {
+                    let sum: f64 = play.direction.iter().map(|part| part.abs()).sum();
+                    let parts = play.direction.iter().zip(drift.gap);
+                    let growth: f64 = parts.map(|(part, gap)| part.abs() * gap).sum();
+                    play.threshold_counts *= 1.0 + growth / sum;
+                }
+                map.chain(mixture, residual);
+            }
+            FamilyParameters::GmrStop {
+                stops,
+                mixture,
+                residual,
+                ..
+            } => {
+                for (motor, gap) in stops.motors.iter_mut().zip(drift.gap) {
+                    scale(&mut motor.slack, 1.0 + gap);
+                    scale(&mut motor.friction, 1.0 + gap);
+                    motor.friction = motor.friction.map(|friction| friction.min(1.0));
+                }
+                stops.base_friction *= 1.0 + mean(drift);
+                map.chain(mixture, residual);
             }
         }
-        Ok(())
+        Ok(file)
+    }
+}
+
+fn scale(values: &mut [f64], factor: f64) {
+    for value in values {
+        *value *= factor;
+    }
+}
+
+fn mean(drift: &FileDrift) -> f64 {
+    0.5 * (drift.gap[0] + drift.gap[1])
+}
+
+impl OutputMap {
+    fn new(drift: &FileDrift, outputs: usize, si: f64) -> Self {
+        let row = |i: usize| {
+            let columns = 0..outputs;
+            columns
+                .map(|j| drift.gain[i][j] + if i == j { 1.0 } else { 0.0 })
+                .collect()
+        };
+        Self {
+            matrix: (0..outputs).map(row).collect(),
+            zero: drift.zero[..outputs].iter().map(|zero| zero / si).collect(),
+        }
     }
 
-    fn moved(&self, outputs: &[f64]) -> Vec<f64> {
-        let moved = &self.matrix * DVector::from_column_slice(outputs) + &self.zero;
-        moved.as_slice().to_vec()
+    fn apply(&self, outputs: &[f64]) -> Vec<f64> {
+        let rows = self.matrix.iter().zip(&self.zero);
+        rows.map(|(row, zero)| zero + dot(row, outputs)).collect()
     }
 
-    /// A matrix with a row per output.
-    fn rows(&self, rows: &mut Vec<Vec<f64>>) {
-        *rows = table(&(&self.matrix * matrix(rows)));
+    /// The matrix times rows of outputs.
+    fn times(&self, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let columns = rows.first().map_or(0, Vec::len);
+        let column = |j: usize| -> Vec<f64> { rows.iter().map(|row| row[j]).collect() };
+        let columns: Vec<Vec<f64>> = (0..columns).map(column).collect();
+        let product = |row: &Vec<f64>| columns.iter().map(|column| dot(row, column)).collect();
+        self.matrix.iter().map(product).collect()
     }
 
-    fn covariance(&self, rows: &mut Vec<Vec<f64>>) {
-        *rows = table(&symmetric(
-            &(&self.matrix * matrix(rows) * self.matrix.transpose()),
-        ));
+    /// The covariance of the mapped outputs.
+    fn around(&self, covariance: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        self.times(&transposed(&self.times(covariance)))
     }
 
-    /// The outputs are the last variables. A Gaussian stays one under an affine map.
+    /// Inputs come first, outputs last.
     fn mixture(&self, mixture: &mut MixtureParameters) {
-        let outputs = self.zero.len();
-        for (mean, covariance) in mixture.means.iter_mut().zip(&mut mixture.covariances) {
-            let inputs = mean.len() - outputs;
-            let moved = self.moved(&mean[inputs..]);
-            mean[inputs..].copy_from_slice(&moved);
-            let mut whole = DMatrix::<f64>::identity(mean.len(), mean.len());
-            whole
-                .view_mut((inputs, inputs), (outputs, outputs))
-                .copy_from(&self.matrix);
-            *covariance = table(&symmetric(
-                &(&whole * matrix(covariance) * whole.transpose()),
-            ));
+        for mean in &mut mixture.means {
+            let inputs = mean.len() - self.zero.len();
+            let outputs = self.apply(&mean[inputs..]);
+            mean.truncate(inputs);
+            mean.extend(outputs);
+        }
+        for covariance in &mut mixture.covariances {
+            let rows = |matrix: &mut Vec<Vec<f64>>| {
+                let inputs = matrix.len() - self.zero.len();
+                let outputs = self.times(&matrix[inputs..]);
+                matrix.truncate(inputs);
+                matrix.extend(outputs);
+            };
+            rows(covariance);
+            *covariance = transposed(covariance);
+            rows(covariance);
+            *covariance = transposed(covariance);
+        }
+    }
+
+    fn chain(&self, mixture: &mut MixtureParameters, residual: &mut Option<ResidualParameters>) {
+        self.mixture(mixture);
+        if let Some(residual) = residual {
+            residual.coefficients = self.times(&residual.coefficients);
         }
     }
 }
 
-fn scale_gaps(family: &mut FamilyParameters, scale: &[f64]) {
-    match family {
-        FamilyParameters::GmrPlay { plays, .. } => {
-            for (thresholds, scale) in plays.thresholds_counts.iter_mut().zip(scale) {
-                thresholds.iter_mut().for_each(|it| *it *= scale);
-            }
-        }
-        FamilyParameters::GmrPrandtlIshlinskii { operator, .. } => {
-            for play in &mut operator.plays {
-                let whole: f64 = play.direction.iter().map(|part| part.abs()).sum();
-                let parts = play.direction.iter().zip(scale);
-                let scaled: f64 = parts.map(|(part, scale)| part.abs() * scale).sum();
-                if whole > 0.0 {
-                    play.threshold_counts *= scaled / whole;
-                }
-            }
-        }
-        FamilyParameters::GmrStop { stops, .. } => {
-            stops.base_friction *= scale.iter().sum::<f64>() / scale.len() as f64;
-            for (motor, scale) in stops.motors.iter_mut().zip(scale) {
-                motor.slack = motor.slack.map(|slack| scale * slack);
-                motor.friction = motor.friction.map(|friction| (scale * friction).min(1.0));
-            }
-        }
-        FamilyParameters::Linear { .. }
-        | FamilyParameters::Kinematic { .. }
-        | FamilyParameters::Gmr { .. }
-        | FamilyParameters::GmrDirection { .. } => {}
-    }
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn matrix(rows: &[Vec<f64>]) -> DMatrix<f64> {
-    DMatrix::from_row_slice(rows.len(), rows.first().map_or(0, Vec::len), &rows.concat())
-}
-
-/// Rounding leaves a product a little asymmetric.
-fn symmetric(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    0.5 * (matrix + matrix.transpose())
-}
-
-fn table(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let row = |row: nalgebra::RowDVector<f64>| row.as_slice().to_vec();
-    matrix.row_iter().map(|it| row(it.into_owned())).collect()
+fn transposed(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let columns = rows.first().map_or(0, Vec::len);
+    let column = |j: usize| rows.iter().map(|row| row[j]).collect();
+    (0..columns).map(column).collect()
 }

@@ -164,7 +164,8 @@ impl Robot {
         let frame_stamp = self.row_stamp;
         for tick in 1..=TICKS {
             let share = (f64::from(tick) / f64::from(TICKS / 2)).min(1.0);
-            self.at = [0, 1].map(|motor: usize| from[motor] + share * (counts[motor] - from[motor]));
+            self.at =
+                [0, 1].map(|motor: usize| from[motor] + share * (counts[motor] - from[motor]));
             // The frame of the row before arrives with the first tick of this one.
             let frame = frame.filter(|_| tick == 1).map(|outputs| ExternalPose {
                 stamp: frame_stamp,
@@ -176,7 +177,9 @@ impl Robot {
             self.tick(Some(goal), frame, None);
         }
         self.row_stamp = self.now;
-        self.report.joint.map_or([f64::NAN; 3], |joint| joint.measured)
+        self.report
+            .joint
+            .map_or([f64::NAN; 3], |joint| joint.measured)
     }
 
     fn tick(

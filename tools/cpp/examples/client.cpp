@@ -68,8 +68,8 @@ Service connect(const std::string& domain) {
     std::ifstream ready(folder + "/ready");
     std::string boot;
     int interface_version = 0;
-    if (!is_served(folder) || !(ready >> boot >> interface_version) || interface_version != 2) {
-        std::cerr << "no controller with interface version 2 serves domain " << domain << "\n";
+    if (!is_served(folder) || !(ready >> boot >> interface_version) || interface_version != 3) {
+        std::cerr << "no controller with interface version 3 serves domain " << domain << "\n";
         std::exit(3);
     }
     auto config = iox2::Config::global_config().to_owned();

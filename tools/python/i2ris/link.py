@@ -13,7 +13,7 @@ from pathlib import Path
 
 import iceoryx2 as iox2
 
-INTERFACE_VERSION = 2
+INTERFACE_VERSION = 3
 #: Period of reading the announcement of the controller, s.
 PROBE_S = 0.02
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
 };
 
 use crate::cdr;
@@ -29,6 +29,8 @@ pub enum Stream {
     Statistics,
     /// `health`.
     Health,
+    /// `adaptation`.
+    Adaptation,
     /// `events`.
     Events,
     /// `external/measured_jp`.
@@ -41,7 +43,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -49,6 +51,7 @@ impl Stream {
         Self::State,
         Self::Statistics,
         Self::Health,
+        Self::Adaptation,
         Self::Events,
         Self::External,
         Self::ServoJp,
@@ -66,6 +69,7 @@ impl Stream {
             Self::State => "operating_state",
             Self::Statistics => "period_statistics",
             Self::Health => "health",
+            Self::Adaptation => "adaptation",
             Self::Events => "events",
             Self::External => "external/measured_jp",
             Self::ServoJp => "servo_jp",
@@ -82,6 +86,7 @@ impl Stream {
             Self::State => OperatingStateMsg::LAYOUT,
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
+            Self::Adaptation => AdaptationMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,

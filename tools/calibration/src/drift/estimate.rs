@@ -1,7 +1,7 @@
 //! The drift and its uncertainty.
 
 use i2ris::model::Model;
-use i2ris::model::file::{FamilyParameters, FileDrift};
+use i2ris::model::file::{FamilyParameters, FileDrift, OutputUnit};
 use i2ris::units::MAX_MOTORS;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -126,7 +126,11 @@ impl DriftEstimate {
                 now = used(&scale);
             }
             solution = Some(found);
-            if scale.iter().zip(before).all(|(now, then)| (now - then).abs() < 0.002) {
+            if scale
+                .iter()
+                .zip(before)
+                .all(|(now, then)| (now - then).abs() < 0.002)
+            {
                 break;
             }
         }
@@ -134,30 +138,27 @@ impl DriftEstimate {
         Ok(shape.estimate(&solution, &first, &now))
     }
 
-    /// As it is built into a model file.
+    /// As it is built into a model file whose outputs have this unit.
     #[must_use]
-    pub fn in_file(&self, motors: usize) -> FileDrift {
-        let outputs = self.zero.len();
-        let values = |values: &[Value]| values.iter().map(|it| it.value).collect::<Vec<f64>>();
+    pub fn in_file(&self, unit: OutputUnit) -> FileDrift {
+        let pair = |values: &[Value]| [0, 1].map(|i: usize| values.get(i).map(|it| it.value));
+        let or_none = |values: &[Value], none: f64| pair(values).map(|it| it.unwrap_or(none));
+        let gain_row = |row: usize| self.gain.get(row).map_or(&[][..], Vec::as_slice);
         FileDrift {
-            zero: values(&self.zero),
-            gain: if self.gain.is_empty() {
-                vec![vec![0.0; outputs]; outputs]
-            } else {
-                self.gain.iter().map(|row| values(row)).collect()
-            },
-            gap_scale: if self.gap_scale.is_empty() {
-                vec![1.0; motors]
-            } else {
-                values(&self.gap_scale)
-            },
+            zero: or_none(&self.zero, 0.0).map(|zero| zero * unit.si()),
+            gain: [0, 1].map(|row| or_none(gain_row(row), 0.0)),
+            gap: or_none(&self.gap_scale, 1.0).map(|scale| scale - 1.0),
         }
     }
 }
 
 impl Shape {
     fn parameters(self) -> usize {
-        let gain = if self.has_gain { self.outputs * self.outputs } else { 0 };
+        let gain = if self.has_gain {
+            self.outputs * self.outputs
+        } else {
+            0
+        };
         self.outputs + gain + if self.has_gap { self.motors } else { 0 }
     }
 
@@ -228,7 +229,9 @@ impl Shape {
             Vec::new()
         };
         let gap_scale: Vec<Value> = if self.has_gap {
-            (0..self.motors).map(|motor| value(self.gap(motor), 1.0)).collect()
+            (0..self.motors)
+                .map(|motor| value(self.gap(motor), 1.0))
+                .collect()
         } else {
             Vec::new()
         };
@@ -237,7 +240,11 @@ impl Shape {
             for output in outputs.clone() {
                 old[output] = before.measured[output] - before.predicted[output];
                 let row = gain.get(output).map_or(&[][..], Vec::as_slice);
-                let bent: f64 = row.iter().zip(after.predicted).map(|(g, y)| g.value * y).sum();
+                let bent: f64 = row
+                    .iter()
+                    .zip(after.predicted)
+                    .map(|(g, y)| g.value * y)
+                    .sum();
                 let expected = after.predicted[output] + zero[output].value + bent;
                 left[output] = after.measured[output] - expected;
             }

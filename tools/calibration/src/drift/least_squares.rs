@@ -85,7 +85,10 @@ impl Problem {
             (1.0 - a) / (1.0 + a)
         };
         let outputs = left.as_slice().chunks(self.rows.max(1));
-        outputs.map(of_output).fold(1.0, f64::min).max(LEAST_INDEPENDENT)
+        outputs
+            .map(of_output)
+            .fold(1.0, f64::min)
+            .max(LEAST_INDEPENDENT)
     }
 }
 

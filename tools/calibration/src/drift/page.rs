@@ -56,7 +56,10 @@ pub fn html(drift: &DriftEstimate, verdict: Verdict, model: &str, recording: &Re
                 panel
                     .with(line(|row| row.1, BEFORE).label("as calibrated"))
                     .with(line(|row| row.2, AFTER).label("without the drift"))
-                    .with(ReferenceLine::horizontal(0.0, Stroke::new(Color::DARK, 0.6))),
+                    .with(ReferenceLine::horizontal(
+                        0.0,
+                        Stroke::new(Color::DARK, 0.6),
+                    )),
             ],
         )
     });

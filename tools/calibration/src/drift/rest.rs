@@ -43,7 +43,11 @@ fn main_direction(errors: impl Iterator<Item = [f64; 2]>) -> ([f64; 2], f64) {
     }
     let eigen = SymmetricEigen::new(square);
     let [first, second] = [eigen.eigenvalues[0], eigen.eigenvalues[1]];
-    let (column, largest) = if first >= second { (0, first) } else { (1, second) };
+    let (column, largest) = if first >= second {
+        (0, first)
+    } else {
+        (1, second)
+    };
     let total = first + second;
     let vector = eigen.eigenvectors.column(column);
     // Of the two signs, the one whose larger part is positive.

@@ -64,7 +64,9 @@ fn record(mut snake: AnySnake, seconds: f64, seed: u64) -> Recording {
             writeln!(file, ",,").unwrap();
         }
     }
-    Recording::read(file.path(), &ColumnMap::default()).unwrap().0
+    Recording::read(file.path(), &ColumnMap::default())
+        .unwrap()
+        .0
 }
 
 /// Every snake as it was calibrated when it was new.
@@ -103,7 +105,10 @@ fn a_drift_is_found_within_its_uncertainty_and_an_update_takes_it_out() {
             assert!((1.05..1.8).contains(&gap.value), "{name}: {drift:?}");
         }
         for (output, row) in drift.gain.iter().enumerate() {
-            assert!((-0.11..0.0).contains(&row[output].value), "{name}: {drift:?}");
+            assert!(
+                (-0.11..0.0).contains(&row[output].value),
+                "{name}: {drift:?}"
+            );
         }
         // On motion that the update has not seen.
         let unseen = record(snake(name, &WORN), 60.0, 3);
@@ -119,7 +124,11 @@ fn a_snake_that_has_not_aged_is_left_alone() {
     for (name, model) in calibrated() {
         let minute = record(snake(name, &[]), 60.0, 4);
         let drift = DriftEstimate::new(model, &minute).unwrap();
-        assert_eq!(Verdict::new(model, &drift), Verdict::Good, "{name}: {drift:?}");
+        assert_eq!(
+            Verdict::new(model, &drift),
+            Verdict::Good,
+            "{name}: {drift:?}"
+        );
         for zero in &drift.zero {
             assert!(zero.value.abs() < 0.15, "{name}: {drift:?}");
         }
@@ -143,23 +152,30 @@ fn the_verdict_tells_a_drift_from_a_robot_that_has_changed() {
 fn a_drift_built_into_a_file_is_the_drift_of_the_model() {
     for (name, model) in calibrated() {
         let drift = i2ris::model::file::FileDrift {
-            zero: vec![0.5, -1.0],
-            gain: vec![vec![0.03, -0.01], vec![0.02, -0.05]],
-            gap_scale: vec![1.3, 0.8],
+            zero: [0.5, -1.0].map(f64::to_radians),
+            gain: [[0.03, -0.01], [0.02, -0.05]],
+            gap: [0.3, -0.2],
         };
         let drifted = Model::from_file(model.file().drifted(&drift).unwrap()).unwrap();
         let (mut built_in, mut scaled) = (drifted.new_memory(), model.new_memory());
-        for counts in record(snake(name, &[]), 20.0, 6).path().iter().map(|it| it.counts) {
+        for counts in record(snake(name, &[]), 20.0, 6)
+            .path()
+            .iter()
+            .map(|it| it.counts)
+        {
             scaled.set_gap_scale(&[1.3, 0.8]);
             model.advance(&mut scaled, &counts);
             drifted.advance(&mut built_in, &counts);
             scaled.set_gap_scale(&[1.3, 0.8]);
             let calibrated = model.predict(&counts, &scaled).mean.map(f64::to_degrees);
-            let found = drifted.predict(&counts, &built_in).mean.map(f64::to_degrees);
+            let found = drifted
+                .predict(&counts, &built_in)
+                .mean
+                .map(f64::to_degrees);
             for output in 0..2 {
                 let [pitch, yaw, _] = calibrated;
                 let bent = drift.gain[output][0] * pitch + drift.gain[output][1] * yaw;
-                let expected = calibrated[output] + drift.zero[output] + bent;
+                let expected = calibrated[output] + drift.zero[output].to_degrees() + bent;
                 assert!((found[output] - expected).abs() < 1e-6, "{name} {found:?}");
             }
         }

@@ -78,7 +78,9 @@ pub fn update(old: &Model, recording: &Recording) -> Result<Update, UpdateError>
     let mut file = built_in(old, &drift)?.file().clone();
     let measure = |model: &Model, from: usize, output: usize| {
         let points = errors(model, from);
-        let pairs = points.iter().map(|it| (it.measured[output], it.predicted[output]));
+        let pairs = points
+            .iter()
+            .map(|it| (it.measured[output], it.predicted[output]));
         metrics(&pairs.collect::<Vec<_>>())
     };
     let model = Model::from_file(file.clone())?;
@@ -99,7 +101,8 @@ pub fn update(old: &Model, recording: &Recording) -> Result<Update, UpdateError>
 }
 
 fn built_in(old: &Model, drift: &DriftEstimate) -> Result<Model, ModelError> {
-    Model::from_file(old.file().drifted(&drift.in_file(old.motors()))?)
+    let unit = old.file().outputs[0].unit;
+    Model::from_file(old.file().drifted(&drift.in_file(unit))?)
 }
 
 fn note_origin(file: &mut ModelFile, recording: &Recording, rows: usize) {

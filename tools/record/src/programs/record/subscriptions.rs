@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 use i2ris_record::layout::Layout;
@@ -20,6 +20,7 @@ pub struct Subscriptions {
     state: Subscription<OperatingStateMsg>,
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
+    adaptation: Subscription<AdaptationMsg>,
     events: Subscription<EventMsg>,
     external: Subscription<ExternalPosition>,
     servo: Subscription<ServoJp>,
@@ -39,6 +40,7 @@ impl Subscriptions {
             state: watcher.operating_state(),
             statistics: watcher.period_statistics(),
             health: watcher.health(),
+            adaptation: watcher.adaptation(),
             events: watcher.events(),
             external: watcher.external(),
             servo: watcher.servo_jp(),
@@ -55,6 +57,7 @@ impl Subscriptions {
         drain(&mut self.state, Stream::State, trial, now)?;
         drain(&mut self.statistics, Stream::Statistics, trial, now)?;
         drain(&mut self.health, Stream::Health, trial, now)?;
+        drain(&mut self.adaptation, Stream::Adaptation, trial, now)?;
         drain(&mut self.events, Stream::Events, trial, now)?;
         drain(&mut self.external, Stream::External, trial, now)?;
         drain(&mut self.servo, Stream::ServoJp, trial, now)?;
@@ -75,6 +78,7 @@ impl Subscriptions {
             (Stream::State, self.state.missed()),
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
+            (Stream::Adaptation, self.adaptation.missed()),
             (Stream::Events, self.events.missed()),
         ];
         joints.chain(others).collect()
