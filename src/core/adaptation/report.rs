@@ -85,6 +85,22 @@ impl Pause {
         Self::TakenBack,
         Self::NoMotion,
     ];
+
+    /// In words.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::NotFollowing => "no goal is followed",
+            Self::Settling => "settling for 2 s",
+            Self::MemoryUnknown => "memory unknown",
+            Self::OutsideHull => "outside of the hull",
+            Self::NoCamera => "no camera",
+            Self::CameraDisbelieved => "most frames are refused",
+            Self::BudgetUsed => "budget used up: calibrate",
+            Self::TakenBack => "correction taken back",
+            Self::NoMotion => "too little motion",
+        }
+    }
 }
 
 /// Reasons to learn nothing, as bits of [`Pause`].

@@ -2,12 +2,14 @@
 
 use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
-    SpanSummary,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, SpanSummary,
 };
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
+
+use crate::adaptation;
 
 /// Age at which a value is marked as stale. Cameras are slow; everything else comes many times a
 /// second.
@@ -28,6 +30,7 @@ pub struct LatestMessages {
     pub actuators: Option<ActuatorState>,
     pub statistics: Option<PeriodStatistics>,
     pub health: Option<Health>,
+    pub adaptation: Option<AdaptationMsg>,
     /// Answered requests per second and drive.
     pub exchange_rates: Option<[f64; MAX_MOTORS]>,
 }
@@ -44,6 +47,8 @@ impl LatestMessages {
                 .as_ref()
                 .map(|health| format!("health     {}", health_text(health))),
         );
+        let adaptation = self.adaptation.iter().flat_map(adaptation::lines);
+        lines.extend(adaptation.map(|line| format!("adaptation {line}")));
         lines
     }
 
@@ -463,6 +468,7 @@ mod tests {
             setpoint: Some(joint(4.5, -1.0)),
             measured: Some(joint(4.25, -1.5)),
             health: None,
+            adaptation: None,
             camera: None,
             actuators: Some(ActuatorState {
                 stamp_ns: NOW.0,

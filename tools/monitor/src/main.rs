@@ -18,6 +18,7 @@
     reason = "a command-line program prints"
 )]
 
+mod adaptation;
 mod dashboard;
 mod event_log;
 mod history;

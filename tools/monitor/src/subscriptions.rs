@@ -3,7 +3,8 @@
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics,
 };
 use i2ris::units::{MAX_MOTORS, Nanos};
 
@@ -28,6 +29,7 @@ pub struct Subscriptions {
     actuators: Subscription<ActuatorState>,
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
+    adaptation: Subscription<AdaptationMsg>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
@@ -43,6 +45,7 @@ impl Subscriptions {
             actuators: watcher.actuators(),
             statistics: watcher.period_statistics(),
             health: watcher.health(),
+            adaptation: watcher.adaptation(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -97,6 +100,7 @@ impl Subscriptions {
                 .for_each(|message| event_log.update_model(message));
         }
         replace_if_new(&mut view.health, self.health.newest()?);
+        replace_if_new(&mut view.adaptation, self.adaptation.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()

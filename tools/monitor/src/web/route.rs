@@ -16,6 +16,7 @@ fn file(path: &str) -> Option<(&'static str, &'static str)> {
         "/page.js" => (SCRIPT, include_str!("page/page.js")),
         "/plots.js" => (SCRIPT, include_str!("page/plots.js")),
         "/tables.js" => (SCRIPT, include_str!("page/tables.js")),
+        "/adaptation.js" => (SCRIPT, include_str!("page/adaptation.js")),
         "/icon.svg" => ("image/svg+xml", include_str!("page/icon.svg")),
         _ => return None,
     })

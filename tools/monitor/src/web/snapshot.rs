@@ -10,6 +10,7 @@ use i2ris::units::Nanos;
 use serde_json::{Value, json};
 
 use super::cursor::Since;
+use crate::adaptation;
 use crate::dashboard::Dashboard;
 use crate::event_log::Severity;
 use crate::history::{CameraFrame, Pair, Sample};
@@ -48,6 +49,7 @@ pub fn snapshot(
         "estimate": view.measured.as_ref().map(|joint| joint_state(joint, now)),
         "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
+        "adaptation": view.adaptation.as_ref().map(adaptation::as_json),
         "health": view.health.as_ref().map(health_text),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
         "models": models(dashboard),

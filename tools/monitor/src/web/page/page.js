@@ -50,6 +50,7 @@ function show() {
     showMotors(live);
     showLoop(live);
     showModels(live);
+    showAdaptation(live);
     showEvents(live, lag);
     const [now, text] = [live.now_s + lag / 1000, staleText(lag)];
     drawStrip(plots.pitch, 0, recent, now, text);
