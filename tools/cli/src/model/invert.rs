@@ -316,7 +316,6 @@ fn standard(model: &Model) -> Config {
     let axes = (0..model.motors()).map(axis).collect();
     Config {
         robot_id: model.file().robot_id.clone(),
-        adaptation: i2ris::config::AdaptationConfig::default(),
         control: ControlConfig::default(),
         ipc: IpcConfig::default(),
         command: CommandConfig::default(),
