@@ -44,7 +44,8 @@ use recording::RecordingPlan;
   i2ris calibrate zoo --families best --json zoo.json
   i2ris calibrate zoo --physics preisach,dahl --protocol axes
   i2ris calibrate zoo --duration-s 100 --keep recordings
-  i2ris calibrate zoo --ageing --families gmr-play --draws 1 --figure ageing.svg
+  i2ris calibrate zoo --ageing --families gmr-play --draws 1
+  i2ris calibrate zoo --ageing --families gmr-play --physics gear --figure ageing.svg
 
 Nothing moves and no process starts: drives and snakes are simulated, as fast as they can be.
 `linear` is always fitted; `below` is how much less the error is than that of `linear`. `exact` is

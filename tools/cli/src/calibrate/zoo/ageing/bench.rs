@@ -7,6 +7,7 @@ use i2ris::config::Config;
 use i2ris::core::adaptation::AdaptationReport;
 use i2ris::model::Model;
 use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
+use i2ris_calibration::parallel;
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_emulator::ageing::Change;
@@ -211,7 +212,12 @@ impl Bench {
             }
             pair.follow(&motion)
         };
-        Ok([run(false)?, run(true)?])
+        let mut runs = parallel::map(2, |number| run(number == 1)).into_iter();
+        let mut next = || {
+            runs.next()
+                .unwrap_or_else(|| Err("there is no run".to_owned()))
+        };
+        Ok([next()?, next()?])
     }
 
     fn subject(&self, snake: DrawnSnake) -> Result<Subject<'_>, String> {

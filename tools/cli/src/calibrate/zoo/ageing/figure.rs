@@ -61,5 +61,20 @@ pub fn figure(snake: DrawnSnake, [without, with]: &[Run; 2]) -> Figure {
     )
 }
 
+/// The error of the last minute.
+pub fn summary([without, with]: &[Run; 2]) -> String {
+    let last = |run: &Run| {
+        windows(&run.errors, 60.0)
+            .last()
+            .copied()
+            .unwrap_or(f64::NAN)
+    };
+    format!(
+        "error of the tip in the last minute: {:.3} deg without adaptation, {:.3} deg with it",
+        last(without),
+        last(with)
+    )
+}
+
 const BOLD: Stroke = Stroke::new(Color::BLUE, 1.4);
 const THIN: Stroke = Stroke::new(Color::DARK, 0.9);

@@ -39,7 +39,7 @@ pub struct AgeingArguments {
     #[arg(long, value_name = "H", default_value_t = 6.0, requires = "ageing",
           value_parser = hours)]
     drift_hours: f64,
-    /// Draw ten minutes of ageing of the first snake, with and without adaptation
+    /// Draw ten minutes of ageing of the first snake, with and without adaptation, and judge nothing
     #[arg(long, value_name = "FILE.svg", requires = "ageing")]
     figure: Option<std::path::PathBuf>,
     /// Latency of the camera that the adaptation looks through
@@ -64,6 +64,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = Folder::new(arguments.keep.as_ref())?;
     let bench = Bench::new(arguments, folder.path.clone())?;
     let snakes = snakes(arguments);
+    if let (Some(file), Some(snake)) = (&arguments.ageing.figure, snakes.first()) {
+        let courses = bench.ten_minutes(*snake)?;
+        write(file, &figure::figure(*snake, &courses).to_string())?;
+        println!("{}\nwrote {}", figure::summary(&courses), file.display());
+        return Ok(());
+    }
     let judged: Vec<Result<Judgement, String>> = parallel::map(snakes.len(), |index| {
         let snake = snakes[index];
         let is_first = snake.seed == arguments.first_seed;
@@ -79,10 +85,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let judgements: Vec<Judgement> = judged.iter().flatten().cloned().collect();
     if let Some(file) = &arguments.json {
         write(file, &serde_json::to_string_pretty(&judgements)?)?;
-    }
-    if let (Some(file), Some(snake)) = (&arguments.ageing.figure, snakes.first()) {
-        let courses = bench.ten_minutes(*snake)?;
-        write(file, &figure::figure(*snake, &courses).to_string())?;
     }
     print!("{}", table::table(&judgements));
     match judged.iter().filter(|judged| judged.is_err()).count() {
