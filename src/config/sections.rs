@@ -90,6 +90,15 @@ pub struct CommandConfig {
     pub tremor_filter_hz: f64,
 }
 
+impl CommandConfig {
+    /// The delay of slow motion by the tremor filter, s; `None`: it is off.
+    #[must_use]
+    pub fn tremor_filter_delay_s(&self) -> Option<f64> {
+        let cut_off_hz = self.tremor_filter_hz;
+        (cut_off_hz > 0.0).then(|| 1.0 / (std::f64::consts::TAU * cut_off_hz))
+    }
+}
+
 impl Default for CommandConfig {
     fn default() -> Self {
         Self {

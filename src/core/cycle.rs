@@ -25,10 +25,12 @@ use crate::core::command::move_planning::plan_move;
 use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::event::{CycleEventKind, EventList};
+use crate::core::event_fold::EventFold;
+use crate::core::faults::fault_excess::age_excess;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{
-    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, StateRequest,
+    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
 };
 use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::joint_space::position_history::PositionHistory;
@@ -41,9 +43,9 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::conditioning_plan::ConditioningPlan;
 use crate::core::motion::s_curve::TrajectoryLimits;
+use crate::core::motion::virtual_fixtures::{FixtureChange, VirtualFixtures};
 use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
 use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
-use crate::core::states::automatic_transitions::next_transition;
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
 use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::core::states::fault_transitions::enter_fault;
@@ -51,7 +53,7 @@ use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::{Fault, Refusal};
+use crate::robot::{Excess, Fault, Refusal};
 use crate::units::Nanos;
 
 const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
@@ -62,7 +64,7 @@ pub struct ControlCycle {
     period: Nanos,
     stale_after: Nanos,
     lost_after: Nanos,
-    range_check: RangeCheck,
+    pub(super) range_check: RangeCheck,
     conditioning_plan: ConditioningPlan,
     trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -76,6 +78,9 @@ pub struct ControlCycle {
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
+    pub(super) fixtures: VirtualFixtures,
+    pub(super) feedback_stops: EventFold,
+    pub(super) clips: EventFold,
     pub(super) ticks: u64,
     pub(super) stale_stops: u64,
     pub(super) lost_events: u64,
@@ -99,6 +104,9 @@ impl ControlCycle {
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
+            fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
+            feedback_stops: EventFold::default(),
+            clips: EventFold::default(),
             axes: AxisGroup::new(config),
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
@@ -148,14 +156,12 @@ impl ControlCycle {
             self.machine.start(now);
         }
         let summary = self.update_feedback(now, inputs, events);
-        if let Some(transition) = next_transition(self.machine.state(), &summary) {
-            self.machine.change(transition, now, events);
-        }
+        self.follow_transition(&summary, events);
         if inputs.shutdown {
             self.shut_down(&summary, events);
         }
         let state_request = inputs.request.as_ref();
-        let refusal = state_request.map(|request| self.apply_command(request, &summary, events));
+        let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
         self.axes
@@ -166,6 +172,7 @@ impl ControlCycle {
         }
         self.stop_if_stale(now, events);
         let setpoint = self.move_setpoints(&summary, events);
+        self.report_clip(&setpoint, now, events);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
@@ -180,11 +187,12 @@ impl ControlCycle {
                 },
             ),
             reply: state_request
-                .zip(refusal)
-                .map(|(request, refusal)| StateReply {
+                .zip(outcome)
+                .map(|(request, (refusal, excess))| StateReply {
                     id: request.id,
                     refusal,
                     state: state.operating_state(),
+                    excess,
                 }),
             model_reply,
             report: self.report(now, &setpoint),
@@ -302,20 +310,32 @@ impl ControlCycle {
         }
     }
 
-    /// Carries out a state command. Returns the refusal, or [`Refusal::None`].
+    /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
+    /// measured.
     fn apply_command(
         &mut self,
         request: &StateRequest,
         summary: &DriveSummary,
         events: &mut EventList,
-    ) -> Refusal {
-        match self.try_command(request, summary, events) {
-            Ok(()) => Refusal::None,
-            Err(refusal) => {
-                self.admission.record_refusal(refusal);
-                refusal
-            }
+    ) -> (Refusal, Option<Excess>) {
+        let (client_id, command) = (request.client_id, request.command);
+        let Err(refusal) = self.try_command(request, summary, events) else {
+            self.admission.accept_request(client_id);
+            return (Refusal::None, None);
+        };
+        let excess = self.request_excess(refusal, summary);
+        if self
+            .admission
+            .refuse_request(client_id, refusal, summary.now)
+        {
+            let kind = CycleEventKind::RequestRefused {
+                client_id,
+                command,
+                refusal,
+            };
+            events.push_measured(kind, excess);
         }
+        (refusal, excess)
     }
 
     fn try_command(
@@ -346,6 +366,8 @@ impl ControlCycle {
             CommandEffect::Condition => {
                 // Conditioning is motion, so no other client may hold the lease.
                 self.admission.require_lease(request.client_id)?;
+                // The motors cross the whole hull.
+                self.require_no_fixture()?;
                 let model = self.models.active().map(JointModel::model);
                 let start = self.axes.setpoints();
                 let cycle = ConditioningCycle::new(&self.conditioning_plan, start, model)?;
@@ -356,9 +378,11 @@ impl ControlCycle {
                 summary.is_at_rest,
                 &self.admission,
                 self.models.active(),
+                &self.fixtures,
                 &self.trajectory_limits,
                 summary.now,
             )?)),
+            CommandEffect::ChangeFixtures => return self.change_fixtures(request, events),
             CommandEffect::Release => {
                 return self.release_lease(request.client_id, summary.now, events);
             }
@@ -366,6 +390,40 @@ impl ControlCycle {
         let cause = TransitionCause::Command(request.command);
         self.machine.change((next, cause), summary.now, events);
         Ok(())
+    }
+
+    /// Changes the virtual fixtures. What makes them fewer needs the lease and a robot that follows
+    /// nobody.
+    fn change_fixtures(
+        &mut self,
+        request: &StateRequest,
+        events: &mut EventList,
+    ) -> Result<(), Refusal> {
+        let change = request.fixture.as_ref().ok_or(Refusal::Malformed)?;
+        match change {
+            FixtureChange::SwitchOff | FixtureChange::RemoveAdded => {
+                self.admission.require_lease(request.client_id)?;
+                if self.machine.state().is_following_joints() {
+                    return Err(Refusal::Busy);
+                }
+            }
+            FixtureChange::SwitchOn | FixtureChange::Add(_) => {}
+        }
+        self.fixtures.change(change)?;
+        events.push(CycleEventKind::Fixtures {
+            client_id: request.client_id,
+            active: self.fixtures.active_bits(),
+        });
+        Ok(())
+    }
+
+    /// Refuses motion that is not planned in joint space while virtual fixtures count.
+    fn require_no_fixture(&self) -> Result<(), Refusal> {
+        if self.fixtures.is_on() {
+            Err(Refusal::Fixture)
+        } else {
+            Ok(())
+        }
     }
 
     /// A client that gives the lease back is not followed any more: the robot stops.
@@ -443,8 +501,12 @@ impl ControlCycle {
                     .progress(ControlState::Enabled(activity), summary.now, events);
             }
             Err(refusal) => {
-                self.admission
-                    .refuse(command.client_id, refusal, summary.now, events);
+                let client_id = command.client_id;
+                if self.admission.refuse(client_id, refusal, summary.now) {
+                    let excess = self.servo_excess(refusal, command, summary);
+                    let kind = CycleEventKind::Refused { client_id, refusal };
+                    events.push_measured(kind, excess);
+                }
             }
         }
     }
@@ -463,6 +525,9 @@ impl ControlCycle {
             is_fresh: summary.is_fresh(),
         };
         let deadline = self.admission.check(command, &context)?;
+        if matches!(command.goal, ServoGoal::Actuator(..)) {
+            self.require_no_fixture()?;
+        }
         let followed = state.followed_command().map(|followed| &followed.goal);
         let goal = self
             .range_check
@@ -481,8 +546,10 @@ impl ControlCycle {
             && let Some(age) = followed.stale_age(now)
         {
             let client_id = followed.client_id;
+            let excess = age_excess(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
-            events.push(CycleEventKind::StaleStop { client_id, age });
+            let kind = CycleEventKind::StaleStop { client_id, age };
+            events.push_measured(kind, Some(excess));
             self.machine.progress(HOLDING, now, events);
         }
     }
@@ -511,7 +578,12 @@ impl ControlCycle {
     ) -> Result<GeneratedSetpoint, NotFinite> {
         let joints = self.models.active_mut();
         let state = self.machine.state();
-        let setpoint = generate_setpoint(state, &mut self.axes, joints, now, self.period)?;
+        let axes = &mut self.axes;
+        let fixtures = &mut self.fixtures;
+        let setpoint = generate_setpoint(state, axes, joints, fixtures, now, self.period)?;
+        if let Some(region) = self.fixtures.begun_limit(now) {
+            events.push(CycleEventKind::FixtureLimit { region });
+        }
         if let Some(next) = setpoint.next {
             self.machine
                 .progress(ControlState::Enabled(next), now, events);
@@ -535,6 +607,8 @@ impl ControlCycle {
             busy: state.is_busy(self.axes.all(AxisControl::is_at_rest)),
             holding: state.is_holding(),
             clipped: setpoint.is_clipped,
+            fixtures: self.fixtures.active_bits(),
+            limited_by_fixture: self.fixtures.limited_by(),
             plausibility: self.plausibility_check,
             lease_client_id: self.admission.lease_holder(),
             accepted: self.admission.accepted(),

@@ -9,7 +9,7 @@ use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::position_history::HistoryCursor;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::model::ModelId;
-use crate::robot::{Fault, OperatingState, Refusal};
+use crate::robot::{Excess, Fault, OperatingState, Refusal};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
 /// Outputs of one tick.
@@ -30,7 +30,7 @@ pub struct CycleOutputs {
 }
 
 /// Reply to a [`StateRequest`](super::inputs::StateRequest).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StateReply {
     /// Id of the request.
     pub id: u64,
@@ -38,6 +38,8 @@ pub struct StateReply {
     pub refusal: Refusal,
     /// State after the command.
     pub state: OperatingState,
+    /// What was measured when it was refused, where it is known.
+    pub excess: Option<Excess>,
 }
 
 /// Reply to a [`ModelSwapRequest`](super::inputs::ModelSwapRequest).
@@ -68,6 +70,10 @@ pub struct CycleReport {
     pub holding: bool,
     /// The goal was clipped to the calibrated hull or the position limits.
     pub clipped: bool,
+    /// The virtual fixtures that count, as bits.
+    pub fixtures: u32,
+    /// Index of the virtual fixture that limited the goal in this tick.
+    pub limited_by_fixture: Option<u8>,
     /// Whether the pose is compared with a camera.
     pub plausibility: PlausibilityCheck,
     /// Client that holds the lease; 0: none.

@@ -9,12 +9,14 @@ use crate::core::adaptation::AdaptationState;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
+use crate::core::event_fold::EventFold;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
@@ -35,6 +37,9 @@ pub struct CycleSnapshot {
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
+    fixtures: VirtualFixtures,
+    feedback_stops: EventFold,
+    clips: EventFold,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -70,6 +75,9 @@ impl ControlCycle {
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
+            fixtures: self.fixtures,
+            feedback_stops: self.feedback_stops,
+            clips: self.clips,
             ticks: self.ticks,
             stale_stops: self.stale_stops,
             lost_events: self.lost_events,
@@ -101,6 +109,9 @@ impl ControlCycle {
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
+        cycle.fixtures = snapshot.fixtures;
+        cycle.feedback_stops = snapshot.feedback_stops;
+        cycle.clips = snapshot.clips;
         cycle.ticks = snapshot.ticks;
         cycle.stale_stops = snapshot.stale_stops;
         cycle.lost_events = snapshot.lost_events;

@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 use crate::units::Nanos;
 
@@ -65,5 +65,7 @@ outgoing!(
     Health,
     JointState,
     OperatingStateMsg,
-    PeriodStatistics
+    PeriodStatistics,
+    VirtualFixturesMsg,
+    ReasonMsg
 );

@@ -26,8 +26,9 @@ use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
-use crate::process::channels::{LogLine, WorkerQueues, loop_channels, request_queues};
+use crate::process::channels::{LogEntry, WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
+use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::main_thread::{MainThread, write_line};
@@ -102,6 +103,13 @@ pub fn run(
     );
     write_granted(log, &threads.granted);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
+    if let Some(delay_s) = config.command.tremor_filter_delay_s() {
+        let delay_ms = delay_s * 1e3;
+        write_line(
+            log,
+            format_args!("the tremor filter delays the goal by {delay_ms:.0} ms"),
+        );
+    }
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
         boot_id,
@@ -155,7 +163,7 @@ struct Threads {
     events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<(Nanos, PortEvent)>,
     recorder_lines: mpsc::Receiver<String>,
-    published: mpsc::Sender<LogLine>,
+    published: mpsc::Sender<LogEntry>,
 }
 
 fn start_threads(
@@ -166,8 +174,8 @@ fn start_threads(
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
     let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
-    let (published, log_lines) = mpsc::channel();
-    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_lines);
+    let (published, log_entries) = mpsc::channel();
+    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_entries);
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
     let recorder_queue = queues.recorder.clone();
@@ -187,6 +195,7 @@ fn start_threads(
         command_check: CommandCheck::new(&config.command),
         history,
         queues,
+        fixtures: FixtureTable::new(&config.virtual_fixtures),
         period: config.control.period(),
     };
     let (to_ipc, granted) = mpsc::channel();

@@ -12,13 +12,14 @@ use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequ
 use crate::ipc::Server;
 use crate::ipc::payload::{
     AdaptationMsg, BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply,
-    StateCommandRequest, Version, padded_text,
+    StateCommandRequest, Version, VirtualFixturesMsg, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
-use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
+use crate::process::channels::{IpcChannels, LogEntry, RequestQueues, TickReport};
+use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::payload_conversion as convert;
 use crate::realtime::{Granted, LoopStatistics, Ticker};
@@ -36,11 +37,13 @@ const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 /// Ticks that the loop history may lag: as many as the ring of the reports holds.
 const LATE_TICKS: usize = 256;
 
-/// Lines of the log that are published in one pass.
-const LOG_LINES: usize = 16;
+/// Lines of the log and reasons that are published in one pass.
+const LOG_ENTRIES: usize = 16;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
+/// The same for `virtual_fixture`.
+const FIXTURE: u64 = 1 << 62;
 
 /// What the IPC thread needs besides the server.
 pub struct IpcThreadParts {
@@ -51,6 +54,7 @@ pub struct IpcThreadParts {
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
+    pub fixtures: FixtureTable,
     /// Period of the loop.
     pub period: Nanos,
 }
@@ -127,6 +131,7 @@ impl IpcThread {
         }
         self.take_state_commands(now);
         self.take_moves(now);
+        self.take_fixture_requests(now);
         self.take_model_requests(now);
         self.take_black_box_requests(now);
         while let Ok(reply) = self.parts.channels.replies.pop() {
@@ -143,8 +148,9 @@ impl IpcThread {
                 stamp_ns: now.0,
                 ..self.health
             });
+            self.publish_fixtures(now);
         }
-        self.publish_log_lines();
+        self.publish_log();
         self.server.maintain(now);
     }
 
@@ -182,6 +188,7 @@ impl IpcThread {
                 client_id: raw.client_id,
                 command: StateCommand::Move,
                 pose: Some((raw.position, raw.count)),
+                fixture: None,
             };
             new.push((request, raw.reserved == 0));
         });
@@ -191,13 +198,43 @@ impl IpcThread {
         }
     }
 
+    /// As [`Self::take_moves`].
+    fn take_fixture_requests(&mut self, now: Nanos) {
+        let mut new = Vec::new();
+        self.server
+            .poll_fixtures(now, |token, raw| new.push((token | FIXTURE, raw)));
+        for (id, raw) in new {
+            let request = FixtureTable::parse(&raw).map(|change| StateRequest {
+                id,
+                client_id: raw.client_id,
+                command: StateCommand::Fixture,
+                pose: None,
+                fixture: Some(change),
+            });
+            self.parts.fixtures.sent(id, raw);
+            self.request(id, request);
+        }
+    }
+
+    fn publish_fixtures(&mut self, now: Nanos) {
+        self.server.publish_fixtures(VirtualFixturesMsg {
+            stamp_ns: now.0,
+            ..self.parts.fixtures.message()
+        });
+    }
+
     /// Passes a request to the loop, or replies with the refusal.
     fn request(&mut self, id: u64, request: Result<StateRequest, Refusal>) {
         let requests = &mut self.parts.channels.requests;
         let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
         if let Err(refusal) = pushed {
             let state = self.state;
-            self.reply(StateReply { id, refusal, state });
+            self.reply(StateReply {
+                id,
+                refusal,
+                state,
+                excess: None,
+            });
         }
     }
 
@@ -250,13 +287,16 @@ impl IpcThread {
     }
 
     fn reply(&mut self, reply: StateReply) {
-        let payload = StateCommandReply {
-            refusal: reply.refusal.number(),
-            state: reply.state.number(),
-        };
-        match reply.id & MOVE {
-            0 => self.server.reply(reply.id, payload),
-            _ => self.server.reply_move(reply.id & !MOVE, payload),
+        let payload = StateCommandReply::new(reply.refusal, reply.state, reply.excess);
+        if reply.id & MOVE != 0 {
+            self.server.reply_move(reply.id & !MOVE, payload);
+        } else if reply.id & FIXTURE != 0 {
+            if self.parts.fixtures.answered(reply.id, reply.refusal) {
+                self.publish_fixtures(clock::now());
+            }
+            self.server.reply_fixture(reply.id & !FIXTURE, payload);
+        } else {
+            self.server.reply(reply.id, payload);
         }
     }
 
@@ -266,6 +306,23 @@ impl IpcThread {
         if let Some(mut history) = self.parts.history.try_lock() {
             for report in self.late.drain(..) {
                 history.update(&report);
+            }
+        }
+    }
+
+    fn publish_log(&mut self) {
+        for entry in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
+            match entry {
+                LogEntry::Line(stamp, line) => self.server.publish_event(EventMsg {
+                    stamp_ns: stamp.0,
+                    text: padded_text(&line),
+                    ..EventMsg::default()
+                }),
+                LogEntry::Reason {
+                    stamp,
+                    client_id,
+                    reason,
+                } => self.server.publish_reason(&reason, client_id, stamp),
             }
         }
     }
@@ -285,18 +342,9 @@ impl IpcThread {
         self.server.publish_adaptation(self.adaptation);
     }
 
-    fn publish_log_lines(&mut self) {
-        for (stamp, line) in self.parts.channels.log_lines.try_iter().take(LOG_LINES) {
-            self.server.publish_event(EventMsg {
-                stamp_ns: stamp.0,
-                text: padded_text(&line),
-                ..EventMsg::default()
-            });
-        }
-    }
-
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
+        self.parts.fixtures.update(report);
         self.health = convert::health(report, &tick.lost);
         self.adaptation = convert::adaptation(report);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
@@ -334,5 +382,6 @@ fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Ref
         client_id: raw.client_id,
         command,
         pose: None,
+        fixture: None,
     })
 }

@@ -11,6 +11,7 @@
 //! | `model_comparison` | difference between two models, in counts |
 //! | `loop_history` | motor positions and loaded models, shared by the slower threads |
 //! | `main_thread` | the log, and waiting for the end |
+//! | `fixture_table` | names and values of the virtual fixtures, for clients |
 //! | `channels` | everything that passes between the threads |
 //! | `payload_conversion` | conversion between payloads and values of the core |
 //! | `event_text` | events as lines of the log |
@@ -23,10 +24,11 @@ pub mod console_log;
 mod control_loop;
 pub mod controller;
 mod event_text;
+mod fixture_table;
 mod ipc_thread;
 mod loop_history;
 mod main_thread;
-mod model_comparison;
+pub mod model_comparison;
 mod model_manager;
 mod payload_conversion;
 pub mod run_log;

@@ -8,8 +8,8 @@ use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
     CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
-    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
-    ServoGoal, StateReply, StateRequest,
+    FixtureChange, HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest,
+    ServoCommand, ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -21,6 +21,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{History, Model};
 use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
+use i2ris::robot::Reason;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use crate::invariants::InvariantCheck;
@@ -176,6 +177,7 @@ pub struct Bench {
     pub drives: [SimulatedDrive; 2],
     pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
+    pub reasons: Vec<Reason>,
     pub shutdown: bool,
     /// Asked for in the next tick.
     pub model_request: Option<ModelSwapRequest>,
@@ -183,6 +185,7 @@ pub struct Bench {
     pub clutched: bool,
     /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
+    pub fixture: Option<FixtureChange>,
     /// Seen by a camera, in the next tick.
     pub external: Option<ExternalPose>,
     /// How many ticks late every tick is from now on.
@@ -265,10 +268,12 @@ impl Bench {
             out: ControlCycle::new(&self::config(""), None)
                 .step(Nanos::ZERO, &CycleInputs::default()),
             events: Vec::with_capacity(1000),
+            reasons: Vec::with_capacity(1000),
             shutdown: false,
             model_request: None,
             clutched: false,
             pose: None,
+            fixture: None,
             external: None,
             missed: 0,
             probe: || 0,
@@ -380,10 +385,11 @@ impl Bench {
     }
 
     fn note_events(&mut self) {
-        for CycleEvent { stamp, kind } in self.out.events.iter().flatten() {
-            assert_eq!(*stamp, self.now);
+        for event in self.out.events.iter().flatten() {
+            assert_eq!(event.stamp, self.now);
             if self.events.len() < self.events.capacity() {
-                self.events.push(*kind);
+                self.events.push(event.kind);
+                self.reasons.extend(event.reason());
             }
         }
     }
@@ -408,6 +414,7 @@ impl Bench {
         self.request_id += 1;
         let id = self.request_id;
         let pose = self.pose.take();
+        let fixture = self.fixture.take();
         self.step(
             None,
             Some(StateRequest {
@@ -415,6 +422,7 @@ impl Bench {
                 client_id,
                 command,
                 pose,
+                fixture,
             }),
         );
         let reply = self

@@ -83,15 +83,9 @@ mod tests {
 
     #[test]
     fn a_push_of_two_degrees_and_single_outliers_are_no_slip() {
-        assert_eq!(found((0..900).map(|_| [2.0, 0.0])), []);
-        assert_eq!(
-            found((0..900).map(|k| [if k % 10 == 0 { 5.0 } else { 0.1 }, 0.0])),
-            []
-        );
+        assert!(found((0..900).map(|_| [2.0, 0.0])).is_empty());
+        assert!(found((0..900).map(|k| [if k % 10 == 0 { 5.0 } else { 0.1 }, 0.0])).is_empty());
         // Errors that alternate.
-        assert_eq!(
-            found((0..900).map(|k| [(0.1 * f64::from(k)).sin(), 0.0])),
-            []
-        );
+        assert!(found((0..900).map(|k| [(0.1 * f64::from(k)).sin(), 0.0])).is_empty());
     }
 }

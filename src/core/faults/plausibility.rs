@@ -13,6 +13,7 @@ use crate::config::PlausibilityConfig;
 use crate::core::faults::debounce::Debounce;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
+use crate::robot::{Excess, Quantity};
 use crate::units::{Nanos, OutputVec};
 
 /// The estimates are stored in rows of 32: serde has no longer arrays.
@@ -62,6 +63,8 @@ pub(crate) struct PlausibilityMonitor {
     /// Since when there is something to check.
     checked_since: Option<Nanos>,
     is_implausible: bool,
+    /// Distance of the last frame that was compared, rad.
+    distance: f64,
 }
 
 impl PlausibilityMonitor {
@@ -77,7 +80,15 @@ impl PlausibilityMonitor {
             compared: Nanos::ZERO,
             checked_since: None,
             is_implausible: false,
+            distance: 0.0,
         }
+    }
+
+    /// The distance of the last frame that was compared, and the limit.
+    pub fn excess(&self) -> Option<Excess> {
+        let (distance, limit) = (self.distance.to_degrees(), self.limit.to_degrees());
+        let excess = Excess::new(Quantity::Degrees, distance, Some(limit));
+        (self.is_on() && self.distance > self.limit).then_some(excess)
     }
 
     pub fn is_on(&self) -> bool {
@@ -133,10 +144,11 @@ impl PlausibilityMonitor {
             (self.newest, self.arrived) = (measured.stamp, now);
             if let Some(estimates) = self.estimates_at(measured.stamp) {
                 self.compared = now;
-                let mut distances = estimates
+                let distances = estimates
                     .iter()
                     .map(|from| distance(from, &measured.position));
-                let is_far = distances.any(|distance| distance > self.limit);
+                self.distance = distances.fold(0.0, f64::max);
+                let is_far = self.distance > self.limit;
                 self.is_implausible = self.debounce.update(is_checked && is_far, now);
             }
         }

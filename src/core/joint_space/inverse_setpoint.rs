@@ -5,6 +5,7 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::motion::velocity_limit::MotorTarget;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::difference;
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
@@ -35,6 +36,7 @@ pub(crate) fn follow_goal(
     goal: &ExtrapolatedGoal,
     axes: &AxisGroup,
     joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<InverseSetpoint, NotFinite> {
@@ -42,7 +44,7 @@ pub(crate) fn follow_goal(
         (ExtrapolatedGoal::Joint(goal), Some(joints)) => {
             let (here, before) = goal.evaluate(now, tick);
             let step = GoalStep { now: here, before };
-            invert_goal(step, goal.goal(), axes, joints, now, tick)
+            invert_goal(step, goal.goal(), axes, joints, fixtures, now, tick)
         }
         // Angles are only accepted with a model.
         (ExtrapolatedGoal::Joint(_), None) => Err(NotFinite),
@@ -65,10 +67,12 @@ pub(crate) fn invert_goal(
     requested: &OutputVec,
     axes: &AxisGroup,
     joints: &mut JointModel,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<InverseSetpoint, NotFinite> {
-    let filtered = joints.filter_goal(goal)?;
+    let start = joints.setpoint().ok_or(NotFinite)?;
+    let filtered = fixtures.limit(joints.filter_goal(goal)?, start, joints.unit());
     let dead_banded = joints.dead_band_goal(&filtered.now);
     let before = if dead_banded.is_held {
         dead_banded.goal
@@ -89,7 +93,9 @@ pub(crate) fn invert_goal(
             clamped_inverse(&end, axes, joints)?,
         )
     };
-    let goal = if end.is_clipped {
+    let goal = if fixtures.limited_by().is_some() {
+        filtered.now
+    } else if end.is_clipped {
         joints.pose(&end.counts)?
     } else {
         *requested

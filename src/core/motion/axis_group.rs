@@ -1,12 +1,14 @@
 //! All axes of the robot.
 
 use crate::config::Config;
+use crate::core::command::refusal_excess::position_excess;
 use crate::core::drive_status::DriveStatus;
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::vector;
 use crate::drive::{AxisFeedback, AxisRequest, Demand};
+use crate::robot::Excess;
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
 
 /// All axes, in the order of the motors.
@@ -92,6 +94,24 @@ impl AxisGroup {
         }
     }
 
+    /// As [`AxisGroup::track`] for the motors of a mask; the others stop.
+    pub fn track_some(&mut self, targets: &[MotorTarget; MAX_MOTORS], moving: u32) {
+        for (motor, (axis, target)) in self.0.iter_mut().zip(targets).enumerate() {
+            if moving & (1 << motor) == 0 {
+                axis.stop();
+            } else {
+                axis.track(*target);
+            }
+        }
+    }
+
+    /// Takes back what has happened since [`AxisGroup::to_snapshot`].
+    pub fn take_back(&mut self, before: &[Option<AxisControl>; MAX_MOTORS]) {
+        for (axis, before) in self.0.iter_mut().zip(before.iter().flatten()) {
+            *axis = *before;
+        }
+    }
+
     /// Clamps counts to the position limits.
     pub fn clamp(&self, mut counts: MotorVec) -> MotorVec {
         for (counts, axis) in counts.iter_mut().zip(&self.0) {
@@ -104,6 +124,24 @@ impl AxisGroup {
     pub fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(positions);
         pairs.all(|(axis, position)| axis.allows(*position))
+    }
+
+    /// The first measurement that a motor has, with its index.
+    pub fn first(&self, excess: impl Fn(&AxisControl) -> Option<Excess>) -> Option<Excess> {
+        (0..)
+            .zip(&self.0)
+            .find_map(|(motor, axis)| Some(excess(axis)?.of_motor(motor)))
+    }
+
+    /// The first of these positions that is outside the limits of its axis.
+    pub fn range_excess(
+        &self,
+        position: impl Fn(u8, &AxisControl) -> Option<Counts>,
+    ) -> Option<Excess> {
+        (0..).zip(&self.0).find_map(|(motor, axis)| {
+            let excess = position_excess(position(motor, axis)?, axis)?;
+            Some(excess.of_motor(motor))
+        })
     }
 
     /// The setpoints before rounding, counts.

@@ -12,10 +12,11 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::{
     BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest, unpadded_text,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
+    unpadded_text,
 };
 use crate::ipc::service;
-use crate::robot::{OperatingState, Refusal, StateCommand};
+use crate::robot::{FixtureAction, FixtureKind, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
 /// Polling period of calls that wait.
@@ -29,6 +30,7 @@ pub struct Client {
     black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
     pub(super) models: RequestClient<ModelRequest, ModelReply>,
     moves: RequestClient<MoveRequest, StateCommandReply>,
+    fixtures: RequestClient<VirtualFixtureRequest, StateCommandReply>,
     versions: RequestClient<VersionRequest, Version>,
     operating_state: Latest<OperatingStateMsg>,
 }
@@ -55,6 +57,7 @@ impl Client {
             black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
             models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
             moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
+            fixtures: RequestClient::new(service::VIRTUAL_FIXTURE, REPLY_TIMEOUT),
             versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
             link,
         })
@@ -110,6 +113,28 @@ impl Client {
         };
         let reply = self.moves.request(&self.link, request)?;
         check_reply(StateCommand::Move, reply)
+    }
+
+    /// Requests a change of the virtual fixtures. `region`: the kind of the region to add and its
+    /// values as [`FixtureKind`] says, rad or m.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::state_command`].
+    pub fn virtual_fixture(
+        &mut self,
+        action: FixtureAction,
+        region: Option<(FixtureKind, [f64; 4])>,
+    ) -> Result<OperatingState, ClientError> {
+        let (kind, values) = region.unwrap_or((FixtureKind::None, [0.0; 4]));
+        let request = VirtualFixtureRequest {
+            client_id: self.id(),
+            action: action.number(),
+            kind: kind.number(),
+            values,
+        };
+        let reply = self.fixtures.request(&self.link, request)?;
+        check_reply(StateCommand::Fixture, reply)
     }
 
     /// The newest `operating_state`; `None` until the first one arrives, up to 50 ms after
@@ -192,6 +217,7 @@ fn check_reply(
         refusal => Err(ClientError::Refused {
             command,
             refusal,
+            excess: reply.excess(),
             state,
         }),
     }
@@ -202,7 +228,12 @@ mod tests {
     use super::*;
 
     fn reply(refusal: u32, state: u32) -> Result<OperatingState, ClientError> {
-        check_reply(StateCommand::Enable, StateCommandReply { refusal, state })
+        let reply = StateCommandReply {
+            refusal,
+            state,
+            ..StateCommandReply::default()
+        };
+        check_reply(StateCommand::Enable, reply)
     }
 
     #[test]
@@ -211,8 +242,8 @@ mod tests {
         let error = reply(Refusal::NotHomed.number(), disabled).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the controller refuses `enable` in state DISABLED: not homed: an axis does not know \
-             its zero"
+            "the controller refuses `enable` in state DISABLED: refusal 6: not homed: an axis does \
+             not know its zero; do: straighten the snake, then `i2ris command state home`"
         );
     }
 

@@ -12,7 +12,7 @@ use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -91,6 +91,12 @@ impl Watcher {
         self.subscription(service::EVENTS)
     }
 
+    /// `virtual_fixtures`: regions that the snake may not enter.
+    #[must_use]
+    pub fn virtual_fixtures(&self) -> Subscription<VirtualFixturesMsg> {
+        self.subscription(service::VIRTUAL_FIXTURES)
+    }
+
     /// `external/measured_jp`: measurements of a camera or another sensor.
     #[must_use]
     pub fn external(&self) -> Subscription<ExternalPosition> {
@@ -101,6 +107,18 @@ impl Watcher {
     #[must_use]
     pub fn servo_jp(&self) -> Subscription<ServoJp> {
         self.subscription(service::SERVO_JP)
+    }
+
+    /// `error`: faults, with what was measured and what to do.
+    #[must_use]
+    pub fn error(&self) -> Subscription<ReasonMsg> {
+        self.subscription(service::ERROR)
+    }
+
+    /// `warning`: refusals, stops and clips, with what was measured and what to do.
+    #[must_use]
+    pub fn warning(&self) -> Subscription<ReasonMsg> {
+        self.subscription(service::WARNING)
     }
 
     /// `actuators/servo_jp`: motor commands of clients, accepted or not.

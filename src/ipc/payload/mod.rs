@@ -16,20 +16,24 @@ mod command_streams;
 mod definition;
 mod model_requests;
 mod period_statistics;
+mod reason;
 mod requests;
 mod state_streams;
 mod text;
+mod virtual_fixtures;
 
 pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
+pub use reason::ReasonMsg;
 pub use requests::{
     BlackBoxReply, BlackBoxRequest, MoveRequest, StateCommandReply, StateCommandRequest, Version,
     VersionRequest,
 };
 pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
 pub use text::{padded_text, unpadded_text};
+pub use virtual_fixtures::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
 
 #[cfg(test)]
 mod tests {
@@ -52,12 +56,16 @@ mod tests {
         assert_eq!(size_of::<ExternalPosition>(), 80);
         assert_eq!(offset_of!(ExternalPosition, quality), 64);
         assert_eq!(size_of::<StateCommandRequest>(), 16);
-        assert_eq!(size_of::<StateCommandReply>(), 8);
+        assert_eq!(size_of::<StateCommandReply>(), 40);
         assert_eq!(size_of::<Version>(), 200);
         assert_eq!(size_of::<ModelRequest>(), 1072);
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
+        assert_eq!(size_of::<VirtualFixtureRequest>(), 48);
+        assert_eq!(size_of::<VirtualFixturesMsg>(), 1344);
+        assert_eq!(size_of::<ReasonMsg>(), 392);
+        assert_eq!(offset_of!(ReasonMsg, text), 72);
         assert_eq!(size_of::<AdaptationMsg>(), 496);
     }
 }

@@ -26,10 +26,12 @@ use super::heartbeat::HeartbeatWriter;
 use super::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
+use crate::robot::Reason;
 use crate::units::{MAX_OUTPUTS, Nanos};
 use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
@@ -73,10 +75,14 @@ pub struct Server {
     health: StreamPublisher<Health>,
     adaptation: StreamPublisher<AdaptationMsg>,
     events: StreamPublisher<EventMsg>,
+    virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
+    error: StreamPublisher<ReasonMsg>,
+    warning: StreamPublisher<ReasonMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
     moves: RequestServer<MoveRequest, StateCommandReply>,
+    fixture_requests: RequestServer<VirtualFixtureRequest, StateCommandReply>,
     versions: RequestServer<VersionRequest, Version>,
     version: Version,
     failures: u64,
@@ -144,10 +150,22 @@ impl Server {
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
             adaptation: StreamPublisher::new(&from.adaptation, service::ADAPTATION, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
+            virtual_fixtures: StreamPublisher::new(
+                &from.virtual_fixtures,
+                service::VIRTUAL_FIXTURES,
+                boot_id,
+            )?,
+            error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
+            warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
             moves: RequestServer::new(&from.moves, service::MOVE_JP, fast)?,
+            fixture_requests: RequestServer::new(
+                &from.fixture_requests,
+                service::VIRTUAL_FIXTURE,
+                fast,
+            )?,
             versions: RequestServer::new(&from.versions, service::VERSION, fast)?,
             version: version(boot_id),
             failures: 0,
@@ -231,6 +249,18 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Passes every new `virtual_fixture` request to `take`.
+    pub fn poll_fixtures(&mut self, now: Nanos, take: impl FnMut(u64, VirtualFixtureRequest)) {
+        let polled = self.fixture_requests.poll(now, take);
+        self.count_failure(polled);
+    }
+
+    /// Replies to a `virtual_fixture` request.
+    pub fn reply_fixture(&mut self, token: u64, reply: StateCommandReply) {
+        let sent = self.fixture_requests.reply(token, reply);
+        self.count_failure(sent);
+    }
+
     /// Passes every new request about models to `take`. These may take up to 60 s.
     pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
         let polled = self.models.poll(now, take);
@@ -301,6 +331,12 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes `virtual_fixtures`.
+    pub fn publish_fixtures(&mut self, message: VirtualFixturesMsg) {
+        let sent = self.virtual_fixtures.send(message);
+        self.count_failure(sent);
+    }
+
     /// Publishes `adaptation`.
     pub fn publish_adaptation(&mut self, message: AdaptationMsg) {
         let sent = self.adaptation.send(message);
@@ -310,6 +346,17 @@ impl Server {
     /// Publishes `events`.
     pub fn publish_event(&mut self, message: EventMsg) {
         let sent = self.events.send(message);
+        self.count_failure(sent);
+    }
+
+    /// Publishes a reason: a fault in `error`, all others in `warning`.
+    pub fn publish_reason(&mut self, reason: &Reason, client_id: u64, stamp: Nanos) {
+        let message = ReasonMsg::new(reason, client_id, stamp);
+        let sent = if reason.cause.is_error() {
+            self.error.send(message)
+        } else {
+            self.warning.send(message)
+        };
         self.count_failure(sent);
     }
 
@@ -376,6 +423,9 @@ impl Server {
         self.operating_state.serve_late_subscribers()?;
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
+        self.virtual_fixtures.serve_late_subscribers()?;
+        self.error.serve_late_subscribers()?;
+        self.warning.serve_late_subscribers()?;
         self.adaptation.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }

@@ -67,6 +67,7 @@ class JointState(Payload):
     VALID = 1
     MEMORY_KNOWN = 2
     CLIPPED = 4
+    FIXTURE = 8
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -120,6 +121,7 @@ class OperatingStateMsg(Payload):
     PINNED = 256
     WATCHED = 512
     COMPARED = 1024
+    FIXTURE = 2048
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -218,6 +220,31 @@ class EventMsg(Payload):
     ]
 
 
+class ReasonMsg(Payload):
+    """``error`` (faults) and ``warning`` (refusals, stops, clips), out: why the robot does not move as asked."""
+
+    NAME = "I2risReasonV1"
+    MEASURED = 1
+    LIMIT = 2
+    MOTOR = 4
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("client_id", c_uint64),
+        ("measured", c_double),
+        ("limit", c_double),
+        ("kind", c_uint32),
+        ("number", c_uint32),
+        ("quantity", c_uint32),
+        ("motor", c_uint32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
+        ("text", c_uint8 * 192),
+        ("advice", c_uint8 * 128),
+    ]
+
+
 class PeriodStatistics(Payload):
     """``period_statistics``, out, once a second: timing of the control loop."""
 
@@ -268,8 +295,17 @@ class StateCommandRequest(Payload):
 class StateCommandReply(Payload):
     """``state_command``, reply."""
 
-    NAME = "I2risStateCommandReplyV1"
-    _fields_ = [("refusal", c_uint32), ("state", c_uint32)]
+    NAME = "I2risStateCommandReplyV2"
+    _fields_ = [
+        ("refusal", c_uint32),
+        ("state", c_uint32),
+        ("measured", c_double),
+        ("limit", c_double),
+        ("quantity", c_uint32),
+        ("motor", c_uint32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
+    ]
 
 
 class MoveRequest(Payload):

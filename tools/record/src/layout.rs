@@ -8,8 +8,8 @@ use std::mem::{offset_of, size_of};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelDifference, ModelRequest, ModelSlot, MoveRequest, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp, SpanSummary, StateCommandReply, StateCommandRequest,
-    Version, VersionRequest,
+    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, SpanSummary, StateCommandReply,
+    StateCommandRequest, Version, VersionRequest,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -259,6 +259,11 @@ layouts! {
         excited: u32, flags: u32, reserved: u32,
     }
     EventMsg { sequence: u64, stamp_ns: u64, boot_id: u64, text: [u8; 232] }
+    ReasonMsg {
+        sequence: u64, stamp_ns: u64, boot_id: u64, client_id: u64, measured: f64, limit: f64,
+        kind: u32, number: u32, quantity: u32, motor: u32, flags: u32, reserved: u32,
+        text: [u8; 192], advice: [u8; 128],
+    }
     PeriodStatistics {
         sequence: u64, stamp_ns: u64, boot_id: u64, window_ns: u64, period_ns: u64, ticks: u64,
         missed: u64, total_ticks: u64, total_missed: u64, period: SpanSummary,
@@ -281,7 +286,10 @@ layouts! {
     BlackBoxRequest { client_id: u64 }
     BlackBoxReply { ticks: u64, text: [u8; 1024] }
     StateCommandRequest { client_id: u64, command: u32, reserved: u32 }
-    StateCommandReply { refusal: u32, state: u32 }
+    StateCommandReply {
+        refusal: u32, state: u32, measured: f64, limit: f64, quantity: u32, motor: u32, flags: u32,
+        reserved: u32,
+    }
     MoveRequest { client_id: u64, position: [f64; 3], count: u32, reserved: u32 }
     VersionRequest { reserved: u64 }
     Version {

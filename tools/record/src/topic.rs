@@ -5,7 +5,7 @@ use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 
 use crate::cdr;
@@ -33,6 +33,10 @@ pub enum Stream {
     Adaptation,
     /// `events`.
     Events,
+    /// `error`.
+    Error,
+    /// `warning`.
+    Warning,
     /// `external/measured_jp`.
     External,
     /// `servo_jp`.
@@ -43,7 +47,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -53,6 +57,8 @@ impl Stream {
         Self::Health,
         Self::Adaptation,
         Self::Events,
+        Self::Error,
+        Self::Warning,
         Self::External,
         Self::ServoJp,
         Self::ServoActuators,
@@ -71,6 +77,8 @@ impl Stream {
             Self::Health => "health",
             Self::Adaptation => "adaptation",
             Self::Events => "events",
+            Self::Error => "error",
+            Self::Warning => "warning",
             Self::External => "external/measured_jp",
             Self::ServoJp => "servo_jp",
             Self::ServoActuators => "actuators/servo_jp",
@@ -88,6 +96,7 @@ impl Stream {
             Self::Health => Health::LAYOUT,
             Self::Adaptation => AdaptationMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
+            Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,
             Self::ServoActuators => ServoActuator::LAYOUT,

@@ -195,6 +195,8 @@ impl Trial {
             | Stream::Health
             | Stream::Events
             | Stream::ServoJp
+            | Stream::Error
+            | Stream::Warning
             | Stream::ServoActuators => {}
         }
         Some(())

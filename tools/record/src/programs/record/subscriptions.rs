@@ -6,7 +6,7 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 use i2ris_record::layout::Layout;
@@ -22,6 +22,8 @@ pub struct Subscriptions {
     health: Subscription<Health>,
     adaptation: Subscription<AdaptationMsg>,
     events: Subscription<EventMsg>,
+    error: Subscription<ReasonMsg>,
+    warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
@@ -42,6 +44,8 @@ impl Subscriptions {
             health: watcher.health(),
             adaptation: watcher.adaptation(),
             events: watcher.events(),
+            error: watcher.error(),
+            warning: watcher.warning(),
             external: watcher.external(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
@@ -59,6 +63,8 @@ impl Subscriptions {
         drain(&mut self.health, Stream::Health, trial, now)?;
         drain(&mut self.adaptation, Stream::Adaptation, trial, now)?;
         drain(&mut self.events, Stream::Events, trial, now)?;
+        drain(&mut self.error, Stream::Error, trial, now)?;
+        drain(&mut self.warning, Stream::Warning, trial, now)?;
         drain(&mut self.external, Stream::External, trial, now)?;
         drain(&mut self.servo, Stream::ServoJp, trial, now)?;
         drain(
@@ -80,6 +86,8 @@ impl Subscriptions {
             (Stream::Health, self.health.missed()),
             (Stream::Adaptation, self.adaptation.missed()),
             (Stream::Events, self.events.missed()),
+            (Stream::Error, self.error.missed()),
+            (Stream::Warning, self.warning.missed()),
         ];
         joints.chain(others).collect()
     }
