@@ -1,7 +1,7 @@
 //! Robust least squares with a prior.
 //!
-//! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location Parameter",
-//! 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent ones.
+//! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location
+//! Parameter", 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent ones.
 
 use i2ris_statistics::median;
 use nalgebra::{DMatrix, DVector};

@@ -25,8 +25,8 @@ pub fn html(drift: &DriftEstimate, verdict: Verdict, model: &str, recording: &Re
     page.table(&table(drift, recording));
     let rest = &drift.rest;
     page.paragraph(format!(
-        "Of what is left, {:.0} % lies along ({:+.2}, {:+.2}); from row to row it has a correlation \
-         of {:.2}, to the tenth row {:.2}.",
+        "Of what is left, {:.0} % lies along ({:+.2}, {:+.2}); from row to row it has a \
+         correlation of {:.2}, to the tenth row {:.2}.",
         100.0 * rest.share,
         rest.direction[0],
         rest.direction[1],
@@ -65,7 +65,7 @@ pub fn html(drift: &DriftEstimate, verdict: Verdict, model: &str, recording: &Re
     });
     page.figure(
         &figure,
-        "Measured minus predicted over time, with the model as it is, and with the drift taken out.",
+        "Measured minus predicted over time, as calibrated, and with the drift taken out.",
     );
     page.to_string()
 }

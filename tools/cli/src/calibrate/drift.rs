@@ -64,8 +64,8 @@ pub fn print(drift: &DriftEstimate, recording: &Recording) {
     let [before, after] = drift.rms;
     let unit = outputs[0].unit;
     println!(
-        "  error      {before:.3} {unit} RMS, {after:.3} {unit} without the drift; {} rows, of which \
-         {:.0} are independent",
+        "  error      {before:.3} {unit} RMS, {after:.3} {unit} without the drift; {} rows, of \
+         which {:.0} are independent",
         drift.rows,
         drift.independent * drift.rows as f64
     );

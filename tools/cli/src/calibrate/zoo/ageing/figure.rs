@@ -49,7 +49,7 @@ pub fn figure(snake: DrawnSnake, [without, with]: &[Run; 2]) -> Figure {
         "ageing",
         "Ten minutes of ageing",
         "Error of the tip over time without and with adaptation, while gaps and friction grow, \
-         preload is lost and the zero drifts; and the zero and the gaps that the adaptation applies.",
+         preload is lost and the zero drifts; and zero and gaps as the adaptation applies them.",
     )
     .row(HEIGHT, vec![errors])
     .row(

@@ -39,7 +39,8 @@ pub struct AgeingArguments {
     #[arg(long, value_name = "H", default_value_t = 6.0, requires = "ageing",
           value_parser = hours)]
     drift_hours: f64,
-    /// Draw ten minutes of ageing of the first snake, with and without adaptation, and judge nothing
+    /// Draw ten minutes of ageing of the first snake, with and without adaptation, and judge
+    /// nothing
     #[arg(long, value_name = "FILE.svg", requires = "ageing")]
     figure: Option<std::path::PathBuf>,
     /// Latency of the camera that the adaptation looks through
