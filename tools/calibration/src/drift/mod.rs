@@ -30,9 +30,6 @@ mod rest;
 mod update;
 mod verdict;
 
-#[cfg(test)]
-mod tests;
-
 pub use estimate::{DriftError, DriftEstimate, Value};
 pub use page::html;
 pub use rest::Rest;
