@@ -17,6 +17,7 @@
 //! | [`survey`] | properties of a recording alone: noise, spikes, cycles, identifiability |
 //! | [`families`] | the fit of each family: kinematic, direction, play and stop operators |
 //! | [`fit`] | all families, their model files, metrics, and the choice among them |
+//! | [`drift`] | how far a robot is from its calibration, and a new model from an old one |
 //! | [`report`] | the result on one page, with figures |
 //!
 //! # Glossary
@@ -28,6 +29,7 @@
 //! - **virtual counts**: counts after a hysteresis operator, input of the regression.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod drift;
 pub mod em;
 pub mod families;
 pub mod fit;

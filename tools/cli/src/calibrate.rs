@@ -3,10 +3,12 @@
 mod collect;
 mod columns;
 mod compare;
+mod drift;
 mod fit;
 mod fit_report;
 mod merge;
 mod progress_bar;
+mod update;
 mod walk;
 mod zoo;
 
@@ -21,6 +23,7 @@ use i2ris_terminal::Failure;
   i2ris calibrate collect --config config/emulator.toml --home --output RECORDING.csv
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
+  i2ris calibrate update minute.csv --model config/models/snake.json --output today.json
 
 Without a command it goes the whole way: collect, fit, compare, stage, activate, check. It says each \
 step, and goes on where it was."
@@ -50,6 +53,8 @@ enum Command {
     Fit(fit::Arguments),
     /// Put angles that were measured in pictures in the place of those of a recording
     Merge(merge::Arguments),
+    /// Make a new model from an old one and a minute of motion
+    Update(update::Arguments),
     /// Judge the fit on emulated snakes of many physics, in simulated time
     Zoo(zoo::Arguments),
 }
@@ -70,6 +75,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
+        Command::Update(arguments) => update::run(&arguments),
         Command::Zoo(arguments) => zoo::run(&arguments),
     }
 }

@@ -70,7 +70,7 @@ pub struct Arguments {
     /// One port: the second drive, node 2, is behind the first, node 1
     #[arg(long)]
     gateway: bool,
-    /// What is done to drives, lines and wires, and when (TOML)
+    /// What is done to drives, lines, wires and camera, and when, and how the snake ages (TOML)
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
     /// Do not publish camera frames

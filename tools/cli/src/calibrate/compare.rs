@@ -13,10 +13,14 @@ use i2ris_statistics::quantile;
 use i2ris_terminal::Failure;
 use i2ris_terminal::while_working;
 
+use super::drift;
+use super::fit::check_output;
+
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris calibrate compare linear.json gmr.json gmr-play.json --recording unseen.csv
+  i2ris calibrate compare config/models/snake.json --recording today.csv --drift --report drift.html
 
 The memory of every model follows the path of the motors through the whole recording, from an
 unknown start. Compare on a recording that none of the models was fitted to.")]
@@ -27,6 +31,16 @@ pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
+    /// How far the robot is from each calibration: zero, gain and gaps, with their uncertainty, and
+    /// whether it is time for a new one
+    #[arg(long)]
+    drift: bool,
+    /// Where to write a page with figures of the drift from the first model
+    #[arg(long, value_name = "FILE.html", requires = "drift")]
+    report: Option<PathBuf>,
+    /// Replace the page, if it exists
+    #[arg(long, requires = "report")]
+    overwrite: bool,
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
@@ -68,7 +82,20 @@ struct Figures {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    if let Some(page) = &arguments.report {
+        check_output("--report", page, &arguments.recording, arguments.overwrite)?;
+    }
     let (recording, _) = Recording::read(&arguments.recording, &arguments.columns.map())?;
+    if arguments.drift {
+        let (recording, _) = recording.without_latency();
+        let load = |file: &PathBuf| {
+            let model = load(file, &recording)?;
+            Ok((file.display().to_string(), model))
+        };
+        let models: Result<Vec<_>, Failure> = arguments.models.iter().map(load).collect();
+        let page = arguments.report.as_deref();
+        return drift::compare(&models?, &recording, page, arguments.json);
+    }
     let all = || {
         arguments
             .models
@@ -86,8 +113,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
-    let model = Model::load(file)?;
-    check(&model, recording).map_err(|reason| format!("model {}: {reason}", file.display()))?;
+    let model = load(file, recording)?;
     let predicted = predictions(&model, recording);
     let mut outputs = Vec::new();
     for (output, spec) in recording.outputs().iter().enumerate() {
@@ -173,6 +199,12 @@ impl Doubts {
     }
 }
 
+fn load(file: &Path, recording: &Recording) -> Result<Model, Failure> {
+    let model = Model::load(file)?;
+    check(&model, recording).map_err(|reason| format!("model {}: {reason}", file.display()))?;
+    Ok(model)
+}
+
 /// As in the file.
 fn family(model: &Model) -> String {
     let value = serde_json::to_value(&model.file().family).unwrap_or_default();
@@ -183,7 +215,8 @@ fn family(model: &Model) -> String {
         .to_owned()
 }
 
-fn check(model: &Model, recording: &Recording) -> Result<(), String> {
+/// Whether model and recording are of the same motors and outputs.
+pub fn check(model: &Model, recording: &Recording) -> Result<(), String> {
     if model.motors() != recording.motors() {
         return Err(format!(
             "is for {} motor(s), the recording has {}",

@@ -238,7 +238,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// Checks an output file before the long work. `option` names the file to write.
-fn check_output(
+pub fn check_output(
     option: &str,
     output: &Path,
     recording: &Path,
@@ -287,7 +287,7 @@ fn same(a: &Path, b: &Path) -> bool {
 }
 
 /// Writes a file all at once: who looks at it finds the old one or the new one.
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
+pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(format!(".{}.part", std::process::id()));
     let part = path.with_file_name(name);

@@ -10,10 +10,12 @@
 //! | parameter | springs | drawn physics |
 //! |---|---|---|
 //! | gain | wire travel per count | the same |
-//! | gap | backlash of the gear | the gap of `prandtl-ishlinskii` and `gear`; elsewhere growth is a play in front, a decrease has no effect |
-//! | preload | the slack of all wires is divided by it | the pretension of `wire`; elsewhere no effect |
-//! | friction | all break-away forces | the friction of `bouc-wen`, `dahl`, `lugre`, `wire` and `gear` |
+//! | gap | backlash of the gear | gap of `prandtl-ishlinskii`, `gear`; elsewhere a play |
+//! | preload | the slack of all wires is divided by it | pretension of `wire` |
+//! | friction | all break-away forces | that of the physics, if it has any |
 //! | zero | angles, or travel of a motor | the same |
+//!
+//! Where a physics has no gap, growth is a play in front of it, and a decrease has no effect.
 //!
 //! | file | content |
 //! |---|---|

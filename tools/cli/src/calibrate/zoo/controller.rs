@@ -7,11 +7,12 @@ use std::sync::Arc;
 
 use i2ris::config::Config;
 use i2ris::core::cycle::ControlCycle;
-use i2ris::core::{CycleInputs, CycleReport, ServoCommand, ServoGoal, StateRequest};
+use i2ris::core::{CycleInputs, CycleReport, ExternalPose, ServoCommand, ServoGoal, StateRequest};
 use i2ris::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
 use i2ris::model::Model;
 use i2ris::robot::{OperatingState, StateCommand};
 use i2ris::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
+use i2ris_emulator::camera::{Camera, CameraConfig};
 
 use super::robot::SimulatedRobot;
 use super::tracking::Pilot;
@@ -30,6 +31,7 @@ pub struct Controller {
     feedback: [AxisFeedback; MAX_MOTORS],
     report: CycleReport,
     commands: u64,
+    camera: Option<Camera>,
 }
 
 impl Controller {
@@ -55,12 +57,29 @@ impl Controller {
             feedback: [homed; MAX_MOTORS],
             report,
             commands: 0,
+            camera: None,
         };
         controller.tick(robot, None, None);
         for command in [StateCommand::Enable, StateCommand::Condition] {
             controller.command(robot, command)?;
         }
         Ok(controller)
+    }
+
+    /// From now on a camera watches the robot.
+    pub fn watch(&mut self, camera: &CameraConfig, seed: u64) {
+        self.camera = Some(Camera::new(camera, seed, self.now));
+    }
+
+    /// Nothing happens for a time but ageing: no commands, no ticks.
+    pub fn pause(&mut self, robot: &mut SimulatedRobot, seconds: f64) {
+        robot.rest(seconds);
+        self.now = self.now + Nanos((seconds * 1e9) as u64);
+    }
+
+    /// The report of the last tick.
+    pub fn report(&self) -> &CycleReport {
+        &self.report
     }
 
     fn command(&mut self, robot: &mut SimulatedRobot, command: StateCommand) -> Result<(), String> {
@@ -95,9 +114,12 @@ impl Controller {
             let before = self.now - self.period;
             update(feedback, request, counts, self.now, before);
         }
+        let external = self.camera.as_mut();
+        let external = external.and_then(|camera| see(camera, robot, self.now));
         let inputs = CycleInputs {
             servo,
             request,
+            external,
             feedback: self.feedback,
             ..CycleInputs::default()
         };
@@ -112,6 +134,23 @@ impl Controller {
             .collect();
         robot.tick([setpoints[0], setpoints[1]]);
     }
+}
+
+/// The newest frame that has arrived.
+fn see(camera: &mut Camera, robot: &SimulatedRobot, now: Nanos) -> Option<ExternalPose> {
+    if camera.is_exposure_due(now) {
+        camera.capture(now, robot.angles_deg());
+    }
+    let mut newest = None;
+    while let Some(frame) = camera.deliver(now) {
+        newest = Some(ExternalPose {
+            stamp: Nanos(frame.stamp_ns),
+            position: frame.position,
+            outputs: frame.count,
+            quality: frame.quality,
+        });
+    }
+    newest
 }
 
 /// The drives answer at once.

@@ -21,7 +21,7 @@ use super::tracking::{ExactPilot, Tracking, follow};
 use crate::demo::unseen_motion::Motion;
 
 /// The configuration that goes with the emulator.
-const CONFIG: &str = include_str!("../../../../../config/emulator.toml");
+pub const CONFIG: &str = include_str!("../../../../../config/emulator.toml");
 
 /// Offset of the seeds of motions: no calibration has the same seed.
 const MOTION_SEEDS: u64 = 1000;
@@ -45,14 +45,14 @@ pub struct Judgement {
 }
 
 /// A motion and its goals, deg.
-type Path = (Motion, Vec<[f64; 2]>);
+pub type Path = (Motion, Vec<[f64; 2]>);
 
 /// A goal has to be this much inside the reach of the linear model: gaps need room, too.
 const MARGIN: f64 = 1.15;
 
 /// The motions, made smaller where the calibrated hull does not reach: what is judged is the model,
 /// not the size of the hull.
-fn within_reach(motions: &[Path], linear: &Model) -> Vec<Path> {
+pub fn within_reach(motions: &[Path], linear: &Model) -> Vec<Path> {
     let memory = linear.new_memory();
     let reached = |goal: &[f64; 2], size: f64| {
         let goal = [goal[0], goal[1], 0.0].map(|angle| (angle * size * MARGIN).to_radians());
@@ -97,13 +97,7 @@ impl Judge {
         };
         Ok(Self {
             config: Config::parse(CONFIG, "config/emulator.toml".as_ref())?,
-            plan: RecordingPlan {
-                protocol: arguments.protocol,
-                duration_s: arguments.duration_s,
-                noise_deg: arguments.camera_noise_deg,
-                latency_ms: arguments.camera_latency_ms,
-                seed,
-            },
+            plan: arguments.plan(),
             families: arguments.families.clone(),
             each: arguments.each,
             motions: arguments.motions.iter().map(path).collect(),

@@ -12,7 +12,9 @@
 //! | `tracking` | following motions and measuring them |
 //! | `judge` | one snake, from recording to errors |
 //! | `table` | median and worst over the draws |
+//! | `ageing` | the same for snakes that age, with and without adaptation |
 
+mod ageing;
 mod controller;
 mod exact_inverse;
 mod judge;
@@ -33,6 +35,7 @@ use super::collect::above_zero;
 use super::collect::protocol::Protocol;
 use crate::demo::unseen_motion::Motion;
 use judge::{Judge, Judgement};
+use recording::RecordingPlan;
 
 /// Arguments of `i2ris calibrate zoo`.
 #[derive(Debug, clap::Args)]
@@ -41,6 +44,8 @@ use judge::{Judge, Judgement};
   i2ris calibrate zoo --families best --json zoo.json
   i2ris calibrate zoo --physics preisach,dahl --protocol axes
   i2ris calibrate zoo --duration-s 100 --keep recordings
+  i2ris calibrate zoo --ageing --families gmr-play --draws 1
+  i2ris calibrate zoo --ageing --families gmr-play --physics gear --figure ageing.svg
 
 Nothing moves and no process starts: drives and snakes are simulated, as fast as they can be.
 `linear` is always fitted; `below` is how much less the error is than that of `linear`. `exact` is
@@ -93,10 +98,27 @@ pub struct Arguments {
     /// Write every single result to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    #[command(flatten)]
+    ageing: ageing::AgeingArguments,
+}
+
+impl Arguments {
+    fn plan(&self) -> RecordingPlan {
+        RecordingPlan {
+            protocol: self.protocol,
+            duration_s: self.duration_s,
+            noise_deg: self.camera_noise_deg,
+            latency_ms: self.camera_latency_ms,
+            seed: self.first_seed,
+        }
+    }
 }
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    if arguments.ageing.ageing {
+        return ageing::run(arguments);
+    }
     let write = |file: &PathBuf, text: &str| {
         fs::write(file, text)
             .map_err(|error| Failure::from(format!("cannot write {}: {error}", file.display())))

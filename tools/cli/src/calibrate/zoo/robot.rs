@@ -1,6 +1,7 @@
 //! A robot in simulated time: motors of the emulated drives with a snake behind them.
 
 use i2ris::units::MotorVec;
+use i2ris_emulator::ageing::Change;
 use i2ris_emulator::drive::{Limits, Motor, MotorConfig};
 use i2ris_emulator::zoo::AnySnake;
 
@@ -44,6 +45,20 @@ impl SimulatedRobot {
             }
             self.snake
                 .step(step_s, self.motors.map(|motor| motor.position));
+        }
+    }
+
+    /// A change of the snake begins.
+    pub fn age(&mut self, change: Change) {
+        self.snake.begin_ageing(change);
+    }
+
+    /// Rests for a time, in steps that a snake with viscous friction can take.
+    pub fn rest(&mut self, seconds: f64) {
+        const STEP_S: f64 = 1.0;
+        let at = self.motors.map(|motor| motor.position);
+        for _ in 0..(seconds / STEP_S).round() as u64 {
+            self.snake.step(STEP_S, at);
         }
     }
 

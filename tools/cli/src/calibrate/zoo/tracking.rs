@@ -40,17 +40,28 @@ pub fn follow(
     let mut found = Vec::new();
     for (_, path) in motions {
         let to = path.first().copied().unwrap_or_default();
-        let far = (to[0] - at[0]).hypot(to[1] - at[1]);
-        let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
-        let rest = (REST_S / TICK_S) as u32;
-        for tick in 1..=ticks as u32 + rest {
-            let share = (f64::from(tick) / ticks).min(1.0);
-            pilot.follow(robot, between(at, to, share))?;
-        }
+        approach(pilot, robot, at, to)?;
         found.push(measure(pilot, robot, path)?);
         at = path.last().copied().unwrap_or(at);
     }
     Ok(found)
+}
+
+/// Goes from a goal to another and rests there.
+pub fn approach(
+    pilot: &mut impl Pilot,
+    robot: &mut SimulatedRobot,
+    from: [f64; 2],
+    to: [f64; 2],
+) -> Result<(), String> {
+    let far = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
+    let rest = (REST_S / TICK_S) as u32;
+    for tick in 1..=ticks as u32 + rest {
+        let share = (f64::from(tick) / ticks).min(1.0);
+        pilot.follow(robot, between(from, to, share))?;
+    }
+    Ok(())
 }
 
 fn measure(
@@ -76,7 +87,8 @@ fn measure(
     })
 }
 
-fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
+/// The goal at a time on a path.
+pub fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
     let place = time_s * RATE_HZ;
     let first = (place as usize).min(path.len() - 1);
     let next = (first + 1).min(path.len() - 1);

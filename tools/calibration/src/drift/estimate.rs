@@ -1,0 +1,277 @@
+//! The drift and its uncertainty.
+
+use i2ris::model::Model;
+use i2ris::model::file::{FamilyParameters, FileDrift, OutputUnit};
+use i2ris::units::MAX_MOTORS;
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::least_squares::{Problem, Solution, solve};
+use super::regressors::{Point, points};
+use super::rest::Rest;
+use crate::recording::Recording;
+
+/// Deviations that the prior gives a drift: zero in deg (mm), gain, gap.
+const PRIOR: [f64; 3] = [1.5, 0.1, 0.3];
+
+/// Rounds of the scale of the gap.
+const ROUNDS: usize = 5;
+
+/// Rows below which nothing is said.
+const LEAST_ROWS: usize = 30;
+
+/// Range of the scale of a gap: that of [`i2ris::model::Memory::set_gap_scale`].
+const GAP_SCALES: std::ops::RangeInclusive<f64> = 0.2..=3.0;
+
+/// A number with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Value {
+    /// The estimate.
+    pub value: f64,
+    /// Standard deviation.
+    pub deviation: f64,
+}
+
+/// The drift of a robot from its calibration.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DriftEstimate {
+    /// Of every output, in its unit.
+    pub zero: Vec<Value>,
+    /// Row: output; column: the calibrated output of which a part is added. Empty for a family
+    /// without a gain matrix.
+    pub gain: Vec<Vec<Value>>,
+    /// Per motor, 1 as calibrated. Empty for a family without gaps.
+    pub gap_scale: Vec<Value>,
+    /// Root mean square length of the error before and after the drift is taken out.
+    pub rms: [f64; 2],
+    /// Rows with a known memory.
+    pub rows: usize,
+    /// Share of these that count as independent.
+    pub independent: f64,
+    /// What is left over.
+    pub rest: Rest,
+    /// For figures: time, and errors before and after, of every row.
+    #[serde(skip)]
+    pub errors: Vec<(f64, [f64; 3], [f64; 3])>,
+}
+
+/// Why there is no estimate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum DriftError {
+    /// Too short.
+    #[error("{0} rows with a known memory are too few; record at least a minute of motion")]
+    Rows(usize),
+    /// Not solvable.
+    #[error("the model gives values that are not finite on this recording; calibrate anew")]
+    NotFinite,
+}
+
+/// Which numbers a family has.
+#[derive(Debug, Clone, Copy)]
+struct Shape {
+    outputs: usize,
+    motors: usize,
+    has_gain: bool,
+    has_gap: bool,
+}
+
+impl DriftEstimate {
+    /// Of a recording of the same robot.
+    ///
+    /// # Errors
+    ///
+    /// [`DriftError`].
+    pub fn new(model: &Model, recording: &Recording) -> Result<Self, DriftError> {
+        Self::of_rows(model, recording, |_| true)
+    }
+
+    /// From the rows that `is_used` takes, by their index. The memory follows all of the path.
+    pub(super) fn of_rows(
+        model: &Model,
+        recording: &Recording,
+        is_used: impl Fn(usize) -> bool,
+    ) -> Result<Self, DriftError> {
+        let family = &model.file().family;
+        let shape = Shape {
+            outputs: model.outputs(),
+            motors: model.motors(),
+            has_gain: !matches!(family, FamilyParameters::Kinematic { .. }),
+            has_gap: matches!(
+                family,
+                FamilyParameters::GmrPlay { .. }
+                    | FamilyParameters::GmrPrandtlIshlinskii { .. }
+                    | FamilyParameters::GmrStop { .. }
+            ),
+        };
+        let used = |scale: &[f64; MAX_MOTORS]| {
+            let mut used = points(model, recording, scale);
+            used.retain(|point| is_used(point.row));
+            used
+        };
+        let mut scale = [1.0; MAX_MOTORS];
+        let first = used(&scale);
+        if first.len() < LEAST_ROWS {
+            return Err(DriftError::Rows(first.len()));
+        }
+        let (mut now, mut solution) = (first.clone(), None);
+        for _ in 0..if shape.has_gap { ROUNDS } else { 1 } {
+            let found = solve(&shape.problem(&now, &scale)).ok_or(DriftError::NotFinite)?;
+            let before = scale;
+            if shape.has_gap {
+                let (least, most) = GAP_SCALES.into_inner();
+                for motor in 0..shape.motors {
+                    let growth = found.parameters[shape.gap(motor)];
+                    scale[motor] = (1.0 + growth).clamp(least, most);
+                }
+                now = used(&scale);
+            }
+            solution = Some(found);
+            if scale
+                .iter()
+                .zip(before)
+                .all(|(now, then)| (now - then).abs() < 0.002)
+            {
+                break;
+            }
+        }
+        let solution = solution.ok_or(DriftError::NotFinite)?;
+        Ok(shape.estimate(&solution, &first, &now))
+    }
+
+    /// As it is built into a model file whose outputs have this unit.
+    #[must_use]
+    pub fn in_file(&self, unit: OutputUnit) -> FileDrift {
+        let pair = |values: &[Value]| [0, 1].map(|i: usize| values.get(i).map(|it| it.value));
+        let or_none = |values: &[Value], none: f64| pair(values).map(|it| it.unwrap_or(none));
+        let gain_row = |row: usize| self.gain.get(row).map_or(&[][..], Vec::as_slice);
+        FileDrift {
+            zero: or_none(&self.zero, 0.0).map(|zero| zero * unit.si()),
+            gain: [0, 1].map(|row| or_none(gain_row(row), 0.0)),
+            gap: or_none(&self.gap_scale, 1.0).map(|scale| scale - 1.0),
+        }
+    }
+}
+
+impl Shape {
+    fn parameters(self) -> usize {
+        let gain = if self.has_gain {
+            self.outputs * self.outputs
+        } else {
+            0
+        };
+        self.outputs + gain + if self.has_gap { self.motors } else { 0 }
+    }
+
+    fn gain(self, output: usize, of: usize) -> usize {
+        self.outputs + output * self.outputs + of
+    }
+
+    fn gap(self, motor: usize) -> usize {
+        self.parameters() - self.motors + motor
+    }
+
+    fn prior(self) -> DVector<f64> {
+        let [zero, gain, gap] = PRIOR;
+        let first_gap = self.parameters() - if self.has_gap { self.motors } else { 0 };
+        DVector::from_fn(self.parameters(), |index, _| match index {
+            index if index < self.outputs => zero,
+            index if index < first_gap => gain,
+            _ => gap,
+        })
+    }
+
+    /// The parameters are the whole drift. The predictions contain the gaps in use already.
+    fn problem(self, points: &[Point], scale: &[f64; MAX_MOTORS]) -> Problem {
+        let rows = points.len();
+        let mut features = DMatrix::zeros(self.outputs * rows, self.parameters());
+        let mut target = DVector::zeros(self.outputs * rows);
+        for output in 0..self.outputs {
+            for (index, point) in points.iter().enumerate() {
+                let row = output * rows + index;
+                features[(row, output)] = 1.0;
+                if self.has_gain {
+                    for of in 0..self.outputs {
+                        features[(row, self.gain(output, of))] = point.predicted[of];
+                    }
+                }
+                target[row] = point.measured[output] - point.predicted[output];
+                if self.has_gap {
+                    for motor in 0..self.motors {
+                        let slope = point.slopes[motor][output];
+                        features[(row, self.gap(motor))] = slope;
+                        target[row] += slope * (scale[motor] - 1.0);
+                    }
+                }
+            }
+        }
+        Problem {
+            features,
+            target,
+            rows,
+            prior: self.prior(),
+        }
+    }
+
+    fn estimate(self, solution: &Solution, before: &[Point], after: &[Point]) -> DriftEstimate {
+        let value = |index: usize, add: f64| Value {
+            value: add + solution.parameters[index],
+            deviation: solution.covariance[(index, index)].max(0.0).sqrt(),
+        };
+        let outputs = 0..self.outputs;
+        let zero: Vec<Value> = outputs.clone().map(|output| value(output, 0.0)).collect();
+        let gain_row = |output: usize| {
+            let entries = (0..self.outputs).map(|of| value(self.gain(output, of), 0.0));
+            entries.collect::<Vec<_>>()
+        };
+        let gain: Vec<Vec<Value>> = if self.has_gain {
+            outputs.clone().map(gain_row).collect()
+        } else {
+            Vec::new()
+        };
+        let gap_scale: Vec<Value> = if self.has_gap {
+            (0..self.motors)
+                .map(|motor| value(self.gap(motor), 1.0))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        let errors = before.iter().zip(after).map(|(before, after)| {
+            let (mut old, mut left) = ([0.0; 3], [0.0; 3]);
+            for output in outputs.clone() {
+                old[output] = before.measured[output] - before.predicted[output];
+                let row = gain.get(output).map_or(&[][..], Vec::as_slice);
+                let bent: f64 = row
+                    .iter()
+                    .zip(after.predicted)
+                    .map(|(g, y)| g.value * y)
+                    .sum();
+                let expected = after.predicted[output] + zero[output].value + bent;
+                left[output] = after.measured[output] - expected;
+            }
+            (before.time_s, old, left)
+        });
+        let errors: Vec<_> = errors.collect();
+        let rms = [
+            length(errors.iter().map(|(_, old, _)| *old)),
+            length(errors.iter().map(|(_, _, left)| *left)),
+        ];
+        let rest = Rest::new(&errors, self.outputs);
+        DriftEstimate {
+            zero,
+            gain,
+            gap_scale,
+            rms,
+            rows: errors.len(),
+            independent: solution.independent,
+            rest,
+            errors,
+        }
+    }
+}
+
+/// Root mean square length.
+pub(super) fn length(errors: impl ExactSizeIterator<Item = [f64; 3]>) -> f64 {
+    let count = errors.len().max(1) as f64;
+    let squares: f64 = errors.flatten().map(|error| error * error).sum();
+    (squares / count).sqrt()
+}

@@ -1,0 +1,37 @@
+//! The drift of a robot from its calibration, from a recording and a model.
+//!
+//! The model is right up to a few numbers: the zero of every output, a gain matrix, and the scale
+//! of the gap of every motor. They are found by least squares with the calibration as prior, so that
+//! a recording that does not show a number leaves it where it was:
+//!
+//! ```text
+//! measured = predicted(gaps scaled) + zero + gain predicted + rest
+//! ```
+//!
+//! The gap acts through the memory of the model, so its regressor is the prediction of a memory
+//! with larger gaps, and the fit is repeated with the scale that it found. The rest of a model is
+//! alike from row to row; deviations count only as many rows as are independent.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `regressors` | predictions and slopes along a recording |
+//! | `least_squares` | the robust fit with a prior |
+//! | `estimate` | the drift and its uncertainty |
+//! | `rest` | what is left over: how much, along which direction, how slow |
+//! | `verdict` | whether it is time for a new calibration |
+//! | `update` | a new model from an old one |
+//! | `page` | figures |
+
+mod estimate;
+mod least_squares;
+mod page;
+mod regressors;
+mod rest;
+mod update;
+mod verdict;
+
+pub use estimate::{DriftError, DriftEstimate, Value};
+pub use page::html;
+pub use rest::Rest;
+pub use update::{Update, UpdateError, update};
+pub use verdict::Verdict;
