@@ -2,10 +2,11 @@
 
 pub(super) mod admission;
 pub(super) mod clutch;
-mod deadline;
+pub(super) mod deadline;
 pub(super) mod followed_command;
 mod lease;
 mod motion_scaling;
 pub(super) mod move_planning;
 pub(super) mod range_check;
 pub(super) mod refusal_record;
+mod sequence_record;
