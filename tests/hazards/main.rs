@@ -30,6 +30,7 @@ mod simulated_drive;
 
 mod campaign;
 mod coverage;
+mod documents;
 mod h01;
 mod h02;
 mod h02_network;
